@@ -1,0 +1,38 @@
+"""tailbyte: a bus analyzer for TM-UAVCAN and DroneCAN. Capture -> frames -> transfers -> messages -> views.
+
+    import analyzer
+    for batch in analyzer.open_capture("flight.log"):
+        print(batch.transfers.num_rows, batch.messages.keys())
+
+`analyzer.tables` documents every column.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from analyzer.capture import Capture as Capture
+    from analyzer.capture import open_capture as open_capture
+    from analyzer.engine import Batch as Batch
+    from analyzer.engine import Engine as Engine
+    from analyzer.sources import CaptureError as CaptureError
+
+__all__ = ["Batch", "Capture", "CaptureError", "Engine", "open_capture"]
+
+_HOMES = {
+    "Batch": "analyzer.engine",
+    "Capture": "analyzer.capture",
+    "CaptureError": "analyzer.sources",
+    "Engine": "analyzer.engine",
+    "open_capture": "analyzer.capture",
+}
+
+
+def __getattr__(name: str) -> Any:
+    # The command line must start without pyarrow, so the API is loaded when it is first asked for.
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module  # noqa: PLC0415
+
+    return getattr(import_module(_HOMES[name]), name)

@@ -1,0 +1,95 @@
+"""The command line: arguments -> source -> engine -> view. Exit codes are decided here and nowhere else.
+
+Nothing heavy is imported before the arguments are known: `--help` has to be instant.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+OK, USAGE, DAMAGED, INTERRUPTED = 0, 2, 3, 130
+
+_EPILOG = """\
+exit status: 0 done, 2 wrong usage, 3 capture unreadable or damaged (what was readable has been shown) or output
+not writable, 130 interrupted. Results go to standard output, everything else to standard error."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Errors in one line, with the hint that a slip of the fingers deserves."""
+
+    def error(self, message: str) -> NoReturn:
+        """One line and exit status 2."""
+        self.exit(USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def parser() -> Parser:
+    """Every command with its options; light enough for `--help`."""
+    from analyzer.cli import decode, info  # noqa: PLC0415 - both are argparse only at this point
+
+    main_parser = Parser(
+        prog="tailbyte",
+        description="Bus analyzer and log decoder for TM-UAVCAN V2.2 (T-Motor's DroneCAN profile).",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    main_parser.add_argument("--version", action="version", version=f"%(prog)s {version()}")
+    commands = main_parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
+    for command in (decode, info):
+        command.add(commands)
+    return main_parser
+
+
+def version() -> str:
+    """The installed version, `unknown` in a tree that was never installed."""
+    from importlib.metadata import PackageNotFoundError  # noqa: PLC0415
+    from importlib.metadata import version as installed  # noqa: PLC0415
+
+    try:
+        return installed("tailbyte")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one command; returns the exit status and never raises for anything a capture or a user can do."""
+    try:
+        args = parser().parse_args(argv)
+        status: int = args.run(args)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        return _interrupted()
+    except BrokenPipeError:
+        _forget_stdout()
+        return OK
+    except OSError as error:
+        _forget_stdout()
+        return _complain(f"standard output: {error.strerror or error}", DAMAGED)
+    return status
+
+
+def _interrupted() -> int:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _forget_stdout()
+    return INTERRUPTED
+
+
+def _forget_stdout() -> None:
+    """What is still buffered cannot be written; without this the interpreter tries again at its exit and complains."""
+    sink = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(sink, 1)
+    os.close(sink)
+
+
+def _complain(text: str, status: int) -> int:
+    sys.stderr.write(f"tailbyte: {text}\n")
+    return status

@@ -1,0 +1,69 @@
+"""`tailbyte decode`: a capture as typed, CRC-checked transfers, one line each, or in full."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from analyzer.cli import USAGE, options
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from typing import TextIO
+
+    import numpy as np
+
+    from analyzer.cli.session import Session
+    from analyzer.engine import Batch
+    from analyzer.views.times import Clock
+
+_FORMS = ("text", "fields", "json", "jsonl", "csv")
+_TIMES = ("a", "ad", "d", "dd", "e", "r", "u", "ud")
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the command and its options; letters mean what they mean to tshark."""
+    parser = commands.add_parser("decode", help="list or export the transfers of a capture", description=__doc__)
+    options.add_reader(parser)
+    show = parser.add_argument_group("what to show")
+    show.add_argument("-c", dest="count", type=options.positive, metavar="N", help="stop after N transfers")
+    show.add_argument("-V", dest="details", action="store_true", help="details: every field down to its bits")
+    show.add_argument("-O", dest="only", metavar="TYPE,...", help="details of these types only (implies -V)")
+    show.add_argument("-P", dest="summary", action="store_true", help="the summary line too, with -V")
+    show.add_argument("-x", dest="bytes", action="store_true", help="bytes: CRC, payload, padding and tail told apart")
+    show.add_argument("-q", dest="quiet", action="store_true", help="decode and check, but list nothing")
+    show.add_argument("-t", dest="time", choices=_TIMES, default="r", metavar="a|ad|d|dd|e|r|u|ud", help=_TIME_HELP)
+    show.add_argument("-T", dest="form", choices=_FORMS, default="text", help="default: text")
+    show.add_argument("-e", dest="fields", action="append", default=[], metavar="FIELD", help="field for -T fields or csv")
+    show.add_argument("--follow", action="store_true", help="wait for more at the end of a growing file")
+    options.add_window(parser)
+    options.add_output(parser)
+    parser.set_defaults(run=run)
+
+
+_TIME_HELP = "time of day, with date, since previous, since shown, epoch, relative (default), UTC, UTC with date"
+
+
+def run(args: argparse.Namespace) -> int:
+    """Reads the capture once, writes the chosen view, and accounts for every line on standard error."""
+    if args.capture == "-" and sys.stdin.isatty():
+        sys.stderr.write("tailbyte: reading candump text from the terminal, end with Ctrl-D\n")
+    if args.fields and args.form not in ("fields", "csv"):
+        return _usage("-e needs -T fields or -T csv")
+    if args.form == "fields" and not args.fields:
+        return _usage("-T fields needs at least one -e FIELD")
+    from analyzer.cli.session import Session  # noqa: PLC0415
+    from dissectors import UnknownNameError  # noqa: PLC0415
+
+    with Session(args) as session:
+        try:
+            _decode(args, session)
+        except (argparse.ArgumentTypeError, UnknownNameError, ValueError) as error:
+            return _usage(str(error))
+    return session.status
+
+
+def _usage(reason: str) -> int:
+    sys.stderr.write(f"tailbyte decode: {reason}\n")
+    return USAGE

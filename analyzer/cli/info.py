@@ -1,0 +1,37 @@
+"""`tailbyte info`: what a capture holds, who speaks on it, and what it can and cannot show."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from analyzer.cli import options
+
+if TYPE_CHECKING:
+    import argparse
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the command and its options."""
+    parser = commands.add_parser("info", help="summary of a capture: lines, nodes, types, rates", description=__doc__)
+    options.add_reader(parser)
+    options.add_output(parser)
+    parser.add_argument("-T", dest="form", choices=("text", "json"), default="text", help="default: text")
+    parser.add_argument("--all", action="store_true", help="every node and identifier, however many")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Reads the whole capture once and prints its summary."""
+    from analyzer.cli.session import Session  # noqa: PLC0415
+    from analyzer.views.info import render, render_json  # noqa: PLC0415
+    from analyzer.views.summary import Summary  # noqa: PLC0415
+
+    with Session(args) as session:
+        summary = Summary(session.registry)
+        for batch in session.batches():
+            summary.add(batch)
+        facts = summary.finish(session.source, session.engine)
+        text = render_json(facts) if args.form == "json" else render(facts, everything=args.all)
+        sys.stdout.write(text)
+    return session.status

@@ -1,0 +1,125 @@
+"""The pipeline: capture bytes in, one batch of every table out. Files and live buses both run this."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+import dissectors
+from analyzer import _native
+from analyzer.messages import Messages
+from analyzer.tables import EVENT_ROWS, FRAMES, SETTLED, TRANSFERS, VERDICTS, wrap
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from dissectors.registry import Registry
+
+BATCH_ROWS = 1 << 17
+_PIECE = 1 << 22
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """What one step of the pipeline produced: a slice of every table. Row numbers run through the whole capture.
+
+    `messages` holds a table for each message type and packet that occurred, by name. `settled` lists verdicts of
+    frames of earlier batches that were found out only now.
+    """
+
+    frames: pa.RecordBatch
+    transfers: pa.RecordBatch
+    events: pa.RecordBatch
+    messages: dict[str, pa.RecordBatch]
+    settled: pa.RecordBatch
+    first_frame: int
+    first_transfer: int
+    buses: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Totals:
+    """The law of conservation in numbers, capture-wide.
+
+    `lines` = frames + error frames + drops + comments + blank + unreadable, and `verdicts` sum up to the frames.
+    """
+
+    lines: dict[str, int] = field(default_factory=dict)
+    verdicts: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def balanced(self) -> bool:
+        """True when every line and every frame is accounted for."""
+        parts = ("frames", "error_frames", "drops", "comments", "blank", "unreadable")
+        sums = sum(self.lines[part] for part in parts) == self.lines["lines"]
+        return sums and sum(self.verdicts.values()) == self.lines["frames"]
+
+
+class Engine:
+    """Holds the only state there is: open transfers, and how many rows have gone by.
+
+    Args:
+        registry: the types to decode; the built-in ones if not given.
+    """
+
+    def __init__(self, registry: Registry | None = None) -> None:
+        self.registry = registry if registry is not None else dissectors.load()
+        self._messages = Messages(self.registry)
+        self._native = _native.Engine(self.registry.signature)
+        self._frames = self._transfers = 0
+
+    def feed(self, chunk: bytes) -> Iterator[Batch]:
+        """Takes candump text, cut anywhere; gives a batch for about every 131,072 rows."""
+        view = memoryview(chunk)
+        for start in range(0, len(view), _PIECE):
+            self._native.feed_candump(bytes(view[start : start + _PIECE]) if len(view) > _PIECE else chunk)
+            if self._native.waiting >= BATCH_ROWS:
+                yield self.flush()
+
+    def flush(self) -> Batch:
+        """Everything that is known now; open transfers stay open."""
+        frames, transfers, events, settled, groups = self._native.take()
+        t = wrap(TRANSFERS, transfers)
+        messages = self._messages.decode(t, groups, self._transfers)
+        batch = Batch(
+            frames=wrap(FRAMES, frames),
+            transfers=t,
+            events=wrap(EVENT_ROWS, events),
+            messages=messages,
+            settled=wrap(SETTLED, settled),
+            first_frame=self._frames,
+            first_transfer=self._transfers,
+            buses=tuple(self._native.buses),
+        )
+        self._frames += len(batch.frames)
+        self._transfers += len(t)
+        return batch
+
+    def finish(self) -> Batch:
+        """End of capture: what is still open is closed."""
+        self._native.finish()
+        return self.flush()
+
+    def run(self, chunks: Iterable[bytes]) -> Iterator[Batch]:
+        """Every chunk, then the end."""
+        for chunk in chunks:
+            yield from self.feed(chunk)
+        yield self.finish()
+
+    @property
+    def totals(self) -> Totals:
+        """What became of every line and frame so far."""
+        lines: dict[str, Any] = dict(self._native.lines)
+        return Totals(lines, dict(zip(VERDICTS, self._native.verdicts, strict=True)))
+
+    @property
+    def stamps(self) -> int:
+        """Kinds of time stamps seen, as bits of `analyzer.sources.STAMPS`."""
+        return self._native.stamps
+
+    @property
+    def buses(self) -> tuple[str, ...]:
+        """Interface names by index."""
+        return tuple(self._native.buses)

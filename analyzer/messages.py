@@ -1,0 +1,184 @@
+"""Transfers to typed messages: one table a data type, and by the same call one a packet inside a message."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+
+from analyzer import _native
+from analyzer.columns import assemble, enrich, metadata
+from analyzer.packets import PacketFinder
+from analyzer.prefix import PREFIX, TAIL, with_length
+from analyzer.tables import STATUSES, numbers
+from dissectors.schema import plan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    import numpy.typing as npt
+
+    from dissectors.registry import Registry
+    from dissectors.schema import Compound, Derived, Message, Note, Packet
+
+    Words = npt.NDArray[Any]
+
+BAD_TAG = 2  # flag of the native core: a union's tag names no member
+
+
+@dataclass(frozen=True, slots=True)
+class Unpacked:
+    """Rows of one layout: a column a field, and per row the bits left over and the flags."""
+
+    arrays: list[pa.Array]
+    left: Words
+    flags: Words
+
+
+@dataclass(slots=True)
+class Unpacker:
+    """A layout with its meaning, ready to run over rows: the plan is compiled once."""
+
+    layout: Compound
+    notes: Mapping[str, Note]
+    derived: tuple[Derived, ...]
+    _plan: _native.Plan = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._plan = _native.Plan(plan(self.layout))
+
+    def run(self, offsets: bytes, payload: bytes, codes: Words, rows: Words | None = None) -> Unpacked:
+        """Unpacks the u32 `rows` (all without) of `payload`, cut by i32 `offsets`; a layout code a row."""
+        picked = None if rows is None else rows.astype(np.uint32).tobytes()
+        flat, left, flags = self._plan.unpack(offsets, payload, codes.astype(np.uint8).tobytes(), picked)
+        whole = assemble(self.layout, iter(flat))
+        arrays = [whole.field(k) for k in range(whole.type.num_fields)]
+        return Unpacked(arrays, np.frombuffer(left, np.int32), np.frombuffer(flags, np.uint8))
+
+    def columns(self, arrays: list[pa.Array]) -> list[tuple[pa.Field, pa.Array]]:
+        """Named columns with units, parts and derived values."""
+        return enrich(self.layout, arrays, self.notes, self.derived)
+
+    def plausible(self, arrays: list[pa.Array]) -> Words:
+        """Rows in which every limited number is inside its limits."""
+        good = np.ones(len(arrays[0]) if arrays else 0, bool)
+        names = [pair[0].name for pair in enrich(self.layout, arrays, {}, ())]
+        for name, array in zip(names, arrays, strict=True):
+            note = self.notes.get(name)
+            if note is None or (note.low is None and note.high is None):
+                continue
+            low = -np.inf if note.low is None else float(note.low)
+            high = np.inf if note.high is None else float(note.high)
+            for row, value in enumerate(array.to_pylist()):
+                cells = value if isinstance(value, list) else [value]
+                good[row] &= all(c is None or low <= c <= high or c in note.special for c in cells)
+        return good
+
+
+class Messages:
+    """Turns the rows of a batch into message and packet tables; remembers plans and packet counters."""
+
+    def __init__(self, registry: Registry) -> None:
+        self.registry = registry
+        self._unpackers: dict[str, Unpacker] = {}
+        self._finder: PacketFinder | None = None
+
+    def decode(
+        self, transfers: pa.RecordBatch, groups: Iterable[tuple[bool, int, bytes]], first_row: int
+    ) -> dict[str, pa.RecordBatch]:
+        """The tables of every known type in `transfers`; `groups` are its rows by (service, type ID)."""
+        if not len(transfers):
+            return {}
+        out: dict[str, pa.RecordBatch] = {}
+        _, offsets, data = transfers.column("payload").buffers()
+        payload = (offsets.to_pybytes(), data.to_pybytes() if data is not None else b"")
+        kinds = numbers(transfers.column("kind"))
+        for service, type_id, picked in groups:
+            rows = np.frombuffer(picked, np.uint32)
+            for kind in (2, 3) if service else (0,):
+                # An anonymous message is a message of the same type.
+                here = rows[kinds[rows] == kind] if service else rows
+                message = self.registry.message(kind, type_id)
+                if message is not None and here.size:
+                    self._decode(message, transfers, payload, here, first_row, out)
+        return out
+
+    def _decode(
+        self, message: Message, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], rows: Words, first_row: int,
+        out: dict[str, pa.RecordBatch],
+    ) -> None:  # fmt: skip
+        unpacker = self._unpacker(message.table, message)
+        codes, found = self._read(message, unpacker, transfers, payload, rows)
+        wanted = pa.array(rows)
+
+        def picked(name: str) -> pa.Array:
+            return transfers.column(name).take(wanted)
+
+        context: list[tuple[pa.Field, pa.Array]] = [
+            (pa.field("transfer", pa.uint64()), pa.array(rows.astype(np.uint64) + np.uint64(first_row))),
+            *((transfers.schema.field(c), picked(c)) for c in ("t", "bus", "src")),
+        ]
+        if message.kind != "message":
+            context.append((transfers.schema.field("dst"), picked("dst")))
+        trusted = numbers(transfers.column("status"))[rows] == STATUSES.index("ok")
+        context.append((pa.field("trusted", pa.bool_()), pa.array(trusted)))
+        measured = [
+            (pa.field("bits_left", pa.int32(), metadata={"unit": "bit"}), pa.array(found.left)),
+            (pa.field("pad_nonzero", pa.bool_()), pa.array(found.flags & 1 != 0)),
+            (pa.field("bad_tag", pa.bool_()), pa.array(found.flags & BAD_TAG != 0)),
+            (pa.field("layout", pa.uint8()), pa.array(codes)),
+        ]
+        about = metadata(type=message.full_name, clause=message.clause)
+        out[message.table] = _batch([*context, *measured, *unpacker.columns(found.arrays)], about)
+        if message.packets is not None:
+            self._packets(message, out[message.table], context, out)
+
+    def _read(
+        self, message: Message, unpacker: Unpacker, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], rows: Words
+    ) -> tuple[Words, Unpacked]:
+        """CAN FD always carries array lengths, classic CAN leaves out that of the tail array, with exceptions."""
+        fd = numbers(transfers.column("fd"))[rows]
+        codes = np.where(fd, np.uint8(PREFIX), np.uint8(TAIL))
+        found = unpacker.run(*payload, codes, rows)
+        if not message.prefix:
+            return codes, found
+        bounds = np.frombuffer(payload[0], np.int32)
+        classic = np.flatnonzero(~fd)
+        mine = rows[classic]
+
+        def attempt(some: Words, code: int) -> tuple[Words, Words, Words]:
+            tried = unpacker.run(*payload, np.full(len(some), code), mine[some])
+            return tried.left, tried.flags, unpacker.plausible(tried.arrays)
+
+        starts, lengths = bounds[mine], bounds[mine + 1] - bounds[mine]
+        data = np.frombuffer(payload[1], np.uint8)
+        codes[classic] = with_length(message, starts, lengths, found.left[classic], data, attempt)
+        return codes, unpacker.run(*payload, codes, rows) if codes[classic].any() else found
+
+    def _packets(
+        self, message: Message, table: pa.RecordBatch, context: list[tuple[pa.Field, pa.Array]],
+        out: dict[str, pa.RecordBatch],
+    ) -> None:  # fmt: skip
+        if self._finder is None:
+            self._finder = PacketFinder(self.registry.carriers())
+        for found in self._finder.find(message, table):
+            rows = pa.array(found.rows)
+            columns = [*((f, array.take(rows)) for f, array in context), *found.columns]
+            if found.packet is not None:
+                unpacker = self._unpacker(found.table, found.packet)
+                got = unpacker.run(found.offsets, found.data, np.full(len(found.rows), TAIL))
+                columns += unpacker.columns(got.arrays)
+            about = metadata(clause=found.packet.clause if found.packet else "")
+            out[found.table] = _batch(columns, about)
+
+    def _unpacker(self, table: str, of: Message | Packet) -> Unpacker:
+        if table not in self._unpackers:
+            self._unpackers[table] = Unpacker(of.layout, of.notes, of.derived)
+        return self._unpackers[table]
+
+
+def _batch(columns: list[tuple[pa.Field, pa.Array]], about: dict[str, str]) -> pa.RecordBatch:
+    schema = pa.schema([f for f, _ in columns], metadata=about)
+    return pa.RecordBatch.from_arrays([array for _, array in columns], schema=schema)

@@ -1,0 +1,70 @@
+//! What a capture holds beside frames: error frames, drop counts, gaps, unreadable lines, comments.
+#![forbid(unsafe_code)]
+
+/// The `kind` column, in the order of `EVENTS` in `analyzer/tables.py`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum EventKind {
+    ErrorFrame = 0,
+    Drop = 1,
+    Gap = 2,
+    Unreadable = 3,
+    Comment = 4,
+}
+
+/// One row. `None` becomes a null cell.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Event<'a> {
+    pub t: i64,
+    pub bus: Option<u8>,
+    pub line: u64,
+    pub kind: EventKind,
+    /// Error class bits of an error frame, number of frames of a drop count, else 0.
+    pub class: u32,
+    /// Transmit and receive error counters of an error frame that carries them.
+    pub counters: Option<(u8, u8)>,
+    /// UTF-8; what a reader of the capture wants to see. Bounded by the one who writes it.
+    pub text: &'a str,
+}
+
+/// Columns of the `events` table; `*_valid` holds 1 for a cell that is not null.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Events {
+    pub t: Vec<i64>,
+    pub bus: Vec<u8>,
+    pub bus_valid: Vec<u8>,
+    pub line: Vec<u32>,
+    pub kind: Vec<u8>,
+    pub class: Vec<u32>,
+    pub tx_errors: Vec<u8>,
+    pub rx_errors: Vec<u8>,
+    pub errors_valid: Vec<u8>,
+    /// End of each text in `text`.
+    pub text_end: Vec<i32>,
+    pub text: Vec<u8>,
+}
+
+impl Events {
+    pub fn len(&self) -> usize {
+        self.t.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.t.is_empty()
+    }
+
+    pub fn push(&mut self, event: &Event<'_>) {
+        self.t.push(event.t);
+        self.bus.push(event.bus.unwrap_or(0));
+        self.bus_valid.push(u8::from(event.bus.is_some()));
+        self.line.push(u32::try_from(event.line).unwrap_or(u32::MAX));
+        self.kind.push(event.kind as u8);
+        self.class.push(event.class);
+        let (tx, rx) = event.counters.unwrap_or((0, 0));
+        self.tx_errors.push(tx);
+        self.rx_errors.push(rx);
+        self.errors_valid.push(u8::from(event.counters.is_some()));
+        self.text.extend_from_slice(event.text.as_bytes());
+        self.text_end.push(self.text.len() as i32);
+    }
+}

@@ -1,0 +1,73 @@
+//! The first table: one row a CAN frame, held as columns, numbered in capture order.
+#![forbid(unsafe_code)]
+
+/// Bits of the `flags` column.
+pub const EXTENDED: u16 = 1 << 0;
+pub const REMOTE: u16 = 1 << 1;
+pub const ERROR: u16 = 1 << 2;
+pub const FD: u16 = 1 << 3;
+pub const BRS: u16 = 1 << 4;
+pub const ESI: u16 = 1 << 5;
+pub const TX: u16 = 1 << 6;
+pub const RX: u16 = 1 << 7;
+/// Bits 8..=11: the length code of a remote frame, or a raw code above 8 of a classic data frame.
+pub const DLC_SHIFT: u32 = 8;
+
+/// The time of a frame whose capture recorded none.
+pub const NO_TIME: i64 = i64::MIN;
+/// The longest data field there is (CAN FD).
+pub const MAX_DATA: usize = 64;
+
+/// Columns of the `frames` table. Row `i` owns `data[offset[i]..offset[i + 1]]`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frames {
+    /// Nanoseconds, or [`NO_TIME`].
+    pub t: Vec<i64>,
+    /// Index of the interface name.
+    pub bus: Vec<u8>,
+    /// The identifier alone, 11 or 29 bits.
+    pub id: Vec<u32>,
+    pub flags: Vec<u16>,
+    /// Line or record of the capture, from 1; stays at `u32::MAX` beyond that.
+    pub line: Vec<u32>,
+    pub offset: Vec<i32>,
+    pub data: Vec<u8>,
+}
+
+impl Default for Frames {
+    fn default() -> Self {
+        Frames {
+            t: vec![],
+            bus: vec![],
+            id: vec![],
+            flags: vec![],
+            line: vec![],
+            offset: vec![0],
+            data: vec![],
+        }
+    }
+}
+
+impl Frames {
+    pub fn len(&self) -> usize {
+        self.t.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.t.is_empty()
+    }
+
+    pub fn push(&mut self, t: i64, bus: u8, id: u32, flags: u16, line: u64, data: &[u8]) {
+        self.t.push(t);
+        self.bus.push(bus);
+        self.id.push(id);
+        self.flags.push(flags);
+        self.line.push(u32::try_from(line).unwrap_or(u32::MAX));
+        self.data.extend_from_slice(data);
+        self.offset.push(self.data.len() as i32);
+    }
+
+    pub fn data_of(&self, row: usize) -> &[u8] {
+        &self.data[self.offset[row] as usize..self.offset[row + 1] as usize]
+    }
+}

@@ -1,0 +1,103 @@
+//! Bytes in, tables out: the reader and the reassembly behind one door, without any I/O.
+#![forbid(unsafe_code)]
+
+use crate::candump::Candump;
+use crate::events::{Event, EventKind, Events};
+use crate::frames::{Frames, NO_TIME};
+use crate::reassembly::{Reassembler, Resolve, Results};
+
+/// All interfaces silent for longer than this is a gap in the capture.
+const GAP_NS: i64 = 1_000_000_000;
+/// Text is worked through in pieces that stay in the cache between the two passes.
+const PIECE: usize = 128 << 10;
+
+/// One slice of every table.
+#[derive(Debug, Default)]
+pub struct Batch {
+    pub frames: Frames,
+    pub events: Events,
+    pub results: Results,
+}
+
+pub struct Pipeline {
+    pub candump: Candump,
+    pub reassembler: Reassembler,
+    frames: Frames,
+    events: Events,
+    latest: i64,
+}
+
+impl Pipeline {
+    pub fn new(resolve: Resolve) -> Self {
+        Pipeline {
+            candump: Candump::new(),
+            reassembler: Reassembler::new(resolve),
+            frames: Frames::default(),
+            events: Events::default(),
+            latest: NO_TIME,
+        }
+    }
+
+    /// Rows waiting to be taken: frames and events.
+    pub fn waiting(&self) -> usize {
+        self.frames.len() + self.events.len()
+    }
+
+    /// Takes candump text; a line that is not finished waits for more.
+    pub fn feed_candump(&mut self, text: &[u8]) {
+        for piece in text.chunks(PIECE) {
+            let first = self.frames.len();
+            self.candump.feed(piece, &mut self.frames, &mut self.events);
+            self.run(first);
+        }
+    }
+
+    /// End of capture: the unfinished line and every open transfer are closed.
+    pub fn finish(&mut self) {
+        let first = self.frames.len();
+        self.candump.finish(&mut self.frames, &mut self.events);
+        self.run(first);
+        self.reassembler.finish();
+    }
+
+    /// Hands over all rows so far. Frame numbers go on counting.
+    pub fn take(&mut self) -> Batch {
+        Batch {
+            frames: std::mem::take(&mut self.frames),
+            events: std::mem::take(&mut self.events),
+            results: self.reassembler.take(),
+        }
+    }
+
+    fn run(&mut self, first: usize) {
+        self.gaps(first);
+        self.reassembler.feed(&self.frames, first);
+    }
+
+    fn gaps(&mut self, first: usize) {
+        for row in first..self.frames.len() {
+            let t = self.frames.t[row];
+            if t == NO_TIME {
+                continue;
+            }
+            let silence = t.saturating_sub(self.latest);
+            if silence > GAP_NS && self.latest != NO_TIME {
+                let text = format!(
+                    "silent for {}.{:03} s",
+                    silence / 1_000_000_000,
+                    silence / 1_000_000 % 1000
+                );
+                self.events.push(&Event {
+                    t: self.latest,
+                    bus: None,
+                    line: u64::from(self.frames.line[row]),
+                    kind: EventKind::Gap,
+                    class: 0,
+                    counters: None,
+                    text: &text,
+                });
+            }
+            self.latest = self.latest.max(t);
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! One transfer under way: its frames, its bytes, and which frame must come next.
+#![forbid(unsafe_code)]
+
+use crate::frames::NO_TIME;
+use crate::transfers::{anomaly, when, NO_GAP, NO_STEP};
+use crate::wire::{priority, Tail};
+
+/// A transfer is given up this long after its first frame (the transfer-ID timeout of DroneCAN).
+pub const TIMEOUT_NS: i64 = 2_000_000_000;
+/// A sender should give up a transfer that takes longer than this.
+pub const ABORT_NS: i64 = 1_000_000_000;
+/// Longer silence between two frames of one transfer is remarked on.
+pub const PAUSE_NS: i64 = 100_000_000;
+/// The most payload bytes, and the most frames, that one transfer may hold.
+pub const MAX_TRANSFER: usize = 65_536;
+
+/// One CAN frame on its way into a transfer; `data` ends with the tail byte.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    pub number: u64,
+    pub t: i64,
+    pub id: u32,
+    pub fd: bool,
+    pub data: &'a [u8],
+}
+
+impl Frame<'_> {
+    /// The tail byte and the payload before it; none when the frame has no data.
+    pub fn split(&self) -> Option<(Tail, &[u8])> {
+        self.data.split_last().map(|(&tail, body)| (Tail(tail), body))
+    }
+}
+
+/// Nanoseconds from `a` to `b`; 0 when either has no time.
+pub fn elapsed(a: i64, b: i64) -> i64 {
+    if a == NO_TIME || b == NO_TIME {
+        0
+    } else {
+        b.saturating_sub(a)
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum State {
+    #[default]
+    Closed,
+    Open,
+    /// The sequence broke: what follows is evidence, not payload.
+    Poisoned,
+    /// It began with toggle 1, which no receiver accepts; its frames are only counted.
+    Refused,
+}
+
+/// What else came on the session since this slot's last frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Overtaken {
+    #[default]
+    No,
+    ByFrame,
+    ByStart,
+}
+
+#[derive(Clone, Debug)]
+pub struct Slot {
+    pub state: State,
+    /// Toggle and transfer ID of the next frame, or [`Slot::NOTHING`] when the short way is closed.
+    pub expect: u8,
+    toggle: bool,
+    pub transfer_id: u8,
+    pub priority: u8,
+    last_tail: u8,
+    last_length: u8,
+    /// Where in `bytes` the last frame's part stands.
+    last_at: usize,
+    pub fd: bool,
+    pub overtaken: Overtaken,
+    pub step: u8,
+    pub gap: i64,
+    pub anomaly: u32,
+    pub t: i64,
+    pub t_last: i64,
+    /// The start before this one, so that a restart can be measured from there.
+    pub before: Option<(u8, i64)>,
+    pub frames: Vec<u64>,
+    bytes: Vec<u8>,
+    used: usize,
+    /// 2 when the CRC leads the bytes.
+    pub skip: usize,
+}
+
+impl Default for Slot {
+    fn default() -> Self {
+        Slot {
+            state: State::Closed,
+            expect: Self::NOTHING,
+            toggle: false,
+            transfer_id: 0,
+            priority: 0,
+            last_tail: 0,
+            last_length: 0,
+            last_at: 0,
+            fd: false,
+            overtaken: Overtaken::No,
+            step: NO_STEP,
+            gap: NO_GAP,
+            anomaly: 0,
+            t: NO_TIME,
+            t_last: NO_TIME,
+            before: None,
+            frames: vec![],
+            bytes: vec![],
+            used: 0,
+            skip: 0,
+        }
+    }
+}
+
+impl Slot {
+    pub const NOTHING: u8 = 0xFF;
+
+    pub fn active(&self) -> bool {
+        self.state != State::Closed
+    }
+
+    /// Everything received so far, the CRC included.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes[..self.used]
+    }
+
+    pub fn payload(&self) -> &[u8] {
+        self.bytes().get(self.skip..).unwrap_or(&[])
+    }
+
+    pub fn start(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8]) {
+        self.state = State::Open;
+        self.transfer_id = tail.transfer_id();
+        self.priority = priority(frame.id);
+        self.fd = frame.fd;
+        self.overtaken = Overtaken::No;
+        self.t = frame.t;
+        self.t_last = frame.t;
+        self.frames.clear();
+        self.used = 0;
+        self.skip = if tail.end() { 0 } else { 2 };
+        self.toggle = false;
+        self.anomaly = when(frame.fd, anomaly::CAN_FD) | when(!tail.end() && body.len() <= 2, anomaly::FIRST_TOO_SHORT);
+        self.append(frame, tail, body);
+    }
+
+    /// Takes the frame that was expected.
+    pub fn append(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8]) {
+        let full = if frame.fd { 63 } else { 7 };
+        self.anomaly |= when(!tail.end() && body.len() < full, anomaly::FRAME_NOT_FULL)
+            | when(priority(frame.id) != self.priority, anomaly::PRIORITY_CHANGED)
+            | when(elapsed(self.t_last, frame.t) > PAUSE_NS, anomaly::PAUSE);
+        self.fd |= frame.fd;
+        self.remember(frame, tail, body);
+        self.used += body.len();
+        self.toggle = !self.toggle;
+        self.expect = (u8::from(self.toggle) << 5) | self.transfer_id;
+    }
+
+    /// Keeps a frame that does not belong into the payload as evidence of a broken transfer.
+    pub fn attach(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8]) {
+        self.remember(frame, tail, body);
+        self.expect = Self::NOTHING;
+    }
+
+    fn remember(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8]) {
+        self.t_last = frame.t;
+        self.last_tail = tail.0;
+        self.last_length = body.len() as u8;
+        self.last_at = self.used;
+        let end = self.used + body.len();
+        if end > self.bytes.len() {
+            self.bytes.resize(end.next_power_of_two().max(64), 0);
+        }
+        self.bytes[self.used..end].copy_from_slice(body);
+        self.frames.push(frame.number);
+    }
+
+    pub fn expects(&self, tail: Tail) -> bool {
+        self.state == State::Open && self.toggle == tail.toggle()
+    }
+
+    /// Whether `tail` and `body` repeat, byte for byte, the last frame that was taken.
+    pub fn repeats(&self, tail: Tail, body: &[u8]) -> bool {
+        let length = usize::from(self.last_length);
+        !self.frames.is_empty() && self.last_tail == tail.0 && self.bytes[self.last_at..][..length] == *body
+    }
+
+    pub fn last_was_empty(&self) -> bool {
+        self.last_length == 0
+    }
+
+    pub fn overfull(&self) -> bool {
+        self.used > MAX_TRANSFER || self.frames.len() > MAX_TRANSFER
+    }
+
+    /// From here on the session's frames take the long way, which knows of other slots.
+    pub fn overtake(&mut self, by: Overtaken) {
+        self.overtaken = self.overtaken.max(by);
+        self.expect = Self::NOTHING;
+    }
+
+    pub fn expired(&self, now: i64) -> bool {
+        self.active() && elapsed(self.t, now) > TIMEOUT_NS
+    }
+}

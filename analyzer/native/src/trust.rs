@@ -1,0 +1,182 @@
+//! Whose traffic is it? A session is on probation until its frames prove that it is DroneCAN.
+//!
+//! What is decoded meanwhile is held back, so that another protocol on the same bus (J1939, VESC,
+//! Cyphal) never turns into messages. The proof depends on the order of the frames alone, not on
+//! how the capture was cut into chunks.
+#![forbid(unsafe_code)]
+
+use crate::session::Session;
+use crate::transfers::{Status, Transfers};
+use crate::verdict::{flaw, Outcome, Verdict};
+use crate::wire::{crc_start_from, Kind};
+
+/// Frames after which an unproven session is foreign: of an unknown type, and of a known type none
+/// of whose frames formed a legal transfer.
+const PATIENCE_UNKNOWN: usize = 64;
+const PATIENCE_KNOWN: usize = 16;
+/// The same for a session whose every frame was legal, as in a long transfer of an unknown type.
+const PATIENCE_LEGAL: usize = 512;
+/// Transfer IDs that rise by one over this many transfers are a proof.
+const RUN: usize = 3;
+/// At the end of a capture so few frames of a known type are given the benefit of the doubt.
+const FEW: usize = 3;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Judgement {
+    Wait,
+    Believe,
+    Foreign,
+}
+
+/// One frame held back: its number, what became of it, and what was reported so far.
+#[derive(Clone, Copy, Debug)]
+pub struct Held {
+    pub frame: u64,
+    pub outcome: Outcome,
+    pub reported: Verdict,
+}
+
+/// The evidence about one session.
+#[derive(Debug, Default)]
+pub struct Probation {
+    pub held: Vec<Held>,
+    pub transfers: Transfers,
+    /// A known type that once was foreign has to bring a real proof.
+    strict: bool,
+    illegal: usize,
+    starts: usize,
+    toggled_starts: usize,
+    /// Transfers that a judgement has seen; without a new one there is no new proof.
+    seen: usize,
+}
+
+impl Probation {
+    pub fn strict() -> Self {
+        Probation {
+            strict: true,
+            ..Probation::default()
+        }
+    }
+
+    /// Takes note of one frame; returns the verdict to report for now. A known type is taken at its
+    /// word until it fails, an unknown one is foreign until it proves itself.
+    pub fn note(&mut self, frame: u64, outcome: Outcome, tail: Option<u8>, known: bool) -> Verdict {
+        let start = tail.is_some_and(|tail| tail & 0x80 != 0);
+        let toggle = tail.is_some_and(|tail| tail & 0x20 != 0);
+        self.starts += usize::from(start);
+        self.toggled_starts += usize::from(start && toggle);
+        let legal = (outcome == Outcome::USED && !(start && toggle)) || outcome.verdict == Verdict::Duplicate;
+        self.illegal += usize::from(!legal);
+        let reported = if known && !self.strict {
+            outcome.verdict
+        } else {
+            Verdict::Foreign
+        };
+        self.held.push(Held {
+            frame,
+            outcome,
+            reported,
+        });
+        reported
+    }
+
+    pub fn judge(&mut self, session: &Session, source_is_known: bool) -> Judgement {
+        if self.transfers.len() > self.seen && self.proven(session, source_is_known) {
+            return Judgement::Believe;
+        }
+        self.seen = self.transfers.len();
+        let patience = if self.illegal == 0 {
+            PATIENCE_LEGAL
+        } else if session.known.is_some() && self.complete().next().is_none() && !self.strict {
+            PATIENCE_KNOWN
+        } else {
+            PATIENCE_UNKNOWN
+        };
+        if self.held.len() >= patience {
+            Judgement::Foreign
+        } else {
+            Judgement::Wait
+        }
+    }
+
+    /// The capture ends without a proof.
+    pub fn last_word(&self, session: &Session, source_is_known: bool) -> Judgement {
+        let bare = self.held.iter().all(|held| held.outcome.verdict == Verdict::NoTail);
+        let doubtful = self.held.len() <= FEW && (source_is_known || self.starts > 0 || bare);
+        let plausible = self.illegal == 0 || doubtful || self.complete().count() > self.illegal;
+        if session.known.is_some() && !self.strict && plausible && !self.cyphal() {
+            Judgement::Believe
+        } else {
+            Judgement::Foreign
+        }
+    }
+
+    /// Every transfer started with toggle 1, as Cyphal/CAN does.
+    pub fn cyphal(&self) -> bool {
+        self.starts > 0 && self.starts == self.toggled_starts
+    }
+
+    /// The flaw to report with the frame at which the session was found foreign.
+    pub fn note_of_refusal(&self) -> u16 {
+        if self.cyphal() && !self.strict {
+            flaw::CYPHAL
+        } else {
+            0
+        }
+    }
+
+    fn proven(&self, session: &Session, source_is_known: bool) -> bool {
+        let rows = &self.transfers;
+        let checked = |row: usize| rows.status[row] == Status::Ok as u8 && rows.crc_valid[row] == 3;
+        if self.complete().any(checked) {
+            return true;
+        }
+        if self.rising_run() || self.one_start_value() {
+            return true;
+        }
+        if session.known.is_none() || self.strict || self.illegal > 0 {
+            return false;
+        }
+        let needed = match session.id.kind {
+            _ if !session.legal_id() && !source_is_known => 4,
+            Kind::Message => 1,
+            Kind::Request | Kind::Response if source_is_known => 1,
+            Kind::Request | Kind::Response => 2,
+            // Any 29-bit identifier that ends in 00 looks like one of these.
+            Kind::Anonymous => 4,
+        };
+        self.complete().count() >= needed
+    }
+
+    fn complete(&self) -> impl Iterator<Item = usize> + '_ {
+        let whole = [Status::Ok as u8, Status::Unchecked as u8, Status::BadCrc as u8];
+        (0..self.transfers.len()).filter(move |&row| {
+            let toggled = self.transfers.anomaly[row] & crate::transfers::anomaly::SINGLE_TOGGLE != 0;
+            whole.contains(&self.transfers.status[row]) && !toggled
+        })
+    }
+
+    fn rising_run(&self) -> bool {
+        let mut run = 0;
+        let mut next = None;
+        for row in self.complete() {
+            let id = self.transfers.transfer_id[row];
+            run = if next == Some(id) { run + 1 } else { 1 };
+            next = Some((id + 1) & 31);
+            if run >= RUN && self.transfers.kind[row] != Kind::Anonymous as u8 {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Two multi-frame transfers of an unknown type whose CRCs run back to one start value.
+    fn one_start_value(&self) -> bool {
+        let multi = self.complete().filter(|&row| self.transfers.crc_valid[row] == 1);
+        let mut starts = multi.map(|row| crc_start_from(self.transfers.crc_wire[row], self.transfers.payload_of(row)));
+        let Some(mut last) = starts.next() else {
+            return false;
+        };
+        starts.any(|start| std::mem::replace(&mut last, start) == start)
+    }
+}

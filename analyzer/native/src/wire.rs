@@ -1,0 +1,289 @@
+//! What one CAN frame says about itself: the 29-bit identifier, the tail byte, the transfer CRC.
+//!
+//! Pure functions over plain integers; nothing here allocates, remembers or can fail.
+//! Field positions: TM-UAVCAN V2.2 clauses 4.1.2 (identifier), 4.1.3 (tail byte) and 5.1 (CRC).
+#![forbid(unsafe_code)]
+
+/// The three identifier layouts of clause 4.1.2, services split by direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Kind {
+    Message = 0,
+    Anonymous = 1,
+    Request = 2,
+    Response = 3,
+}
+
+impl Kind {
+    pub fn is_service(self) -> bool {
+        matches!(self, Kind::Request | Kind::Response)
+    }
+}
+
+/// A decoded identifier. `dst` is 0 when the transfer is a broadcast.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Id {
+    pub kind: Kind,
+    pub type_id: u16,
+    pub src: u8,
+    pub dst: u8,
+}
+
+impl Id {
+    pub fn parse(raw: u32) -> Self {
+        let src = (raw & 0x7F) as u8;
+        if raw & 0x80 != 0 {
+            let kind = if raw & 0x8000 == 0 {
+                Kind::Response
+            } else {
+                Kind::Request
+            };
+            let dst = ((raw >> 8) & 0x7F) as u8;
+            let type_id = ((raw >> 16) & 0xFF) as u16;
+            Id {
+                kind,
+                type_id,
+                src,
+                dst,
+            }
+        } else if src == 0 {
+            let type_id = ((raw >> 8) & 3) as u16;
+            Id {
+                kind: Kind::Anonymous,
+                type_id,
+                src,
+                dst: 0,
+            }
+        } else {
+            let type_id = (raw >> 8) as u16;
+            Id {
+                kind: Kind::Message,
+                type_id,
+                src,
+                dst: 0,
+            }
+        }
+    }
+}
+
+/// The bits of an identifier that tell one session from another: all but the priority, and of an
+/// anonymous frame not its random discriminator.
+pub fn session_bits(raw: u32) -> u32 {
+    if (raw as u8) == 0 {
+        raw & 0x300
+    } else {
+        raw & 0xFF_FFFF
+    }
+}
+
+pub fn priority(raw: u32) -> u8 {
+    ((raw >> 24) & 0x1F) as u8
+}
+
+/// The last byte of every frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tail(pub u8);
+
+impl Tail {
+    pub fn start(self) -> bool {
+        self.0 & 0x80 != 0
+    }
+
+    pub fn end(self) -> bool {
+        self.0 & 0x40 != 0
+    }
+
+    pub fn toggle(self) -> bool {
+        self.0 & 0x20 != 0
+    }
+
+    pub fn transfer_id(self) -> u8 {
+        self.0 & 0x1F
+    }
+}
+
+/// Table `k` advances a CRC by one byte followed by `k` zero bytes.
+static TABLES: [[u16; 256]; 8] = tables();
+
+/// CRC-16/CCITT-FALSE, eight bytes a step. `crc_bitwise` in the tests is the clause it must match.
+///
+/// The start value may be XORed into the first two bytes instead, after which leading zeros change
+/// nothing: so an odd number of bytes goes first, right-aligned in a block of its own.
+pub fn crc(start: u16, bytes: &[u8]) -> u16 {
+    let (head, blocks) = bytes.split_at(bytes.len() % 8);
+    let mut value = start;
+    if let [first, second, rest @ ..] = head {
+        let lead = u16::from_be_bytes([*first, *second]) ^ start;
+        let block = rest.iter().fold(u64::from(lead), |acc, &b| (acc << 8) | u64::from(b));
+        value = advance(block);
+    } else if let [only] = head {
+        value = (start << 8) ^ TABLES[0][usize::from((start >> 8) as u8 ^ only)];
+    }
+    let (blocks, _) = blocks.as_chunks::<8>();
+    for block in blocks {
+        value = advance(u64::from_be_bytes(*block) ^ (u64::from(value) << 48));
+    }
+    value
+}
+
+fn advance(block: u64) -> u16 {
+    let b = block.to_be_bytes();
+    TABLES[7][usize::from(b[0])]
+        ^ TABLES[6][usize::from(b[1])]
+        ^ TABLES[5][usize::from(b[2])]
+        ^ TABLES[4][usize::from(b[3])]
+        ^ TABLES[3][usize::from(b[4])]
+        ^ TABLES[2][usize::from(b[5])]
+        ^ TABLES[1][usize::from(b[6])]
+        ^ TABLES[0][usize::from(b[7])]
+}
+
+/// The CRC after the 64-bit data type signature, least significant byte first (clause 5.1).
+pub fn crc_start(signature: u64) -> u16 {
+    crc(0xFFFF, &signature.to_le_bytes())
+}
+
+/// The start value from which `bytes` lead to `end`: the CRC run backwards. It names an unknown
+/// type, because every intact transfer of the type has the same one.
+pub fn crc_start_from(end: u16, bytes: &[u8]) -> u16 {
+    bytes.iter().rev().fold(end, |value, &byte| {
+        // The low byte of every entry of the first table is unique, so it names the index.
+        let index = INDEX_OF_LOW[usize::from(value as u8)];
+        let before_low = (value ^ TABLES[0][usize::from(index)]) >> 8;
+        (u16::from(index ^ byte) << 8) | before_low
+    })
+}
+
+static INDEX_OF_LOW: [u8; 256] = {
+    let tables = tables();
+    let mut index = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        index[(tables[0][byte] & 0xFF) as usize] = byte as u8;
+        byte += 1;
+    }
+    index
+};
+
+const fn tables() -> [[u16; 256]; 8] {
+    let mut tables = [[0; 256]; 8];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut value = (byte as u16) << 8;
+        let mut table = 0;
+        while table < 8 {
+            let mut bit = 0;
+            while bit < 8 {
+                value = if value & 0x8000 == 0 {
+                    value << 1
+                } else {
+                    (value << 1) ^ 0x1021
+                };
+                bit += 1;
+            }
+            tables[table][byte] = value;
+            table += 1;
+        }
+        byte += 1;
+    }
+    tables
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Clause 5.1, bit by bit.
+    fn crc_bitwise(start: u16, bytes: &[u8]) -> u16 {
+        bytes.iter().fold(start, |mut value, &byte| {
+            value ^= u16::from(byte) << 8;
+            for _ in 0..8 {
+                value = if value & 0x8000 == 0 {
+                    value << 1
+                } else {
+                    (value << 1) ^ 0x1021
+                };
+            }
+            value
+        })
+    }
+
+    #[test]
+    fn check_value_of_clause_5_1() {
+        assert_eq!(crc(0xFFFF, b"123456789"), 0x29B1);
+    }
+
+    #[test]
+    fn every_length_matches_the_bitwise_clause_and_runs_backwards() {
+        let bytes: Vec<u8> = (0..300_u32).map(|i| ((i * 7919) >> 3) as u8).collect();
+        for length in 0..bytes.len() {
+            for start in [0, 0xFFFF, 0x1591, (length * 977) as u16] {
+                let end = crc_bitwise(start, &bytes[..length]);
+                assert_eq!(crc(start, &bytes[..length]), end, "{length} bytes");
+                assert_eq!(crc_start_from(end, &bytes[..length]), start, "{length} bytes");
+            }
+        }
+    }
+
+    #[test]
+    fn start_values_of_the_six_types() {
+        let signatures = [
+            (0x217F_5C87_D7EC_951D, 0xE4B8),
+            (0x948F_5E0B_33E0_EDEE, 0xD7B0),
+            (0xA9AF_28AE_A2FB_B254, 0x1591),
+            (0xCE2B_6D6B_6BDC_0AE8, 0x8A8E),
+            (0xAACF_9B4B_2577_BC6E, 0xCE37),
+            (0x4628_75A0_ED87_4302, 0xC322),
+        ];
+        for (signature, start) in signatures {
+            assert_eq!(crc_start(signature), start);
+        }
+    }
+
+    #[test]
+    fn identifier_layouts_of_clause_4_1_2() {
+        let message = Id::parse((31 << 24) | (1034 << 8) | 5);
+        assert_eq!(
+            message,
+            Id {
+                kind: Kind::Message,
+                type_id: 1034,
+                src: 5,
+                dst: 0
+            }
+        );
+        let request = Id::parse((3 << 24) | (0x0B << 16) | 0x8000 | (9 << 8) | 0x80 | 2);
+        assert_eq!(
+            request,
+            Id {
+                kind: Kind::Request,
+                type_id: 11,
+                src: 2,
+                dst: 9
+            }
+        );
+        let response = Id::parse(0x1801_018A);
+        assert_eq!(
+            response,
+            Id {
+                kind: Kind::Response,
+                type_id: 1,
+                src: 10,
+                dst: 1
+            }
+        );
+        let anonymous = Id::parse(0x1E21_4500);
+        assert_eq!(
+            anonymous,
+            Id {
+                kind: Kind::Anonymous,
+                type_id: 1,
+                src: 0,
+                dst: 0
+            }
+        );
+        assert_eq!(session_bits(0x1E21_4500), session_bits(0x1FFF_FD00));
+        assert_ne!(session_bits(0x1F04_0A05), session_bits(0x1F04_0A06));
+        assert_eq!(session_bits(0x1F04_0A05), session_bits(0x0004_0A05));
+    }
+}

@@ -1,0 +1,184 @@
+"""The tables that flow through the pipeline: their columns, types and meaning, in one place.
+
+Read this file first. A stage takes one of these tables and returns the next one; a row points back to the rows it came
+from (`frame`, `transfer`) and never forward. Rows are numbered through the whole capture, from 0; `Batch.first_frame`
+and `Batch.first_transfer` are the numbers of a batch's first rows. People are shown frame numbers from 1.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy.typing as npt
+
+KINDS = ("message", "anonymous", "request", "response")
+VERDICTS = (
+    "used",  # exactly one transfer names the frame
+    "foreign",  # not DroneCAN, as far as can be told
+    "no tail",  # DroneCAN identifier, but no data field
+    "orphan",  # continues a transfer of which no start was seen
+    "wrong toggle",  # part of a transfer that began with toggle 1
+    "wrong transfer id",  # continues a transfer ID that is not under way, while another one is
+    "anonymous multi",  # an anonymous transfer must be a single frame
+    "duplicate",  # repeats the frame before it byte for byte
+)
+STATUSES = (
+    "ok",
+    "unchecked",  # complete, but the type is unknown, so its CRC cannot be judged
+    "bad crc",
+    "interrupted",  # a frame is missing or out of order, or a new transfer began
+    "timed out",  # no end within 2.0 s of the start
+    "too short",  # complete, but too short to hold a CRC
+    "open",  # the capture ends inside it
+)
+EVENTS = ("error frame", "drop", "gap", "unreadable", "comment")
+
+# Bits of frames.flags; bits 8 to 11 hold the length code of a remote frame, or a raw one above 8.
+EXTENDED, REMOTE, ERROR, FD, BRS, ESI, TX, RX = (1 << bit for bit in range(8))
+
+# Bits of frames.anomaly, lowest first; the rule that reads the bit stands behind it.
+FRAME_ANOMALIES = (
+    "remote",  # CAN-002
+    "no tail",  # CAN-005
+    "impossible length",  # CAN-019
+    "start toggle",  # TRF-002
+    "toggle",  # TRF-003, the frame at which the sequence broke
+    "time backwards",  # CAP-001
+    "cyphal",  # toggles start at 1 throughout, once an identifier
+    "limit",  # a bound of the analyzer was reached
+)
+# Bits of transfers.anomaly, likewise.
+TRANSFER_ANOMALIES = (
+    "single toggle",  # TRF-001
+    "toggle",  # TRF-003
+    "duplicate frame",  # TRF-004
+    "abandoned",  # TRF-006
+    "timeout",  # TRF-007
+    "slow",  # TRF-007, a note: longer than 1.0 s
+    "crc",  # TRF-010
+    "frame not full",  # TRF-012
+    "last frame empty",  # TRF-013
+    "first frame too short",  # TRF-014
+    "needless multi",  # TRF-015
+    "transfer id gap",  # TRF-016
+    "duplicate",  # TRF-017
+    "transfer id repeated",  # TRF-018
+    "transfer id restarted",  # TRF-019
+    "interleaved",  # TRF-026
+    "pause",  # TRF-027
+    "long",  # TRF-029
+    "priority changed",  # CAN-014
+    "destination zero",  # CAN-006
+    "source zero",  # CAN-007
+    "addressed to itself",  # CAN-012
+    "can fd",  # CAN-003
+    "cut by end",  # TRF-008
+    "limit",
+)
+
+_NS = pa.timestamp("ns")
+
+
+def _field(name: str, kind: pa.DataType, about: str) -> pa.Field:
+    return pa.field(name, kind, metadata={"about": about})
+
+
+FRAMES = pa.schema([
+    _field("t", _NS, "capture time; null when the capture has none"),
+    _field("bus", pa.uint8(), "index of the interface name"),
+    _field("id", pa.uint32(), "identifier, 11 or 29 bits"),
+    _field("flags", pa.uint16(), "bits EXTENDED, REMOTE, ERROR, FD, BRS, ESI, TX, RX, length code"),
+    _field("line", pa.uint32(), "line or record of the capture, from 1"),
+    _field("data", pa.binary(), "data field, tail byte included"),
+    _field("verdict", pa.uint8(), "index into VERDICTS"),
+    _field("anomaly", pa.uint16(), "bits of FRAME_ANOMALIES"),
+])  # fmt: skip
+
+TRANSFERS = pa.schema([
+    _field("t", _NS, "time of the first frame"),
+    _field("t_end", _NS, "time of the last frame"),
+    _field("bus", pa.uint8(), "index of the interface name"),
+    _field("kind", pa.uint8(), "index into KINDS"),
+    _field("type_id", pa.uint16(), "data type ID; of an anonymous transfer its low 2 bits"),
+    _field("src", pa.uint8(), "source node ID, 0 when anonymous"),
+    _field("dst", pa.uint8(), "destination node ID of a service transfer"),
+    _field("priority", pa.uint8(), "0 (highest) to 31"),
+    _field("transfer_id", pa.uint8(), "0 to 31"),
+    _field("status", pa.uint8(), "index into STATUSES"),
+    _field("crc_wire", pa.uint16(), "transfer CRC as received; null for a single frame"),
+    _field("crc_here", pa.uint16(), "transfer CRC as computed; null when the type is unknown"),
+    _field("step", pa.uint8(), "transfer ID minus the previous one of the session, modulo 32; 1 is the rule"),
+    _field("gap", pa.duration("ns"), "time since the previous transfer of the session, start to start"),
+    _field("anomaly", pa.uint32(), "bits of TRANSFER_ANOMALIES"),
+    _field("fd", pa.bool_(), "came as CAN FD: no tail array optimisation, padding possible"),
+    _field("frame", pa.list_(pa.uint64()), "numbers of its frames, from 0"),
+    _field("payload", pa.binary(), "payload without CRC; CAN FD padding is still there"),
+])  # fmt: skip
+
+EVENT_ROWS = pa.schema([
+    _field("t", _NS, "capture time"),
+    _field("bus", pa.uint8(), "index of the interface name"),
+    _field("line", pa.uint32(), "line or record of the capture, from 1"),
+    _field("kind", pa.uint8(), "index into EVENTS"),
+    _field("class", pa.uint32(), "error class bits (linux/can/error.h), or the number of frames dropped"),
+    _field("tx_errors", pa.uint8(), "transmit error counter"),
+    _field("rx_errors", pa.uint8(), "receive error counter"),
+    _field("text", pa.string(), "reason and excerpt of an unreadable line, or the comment"),
+])  # fmt: skip
+
+SETTLED = pa.schema([
+    _field("frame", pa.uint64(), "number of a frame of an earlier batch"),
+    _field("verdict", pa.uint8(), "its final verdict"),
+    _field("anomaly", pa.uint16(), "bits to add to its anomalies"),
+])  # fmt: skip
+
+
+def wrap(schema: pa.Schema, columns: Mapping[str, Any]) -> pa.RecordBatch:
+    """The native core's columns as one batch, without a copy.
+
+    `columns` maps a name to the bytes of its values, `<name>_offset` to i32 offsets and `<name>_valid` to an Arrow
+    bitmap or None.
+    """
+    rows = len(columns["frame" if "line" not in columns and "t" not in columns else "t"]) // 8
+    return pa.RecordBatch.from_arrays([_column(field, columns, rows) for field in schema], schema=schema)
+
+
+def _column(field: pa.Field, columns: Mapping[str, Any], rows: int) -> pa.Array:
+    kind, values = field.type, pa.py_buffer(columns[field.name])
+    valid = columns.get(f"{field.name}_valid")
+    bitmap = None if valid is None else pa.py_buffer(valid)
+    offsets = columns.get(f"{field.name}_offset")
+    if offsets is None:
+        return pa.Array.from_buffers(kind, rows, [bitmap, values])
+    if pa.types.is_list(kind):
+        inner = kind.value_type
+        child = pa.Array.from_buffers(inner, len(values) * 8 // inner.bit_width, [None, values])
+        return pa.Array.from_buffers(kind, rows, [bitmap, pa.py_buffer(offsets)], children=[child])
+    return pa.Array.from_buffers(kind, rows, [bitmap, pa.py_buffer(offsets), values])
+
+
+def numbers(array: pa.Array) -> npt.NDArray[Any]:
+    """A column of numbers, times or flags as numpy, null cells with an arbitrary value."""
+    if pa.types.is_boolean(array.type):
+        return np.asarray(array.to_numpy(zero_copy_only=False))
+    width = array.type.bit_width // 8
+    kind = {pa.float32(): "f4", pa.float64(): "f8"}.get(array.type)
+    if kind is None:
+        kind = f"{'u' if pa.types.is_unsigned_integer(array.type) else 'i'}{width}"
+    return np.frombuffer(array.buffers()[1], kind, len(array), array.offset * width)
+
+
+def raw_times(array: pa.Array) -> list[int | None]:
+    """Integer nanoseconds of a time column, None where there is no time."""
+    return list(array.cast(pa.int64()).to_pylist())
+
+
+def empty(schema: pa.Schema) -> pa.RecordBatch:
+    """A batch without rows."""
+    return pa.RecordBatch.from_pylist([], schema=schema)

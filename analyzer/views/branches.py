@@ -1,0 +1,147 @@
+"""The fields of one row as a tree of texts: value, unit, name, raw number, bit parts, and the bytes they came from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from analyzer.views.meaning import meaning
+from analyzer.views.places import Place, raw_bits, span
+from analyzer.views.terminal import escape
+from analyzer.views.wording import plain, quantity
+from dissectors.schema import Array, Compound, Primitive
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from analyzer.views.meaning import Meaning
+    from dissectors.schema import Bits, Message, Packet, Type
+
+    Lookup = Callable[[str], Any]
+
+_SHOWN = 24  # elements of a list of numbers in one line; bytes come in full
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A line, the bytes it is about, and what is below it."""
+
+    text: str
+    where: str = ""
+    below: Sequence[Branch] = field(default_factory=tuple)
+
+
+def branches(of: Message | Packet, value: Lookup, where: Sequence[Place], payload: bytes) -> list[Branch]:
+    """A branch for every field, then for every derived value.
+
+    Args:
+        of: layout and meaning.
+        value: gives the row's cell of a column.
+        where: the places of all values in `payload`.
+        payload: the bytes that `where` counts in.
+    """
+    grow = _Grower(of, value, list(where), payload)
+    fields = [grow.branch(m.type, m.name, m.name, value(m.name)) for m in of.layout.fields if m.name]
+    derived = [
+        Branch(f"[{d.name}: {quantity(_shown(value(d.name), meaning(of, d.name)), d.unit)}, from {d.source}]",
+               f"clause {d.clause}" if d.clause else "")
+        for d in of.derived
+    ]  # fmt: skip
+    return [*fields, *derived]
+
+
+def word_bits(word: int, width: int, low: int, high: int) -> str:
+    """Bits `low` to `high` of a word as digits, the others as points, in groups of four from the right."""
+    digits = [str(word >> bit & 1) if low <= bit <= high else "." for bit in range(width)]
+    groups = ["".join(reversed(digits[k : k + 4])) for k in range(0, width, 4)]
+    return " ".join(reversed(groups))
+
+
+class _Grower:
+    def __init__(self, of: Message | Packet, value: Lookup, where: list[Place], payload: bytes) -> None:
+        self.of = of
+        self.value = value
+        self.where = where
+        self.payload = payload
+
+    def branch(self, kind: Type, name: str, path: str, cell: Any) -> Branch:
+        """`name` is the dotted name without indexes, by which the profile knows the field; `path` has them."""
+        about = meaning(self.of, name)
+        place = span(self.where, path)
+        where = place.words() if place is not None else ""
+        label = f"{path.rpartition('.')[2]}"
+        if about.note is not None and about.note.name:
+            label = f"{about.note.name} ({label})"
+        if cell is None:
+            return Branch(f"{label}: missing", where)
+        if isinstance(kind, Compound):
+            members = [m for m in kind.fields if m.name and (not kind.union or cell.get(m.name) is not None)]
+            below = [self.branch(m.type, f"{name}.{m.name}", f"{path}.{m.name}", cell.get(m.name)) for m in members]
+            return Branch(label if below else f"{label}: empty", where, below)
+        if isinstance(kind, Array):
+            return self._array(kind, name, path, cell, label, where, about)
+        return self._scalar(name, cell, label, place, where, about)
+
+    def _array(
+        self, kind: Array, name: str, path: str, cell: list[Any], label: str, where: str, about: Meaning
+    ) -> Branch:
+        if isinstance(kind.element, Compound):
+            below = [self.branch(kind.element, name, f"{path}[{k}]", inner) for k, inner in enumerate(cell)]
+            return Branch(f"{label}: {len(cell)} elements", where, below)
+        if (kind.element.kind, kind.element.bits) == ("uint", 8):
+            raw = bytes(cell)
+            text = raw.partition(b"\0")[0]
+            said = f' "{escape(text)}"' if text and all(0x20 <= b < 0x7F for b in text) else ""
+            return Branch(f"{label}: {raw.hex(' ').upper() or 'empty'}{said}", where)
+        texts = [_shown(inner, about) for inner in cell[:_SHOWN]]
+        more = f" ... {len(cell)} in all" if len(cell) > _SHOWN else ""
+        return Branch(f"{label}: {quantity(' '.join(texts) or 'empty', about.unit if texts else '')}{more}", where)
+
+    def _scalar(
+        self, name: str, cell: Any, label: str, place: Place | None, where: str, about: Meaning
+    ) -> Branch:
+        raw = raw_bits(self.payload, place) if place is not None else None
+        text = quantity(_shown(cell, about), about.unit)
+        note = about.note
+        if note is not None and note.unit_by is not None:
+            value, unit = self.value(f"{name}.value"), self.value(f"{name}.unit")
+            text = f"{text}" if value is None else quantity(plain(value), unit or "")
+        if place is not None and place.type is not None and raw is not None:
+            text += _raw(raw, place.type, cell, hexadecimal=note is not None and note.hex, scaled=text != plain(cell))
+        parts = note.parts if note is not None and raw is not None else ()
+        below = [self._part(name, part, raw or 0, place.bits if place is not None else 0) for part in parts]
+        clause = f"clause {about.clause}" if about.clause else ""
+        return Branch(f"{label}: {text}", "  ".join(filter(None, [where, clause])), below)
+
+    def _part(self, name: str, part: Bits, word: int, width: int) -> Branch:
+        value = word >> part.low & (1 << part.width) - 1
+        if part.flag:
+            text = "set" if value else "not set"
+        elif part.scale is not None:
+            text = quantity(plain(float(value * part.scale)), part.unit) + f" (raw {value})"
+        else:
+            text = f"{value}" + (f" ({part.enum.get(value, 'undefined')})" if part.enum else "")
+        guess = " (tentative name)" if part.tentative else ""
+        return Branch(f"{word_bits(word, width, part.low, part.high)} = {part.name}: {text}{guess}")
+
+
+def _shown(cell: Any, about: Meaning) -> str:
+    if isinstance(cell, list):
+        return " ".join(_shown(inner, about) for inner in cell[:_SHOWN])
+    if not isinstance(cell, bool) and cell in about.texts:
+        return f"{plain(cell)} ({about.texts[cell]})"
+    named = about.note is not None and about.note.enum
+    return f"{plain(cell)} (undefined)" if named else plain(cell)
+
+
+def _raw(raw: int, kind: Primitive, cell: Any, *, hexadecimal: bool, scaled: bool) -> str:
+    """The raw number where it says more than the value does."""
+    if kind.kind == "float":
+        return f" (raw 0x{raw:0{kind.bits // 4}X})"
+    if hexadecimal:
+        return f" (0x{raw:0{-(-kind.bits // 4)}X})"
+    if scaled and isinstance(cell, float):
+        return f" (raw {raw - (1 << kind.bits) if kind.kind == 'int' and raw >> kind.bits - 1 else raw})"
+    return ""
+
+

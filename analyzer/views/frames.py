@@ -1,0 +1,70 @@
+"""The frames behind the transfers, looked up by number, for as long as they are kept."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import TYPE_CHECKING, NamedTuple
+
+from analyzer.tables import ERROR, EXTENDED, REMOTE
+from analyzer.views.cells import pylist
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import pyarrow as pa
+
+    from analyzer.engine import Batch
+
+
+class Frame(NamedTuple):
+    """One CAN frame as captured; `t` in nanoseconds, None if there was no time; `flags` as in the frame table."""
+
+    id: int
+    data: bytes
+    bus: int
+    t: int | None
+    flags: int
+
+    @property
+    def id_text(self) -> str:
+        """The identifier as candump writes it: 8 digits when extended, 3 when not."""
+        return f"{self.id:08X}" if self.flags & EXTENDED else f"{self.id:03X}"
+
+    def flag(self, name: str) -> bool:
+        """`xtd`, `rtr` or `err`."""
+        return bool(self.flags & {"xtd": EXTENDED, "rtr": REMOTE, "err": ERROR}[name])
+
+
+if TYPE_CHECKING:
+    FrameData = Callable[[int], Frame | None]
+
+
+class FrameWindow:
+    """Frames of the last few batches, by frame number from 0: `window.add(batch)`, then `window(number)`.
+
+    Transfers end in the batch they are listed in, but may begin in an earlier one. What is gone gives None.
+    """
+
+    def __init__(self, batches: int = 4) -> None:
+        self._batches: OrderedDict[int, pa.RecordBatch] = OrderedDict()
+        self._limit = batches
+        self._open: tuple[int, list[tuple[int, bytes, int, int | None, int]]] = (0, [])
+
+    def add(self, batch: Batch) -> None:
+        """Keeps the batch's frames, and forgets those of the oldest batch when there are too many."""
+        if len(batch.frames):
+            self._batches[batch.first_frame] = batch.frames
+        while len(self._batches) > self._limit:
+            self._batches.popitem(last=False)
+
+    def __call__(self, number: int) -> Frame | None:
+        """The frame with this number."""
+        first, rows = self._open
+        if not first <= number < first + len(rows):
+            start = max((k for k in self._batches if k <= number), default=None)
+            if start is None or number >= start + len(self._batches[start]):
+                return None
+            table = self._batches[start]
+            rows = list(zip(*(pylist(table.column(c)) for c in ("id", "data", "bus", "t", "flags")), strict=True))
+            self._open = first, rows = start, rows
+        return Frame(*rows[number - first])

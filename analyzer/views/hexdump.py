@@ -1,0 +1,106 @@
+"""`-x`: the bytes of a transfer, frame by frame, with what each of them is for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from analyzer.tables import FD
+from analyzer.views.phrases import octets
+from analyzer.views.terminal import PLAIN, Palette
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from analyzer.views.frames import Frame, FrameData
+
+PER_LINE = 16
+_CRC_BYTES = 2
+_INDENT = " " * 4
+
+
+class Cut(NamedTuple):
+    """A frame's bytes by role."""
+
+    crc: bytes
+    payload: bytes
+    padding: bytes
+    tail: bytes
+
+
+def cut(frames: Sequence[Frame | None], padding: int = 0) -> list[Cut | None]:
+    """The bytes of a transfer's frames by role, None where a frame is gone.
+
+    `padding` is the number of bytes at the end of the last frame that only fill up a CAN FD frame.
+    """
+    multi = len(frames) > 1 or any(f is not None and f.data and f.data[-1] & 0xC0 != 0xC0 for f in frames)
+    out: list[Cut | None] = []
+    for k, frame in enumerate(frames):
+        if frame is None:
+            out.append(None)
+            continue
+        body, tail = frame.data[:-1], frame.data[-1:]
+        first = multi and bool(tail and tail[0] & 0x80)
+        crc = body[:_CRC_BYTES] if first else b""
+        rest = body[len(crc) :]
+        fill = min(padding, len(rest)) if k == len(frames) - 1 else 0
+        out.append(Cut(crc, rest[: len(rest) - fill], rest[len(rest) - fill :], tail))
+    return out
+
+
+def tail_words(tail: int) -> str:
+    """A tail byte, decoded (4.1.3)."""
+    ends = [word for bit, word in ((0x80, "start"), (0x40, "end")) if tail & bit]
+    return " ".join([*ends, f"toggle {tail >> 5 & 1}", f"ID {tail & 0x1F}"])
+
+
+def hexdump(
+    numbers: Sequence[int], frame_data: FrameData, padding: int = 0, palette: Palette = PLAIN
+) -> Iterator[str]:
+    """Lines about the frames of one transfer, given by their numbers from 0.
+
+    Args:
+        numbers: the frames.
+        frame_data: gives a frame by its number, None when it is no longer kept.
+        padding: bytes of CAN FD padding at the end of the transfer.
+        palette: colours; without them the roles are told by labels alone.
+    """
+    frames = [frame_data(number) for number in numbers]
+    for number, frame, parts in zip(numbers, frames, cut(frames, padding), strict=True):
+        if frame is None or parts is None:
+            yield f"{_INDENT}frame {number + 1}: its bytes are no longer kept"
+            continue
+        fd = " FD" if frame.flags & FD else ""
+        pieces = [
+            (f"{label} " if label else "", role, text)
+            for label, role, data in (
+                ("crc", "crc", parts.crc),
+                ("", "payload", parts.payload),
+                ("padding", "padding", parts.padding),
+                ("tail", "tail", parts.tail),
+            )
+            for text in ([octets(data, len(data))] if data else [])
+        ]
+        if not pieces:
+            yield f"{_INDENT}frame {number + 1}  {frame.id_text}{fd}  no data"
+            continue
+        words = f"  {tail_words(parts.tail[0])}" if parts.tail else ""
+        head = f"{_INDENT}frame {number + 1}  {frame.id_text}{fd}  "
+        yield from _wrapped(head, pieces, words, palette)
+
+
+def _wrapped(head: str, pieces: list[tuple[str, str, str]], words: str, palette: Palette) -> Iterator[str]:
+    """One line, or several for the long payloads of CAN FD."""
+    line, filled = head, 0
+    for k, (label, role, text) in enumerate(pieces):
+        line += " | " if k else ""
+        line += label
+        rest = text.split(" ")
+        while rest:
+            room = PER_LINE - filled
+            if room <= 0:
+                yield line.rstrip()
+                line, filled, room = " " * len(head), 0, PER_LINE
+            now, rest = rest[:room], rest[room:]
+            line += palette.paint(role, " ".join(now))
+            filled += len(now)
+    yield line + words

@@ -1,0 +1,199 @@
+"""The packet list: one line a transfer, and below it what is odd about it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analyzer.tables import KINDS, STATUSES, TRANSFER_ANOMALIES
+from analyzer.views.phrases import octets, phrases
+from analyzer.views.rows import Rows, type_name
+from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
+from analyzer.views.wording import LISTED, anomalies
+from dissectors.schema import Message
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    import numpy.typing as npt
+
+    from analyzer.engine import Batch
+    from analyzer.views.times import Clock
+    from dissectors import Registry
+
+_OK, _UNCHECKED, _BAD_CRC, _, _TIMED_OUT, _TOO_SHORT, _OPEN = range(len(STATUSES))
+_REQUEST = KINDS.index("request")
+_TOGGLE = 1 << TRANSFER_ANOMALIES.index("toggle")
+_TIME_AND_SOURCE = 15
+_MAX_TYPE = 24
+_MAX_BUS = 16
+_INDENT = " " * 11
+
+
+class Listing:
+    """Writes the list batch by batch; the widths of its columns are settled by the first batch.
+
+    Args:
+        registry: the types that the batches were decoded with.
+        clock: writes the time column.
+        palette: colours for a terminal.
+        width: columns of the terminal, lines are cut there; None never cuts.
+    """
+
+    def __init__(
+        self, registry: Registry, clock: Clock, palette: Palette = PLAIN, width: int | None = None
+    ) -> None:
+        self._registry = registry
+        self._clock = clock
+        self._palette = palette
+        self._width = width
+        self._buses = -1
+        self._time = self._type = self._bus = 0
+        self.shown = 0
+
+    def lines(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[str]:
+        """Lines of the picked transfers (all if not given), without line ends; the header comes before the first.
+
+        The header is repeated when a second interface turns up, since its column is shown from then on.
+        """
+        self._clock.start(batch.frames)
+        rows = Rows(batch, self._registry, picked)
+        times = self._times(batch, rows)
+        if not len(rows):
+            return
+        types = [type_name(m, k, t) for m, k, t in self._identities(rows)]
+        if self._buses < 0 or (self._buses < 2 <= len(batch.buses)):
+            yield self._header(batch, times, types)
+        self.shown += len(rows)
+        yield from self._body(rows, times, types)
+
+    def footer(self, total: int, foreign: int = 0) -> str:
+        """The closing line: how many of `total` transfers were shown, and frames that belong to none."""
+        left_out = f", {foreign} foreign frames left out" if foreign else ""
+        return f"-- {self.shown} of {total} transfers shown{left_out}. -V details, -x bytes"
+
+    def _times(self, batch: Batch, rows: Rows) -> list[str]:
+        if self._clock.mode == "d":  # counts the rows that are not shown too
+            everything = Rows(batch, self._registry) if len(rows) != len(batch.transfers) else rows
+            return self._clock.column(everything.column("t"), rows.picked.tolist())
+        return self._clock.column(rows.column("t"))
+
+    def _identities(self, rows: Rows) -> Iterator[tuple[Message | None, int, int]]:
+        return zip(rows.messages, rows.column("kind"), rows.column("type_id"), strict=True)
+
+    def _header(self, batch: Batch, times: list[str], types: list[str]) -> str:
+        self._buses = len(batch.buses)
+        self._time = max(9, len(times[0]), len(times[-1]))
+        self._type = min(max(12, *map(len, types)), 16 if self._width is not None and self._width < 120 else _MAX_TYPE)
+        names = [len(escape(name)) for name in batch.buses] if self._buses > 1 else []
+        self._bus = max(3, min(max(names), _MAX_BUS)) + 1 if names else 0
+        source = "Src".rjust(max(4, _TIME_AND_SOURCE - self._time))
+        bus = "Bus".ljust(self._bus) if self._bus else ""
+        text = f"    Frame  {self._clock.head:<{self._time}}{source}>Dst {bus}{'Type':<{self._type}} ID  Info"
+        return self._palette.paint("head", self._cut(text))
+
+    def _body(self, rows: Rows, times: list[str], types: list[str]) -> Iterator[str]:
+        width, palette, shown = self._type, self._palette, max(_TIME_AND_SOURCE, self._time + 4)
+        status, odd = rows.column("status"), rows.column("anomaly")
+        buses = self._bus_texts(rows)
+        narrow = self._width is not None
+        cells = zip(
+            rows.first_frames(), times, rows.column("src"), rows.column("dst"), buses, types,
+            rows.column("transfer_id"), _infos(rows), status, odd, rows.column("step"), strict=True,
+        )  # fmt: skip
+        for frame, time, src, dst, bus, kind, tid, info, code, bits, step in cells:
+            broken = code > _UNCHECKED
+            name = fit(kind, width) if narrow else kind
+            where = f"{time:>{self._time}}"
+            line = (
+                f"{'x' if broken else ' '}{frame:>8}  {where}{src:>{shown - len(where)}}>"
+                f"{'*' if dst is None else dst:<3} {bus}{name:<{width}} {tid:>2}  {info}"
+            )
+            if narrow:
+                line = self._cut(line)
+            yield palette.paint("bad", line) if broken else line
+            if bits & LISTED:
+                yield palette.paint("note", self._cut(f"{_INDENT}! {'; '.join(anomalies(bits & LISTED, step))}"))
+
+    def _bus_texts(self, rows: Rows) -> Iterable[str]:
+        if not self._bus:
+            return [""] * len(rows)
+        names = [escape(name) for name in rows.batch.buses]
+        if self._width is not None:
+            names = [fit(name, self._bus - 1) for name in names]
+        names = [name + " " * max(1, self._bus - display_width(name)) for name in names]
+        return [names[bus] for bus in rows.column("bus")]
+
+    def _cut(self, line: str) -> str:
+        return line if self._width is None else fit(line, self._width)
+
+
+def _infos(rows: Rows) -> list[str]:
+    """What each transfer says."""
+    infos: list[str] = [""] * len(rows)
+    for part in rows.typed:
+        for at, text in zip(part.at, phrases(part), strict=True):
+            infos[at] = text
+    _add_packets(rows, infos)
+    for at in np.flatnonzero(rows.array("kind") >= _REQUEST).tolist():
+        kind = KINDS[rows.column("kind")[at]]
+        infos[at] = f"{kind}: {infos[at]}" if infos[at] else kind
+    for at in np.flatnonzero(rows.array("status") != _OK).tolist():
+        infos[at] = _troubled(rows, at, infos[at])
+    return infos
+
+
+def _add_packets(rows: Rows, infos: list[str]) -> None:
+    texts = {id(part): phrases(part) for part in rows.packets}
+    sound = {id(part): part.table.column("packet_ok").to_pylist() for part in rows.packets if part.of is not None}
+    for at, packets in rows.inner().items():
+        said = []
+        for _, part, row in packets:
+            text = texts[id(part)][row]
+            if part.of is not None:
+                text = f"{part.of.name} {text}" + ("" if sound[id(part)][row] else " (packet damaged)")
+            said.append(text)
+        infos[at] = " | ".join(filter(None, [infos[at], *said])) if infos[at] else " | ".join(said)
+
+
+def _troubled(rows: Rows, at: int, info: str) -> str:
+    code = rows.column("status")[at]
+    if code == _UNCHECKED:
+        return octets(rows.column("payload")[at])
+    if code == _BAD_CRC:
+        wire, here = rows.column("crc_wire")[at], rows.column("crc_here")[at]
+        verdict = f"bad CRC {wire:04X}" if wire is not None else "bad CRC"
+        return " ".join(filter(None, [info, verdict + (f", computed {here:04X}" if here is not None else "")]))
+    return broken_words(
+        code,
+        len(rows.column("frame")[at]),
+        len(rows.column("payload")[at]),
+        None if rows.column("fd")[at] else rows.messages[at],
+        gap=bool(rows.column("anomaly")[at] & _TOGGLE),
+    )
+
+
+def broken_words(status: int, frames: int, size: int, message: Message | None, *, gap: bool) -> str:
+    """How far a broken transfer came; out of how many frames when its type has one length. `gap`: frames are missing."""
+    total = _frames_of(message)
+    if total is not None and frames < total:
+        progress = f"{frames} of {total} frames"
+    else:
+        progress = f"{frames} frame{'s' * (frames != 1)}, {size} byte{'s' * (size != 1)}"
+    if status == _TIMED_OUT:
+        return f"timed out after {progress}"
+    if status == _OPEN:
+        return f"capture ends after {progress}"
+    if status == _TOO_SHORT:
+        return f"too short for a CRC: {progress}"
+    return f"broken, {progress}" if gap else f"cut after {progress}"
+
+
+def _frames_of(message: Message | None) -> int | None:
+    """Frames of a classic CAN transfer, if the type has one length."""
+    if message is None or message.min_bytes != message.max_bytes:
+        return None
+    return 1 if message.max_bytes <= 7 else -(-(message.max_bytes + 2) // 7)
+
+

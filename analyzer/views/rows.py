@@ -1,0 +1,125 @@
+"""Transfers with what they carry: the rows of a batch, each with its type, its message row and its packets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+
+from analyzer.tables import KINDS, numbers
+from analyzer.views.cells import pylist
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from analyzer.engine import Batch
+    from dissectors import Registry
+    from dissectors.schema import Message, Packet
+
+UNRECOGNIZED = "unrecognized"
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Rows of one message or packet table that belong to picked transfers.
+
+    `of` is their layout and meaning, None for the bytes that no packet claims. `at[k]` is the position, among the
+    picked transfers, of the transfer that row k came from.
+    """
+
+    name: str
+    of: Message | Packet | None
+    table: pa.RecordBatch
+    at: list[int]
+
+
+class Rows:
+    """Some transfers of a batch, column by column.
+
+    Args:
+        batch: what the pipeline produced.
+        registry: the types it was decoded with.
+        picked: rows of `batch.transfers`, in the order to show; all if not given.
+
+    `messages` has each transfer's type, None when unknown. `typed` and `packets` are the tables of the types that
+    occur, cut to the picked transfers; a broken transfer has a type, but no row in them.
+    """
+
+    def __init__(self, batch: Batch, registry: Registry, picked: npt.NDArray[Any] | None = None) -> None:
+        total = len(batch.transfers)
+        self.batch = batch
+        self.picked = np.arange(total) if picked is None else np.asarray(picked, np.int64)
+        self._whole = len(self.picked) == total and bool((self.picked == np.arange(total)).all())
+        self._transfers = batch.transfers if self._whole else batch.transfers.take(pa.array(self.picked))
+        self._columns: dict[str, list[Any]] = {}
+        found, self.messages = self._types(registry)
+        self._where = np.full(total, -1)
+        self._where[self.picked] = np.arange(len(self.picked))
+        self.typed = [part for m in found for part in self._part(m.table, m)]
+        self.packets = [part for m in found if m.packets is not None for part in self._inside(m, registry)]
+
+    def __len__(self) -> int:
+        return len(self.picked)
+
+    def column(self, name: str) -> list[Any]:
+        """A column of `TRANSFERS`; times and gaps as integer nanoseconds."""
+        if name not in self._columns:
+            self._columns[name] = pylist(self._transfers.column(name))
+        return self._columns[name]
+
+    def array(self, name: str) -> npt.NDArray[Any]:
+        """A column of numbers as numpy, null cells with an arbitrary value."""
+        return numbers(self._transfers.column(name))
+
+    def first_frames(self) -> list[int]:
+        """Number of each transfer's first frame, from 1."""
+        return [frames[0] + 1 if frames else 0 for frames in self.column("frame")]
+
+    def inner(self) -> dict[int, list[tuple[int, Part, int]]]:
+        """The packets of each transfer that has some: (offset, part, row in it) in the order of their bytes."""
+        found: dict[int, list[tuple[int, Part, int]]] = {}
+        for part in self.packets:
+            for row, (at, offset) in enumerate(zip(part.at, pylist(part.table.column("offset")), strict=True)):
+                found.setdefault(at, []).append((offset, part, row))
+        for packets in found.values():
+            packets.sort(key=lambda packet: packet[0])
+        return found
+
+    def _types(self, registry: Registry) -> tuple[list[Message], list[Message | None]]:
+        codes = self.array("kind").astype(np.int64) << 16 | self.array("type_id")
+        unique, inverse = np.unique(codes, return_inverse=True)
+        known = [registry.message(int(code) >> 16, int(code) & 0xFFFF) for code in unique]
+        messages = {m.table: m for m in known if m is not None}
+        return list(messages.values()), [known[k] for k in inverse.tolist()]
+
+    def _part(self, name: str, of: Message | Packet | None) -> list[Part]:
+        table = self.batch.messages.get(name)
+        if table is None or not len(table):
+            return []
+        at = self._where[(numbers(table.column("transfer")) - np.uint64(self.batch.first_transfer)).astype(np.int64)]
+        if self._whole:
+            return [Part(name, of, table, at.tolist())]
+        rows = np.flatnonzero(at >= 0)
+        return [Part(name, of, table.take(pa.array(rows)), at[rows].tolist())] if rows.size else []
+
+    def _inside(self, message: Message, registry: Registry) -> list[Part]:
+        """Packets of the message's own kinds, then those that belong in another message, then unclaimed bytes."""
+        families = [m.packets for m in (message, *registry.carriers()) if m.packets is not None]
+        kinds = {packet.name: packet for family in reversed(families) for packet in family.packets}
+        parts = [self._part(f"{message.table}.{name}", packet) for name, packet in kinds.items()]
+        parts.append(self._part(f"{message.table}.{UNRECOGNIZED}", None))
+        return [part for some in parts for part in some]
+
+
+def short(name: str) -> str:
+    """The last word of a type's name."""
+    return name.rpartition(".")[2]
+
+
+def type_name(message: Message | None, kind: int, type_id: int) -> str:
+    """What a listing calls a type: its short name, or its number when unknown."""
+    if message is not None:
+        return short(message.name)
+    return f"{'service' if kind >= KINDS.index('request') else 'type'} {type_id}"

@@ -1,0 +1,118 @@
+"""Time columns as tshark's `-t` has them, from exact integer nanoseconds."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from analyzer.tables import raw_times
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pyarrow as pa
+
+    Time = int | None
+
+SECOND = 1_000_000_000
+
+MODES = {
+    "a": "time of day, local",
+    "ad": "date and time of day, local",
+    "d": "seconds since the previous transfer",
+    "dd": "seconds since the previous transfer shown",
+    "e": "seconds since 1970-01-01 00:00 UTC",
+    "r": "seconds since the first frame",
+    "u": "time of day, UTC",
+    "ud": "date and time of day, UTC",
+}
+_DAY = {"a": "%H:%M:%S", "u": "%H:%M:%S", "ad": "%Y-%m-%d %H:%M:%S", "ud": "%Y-%m-%d %H:%M:%S"}
+_HEADS = {"a": "Time", "u": "UTC", "ad": "Date and time", "ud": "Date and time UTC", "d": "Delta [s]", "dd": "Delta [s]"}
+
+
+class Clock:
+    """Writes times in one of `MODES`; keeps what the next batch needs.
+
+    Args:
+        mode: a key of `MODES`.
+        zero: nanoseconds that count as 0 in mode `r`; the first time seen if not given. Given, signs are always shown.
+        digits: decimals, 6 or 9; if not given, 9 when the first batch has times between microseconds.
+    """
+
+    def __init__(self, mode: str = "r", zero: Time = None, digits: int | None = None) -> None:
+        if mode not in MODES:
+            raise ValueError(f"no time format {mode!r} (one of: {', '.join(MODES)})")
+        self.mode = mode
+        self.zero = zero
+        self.digits = digits
+        self.signed = zero is not None
+        self._before: Time = None
+        self._shown: Time = None
+
+    @property
+    def head(self) -> str:
+        """Title of the column."""
+        return _HEADS.get(self.mode, "Time [s]")
+
+    def start(self, frames: pa.RecordBatch) -> None:
+        """Settles the zero and the decimals by the first frames of a capture; later calls change nothing."""
+        if self.zero is not None and self.digits is not None:
+            return
+        times = [t for t in raw_times(frames.column("t")) if t is not None]
+        if not times:
+            return
+        if self.zero is None:
+            self.zero = times[0]
+        if self.digits is None:
+            self.digits = 9 if any(t % 1000 for t in times) else 6
+
+    def column(self, times: Sequence[Time], picked: Sequence[int] | None = None) -> list[str]:
+        """Texts of the `picked` rows (all if not given) among the `times` of a batch's rows; "" without a time."""
+        rows = range(len(times)) if picked is None else picked
+        if self.mode == "d":
+            return self._since_previous(times, rows)
+        if self.mode == "dd":
+            return [self._since_shown(times[row]) for row in rows]
+        return [self.text(times[row]) for row in rows]
+
+    def text(self, t: Time) -> str:
+        """One time; a delta mode gives the seconds of `t` itself."""
+        if t is None:
+            return ""
+        if self.mode in _DAY:
+            second, ns = divmod(t, SECOND)
+            return f"{_day(second, _DAY[self.mode], self.mode[0] == 'u')}.{self._decimals(ns)}"
+        if self.mode == "r":
+            return self.seconds(t - (self.zero or 0), signed=self.signed)
+        return self.seconds(t)
+
+    def seconds(self, ns: int, *, signed: bool = False) -> str:
+        """Nanoseconds as decimal seconds, cut (never rounded up into the future) to the decimals in use."""
+        second, rest = divmod(abs(ns), SECOND)
+        sign = "-" if ns < 0 else "+" if signed else ""
+        return f"{sign}{second}.{self._decimals(rest)}"
+
+    def _decimals(self, ns: int) -> str:
+        return f"{ns:09d}" if self.digits == 9 else f"{ns // 1000:06d}"
+
+    def _since_previous(self, times: Sequence[Time], rows: Sequence[int]) -> list[str]:
+        gaps = list[int | None]()
+        for t in times:
+            gaps.append(None if t is None else 0 if self._before is None else t - self._before)
+            if t is not None:
+                self._before = t
+        return ["" if (gap := gaps[row]) is None else self.seconds(gap) for row in rows]
+
+    def _since_shown(self, t: Time) -> str:
+        if t is None:
+            return ""
+        before, self._shown = self._shown, t
+        return self.seconds(0 if before is None else t - before)
+
+
+@lru_cache(maxsize=256)
+def _day(second: int, form: str, utc: bool) -> str:
+    """Whole seconds as day and time; neighbouring rows share them."""
+    moment = datetime.fromtimestamp(second, UTC)
+    return (moment if utc else moment.astimezone()).strftime(form)

@@ -1,0 +1,249 @@
+"""`-V`: everything about one transfer as a tree, down to the bits of its values and where they came from."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from analyzer.tables import KINDS, STATUSES
+from analyzer.views.branches import Branch, branches, word_bits
+from analyzer.views.cells import pylist
+from analyzer.views.meaning import cells
+from analyzer.views.phrases import octets
+from analyzer.views.places import USUAL, Place, places, span
+from analyzer.views.rows import Part, Rows, type_name
+from analyzer.views.terminal import PLAIN, Palette, escape
+from analyzer.views.times import MODES, Clock
+from analyzer.views.wording import anomalies
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
+    import numpy.typing as npt
+
+    from analyzer.engine import Batch
+    from dissectors import Registry
+    from dissectors.schema import Message, Packet
+
+_REQUEST = KINDS.index("request")
+_ANONYMOUS = KINDS.index("anonymous")
+_STEP = "    "
+_ABOUT_PACKETS = ("offset", "packet_ok", "header_ok", "length_ok", "complete", "checksum_ok", "checksum_end")
+_ABOUT_COUNT = ("count_step", "count_step_id")
+
+
+class Tree:
+    """Writes the details of picked transfers.
+
+    Args:
+        registry: the types that the batches were decoded with.
+        clock: writes relative times.
+        palette: colours for a terminal.
+        only: tables (`ESCStatus`, `uavcan.protocol.GetNodeInfo.Response`) to show in full; all if empty. Of other
+            types only the first line is shown, as tshark's `-O` does.
+    """
+
+    def __init__(
+        self, registry: Registry, clock: Clock, palette: Palette = PLAIN, only: Collection[str] = ()
+    ) -> None:
+        self._registry = registry
+        self._clock = clock
+        self._palette = palette
+        self._only = frozenset(only)
+
+    def details(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[list[str]]:
+        """The lines of each picked transfer (all if not given), in order."""
+        self._clock.start(batch.frames)
+        rows = Rows(batch, self._registry, picked)
+        typed = {at: (part, k) for part in rows.typed for k, at in enumerate(part.at)}
+        inner = rows.inner()
+        values = _Values()
+        for at in range(len(rows)):
+            lines = [self._palette.paint("head", self._title(rows, at))]
+            message = rows.messages[at]
+            if not self._only or (message is not None and message.table in self._only):
+                lines += _indented(_identifier(rows, at))
+                lines += _indented(self._transfer(rows, at))
+                lines += self._content(rows, at, typed.get(at), inner.get(at, []), values)
+            yield lines
+
+    def _title(self, rows: Rows, at: int) -> str:
+        message, frames = rows.messages[at], rows.column("frame")[at]
+        name = type_name(message, rows.column("kind")[at], rows.column("type_id")[at])
+        bus = escape(rows.batch.buses[rows.column("bus")[at]])
+        numbers = ", ".join(str(frame + 1) for frame in frames[:8]) + (", ..." if len(frames) > 8 else "")
+        return f"{name} on {bus}, frame{'s' * (len(frames) != 1)} {numbers} ({len(frames)})"
+
+    def _transfer(self, rows: Rows, at: int) -> Iterator[str]:
+        def get(name: str) -> Any:
+            return rows.column(name)[at]
+
+        status = get("status")
+        yield f"Transfer: {STATUSES[status]}"
+        t, end, gap, step = get("t"), get("t_end"), get("gap"), get("step")
+        if t is None:
+            yield _STEP + "time: not recorded"
+        else:
+            yield f"{_STEP}time: {Clock('ad', digits=9).text(t)} ({MODES['ad'].rpartition(', ')[2]})"
+            since = Clock("r", self._clock.zero, digits=9)
+            yield f"{_STEP}since {'zero' if self._clock.signed else 'first frame'}: {since.text(t)} s"
+        if t is not None and end is not None:
+            yield f"{_STEP}took: {self._clock.seconds(end - t)} s"
+        if step is not None:
+            yield f"{_STEP}transfer ID step: +{step}" + (" (+1 is the rule)" if step != 1 else "")
+        if gap is not None:
+            yield f"{_STEP}since the previous one: {self._clock.seconds(gap)} s"
+        wire, here = get("crc_wire"), get("crc_here")
+        if wire is None:
+            yield _STEP + "CRC: none, a single frame has none" if len(get("frame")) < 2 else _STEP + "CRC: not known"
+        elif here is None:
+            yield f"{_STEP}CRC: {wire:04X}, not checked"
+        else:
+            yield f"{_STEP}CRC: {wire:04X}, computed {here:04X}: {'good' if wire == here else 'BAD'}"
+        for word in anomalies(get("anomaly"), step):
+            yield self._palette.paint("note", f"{_STEP}! {word}")
+
+    def _content(
+        self, rows: Rows, at: int, found: tuple[Part, int] | None, packets: list[tuple[int, Part, int]], values: _Values
+    ) -> Iterator[str]:
+        payload, message = rows.column("payload")[at], rows.messages[at]
+        if found is None or message is None:
+            what = "Payload, not decoded" if message is not None else "Payload of an unknown type"
+            yield f"{_STEP}{what}: {octets(payload, len(payload))}"
+            return
+        part, row = found
+        record = values.of(part, row)
+        where = places(message.layout, record.get, int(record.about["layout"])) if record.get is not None else []
+        yield f"{_STEP}Message {message.name}" + _aside(
+            message.full_name if message.full_name != message.name else "", _clause(message.clause)
+        )
+        yield from _warnings(record.about, len(payload))
+        yield from _draw(message, part, row, where, payload, values)
+        family = message.packets
+        data = span(where, family.field) if family is not None else None
+        for offset, inner, k in packets:
+            yield from _packet(inner, k, offset, data, payload, values)
+
+
+class _Record:
+    """One row: its own columns, and `get`, its values nested as the layout is."""
+
+    def __init__(self, part: Part, columns: dict[str, list[Any]], row: int) -> None:
+        self.about = {name: values[row] for name, values in columns.items()}
+        members = part.of.layout.fields if part.of is not None else ()
+        self.get = {m.name: self.about[m.name] for m in members if m.name} if part.of is not None else None
+
+
+class _Values:
+    """Columns of the parts seen, converted once for all their rows."""
+
+    def __init__(self) -> None:
+        self._columns: dict[int, dict[str, list[Any]]] = {}
+
+    def columns(self, part: Part) -> dict[str, list[Any]]:
+        if id(part) not in self._columns:
+            table = part.table
+            self._columns[id(part)] = {name: pylist(table.column(name)) for name in table.schema.names}
+        return self._columns[id(part)]
+
+    def of(self, part: Part, row: int) -> _Record:
+        return _Record(part, self.columns(part), row)
+
+    def cell(self, part: Part, row: int, column: str) -> Any:
+        columns = self.columns(part)
+        if column not in columns:
+            columns[column] = cells(part, column)
+        return columns[column][row]
+
+
+def _identifier(rows: Rows, at: int) -> Iterator[str]:
+    """The identifier's fields (4.1.2), rebuilt from the transfer; that of an anonymous one has bits that are not kept."""
+    kind, type_id = rows.column("kind")[at], rows.column("type_id")[at]
+    src, dst, priority = rows.column("src")[at], rows.column("dst")[at], rows.column("priority")[at]
+    name = type_name(rows.messages[at], kind, type_id)
+    if kind >= _REQUEST:
+        word = priority << 24 | type_id << 16 | (kind == _REQUEST) << 15 | (dst or 0) << 8 | 1 << 7 | src
+        fields = [
+            (24, 28, f"priority: {priority}"), (16, 23, f"service type: {type_id} ({name})"),
+            (15, 15, f"direction: {KINDS[kind]}"), (8, 14, f"destination node: {dst}"), (7, 7, "service: yes"),
+            (0, 6, f"source node: {src}"),
+        ]  # fmt: skip
+    else:
+        word = priority << 24 | type_id << 8 | src
+        of_type = [(8, 23, f"message type: {type_id} ({name})")]
+        if kind == _ANONYMOUS:
+            of_type = [(8, 9, f"message type: {type_id} ({name}), its low 2 bits")]
+        fields = [
+            (24, 28, f"priority: {priority}"), *of_type, (7, 7, "service: no"),
+            (0, 6, f"source node: {src}" + (" (anonymous)" if kind == _ANONYMOUS else "")),
+        ]  # fmt: skip
+    yield "Identifier" + (f" {word:08X}" if kind != _ANONYMOUS else ", anonymous: bits 10-23 are no part of the type")
+    for low, high, text in fields:
+        yield f"{_STEP}{word_bits(word, 29, low, high)} = {text}"
+
+
+def _packet(
+    part: Part, row: int, offset: int, data: Place | None, payload: bytes, values: _Values
+) -> Iterator[str]:
+    about = values.of(part, row).about
+    start = offset * 8 + (data.start if data is not None else 0)
+    pad = _STEP * 2
+    if part.of is None:
+        yield f"{pad}Unrecognised data from byte {start // 8 + 1}, {about['reason']}: {octets(about['data'], 255)}"
+        return
+    record = values.of(part, row).get
+    where = [Place(p.path, p.role, p.start + start, p.bits, p.type) for p in places(part.of.layout, record, USUAL)]
+    yield f"{pad}Packet {part.of.name}" + _aside(f"from byte {start // 8 + 1}", _clause(part.of.clause))
+    verdicts = [
+        ("header_ok", "header of this direction", "header of the OTHER direction"),
+        ("length_ok", "length good", "length BAD"),
+        ("complete", "", "cut off"),
+        ("checksum_ok", f"checksum good (bytes 1 to {about['checksum_end']})", "checksum BAD"),
+    ]
+    yield f"{pad}{_STEP}verdict: " + ", ".join(filter(None, (good if about[name] else bad for name, good, bad in verdicts)))
+    steps = [f"+{about[name]} {of}" for name, of in zip(_ABOUT_COUNT, ("for its unit", "for its unit and type"), strict=True)
+             if about[name] is not None]  # fmt: skip
+    if steps:
+        yield f"{pad}{_STEP}frame count step: {', '.join(steps)}"
+    yield from _draw(part.of, part, row, where, payload, values, depth=1)
+
+
+def _draw(
+    of: Message | Packet, part: Part, row: int, where: list[Place], payload: bytes, values: _Values, depth: int = 0
+) -> Iterator[str]:
+    def value(column: str) -> Any:
+        return values.cell(part, row, column)
+
+    for branch in branches(of, value, where, payload):
+        yield from _lines(branch, _STEP * (2 + depth))
+
+
+def _lines(branch: Branch, pad: str) -> Iterator[str]:
+    text = pad + branch.text
+    yield f"{text}{' ' * max(2, 60 - len(text))}{branch.where}".rstrip()
+    for below in branch.below:
+        yield from _lines(below, pad + _STEP)
+
+
+def _warnings(about: dict[str, Any], size: int) -> Iterator[str]:
+    left = about["bits_left"]
+    if left < 0:
+        yield f"{_STEP * 2}! {-left} bits are missing at the end of {size} bytes"
+    elif left >= 8:
+        yield f"{_STEP * 2}! {left // 8} bytes are left over"
+    if about["bad_tag"]:
+        yield _STEP * 2 + "! a union names a member that it does not have"
+    if about["pad_nonzero"]:
+        yield _STEP * 2 + "! padding is not zero"
+
+
+def _indented(lines: Iterator[str]) -> list[str]:
+    return [_STEP + line for line in lines]
+
+
+def _clause(clause: str) -> str:
+    return f"clause {clause}" if clause else ""
+
+
+def _aside(*texts: str) -> str:
+    said = ", ".join(filter(None, texts))
+    return f" ({said})" if said else ""

@@ -1,0 +1,235 @@
+"""Notes of a profile: what the tables `field` and `derived` say of one layout, checked against it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, cast
+
+from dissectors import template
+from dissectors.layout import Array, Compound, Primitive
+from dissectors.schema import Bits, Derived, Measure, Note, Piece, UnitBy
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from dissectors.layout import Type
+    from dissectors.toml_table import Table
+
+Enums = dict[str, dict[int, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class NoteReader:
+    """Reads the notes of messages and packets; `enums` are the profile's named enumerations."""
+
+    enums: Enums
+
+    def notes(self, table: Table, layout: Compound, clause: str) -> dict[str, Note]:
+        """The table `field`: a note for each field it names; a clause "no 5" is row 5 of the table in `clause`."""
+        result = {}
+        for name, body in table.tables("field"):
+            kind = layout.member(name)
+            if kind is None:
+                allowed = ", ".join(member.name for member in layout.fields if member.name)
+                body.fail(f"{layout.name} has no such field (allowed: {allowed})")
+            result[name] = self._note(body, kind, layout, clause)
+        return result
+
+    def derived(self, table: Table, layout: Compound, clause: str) -> dict[str, Derived]:
+        """The table `derived`: columns computed from one numeric field each, by name."""
+        result = {}
+        for name, body in table.tables("derived"):
+            source = body.string("source", required=True)
+            kind = _scalar(layout.member(source))
+            if kind is None or kind.kind == "bool":
+                body.fail(f"{source!r} is no number of {layout.name}", "source")
+            if layout.member(name) is not None or not name.isidentifier():
+                body.fail("a derived column needs a name of its own, a letter and then letters, digits or _")
+            result[name] = self._derived(name, source, body, clause)
+        return result
+
+    def summary(self, table: Table, layout: Compound, notes: Mapping[str, Note], derived: Mapping[str, Derived]) -> str:
+        """The table's `summary` template, with every column checked."""
+        text = table.string("summary")
+        known = {*columns(layout, notes), *derived}
+        try:
+            slots = template.parse(text)
+        except ValueError as error:
+            table.fail(str(error), "summary")
+        for slot in slots:
+            if slot.column and slot.column not in known:
+                table.fail(f"no column {slot.column!r} (allowed: {', '.join(sorted(known))})", "summary")
+        return text
+
+    def _note(self, body: Table, kind: Type, layout: Compound, clause: str) -> Note:
+        scalar = _scalar(kind)
+        clause = _clause(body, clause)
+        note = Note(
+            name=body.string("name"),
+            unit=body.string("unit"),
+            scale=body.scale("scale"),
+            enum=self._enum(body, "enum", scalar),
+            special=self._enum(body, "special", scalar),
+            parts=self._parts(body, kind, clause),
+            low=body.fraction("low"),
+            high=body.fraction("high"),
+            clause=clause,
+            text=body.flag("text"),
+            hex=body.flag("hex"),
+            unit_by=self._unit_by(body, layout),
+        )
+        body.finish()
+        if note.text and not (
+            isinstance(kind, Array) and scalar is not None and (scalar.kind, scalar.bits) == ("uint", 8)
+        ):
+            body.fail("only an array of uint8 can be text", "text")
+        for key in ("scale", "low", "high"):
+            if scalar is None and body.body.get(key) is not None:
+                body.fail("only a number has this", key)
+        _ordered(body)
+        return note
+
+    def _enum(self, body: Table, key: str, scalar: Primitive | None) -> dict[int, str]:
+        """Raw values with texts: the name of an enumeration of the profile, or a table of its own."""
+        if isinstance(body.body.get(key), str):
+            name = body.one_of(key, self.enums)
+            values = self.enums[name]
+        else:
+            values = body.texts(key)
+        if values and (scalar is None or scalar.kind == "float"):
+            body.fail("only a whole number has named values", key)
+        if scalar is not None and not all(_fits(value, scalar) for value in values):
+            body.fail(f"a value that {scalar.bits} bits cannot hold", key)
+        return values
+
+    def _parts(self, body: Table, kind: Type, clause: str) -> tuple[Bits, ...]:
+        parts: list[Bits] = []
+        taken: dict[int, str] = {}
+        for name in body.table("bits").body:
+            outer = body.table("bits")
+            if not isinstance(kind, Primitive) or kind.kind != "uint":
+                body.fail("only a single unsigned number has bit parts", "bits")
+            part = self._part(name, outer, clause)
+            if part.high >= kind.bits:
+                outer.fail(f"bit {part.high} is outside the field's {kind.bits} bits", name)
+            if not name.isidentifier():
+                outer.fail("a part's name is a letter and then letters, digits or _", name)
+            for bit in range(part.low, part.high + 1):
+                if bit in taken:
+                    outer.fail(f"bit {bit} belongs to {taken[bit]} already", name)
+                taken[bit] = name
+            parts.append(part)
+        return tuple(parts)
+
+    def _part(self, name: str, outer: Table, clause: str) -> Bits:
+        """`stall = 7` is a flag; `mode = { at = "12-15", enum = "Mode" }` is the long form."""
+        if isinstance(outer.body[name], int):
+            bit = outer.integer(name, 0, 63) or 0
+            return Bits(name, bit, bit, clause=clause)
+        body = outer.table(name)
+        at = body.string("at", required=True)
+        first, _, last = at.partition("-")
+        if not (first.isdecimal() and (last or first).isdecimal() and len(at) <= 5):
+            body.fail("bits are written '3' or '12-15'", "at")
+        low, high = int(first), int(last or first)
+        if low > high or high > 63:
+            body.fail("bits go from low to high, 63 at most", "at")
+        part = Bits(
+            name=name,
+            low=low,
+            high=high,
+            scale=body.scale("scale"),
+            unit=body.string("unit"),
+            enum=self._enum(body, "enum", Primitive("uint", high - low + 1)),
+            clause=body.string("clause") or clause,
+            tentative=body.flag("tentative"),
+            low_limit=body.fraction("low"),
+            high_limit=body.fraction("high"),
+        )
+        body.finish()
+        _ordered(body)
+        return part
+
+    def _unit_by(self, body: Table, layout: Compound) -> UnitBy | None:
+        """`unit_by.<field>`: for each raw value of that field how this one is read."""
+        tables = list(body.tables("unit_by"))
+        if not tables:
+            return None
+        if len(tables) > 1:
+            body.fail("the unit can follow one field only", "unit_by")
+        name, outer = tables[0]
+        kind = layout.member(name)
+        if not isinstance(kind, Primitive) or kind.kind != "uint":
+            outer.fail(f"{layout.name} has no unsigned field of this name")
+        measures = {}
+        for key in outer.body:
+            row = outer.table(key)
+            value = outer.number(key)
+            if not _fits(value, kind):
+                outer.fail(f"{value} does not fit in {kind.bits} bits", key)
+            measures[value] = Measure(
+                row.scale("scale"), row.string("unit"), row.string("meaning"), row.fraction("high")
+            )
+            row.finish()
+        return UnitBy(name, measures)
+
+    def _derived(self, name: str, source: str, body: Table, clause: str) -> Derived:
+        plain = Derived(name, source)
+        derived = Derived(
+            name=name,
+            source=source,
+            scale=body.scale("scale") or plain.scale,
+            offset=body.fraction("offset") or plain.offset,
+            pieces=tuple(self._pieces(body)),
+            unit=body.string("unit"),
+            clause=_clause(body, clause),
+            format=cast('Literal["", "date"]', body.one_of("format", ("date",))),
+        )
+        body.finish()
+        return derived
+
+    def _pieces(self, body: Table) -> Iterator[Piece]:
+        for row in body.rows("pieces"):
+            start, stop, add = row.fraction("start"), row.fraction("stop"), row.fraction("add")
+            row.finish()
+            if add is None:
+                row.fail("add is missing")
+            if start is not None and stop is not None and start >= stop:
+                row.fail("start must be below stop")
+            yield Piece(start, stop, add)
+
+
+def columns(layout: Compound, notes: Mapping[str, Note], prefix: str = "") -> Iterator[str]:
+    """The column names of a layout: each field, `field.part` and `field.member` of nested structures."""
+    for member in layout.fields:
+        if not member.name:
+            continue
+        path = f"{prefix}{member.name}"
+        yield path
+        yield from (f"{path}.{part.name}" for part in notes[path].parts) if path in notes else ()
+        inner = member.type.element if isinstance(member.type, Array) else member.type
+        if isinstance(inner, Compound):
+            yield from columns(inner, notes, f"{path}.")
+
+
+def _scalar(kind: Type | None) -> Primitive | None:
+    """The number that a field, or each element of it, is."""
+    inner = kind.element if isinstance(kind, Array) else kind
+    return inner if isinstance(inner, Primitive) else None
+
+
+def _clause(body: Table, table: str) -> str:
+    own = body.string("clause")
+    return f"{table} {own}" if own.startswith("no ") else own
+
+
+def _fits(value: int, kind: Primitive) -> bool:
+    if kind.kind == "int":
+        return -(1 << kind.bits - 1) <= value < 1 << kind.bits - 1
+    return 0 <= value < 1 << kind.bits
+
+
+def _ordered(body: Table) -> None:
+    low, high = body.fraction("low"), body.fraction("high")
+    if low is not None and high is not None and low > high:
+        body.fail("low is above high", "low")

@@ -1,0 +1,82 @@
+"""Packets inside packets: the tables `packets` and `packet` of a message, each packet's layout being a DSDL file.
+
+`packets` says what all packets of the message have in common, notes of fields and derived columns included.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dissectors.layout import Array, Compound
+from dissectors.namespace import Namespace
+from dissectors.schema import Packet, PacketFamily
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from dissectors.notes import NoteReader
+    from dissectors.toml_table import Table
+
+MAX_PACKET = 255
+
+
+def family(table: Table, name: str, layout: Compound, folder: Path, reader: NoteReader) -> PacketFamily | None:
+    """The packets of a message called `name`, None if it has none."""
+    head = table.table("packets")
+    bodies = list(table.tables("packet"))
+    if not head.body and not bodies:
+        return None
+    field = head.string("carrier", required=True)
+    carrier = layout.member(field)
+    if not isinstance(carrier, Array) or (carrier.element.min_bits, carrier.element.max_bits) != (8, 8):
+        head.fail(f"{field!r} is no byte array of {name}", "carrier")
+    header = bytes(head.integers("header", 0, 255))
+    at = [head.integer(key, 0, MAX_PACKET - 1) for key in ("id_at", "count_at", "unit_at", "length_at")]
+    for key in ("field", "derived"):
+        head.table(key)
+    head.finish()
+    if not header or None in at:
+        head.fail("header, id_at, count_at, unit_at and length_at are all needed")
+    id_at, count_at, unit_at, length_at = (place or 0 for place in at)
+    packets = [_packet(body, head, folder, reader) for _, body in bodies]
+    for number, packet in enumerate(packets):
+        body = bodies[number][1]
+        if packet.length <= max(id_at, count_at, unit_at, length_at, len(header)):
+            body.fail("shorter than what every packet of the family starts with", "dsdl")
+        if packet.id in {other.id for other in packets[:number]}:
+            body.fail(f"a second packet with this id: {packet.id:#04x}", "id")
+    return PacketFamily(field, header, id_at, count_at, unit_at, length_at, tuple(packets))
+
+
+def _packet(table: Table, head: Table, folder: Path, reader: NoteReader) -> Packet:
+    _, carrier, _, name = table.path
+    path = folder / table.string("dsdl", required=True)
+    if not path.is_file():
+        table.fail(f"no such file: {path}", "dsdl")
+    files = Namespace()
+    files.add(path, f"packets.{name}")
+    compiled = files.compile(f"packets.{name}")
+    layout = replace(compiled.layouts[0], name=f"{carrier}.{name}")
+    length = layout.max_bits // 8
+    if compiled.service or layout.min_bits != layout.max_bits or layout.max_bits % 8 or not 1 < length <= MAX_PACKET:
+        table.fail(f"a packet is 2 to {MAX_PACKET} whole bytes of fixed size", "dsdl")
+    identity = table.integer("id", 0, 255)
+    if identity is None:
+        table.fail("id is missing")
+    clause = table.string("clause")
+    notes = reader.notes(head, layout, clause) | reader.notes(table, layout, clause)
+    derived = reader.derived(head, layout, clause) | reader.derived(table, layout, clause)
+    packet = Packet(
+        name=name,
+        id=identity,
+        length=length,
+        layout=layout,
+        notes=notes,
+        derived=tuple(derived.values()),
+        clause=clause,
+        checksum_ends=table.integers("checksum_ends", 1, length - 1) or (length - 1,),
+        summary=reader.summary(table, layout, notes, derived),
+    )
+    table.finish()
+    return packet

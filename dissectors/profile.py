@@ -1,0 +1,231 @@
+"""A dissector folder: `profile.toml` onto DSDL, each message built when it is asked for.
+
+With a profile the folder offers the messages it lists and every type of its `tree`; without one, every definition
+file in the folder (`Profile.open`). Errors are `ProfileError` or `DsdlError`, both with file and line.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dissectors import packets
+from dissectors.layout import Array, Compound
+from dissectors.namespace import Compiled, Namespace
+from dissectors.notes import NoteReader, columns
+from dissectors.schema import Dissector, Evidence, Message, Reading
+from dissectors.toml_table import ProfileError, Table, read
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.schema import MessageKind, Note
+
+__all__ = ["KINDS", "Offer", "Profile", "ProfileError"]
+
+KINDS: tuple[MessageKind, ...] = ("message", "request", "response")
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A type that a folder decodes, before anything of it is compiled. `name` is what it is called in tables."""
+
+    name: str
+    full_name: str
+    type_id: int
+    service: bool
+
+
+class Profile:
+    """One folder, read: its name and version, the types it offers and, on demand, their messages."""
+
+    def __init__(self, folder: Path, table: Table, parent: Namespace | None) -> None:
+        self.folder = folder
+        self.table = table
+        self.name = table.string("name") or folder.name
+        self.version = table.string("version")
+        self.namespace = Namespace(parent)
+        self.reader = NoteReader({name: table.table("enum").texts(name) for name in table.table("enum").body})
+        self._names: dict[str, str] = {}  # full type name -> name in tables
+        self._built: dict[tuple[MessageKind, str], Message] = {}
+        self._add_tree(table)
+        for kind in KINDS:
+            for name, body in table.tables(kind):
+                self._list(name, body)
+        for name, body in table.tables("type"):
+            if not self.namespace.knows(name):
+                body.fail(f"no definition file for {name}")
+        table.finish()
+
+    @classmethod
+    def open(cls, folder: Path, parent: Namespace | None = None) -> Profile:
+        """Reads a folder; nested types that it does not define are looked up in `parent`."""
+        path = folder / "profile.toml"
+        if path.is_file():
+            return cls(folder, read(path), parent)
+        if not folder.is_dir():
+            raise ProfileError(str(folder), 1, "no such folder")
+        return cls(folder, Table(str(path), "", (), {"tree": "."}), parent)
+
+    def find(self, type_id: int, *, service: bool) -> str | None:
+        """The full name of the offered type with this ID."""
+        entry = self.namespace.find(type_id, service=service)
+        return entry.full_name if entry else None
+
+    def offers(self) -> Iterator[Offer]:
+        """Every offered type that has an ID; reads, but does not compile, the files of possible services."""
+        for entries in self.namespace.by_id.values():
+            for entry in entries:
+                service = self.namespace.is_service(entry)
+                name = self._names.get(entry.full_name, entry.full_name)
+                yield Offer(name, entry.full_name, entry.type_id or 0, service)
+
+    def aliases(self, full_name: str) -> tuple[str, ...]:
+        """Other names that a message of this profile answers to."""
+        return self.table.table("message").table(self._names.get(full_name, full_name)).strings("aliases")
+
+    def signature(self, full_name: str) -> int:
+        """The data type signature of an offered type."""
+        return self.namespace.compile(full_name).signature
+
+    def message(self, kind: MessageKind, full_name: str) -> Message:
+        """The message with its notes, built once."""
+        key = (kind, full_name)
+        if key not in self._built:
+            self._built[key] = self._build(kind, self.namespace.compile(full_name))
+        return self._built[key]
+
+    def carriers(self) -> Iterator[Message]:
+        """The messages that carry packets; only these are built."""
+        for name, body in self.table.tables("message"):
+            if "packets" in body.body:
+                yield self.message("message", body.string("type") or name)
+
+    def dissector(self) -> Dissector:
+        """Everything the folder offers, compiled and checked: the first mistake in any file is raised."""
+        built = [
+            self.message(kind, offer.full_name)
+            for offer in self.offers()
+            for kind in (KINDS[1:] if offer.service else KINDS[:1])
+        ]
+        self._check_listed()
+        return Dissector(self.name, self.version, tuple(built))
+
+    def _add_tree(self, table: Table) -> None:
+        """`tree` is a folder of definition files here, `package` one in an installed package, which is not imported."""
+        package, tree = table.string("package"), table.string("tree")
+        if package:
+            top, _, below = package.partition("/")
+            spec = importlib.util.find_spec(top) if top.isidentifier() else None
+            if spec is None or not spec.submodule_search_locations:
+                table.fail(f"no installed package {top!r}", "package")
+            self.namespace.add_tree(Path(spec.submodule_search_locations[0]) / below)
+        if tree:
+            folder = (self.folder / tree).resolve()
+            if not folder.is_dir():
+                table.fail(f"no such folder: {folder}", "tree")
+            # Files that lie in the folder itself are in the namespace that the folder is called.
+            own = any(child.suffix == ".uavcan" for child in folder.iterdir())
+            self.namespace.add_tree(folder, folder.name if own else "")
+
+    def _list(self, name: str, body: Table) -> None:
+        full_name = body.string("type") or name
+        file = body.string("dsdl")
+        if file:
+            path = self.folder / file
+            if not path.is_file():
+                body.fail(f"no such file: {path}", "dsdl")
+            self.namespace.add(path, full_name)
+        elif full_name not in self.namespace.entries:
+            body.fail(f"no definition file for {full_name}: give it with dsdl, or a tree that holds it")
+        self._names[full_name] = name
+
+    def _check_listed(self) -> None:
+        """A table of the wrong kind would never be used."""
+        for kind in KINDS:
+            for name, body in self.table.tables(kind):
+                entry = self.namespace.entries[body.string("type") or name]
+                if entry.type_id is None:
+                    body.fail("the definition file has no data type ID in its name")
+                if self.namespace.is_service(entry) != (kind != "message"):
+                    body.fail(f"{entry.full_name} is a {'message' if kind != 'message' else 'service'}")
+        for name, body in self.table.tables("type"):
+            self.reader.notes(body, self.namespace.compile(name).layouts[0], body.string("clause"))
+            body.finish()
+
+    def _build(self, kind: MessageKind, compiled: Compiled) -> Message:
+        layout = compiled.layouts[max(0, KINDS.index(kind) - 1)]
+        name = self._names.get(compiled.full_name, compiled.full_name)
+        table = self.table.table(kind).table(name)
+        clause = table.string("clause")
+        notes = self._notes(table, layout, clause)
+        derived = self.reader.derived(table, layout, clause)
+        message = Message(
+            name=name,
+            full_name=compiled.full_name,
+            kind=kind,
+            type_id=compiled.type_id or 0,
+            signature=compiled.signature,
+            layout=layout,
+            notes=notes,
+            derived=tuple(derived.values()),
+            packets=packets.family(table, name, layout, self.folder, self.reader),
+            prefix=table.flag("prefix"),
+            readings=tuple(self._readings(table, layout, notes)),
+            clause=clause,
+            summary=self.reader.summary(table, layout, notes, derived),
+            aliases=table.strings("aliases"),
+        )
+        for key in ("type", "dsdl"):
+            table.string(key)
+        table.finish()
+        return message
+
+    def _notes(self, table: Table, layout: Compound, clause: str) -> dict[str, Note]:
+        """The message's own notes and, under `field.member`, those of the types nested in it."""
+        notes = self.reader.notes(table, layout, clause)
+        for member in layout.fields:
+            inner = member.type.element if isinstance(member.type, Array) else member.type
+            if isinstance(inner, Compound):
+                about = self._about(inner)
+                nested = self._notes(about, inner, about.string("clause"))
+                notes |= {f"{member.name}.{path}": note for path, note in nested.items()}
+        return notes
+
+    def _about(self, nested: Compound) -> Table:
+        """What the profile says of a type wherever it is nested: its table in `type`, or in `message`."""
+        for kind in ("type", "message"):
+            if nested.name in self.table.table(kind).body:
+                return self.table.table(kind).table(nested.name)
+        return Table(self.table.file, "", (), {})
+
+    def _readings(self, table: Table, layout: Compound, notes: dict[str, Note]) -> Iterator[Reading]:
+        known = set(columns(layout, notes))
+        for name, body in table.tables("reading"):
+            choices = body.strings("choices")
+            field = body.string("field", required=True)
+            if field not in known:
+                body.fail(f"no field {field!r}", "field")
+            evidence = tuple(self._evidence(row, choices, known) for row in body.rows("evidence"))
+            if len(choices) < 2 or not evidence:
+                body.fail("a reading has two or more choices, and evidence")
+            yield Reading(name, field, choices, evidence, body.one_of("otherwise", choices), body.string("clause"))
+            body.finish()
+
+    def _evidence(self, row: Table, choices: tuple[str, ...], known: set[str]) -> Evidence:
+        found = Evidence(
+            choice=row.one_of("choice", choices),
+            field=row.one_of("field", sorted(known)),
+            low=row.fraction("low"),
+            stop=row.fraction("stop"),
+            every=row.flag("every"),
+            sends=row.strings("sends"),
+        )
+        row.finish()
+        if not found.choice or bool(found.field) == bool(found.sends):
+            row.fail("evidence names a choice, and either a field or the messages that a node sends")
+        if not set(found.sends) <= self.table.table("message").body.keys():
+            row.fail("not a message of this profile", "sends")
+        return found

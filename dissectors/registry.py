@@ -1,0 +1,135 @@
+"""All dissectors that are in use, asked by ID or by name."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dissectors.profile import KINDS, Profile, ProfileError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from dissectors.namespace import Namespace
+    from dissectors.schema import Message, MessageKind
+
+GROUP = "analyzer.dissectors"
+
+_HERE = Path(__file__).parent
+
+
+class UnknownNameError(LookupError):
+    """A name that no message has, or that several have; `candidates` are the names of tables to choose from."""
+
+    def __init__(self, name: str, candidates: tuple[str, ...], *, several: bool) -> None:
+        reason = f"{name!r} is ambiguous" if several else f"no message is called {name!r}"
+        super().__init__(
+            f"{reason} ({'one of' if several else 'near'}: {', '.join(candidates)})" if candidates else reason
+        )
+        self.candidates = candidates
+
+
+class Registry:
+    """Folders in order of precedence: for an ID or a name that two of them have, the first one holds."""
+
+    def __init__(self, profiles: Sequence[Profile]) -> None:
+        self.profiles = tuple(profiles)
+        self._found: dict[tuple[bool, int], tuple[Profile, str] | None] = {}
+
+    def signature(self, service: int, type_id: int) -> int | None:
+        """The signature of a message (`service` 0) or service (1) ID, None if unknown; fit for the native engine."""
+        found = self._find(type_id, service=bool(service))
+        return found[0].signature(found[1]) if found else None
+
+    def message(self, kind: int, type_id: int) -> Message | None:
+        """The message of an ID, None if unknown. `kind` is 0 message, 1 anonymous, 2 request or 3 response."""
+        found = self._find(type_id, service=kind >= 2)
+        return found[0].message(KINDS[max(0, kind - 1)], found[1]) if found else None
+
+    def carriers(self) -> tuple[Message, ...]:
+        """Every message that carries packets, of all folders."""
+        return tuple(message for profile in self.profiles for message in profile.carriers())
+
+    def names(self) -> tuple[str, ...]:
+        """Every table name that `resolve` knows, sorted."""
+        return tuple(sorted(self._tables))
+
+    def resolve(self, name: str) -> Message:
+        """The message of a table name, full type name, alias or the end of one (`NodeStatus`, `esc.Status`).
+
+        An exact name wins over an end, and capitals matter only where they decide. Raises `UnknownNameError`.
+        """
+        lower = name.lower()
+        ends: tuple[Callable[[str], bool], ...] = (
+            lambda known: known == name,
+            lambda known: known.endswith(f".{name}"),
+            lambda known: known.lower() == lower or known.lower().endswith(f".{lower}"),
+        )
+        for matches in ends:
+            tables = sorted({table for known, table in self._known if matches(known)})
+            if len(tables) == 1:
+                profile, kind, full_name = self._tables[tables[0]]
+                return profile.message(kind, full_name)
+            if tables:
+                raise UnknownNameError(name, tuple(tables), several=True)
+        import difflib  # noqa: PLC0415 - costs 4 ms that only a mistyped name is worth
+
+        near = difflib.get_close_matches(name, [known.rpartition(".")[2] for known, _ in self._known], n=3)
+        raise UnknownNameError(name, tuple(dict.fromkeys(near)), several=False)
+
+    def _find(self, type_id: int, *, service: bool) -> tuple[Profile, str] | None:
+        key = (service, type_id)
+        if key not in self._found:
+            matches = ((profile, profile.find(type_id, service=service)) for profile in self.profiles)
+            self._found[key] = next(((profile, name) for profile, name in matches if name), None)
+        return self._found[key]
+
+    @cached_property
+    def _tables(self) -> dict[str, tuple[Profile, MessageKind, str]]:
+        """Where each table comes from; a type that another one with its ID hides is left out."""
+        tables: dict[str, tuple[Profile, MessageKind, str]] = {}
+        for profile in self.profiles:
+            for offer in profile.offers():
+                if self._find(offer.type_id, service=offer.service) == (profile, offer.full_name):
+                    for kind in KINDS[1:] if offer.service else KINDS[:1]:
+                        name = f"{offer.name}.{kind.capitalize()}" if offer.service else offer.name
+                        tables.setdefault(name, (profile, kind, offer.full_name))
+        return tables
+
+    @cached_property
+    def _known(self) -> tuple[tuple[str, str], ...]:
+        """Every name that can be asked for, with its table; the name of a service stands for both of its halves."""
+        known = []
+        for table, (profile, kind, full_name) in self._tables.items():
+            names = (table, full_name, *(profile.aliases(full_name) if kind == "message" else ()))
+            known += [(name, table) for name in names]
+        return tuple(known)
+
+
+def load(extra: Sequence[Path] = ()) -> Registry:
+    """The dissectors of `extra` folders, of installed packages and of this package, in that order of precedence.
+
+    An installed package offers a folder by an entry point of the group `analyzer.dissectors` whose value is its path.
+    The folders in `extra` are compiled at once, so that their mistakes show here (`ProfileError`, `DsdlError`); all
+    others are compiled when a type of theirs is asked for. No file outside these folders is read.
+    """
+    standard = Profile.open(_HERE / "dronecan")
+    profiles = [Profile.open(Path(folder), standard.namespace) for folder in extra]
+    for profile in profiles:
+        profile.dissector()
+    profiles += _installed(standard.namespace)
+    return Registry([*profiles, Profile.open(_HERE / "tmotor", standard.namespace), standard])
+
+
+def _installed(parent: Namespace) -> list[Profile]:
+    from importlib.metadata import entry_points  # noqa: PLC0415 - costs 15 ms, more than all else here
+
+    profiles = []
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        try:
+            folder = Path(entry.load())
+        except (ImportError, AttributeError, TypeError) as error:
+            raise ProfileError(f"{GROUP}: {entry.name}", 1, f"{entry.value} gives no folder: {error}") from None
+        profiles.append(Profile.open(folder, parent))
+    return profiles
