@@ -94,8 +94,17 @@ def scaled(array: pa.Array, scale: Fraction, offset: Fraction | int = 0) -> pa.A
     """raw * scale + offset as float64, exact where the result has few decimals; lists element by element."""
     if pa.types.is_list(array.type):
         return _relist(array, scaled(array.values, scale, offset))
-    values = numbers(array).astype(np.float64) * scale.numerator / scale.denominator
-    return _masked(values + float(offset) if offset else values, array)
+    return _masked(linear(numbers(array), scale, offset), array)
+
+
+def linear(raw: npt.NDArray[Any], scale: Fraction, offset: Fraction | int = 0) -> npt.NDArray[np.float64]:
+    """raw * scale + offset; multiplied first, so that hundredths come out as the nearest float."""
+    values = np.multiply(raw, float(scale.numerator), dtype=np.float64)
+    if scale.denominator != 1:
+        values /= scale.denominator
+    if offset:
+        values += float(offset)
+    return values
 
 
 def as_text(array: pa.Array) -> pa.Array:
@@ -126,7 +135,7 @@ def _part(name: str, word: pa.Array, part: Bits) -> tuple[pa.Field, pa.Array]:
     value = (raw >> raw.dtype.type(part.low)) & raw.dtype.type((1 << part.width) - 1)
     array: pa.Array
     if part.scale is not None:
-        array = _masked(value.astype(np.float64) * part.scale.numerator / part.scale.denominator, word)
+        array = _masked(linear(value, part.scale), word)
     elif part.flag:
         array = _masked(value.astype(bool), word)
     else:
@@ -170,8 +179,8 @@ def _derive(source: pa.Array, rule: Derived, note: Note | None) -> tuple[pa.Fiel
 
 def _converted(source: pa.Array, rule: Derived, special: tuple[int, ...]) -> pa.Array:
     raw = numbers(source)
-    values = raw.astype(np.float64) * rule.scale.numerator / rule.scale.denominator + float(rule.offset)
-    todo = np.ones(len(values), bool)
+    values = linear(raw, rule.scale, rule.offset)
+    todo = np.ones(len(values) if rule.pieces else 0, bool)
     for piece in rule.pieces:
         low = -np.inf if piece.start is None else float(piece.start)
         high = np.inf if piece.stop is None else float(piece.stop)

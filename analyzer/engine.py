@@ -82,7 +82,8 @@ class Engine:
         """Everything that is known now; open transfers stay open."""
         frames, transfers, events, settled, groups = self._native.take()
         t = wrap(TRANSFERS, transfers)
-        messages = self._messages.decode(t, groups, self._transfers)
+        payload = (transfers["payload_offset"], transfers["payload"])
+        messages = self._messages.decode(t, payload, groups, self._transfers)
         batch = Batch(
             frames=wrap(FRAMES, frames),
             transfers=t,

@@ -86,14 +86,14 @@ class Messages:
         self._finder: PacketFinder | None = None
 
     def decode(
-        self, transfers: pa.RecordBatch, groups: Iterable[tuple[bool, int, bytes]], first_row: int
-    ) -> dict[str, pa.RecordBatch]:
-        """The tables of every known type in `transfers`; `groups` are its rows by (service, type ID)."""
-        if not len(transfers):
-            return {}
+        self, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], groups: Iterable[tuple[bool, int, bytes]],
+        first_row: int,
+    ) -> dict[str, pa.RecordBatch]:  # fmt: skip
+        """The tables of every known type in `transfers`.
+
+        `payload` is that of all rows, as i32 offsets and bytes; `groups` are the rows by (service, type ID).
+        """
         out: dict[str, pa.RecordBatch] = {}
-        _, offsets, data = transfers.column("payload").buffers()
-        payload = (offsets.to_pybytes(), data.to_pybytes() if data is not None else b"")
         kinds = numbers(transfers.column("kind"))
         for service, type_id, picked in groups:
             rows = np.frombuffer(picked, np.uint32)

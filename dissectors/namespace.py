@@ -88,8 +88,12 @@ class Namespace:
         return entry
 
     def add_tree(self, folder: Path, prefix: str = "") -> None:
-        """Makes every definition file below `folder` known, folder names being namespaces under `prefix`."""
-        for path in _definitions(folder):
+        """Makes every definition file below `folder` known, folder names being namespaces under `prefix`.
+
+        A file that was added under another name keeps that one.
+        """
+        added = {entry.path for entry in self.entries.values()}
+        for path in (path for path in _definitions(folder) if path not in added):
             match = _FILE.fullmatch(path.name)
             folders = ".".join(path.relative_to(folder).parts[:-1])
             self.add(path, ".".join(filter(None, (prefix, folders, match[2] if match else path.name))))

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 Enums = dict[str, dict[int, str]]
 
+_NO_NOTE = Note()
+
 
 @dataclass(frozen=True, slots=True)
 class NoteReader:
@@ -51,7 +53,8 @@ class NoteReader:
     def summary(self, table: Table, layout: Compound, notes: Mapping[str, Note], derived: Mapping[str, Derived]) -> str:
         """The table's `summary` template, with every column checked."""
         text = table.string("summary")
-        known = {*columns(layout, notes), *derived}
+        known: dict[str, int | float | str] = dict(columns(layout, notes))
+        known |= {name: "text" if column.format else 1.5 for name, column in derived.items()}
         try:
             slots = template.parse(text)
         except ValueError as error:
@@ -59,6 +62,8 @@ class NoteReader:
         for slot in slots:
             if slot.column and slot.column not in known:
                 table.fail(f"no column {slot.column!r} (allowed: {', '.join(sorted(known))})", "summary")
+            if slot.column and not slot.fits(known[slot.column]):
+                table.fail(f"the format {slot.format!r} does not suit {slot.column}", "summary")
         return text
 
     def _note(self, body: Table, kind: Type, layout: Compound, clause: str) -> Note:
@@ -199,17 +204,26 @@ class NoteReader:
             yield Piece(start, stop, add)
 
 
-def columns(layout: Compound, notes: Mapping[str, Note], prefix: str = "") -> Iterator[str]:
-    """The column names of a layout: each field, `field.part` and `field.member` of nested structures."""
+def columns(layout: Compound, notes: Mapping[str, Note], prefix: str = "") -> Iterator[tuple[str, int | float | str]]:
+    """The columns of a layout with a sample value: fields, `field.part` and `field.member` of nested structures."""
     for member in layout.fields:
         if not member.name:
             continue
         path = f"{prefix}{member.name}"
-        yield path
-        yield from (f"{path}.{part.name}" for part in notes[path].parts) if path in notes else ()
+        note = notes.get(path, _NO_NOTE)
+        yield path, _sample(member.type, note)
+        for part in note.parts:
+            yield f"{path}.{part.name}", "text" if part.enum else 1 if part.scale is None else 1.5
         inner = member.type.element if isinstance(member.type, Array) else member.type
         if isinstance(inner, Compound):
             yield from columns(inner, notes, f"{path}.")
+
+
+def _sample(kind: Type, note: Note) -> int | float | str:
+    scalar = _scalar(kind)
+    if scalar is None or note.enum or note.text:
+        return "text"
+    return 1.5 if scalar.kind == "float" or note.scale is not None else 1
 
 
 def _scalar(kind: Type | None) -> Primitive | None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dissectors import packets
+from dissectors.dsdl import DsdlError
 from dissectors.layout import Array, Compound
 from dissectors.namespace import Compiled, Namespace
 from dissectors.notes import NoteReader, columns
@@ -50,10 +51,15 @@ class Profile:
         self.reader = NoteReader({name: table.table("enum").texts(name) for name in table.table("enum").body})
         self._names: dict[str, str] = {}  # full type name -> name in tables
         self._built: dict[tuple[MessageKind, str], Message] = {}
+        listed = [(name, body) for kind in KINDS for name, body in table.tables(kind)]
+        for name, body in listed:
+            self._add_file(name, body)
         self._add_tree(table)
-        for kind in KINDS:
-            for name, body in table.tables(kind):
-                self._list(name, body)
+        for name, body in listed:
+            full_name = body.string("type") or name
+            if full_name not in self.namespace.entries:
+                body.fail(f"no definition file for {full_name}: give it with dsdl, or a tree that holds it")
+            self._names[full_name] = name
         for name, body in table.tables("type"):
             if not self.namespace.knows(name):
                 body.fail(f"no definition file for {name}")
@@ -130,20 +136,22 @@ class Profile:
             own = any(child.suffix == ".uavcan" for child in folder.iterdir())
             self.namespace.add_tree(folder, folder.name if own else "")
 
-    def _list(self, name: str, body: Table) -> None:
-        full_name = body.string("type") or name
+    def _add_file(self, name: str, body: Table) -> None:
         file = body.string("dsdl")
         if file:
-            path = self.folder / file
+            path = (self.folder / file).resolve()
             if not path.is_file():
                 body.fail(f"no such file: {path}", "dsdl")
-            self.namespace.add(path, full_name)
-        elif full_name not in self.namespace.entries:
-            body.fail(f"no definition file for {full_name}: give it with dsdl, or a tree that holds it")
-        self._names[full_name] = name
+            self.namespace.add(path, body.string("type") or name)
 
     def _check_listed(self) -> None:
-        """A table of the wrong kind would never be used."""
+        """Two types with one ID, or a table of the wrong kind: one of them would never be used."""
+        taken: dict[tuple[int, bool], str] = {}
+        for offer in self.offers():
+            other = taken.setdefault((offer.type_id, offer.service), offer.full_name)
+            if other != offer.full_name:
+                path = self.namespace.entries[offer.full_name].path
+                raise DsdlError(str(path), 0, f"{other} has the data type ID {offer.type_id} already")
         for kind in KINDS:
             for name, body in self.table.tables(kind):
                 entry = self.namespace.entries[body.string("type") or name]
@@ -202,7 +210,7 @@ class Profile:
         return Table(self.table.file, "", (), {})
 
     def _readings(self, table: Table, layout: Compound, notes: dict[str, Note]) -> Iterator[Reading]:
-        known = set(columns(layout, notes))
+        known = {name for name, _ in columns(layout, notes)}
         for name, body in table.tables("reading"):
             choices = body.strings("choices")
             field = body.string("field", required=True)

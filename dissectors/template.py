@@ -1,7 +1,7 @@
 """Summary templates: one line of text about a message, with its columns filled in.
 
 `{column}` or `{column:format}`, where a column is a field, `field.part` or a derived name, and the format is Python's
-for numbers. An enumeration prints its text; a list prints its elements joined by blanks.
+for numbers. An enumeration and a special value print their text; a list prints its elements joined by blanks.
 """
 
 from __future__ import annotations
@@ -22,6 +22,15 @@ class Slot:
     text: str
     column: str
     format: str
+
+    def fits(self, sample: float | str) -> bool:
+        """Whether `format` can be applied to a value of this kind; a text takes none."""
+        if isinstance(sample, str):
+            return not self.format
+        try:
+            return bool(format(sample, self.format))
+        except ValueError:
+            return False
 
 
 def parse(template: str) -> tuple[Slot, ...]:

@@ -183,7 +183,7 @@ def parse(data: bytes, file: str) -> Table:
 
 def _line(text: str, path: tuple[str, ...]) -> int:
     """The 1-based line where `path` is written; for a key inside an inline table, the line of that table."""
-    best, best_line = -1, 1
+    best, best_line = 0, 1
     table: tuple[str, ...] = ()
     for number, line in enumerate(text.splitlines(), 1):
         start = line.lstrip()
@@ -191,8 +191,9 @@ def _line(text: str, path: tuple[str, ...]) -> int:
             here = table = _keys(start.lstrip("["))
         else:
             here = (*table, *_keys(start)) if _KEY.match(start) and "=" in start else ()
-        if here == path[: len(here)] and len(here) > best and here:
-            best, best_line = len(here), number
+        common = min(len(here), len(path))
+        if here[:common] == path[:common] and common > best:
+            best, best_line = common, number
     return best_line
 
 

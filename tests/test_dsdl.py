@@ -139,7 +139,7 @@ def test_services_directives_comments_and_line_ends() -> None:
         ("float16 A = 1e9", 1, "float16"),
         ("float64 A = 1e999", 1, "float64"),
         ("uint8 A = 1e999", 1, "whole number"),
-        ("uint8 A = 2 + 2", 1, "nothing may follow"),
+        ("uint8 A = 2 + 2", 1, "not understood"),
         ("uint8 A = B", 1, "one literal"),
         ("uint8 A =", 1, "a value is expected"),
         ("uint64 A = " + "9" * 81, 1, "80 digits"),
@@ -166,12 +166,18 @@ def test_errors_say_file_line_and_reason(text: str, line: int, reason: str) -> N
     assert str(caught.value) == f"acme/Thing.uavcan:{line}: {caught.value.reason}"
 
 
+def parse_or_line(text: str) -> int:
+    """The line of the error, 0 if the text is a definition."""
+    try:
+        assert len(dsdl.parse(text, "x").sections) in (1, 2)
+    except DsdlError as error:
+        return error.line
+    return 0
+
+
 @given(st.text())
 def test_arbitrary_text_gives_a_definition_or_a_dsdl_error(text: str) -> None:
-    try:
-        dsdl.parse(text, "x")
-    except DsdlError as error:
-        assert 1 <= error.line <= len(text) + 1
+    assert 0 <= parse_or_line(text) <= len(text) + 1
 
 
 @given(st.data())
@@ -182,10 +188,7 @@ def test_damaged_definitions_give_a_definition_or_a_dsdl_error(data: st.DataObje
         start = data.draw(st.integers(0, len(text)))
         stop = data.draw(st.integers(start, min(len(text), start + 20)))
         text = text[:start] + data.draw(st.text("[]<=0x9.-' \n#@aVuint8 \\\u00e9e+", max_size=8)) + text[stop:]
-    try:
-        assert len(dsdl.parse(text, "x").sections) in (1, 2)
-    except DsdlError as error:
-        assert error.line >= 1
+    assert 0 <= parse_or_line(text) <= len(text) + 1
 
 
 def test_nested_types_resolve_in_the_same_namespace_or_by_full_name(tmp_path: Path) -> None:
@@ -237,27 +240,26 @@ def test_only_the_tail_array_loses_its_length(layout: Array | Compound, classic:
 
 
 @pytest.mark.parametrize(
-    ("files", "name", "file", "line", "reason"),
+    ("files", "name", "file_line", "reason"),
     [
-        ({"A": "uint8 a\nA b"}, "A", "A", 2, "contains itself"),
-        ({"A": "B b", "B": "\nA a"}, "A", "B", 2, "acme.A contains itself"),
-        ({"A": "Gone b"}, "A", "A", 1, "no definition file for acme.Gone"),
-        ({"A": "else.Gone b"}, "A", "A", 1, "no definition file for else.Gone"),
-        ({"A": "S s", "n1_S": "---"}, "A", "A", 1, "is a service"),
-        ({"n256_S": "---"}, "S", "256.S", 0, "at most 255"),
-        ({"n65536_M": "uint8 a"}, "M", "65536.M", 0, "at most 65535"),
-        ({"M": "uint64[65535] a"}, "M", "M", 0, "too large"),
-        ({"M": "\n".join(f"uint8 a{n}" for n in range(3000))}, "M", "M", 0, "too large"),
-        ({"M": "#" * (dsdl.MAX_FILE_BYTES + 1)}, "M", "M", 0, "larger than"),
+        ({"A": "uint8 a\nA b"}, "A", "A:2", "contains itself"),
+        ({"A": "B b", "B": "\nA a"}, "A", "B:2", "acme.A contains itself"),
+        ({"A": "Gone b"}, "A", "A:1", "no definition file for acme.Gone"),
+        ({"A": "else.Gone b"}, "A", "A:1", "no definition file for else.Gone"),
+        ({"A": "S s", "n1_S": "---"}, "A", "A:1", "is a service"),
+        ({"n256_S": "---"}, "S", "256.S:0", "at most 255"),
+        ({"n65536_M": "uint8 a"}, "M", "65536.M:0", "at most 65535"),
+        ({"M": "uint64[65535] a"}, "M", "M:0", "too large"),
+        ({"M": "\n".join(f"uint8 a{n}" for n in range(3000))}, "M", "M:0", "too large"),
+        ({"M": "#" * (dsdl.MAX_FILE_BYTES + 1)}, "M", "M:0", "larger than"),
     ],
 )
-def test_compile_errors(tmp_path: Path, files: dict, name: str, file: str, line: int, reason: str) -> None:
+def test_compile_errors(tmp_path: Path, files: dict, name: str, file_line: str, reason: str) -> None:
     names = tree(tmp_path, **files)
     for _ in range(2):  # a failure leaves nothing behind that changes the second answer
         with pytest.raises(DsdlError, match=r"\.uavcan") as caught:
             names.compile(f"acme.{name}")
-        assert Path(caught.value.file).name == f"{file}.uavcan"
-        assert caught.value.line == line
+        assert f"{Path(caught.value.file).stem}:{caught.value.line}" == file_line
         assert reason in caught.value.reason
 
 

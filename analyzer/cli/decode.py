@@ -9,14 +9,9 @@ from typing import TYPE_CHECKING
 from analyzer.cli import USAGE, options
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from typing import TextIO
-
-    import numpy as np
-
     from analyzer.cli.session import Session
-    from analyzer.engine import Batch
-    from analyzer.views.times import Clock
+    from analyzer.cli.writers import Writer
+    from analyzer.window import Window
 
 _FORMS = ("text", "fields", "json", "jsonl", "csv")
 _TIMES = ("a", "ad", "d", "dd", "e", "r", "u", "ud")
@@ -35,7 +30,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     show.add_argument("-q", dest="quiet", action="store_true", help="decode and check, but list nothing")
     show.add_argument("-t", dest="time", choices=_TIMES, default="r", metavar="a|ad|d|dd|e|r|u|ud", help=_TIME_HELP)
     show.add_argument("-T", dest="form", choices=_FORMS, default="text", help="default: text")
-    show.add_argument("-e", dest="fields", action="append", default=[], metavar="FIELD", help="field for -T fields or csv")
+    show.add_argument("-e", dest="fields", action="append", default=[], metavar="FIELD", help="a field of -T fields; repeatable")
     show.add_argument("--follow", action="store_true", help="wait for more at the end of a growing file")
     options.add_window(parser)
     options.add_output(parser)
@@ -47,21 +42,46 @@ _TIME_HELP = "time of day, with date, since previous, since shown, epoch, relati
 
 def run(args: argparse.Namespace) -> int:
     """Reads the capture once, writes the chosen view, and accounts for every line on standard error."""
-    if args.capture == "-" and sys.stdin.isatty():
-        sys.stderr.write("tailbyte: reading candump text from the terminal, end with Ctrl-D\n")
-    if args.fields and args.form not in ("fields", "csv"):
-        return _usage("-e needs -T fields or -T csv")
-    if args.form == "fields" and not args.fields:
-        return _usage("-T fields needs at least one -e FIELD")
+    if bool(args.fields) != (args.form == "fields"):
+        return _usage("-T fields and -e FIELD go together")
     from analyzer.cli.session import Session  # noqa: PLC0415
-    from dissectors import UnknownNameError  # noqa: PLC0415
+    from analyzer.cli.writers import writer  # noqa: PLC0415
 
     with Session(args) as session:
         try:
-            _decode(args, session)
-        except (argparse.ArgumentTypeError, UnknownNameError, ValueError) as error:
+            window = options.window(args)
+            writer(args, session.registry, None)  # names that do not exist are told before the capture is read
+        except (argparse.ArgumentTypeError, LookupError, ValueError) as error:
             return _usage(str(error))
+        _decode(args, session, window)
     return session.status
+
+
+def _decode(args: argparse.Namespace, session: Session, window: Window) -> None:
+    """Writes what the window lets through; stops early only when `-c` says so."""
+    from analyzer.cli.pager import paged  # noqa: PLC0415
+    from analyzer.cli.writers import writer  # noqa: PLC0415
+
+    view: Writer | None = None
+    shown = 0
+    with paged(args) as out:
+        for batch, rows, zero in window.apply(session.batches()):
+            if args.quiet:
+                continue
+            if view is None:
+                view = writer(args, session.registry, zero)
+                out.write(view.begin())
+            picked = rows if args.count is None else rows[: args.count - shown]
+            shown += len(picked)
+            out.writelines(view.rows(batch, picked))
+            if args.follow:
+                out.flush()
+            if shown == args.count:
+                break
+        if view is not None:
+            out.write(view.end())
+    if args.count is None or shown < args.count:
+        session.account(None if args.quiet else shown)
 
 
 def _usage(reason: str) -> int:

@@ -85,10 +85,9 @@ def _range(text: str) -> tuple[int, int]:
 
 
 def positive(text: str) -> int:
-    """A count of at least 1, with a hint for fingers used to candump."""
+    """A count of at least 1."""
     if not text.isdecimal() or int(text) == 0:
-        hint = f"; did you mean: tailbyte live {text}" if re.fullmatch(r"v?can\d+", text) else ""
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1{hint}")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
     return int(text)
 
 

@@ -33,7 +33,7 @@ class Session(AbstractContextManager["Session"]):
         self.source = Source(options.capture_name(args), follow=getattr(args, "follow", False))
         self._args = args
         self._complaints = 0
-        self._rows = 0
+        self.transfers = 0
 
     def __enter__(self) -> Self:
         """Loads the data types."""
@@ -68,8 +68,21 @@ class Session(AbstractContextManager["Session"]):
         """One line on standard error; text of the capture cannot do anything to the terminal."""
         sys.stderr.write(f"tailbyte: {escape(text)}\n")
 
+    def account(self, shown: int | None) -> None:
+        """The sums: every line and every frame, and how many transfers were shown (None: listing was not asked for)."""
+        totals = self.engine.totals
+        kinds = ", ".join(f"{count} {name}" for name, count in totals.verdicts.items() if count and name != "used")
+        lines = totals.lines
+        others = {name.replace("_", " "): lines[name] for name in ("error_frames", "drops", "comments", "blank", "unreadable")}
+        rest = "".join(f" + {count} {name}" for name, count in others.items() if count)
+        listed = f"{self.transfers} transfers" if shown is None else f"{shown} of {self.transfers} transfers shown"
+        sys.stderr.write(
+            f"-- {listed}; {lines['lines']} lines = {lines['frames']} frames{rest}; "
+            f"{lines['frames']} frames = {totals.verdicts['used']} used{' + ' if kinds else ''}{kinds.replace(', ', ' + ')}\n"
+        )
+
     def _seen(self, batch: Batch) -> Batch:
-        self._rows += len(batch.frames) + len(batch.events)
+        self.transfers += len(batch.transfers)
         unreadable = EVENTS.index("unreadable")
         if len(batch.events) and self._complaints < LINES_SHOWN:
             rows = batch.events.filter(_equals(batch.events, "kind", unreadable)).to_pylist()

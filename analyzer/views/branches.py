@@ -78,51 +78,52 @@ class _Grower:
             members = [m for m in kind.fields if m.name and (not kind.union or cell.get(m.name) is not None)]
             below = [self.branch(m.type, f"{name}.{m.name}", f"{path}.{m.name}", cell.get(m.name)) for m in members]
             return Branch(label if below else f"{label}: empty", where, below)
-        if isinstance(kind, Array):
-            return self._array(kind, name, path, cell, label, where, about)
-        return self._scalar(name, cell, label, place, where, about)
-
-    def _array(
-        self, kind: Array, name: str, path: str, cell: list[Any], label: str, where: str, about: Meaning
-    ) -> Branch:
-        if isinstance(kind.element, Compound):
+        if isinstance(kind, Array) and isinstance(kind.element, Compound):
             below = [self.branch(kind.element, name, f"{path}[{k}]", inner) for k, inner in enumerate(cell)]
             return Branch(f"{label}: {len(cell)} elements", where, below)
-        if (kind.element.kind, kind.element.bits) == ("uint", 8):
-            raw = bytes(cell)
-            text = raw.partition(b"\0")[0]
-            said = f' "{escape(text)}"' if text and all(0x20 <= b < 0x7F for b in text) else ""
-            return Branch(f"{label}: {raw.hex(' ').upper() or 'empty'}{said}", where)
-        texts = [_shown(inner, about) for inner in cell[:_SHOWN]]
-        more = f" ... {len(cell)} in all" if len(cell) > _SHOWN else ""
-        return Branch(f"{label}: {quantity(' '.join(texts) or 'empty', about.unit if texts else '')}{more}", where)
+        if isinstance(kind, Array):
+            return Branch(f"{label}: {_list(kind, cell, about)}", where)
+        return self._scalar(name, cell, label, place)
 
-    def _scalar(
-        self, name: str, cell: Any, label: str, place: Place | None, where: str, about: Meaning
-    ) -> Branch:
+    def _scalar(self, name: str, cell: Any, label: str, place: Place | None) -> Branch:
+        about = meaning(self.of, name)
         raw = raw_bits(self.payload, place) if place is not None else None
         text = quantity(_shown(cell, about), about.unit)
         note = about.note
         if note is not None and note.unit_by is not None:
             value, unit = self.value(f"{name}.value"), self.value(f"{name}.unit")
-            text = f"{text}" if value is None else quantity(plain(value), unit or "")
+            text = text if value is None else quantity(plain(value), unit or "")
         if place is not None and place.type is not None and raw is not None:
             text += _raw(raw, place.type, cell, hexadecimal=note is not None and note.hex, scaled=text != plain(cell))
         parts = note.parts if note is not None and raw is not None else ()
-        below = [self._part(name, part, raw or 0, place.bits if place is not None else 0) for part in parts]
+        below = [_part(part, raw or 0, place.bits if place is not None else 0) for part in parts]
         clause = f"clause {about.clause}" if about.clause else ""
+        where = place.words() if place is not None else ""
         return Branch(f"{label}: {text}", "  ".join(filter(None, [where, clause])), below)
 
-    def _part(self, name: str, part: Bits, word: int, width: int) -> Branch:
-        value = word >> part.low & (1 << part.width) - 1
-        if part.flag:
-            text = "set" if value else "not set"
-        elif part.scale is not None:
-            text = quantity(plain(float(value * part.scale)), part.unit) + f" (raw {value})"
-        else:
-            text = f"{value}" + (f" ({part.enum.get(value, 'undefined')})" if part.enum else "")
-        guess = " (tentative name)" if part.tentative else ""
-        return Branch(f"{word_bits(word, width, part.low, part.high)} = {part.name}: {text}{guess}")
+
+def _part(part: Bits, word: int, width: int) -> Branch:
+    value = word >> part.low & (1 << part.width) - 1
+    if part.flag:
+        text = "set" if value else "not set"
+    elif part.scale is not None:
+        text = quantity(plain(float(value * part.scale)), part.unit) + f" (raw {value})"
+    else:
+        text = f"{value}" + (f" ({part.enum.get(value, 'undefined')})" if part.enum else "")
+    guess = " (tentative name)" if part.tentative else ""
+    return Branch(f"{word_bits(word, width, part.low, part.high)} = {part.name}: {text}{guess}")
+
+
+def _list(kind: Array, cell: list[Any], about: Meaning) -> str:
+    """Numbers in one line, bytes in hexadecimal and, if they are characters, as such."""
+    if isinstance(kind.element, Primitive) and (kind.element.kind, kind.element.bits) == ("uint", 8):
+        raw = bytes(cell)
+        text = raw.partition(b"\0")[0]
+        said = f' "{escape(text)}"' if text and all(0x20 <= b < 0x7F for b in text) else ""
+        return f"{raw.hex(' ').upper() or 'empty'}{said}"
+    texts = [_shown(inner, about) for inner in cell[:_SHOWN]]
+    more = f" ... {len(cell)} in all" if len(cell) > _SHOWN else ""
+    return quantity(" ".join(texts) or "empty", about.unit if texts else "") + more
 
 
 def _shown(cell: Any, about: Meaning) -> str:
@@ -143,5 +144,3 @@ def _raw(raw: int, kind: Primitive, cell: Any, *, hexadecimal: bool, scaled: boo
     if scaled and isinstance(cell, float):
         return f" (raw {raw - (1 << kind.bits) if kind.kind == 'int' and raw >> kind.bits - 1 else raw})"
     return ""
-
-

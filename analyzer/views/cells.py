@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,12 +24,12 @@ def pylist(array: pa.Array) -> list[Any]:
         return _masked(values or [{} for _ in range(len(array))], array)
     if pa.types.is_list(kind):
         inner, ends = pylist(array.values), np.asarray(array.offsets).tolist()
-        return _masked([inner[a:b] for a, b in zip(ends, ends[1:], strict=False)], array)
+        return _masked([inner[a:b] for a, b in pairwise(ends)], array)
     if pa.types.is_binary(kind):
         _, offsets, data = array.buffers()
         ends = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1].tolist()
         whole = b"" if data is None else data.to_pybytes()
-        return _masked([whole[a:b] for a, b in zip(ends, ends[1:], strict=False)], array)
+        return _masked([whole[a:b] for a, b in pairwise(ends)], array)
     if pa.types.is_string(kind) or pa.types.is_null(kind):
         return list(array.to_pylist())
     if pa.types.is_boolean(kind):

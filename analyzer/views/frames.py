@@ -64,7 +64,7 @@ class FrameWindow:
             start = max((k for k in self._batches if k <= number), default=None)
             if start is None or number >= start + len(self._batches[start]):
                 return None
-            table = self._batches[start]
+            table, first = self._batches[start], start
             rows = list(zip(*(pylist(table.column(c)) for c in ("id", "data", "bus", "t", "flags")), strict=True))
-            self._open = first, rows = start, rows
+            self._open = first, rows
         return Frame(*rows[number - first])

@@ -53,9 +53,7 @@ def tail_words(tail: int) -> str:
     return " ".join([*ends, f"toggle {tail >> 5 & 1}", f"ID {tail & 0x1F}"])
 
 
-def hexdump(
-    numbers: Sequence[int], frame_data: FrameData, padding: int = 0, palette: Palette = PLAIN
-) -> Iterator[str]:
+def hexdump(numbers: Sequence[int], frame_data: FrameData, padding: int = 0, palette: Palette = PLAIN) -> Iterator[str]:
     """Lines about the frames of one transfer, given by their numbers from 0.
 
     Args:

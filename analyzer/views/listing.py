@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analyzer.tables import KINDS, STATUSES, TRANSFER_ANOMALIES
+from analyzer.tables import KINDS, STATUSES, TRANSFER_ANOMALIES, numbers
 from analyzer.views.phrases import octets, phrases
 from analyzer.views.rows import Rows, type_name
 from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
 from analyzer.views.wording import LISTED, anomalies
-from dissectors.schema import Message
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from analyzer.engine import Batch
     from analyzer.views.times import Clock
     from dissectors import Registry
+    from dissectors.schema import Message
 
 _OK, _UNCHECKED, _BAD_CRC, _, _TIMED_OUT, _TOO_SHORT, _OPEN = range(len(STATUSES))
 _REQUEST = KINDS.index("request")
@@ -41,9 +41,7 @@ class Listing:
         width: columns of the terminal, lines are cut there; None never cuts.
     """
 
-    def __init__(
-        self, registry: Registry, clock: Clock, palette: Palette = PLAIN, width: int | None = None
-    ) -> None:
+    def __init__(self, registry: Registry, clock: Clock, palette: Palette = PLAIN, width: int | None = None) -> None:
         self._registry = registry
         self._clock = clock
         self._palette = palette
@@ -53,31 +51,31 @@ class Listing:
         self.shown = 0
 
     def lines(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[str]:
-        """Lines of the picked transfers (all if not given), without line ends; the header comes before the first.
+        """The lines of `entries`, one after another."""
+        for entry in self.entries(batch, picked):
+            yield from entry
+
+    def entries(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[list[str]]:
+        """The lines of each picked transfer (all if not given), without line ends; the first one's begin with the header.
 
         The header is repeated when a second interface turns up, since its column is shown from then on.
         """
         self._clock.start(batch.frames)
         rows = Rows(batch, self._registry, picked)
-        times = self._times(batch, rows)
+        times = self._clock.column(rows.all_times(), rows.picked.tolist())
         if not len(rows):
             return
         types = [type_name(m, k, t) for m, k, t in self._identities(rows)]
-        if self._buses < 0 or (self._buses < 2 <= len(batch.buses)):
-            yield self._header(batch, times, types)
+        head = [self._header(batch, times, types)] if self._buses < 0 or (self._buses < 2 <= len(batch.buses)) else []
         self.shown += len(rows)
-        yield from self._body(rows, times, types)
+        for entry in self._body(rows, times, types):
+            yield head + entry
+            head = []
 
     def footer(self, total: int, foreign: int = 0) -> str:
         """The closing line: how many of `total` transfers were shown, and frames that belong to none."""
         left_out = f", {foreign} foreign frames left out" if foreign else ""
         return f"-- {self.shown} of {total} transfers shown{left_out}. -V details, -x bytes"
-
-    def _times(self, batch: Batch, rows: Rows) -> list[str]:
-        if self._clock.mode == "d":  # counts the rows that are not shown too
-            everything = Rows(batch, self._registry) if len(rows) != len(batch.transfers) else rows
-            return self._clock.column(everything.column("t"), rows.picked.tolist())
-        return self._clock.column(rows.column("t"))
 
     def _identities(self, rows: Rows) -> Iterator[tuple[Message | None, int, int]]:
         return zip(rows.messages, rows.column("kind"), rows.column("type_id"), strict=True)
@@ -93,7 +91,7 @@ class Listing:
         text = f"    Frame  {self._clock.head:<{self._time}}{source}>Dst {bus}{'Type':<{self._type}} ID  Info"
         return self._palette.paint("head", self._cut(text))
 
-    def _body(self, rows: Rows, times: list[str], types: list[str]) -> Iterator[str]:
+    def _body(self, rows: Rows, times: list[str], types: list[str]) -> Iterator[list[str]]:
         width, palette, shown = self._type, self._palette, max(_TIME_AND_SOURCE, self._time + 4)
         status, odd = rows.column("status"), rows.column("anomaly")
         buses = self._bus_texts(rows)
@@ -112,9 +110,11 @@ class Listing:
             )
             if narrow:
                 line = self._cut(line)
-            yield palette.paint("bad", line) if broken else line
+            entry = [palette.paint("bad", line) if broken else line]
             if bits & LISTED:
-                yield palette.paint("note", self._cut(f"{_INDENT}! {'; '.join(anomalies(bits & LISTED, step))}"))
+                note = f"{_INDENT}! {'; '.join(anomalies(bits & LISTED, step))}"
+                entry.append(palette.paint("note", self._cut(note)))
+            yield entry
 
     def _bus_texts(self, rows: Rows) -> Iterable[str]:
         if not self._bus:
@@ -136,6 +136,11 @@ def _infos(rows: Rows) -> list[str]:
         for at, text in zip(part.at, phrases(part), strict=True):
             infos[at] = text
     _add_packets(rows, infos)
+    for part in rows.typed:
+        left = numbers(part.table.column("bits_left"))
+        for row in np.flatnonzero(left < 0).tolist():
+            missing = -(int(left[row]) // 8)
+            infos[part.at[row]] += f" ({missing} byte{'s' * (missing != 1)} missing)"
     for at in np.flatnonzero(rows.array("kind") >= _REQUEST).tolist():
         kind = KINDS[rows.column("kind")[at]]
         infos[at] = f"{kind}: {infos[at]}" if infos[at] else kind
@@ -154,7 +159,7 @@ def _add_packets(rows: Rows, infos: list[str]) -> None:
             if part.of is not None:
                 text = f"{part.of.name} {text}" + ("" if sound[id(part)][row] else " (packet damaged)")
             said.append(text)
-        infos[at] = " | ".join(filter(None, [infos[at], *said])) if infos[at] else " | ".join(said)
+        infos[at] = " | ".join(filter(None, [*said, infos[at]]))
 
 
 def _troubled(rows: Rows, at: int, info: str) -> str:
@@ -175,7 +180,7 @@ def _troubled(rows: Rows, at: int, info: str) -> str:
 
 
 def broken_words(status: int, frames: int, size: int, message: Message | None, *, gap: bool) -> str:
-    """How far a broken transfer came; out of how many frames when its type has one length. `gap`: frames are missing."""
+    """How far a broken transfer came, of how many frames if its type has one length; `gap`: some are missing."""
     total = _frames_of(message)
     if total is not None and frames < total:
         progress = f"{frames} of {total} frames"
@@ -195,5 +200,3 @@ def _frames_of(message: Message | None) -> int | None:
     if message is None or message.min_bytes != message.max_bytes:
         return None
     return 1 if message.max_bytes <= 7 else -(-(message.max_bytes + 2) // 7)
-
-

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """Of one column. `texts` name raw values, `note` belongs to a field and `part` to a bit part of one."""
+    """Of one column. `texts` name values of its cells, `note` belongs to a field and `part` to a bit part of one."""
 
     unit: str = ""
-    texts: Mapping[int, str] = field(default_factory=dict)
+    texts: Mapping[float, str] = field(default_factory=dict)
     clause: str = ""
     note: Note | None = None
     part: Bits | None = None
@@ -33,12 +33,16 @@ def meaning(of: Message | Packet | None, column: str) -> Meaning:
         return Meaning()
     note = of.notes.get(column)
     if note is not None:
-        return Meaning(note.unit, {**note.enum, **note.special}, note.clause, note)
+        texts: dict[float, str] = {raw: text for table in (note.enum, note.special) for raw, text in table.items()}
+        if note.scale is not None:
+            texts = {raw * note.scale.numerator / note.scale.denominator: text for raw, text in texts.items()}
+        return Meaning(note.unit, texts, note.clause, note)
     outer, _, last = column.rpartition(".")
     owner = of.notes.get(outer)
     for part in owner.parts if owner is not None else ():
         if part.name == last:
-            return Meaning(part.unit, part.enum, part.clause, part=part)
+            named: dict[float, str] = {raw: text for raw, text in part.enum.items()}  # noqa: C416 - int keys to float
+            return Meaning(part.unit, named, part.clause, part=part)
     for derived in of.derived:
         if derived.name == column:
             return Meaning(derived.unit, {}, derived.clause)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
@@ -66,9 +67,11 @@ def _texts(part: Part, column: str, spec: str) -> list[str]:
 
 def _floats(values: list[Any], spec: str) -> list[str]:
     try:
-        return [format(value, spec) for value in values]
+        if all(map(math.isfinite, values)):
+            return [format(value, spec) for value in values]
     except TypeError:  # a missing value among them
-        return list(map(formatter(spec, {}), values))
+        pass
+    return list(map(formatter(spec, {}), values))
 
 
 def _measured(part: Part, column: str, spec: str, about: Meaning) -> list[str]:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from dissectors.schema import Message, Packet
 
 UNRECOGNIZED = "unrecognized"
+_MOST_PADDING = 15  # the largest step between two lengths that CAN FD has: 48 to 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +62,7 @@ class Rows:
         self.packets = [part for m in found if m.packets is not None for part in self._inside(m, registry)]
 
     def __len__(self) -> int:
+        """How many transfers were picked."""
         return len(self.picked)
 
     def column(self, name: str) -> list[Any]:
@@ -73,9 +75,29 @@ class Rows:
         """A column of numbers as numpy, null cells with an arbitrary value."""
         return numbers(self._transfers.column(name))
 
+    def all_times(self) -> list[int | None]:
+        """Times of every transfer of the batch, picked or not."""
+        return self.column("t") if self._whole else pylist(self.batch.transfers.column("t"))
+
     def first_frames(self) -> list[int]:
         """Number of each transfer's first frame, from 1."""
         return [frames[0] + 1 if frames else 0 for frames in self.column("frame")]
+
+    def padding(self) -> list[int]:
+        """Bytes at the end of each payload that only fill up a CAN FD frame: zero, and behind the last field."""
+        found = [0] * len(self)
+        fd, payload = self.column("fd"), self.column("payload")
+        for part in self.typed:
+            left, lost = pylist(part.table.column("bits_left")), pylist(part.table.column("bad_tag"))
+            for at, bits, unknown in zip(part.at, left, lost, strict=True):
+                count = bits // 8
+                if fd[at] and 0 < count <= _MOST_PADDING and not unknown and not any(payload[at][-count:]):
+                    found[at] = count
+        return found
+
+    def unpadded(self) -> list[bytes]:
+        """The payloads without their CAN FD padding."""
+        return [data[: len(data) - count] for data, count in zip(self.column("payload"), self.padding(), strict=True)]
 
     def inner(self) -> dict[int, list[tuple[int, Part, int]]]:
         """The packets of each transfer that has some: (offset, part, row in it) in the order of their bytes."""

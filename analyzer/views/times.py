@@ -28,7 +28,7 @@ MODES = {
     "ud": "date and time of day, UTC",
 }
 _DAY = {"a": "%H:%M:%S", "u": "%H:%M:%S", "ad": "%Y-%m-%d %H:%M:%S", "ud": "%Y-%m-%d %H:%M:%S"}
-_HEADS = {"a": "Time", "u": "UTC", "ad": "Date and time", "ud": "Date and time UTC", "d": "Delta [s]", "dd": "Delta [s]"}
+_HEADS = {"a": "Time", "u": "UTC", "ad": "Date, time", "ud": "Date, time UTC", "d": "Delta [s]", "dd": "Delta [s]"}
 
 
 class Clock:

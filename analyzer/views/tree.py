@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from analyzer.tables import KINDS, STATUSES
 from analyzer.views.branches import Branch, branches, word_bits
-from analyzer.views.cells import pylist
 from analyzer.views.meaning import cells
 from analyzer.views.phrases import octets
 from analyzer.views.places import USUAL, Place, places, span
-from analyzer.views.rows import Part, Rows, type_name
+from analyzer.views.rows import Rows, type_name
 from analyzer.views.terminal import PLAIN, Palette, escape
 from analyzer.views.times import MODES, Clock
 from analyzer.views.wording import anomalies
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from analyzer.engine import Batch
+    from analyzer.views.rows import Part
     from dissectors import Registry
     from dissectors.schema import Message, Packet
 
 _REQUEST = KINDS.index("request")
 _ANONYMOUS = KINDS.index("anonymous")
 _STEP = "    "
-_ABOUT_PACKETS = ("offset", "packet_ok", "header_ok", "length_ok", "complete", "checksum_ok", "checksum_end")
-_ABOUT_COUNT = ("count_step", "count_step_id")
+_COUNTS = {"count_step": "for its unit", "count_step_id": "for its unit and type"}
 
 
 class Tree:
@@ -42,9 +42,7 @@ class Tree:
             types only the first line is shown, as tshark's `-O` does.
     """
 
-    def __init__(
-        self, registry: Registry, clock: Clock, palette: Palette = PLAIN, only: Collection[str] = ()
-    ) -> None:
+    def __init__(self, registry: Registry, clock: Clock, palette: Palette = PLAIN, only: Collection[str] = ()) -> None:
         self._registry = registry
         self._clock = clock
         self._palette = palette
@@ -84,8 +82,8 @@ class Tree:
             yield _STEP + "time: not recorded"
         else:
             yield f"{_STEP}time: {Clock('ad', digits=9).text(t)} ({MODES['ad'].rpartition(', ')[2]})"
-            since = Clock("r", self._clock.zero, digits=9)
-            yield f"{_STEP}since {'zero' if self._clock.signed else 'first frame'}: {since.text(t)} s"
+            since = self._clock.seconds(t - (self._clock.zero or 0), signed=self._clock.signed)
+            yield f"{_STEP}since {'zero' if self._clock.signed else 'first frame'}: {since} s"
         if t is not None and end is not None:
             yield f"{_STEP}took: {self._clock.seconds(end - t)} s"
         if step is not None:
@@ -110,53 +108,53 @@ class Tree:
             what = "Payload, not decoded" if message is not None else "Payload of an unknown type"
             yield f"{_STEP}{what}: {octets(payload, len(payload))}"
             return
-        part, row = found
-        record = values.of(part, row)
-        where = places(message.layout, record.get, int(record.about["layout"])) if record.get is not None else []
-        yield f"{_STEP}Message {message.name}" + _aside(
-            message.full_name if message.full_name != message.name else "", _clause(message.clause)
-        )
-        yield from _warnings(record.about, len(payload))
-        yield from _draw(message, part, row, where, payload, values)
+        row = _Row(*found, values, payload)
+        where = row.places(message, row.get("layout"))
+        full = message.full_name if message.full_name != message.name else ""
+        yield f"{_STEP}Message {message.name}" + _aside(full, _clause(message.clause))
+        yield from _warnings(row)
+        yield from row.draw(message, where, _STEP * 2)
         family = message.packets
         data = span(where, family.field) if family is not None else None
         for offset, inner, k in packets:
-            yield from _packet(inner, k, offset, data, payload, values)
-
-
-class _Record:
-    """One row: its own columns, and `get`, its values nested as the layout is."""
-
-    def __init__(self, part: Part, columns: dict[str, list[Any]], row: int) -> None:
-        self.about = {name: values[row] for name, values in columns.items()}
-        members = part.of.layout.fields if part.of is not None else ()
-        self.get = {m.name: self.about[m.name] for m in members if m.name} if part.of is not None else None
+            yield from _packet(_Row(inner, k, values, payload), offset, data)
 
 
 class _Values:
     """Columns of the parts seen, converted once for all their rows."""
 
     def __init__(self) -> None:
-        self._columns: dict[int, dict[str, list[Any]]] = {}
-
-    def columns(self, part: Part) -> dict[str, list[Any]]:
-        if id(part) not in self._columns:
-            table = part.table
-            self._columns[id(part)] = {name: pylist(table.column(name)) for name in table.schema.names}
-        return self._columns[id(part)]
-
-    def of(self, part: Part, row: int) -> _Record:
-        return _Record(part, self.columns(part), row)
+        self._columns: dict[tuple[int, str], list[Any]] = {}
 
     def cell(self, part: Part, row: int, column: str) -> Any:
-        columns = self.columns(part)
-        if column not in columns:
-            columns[column] = cells(part, column)
-        return columns[column][row]
+        key = id(part), column
+        if key not in self._columns:
+            self._columns[key] = cells(part, column)
+        return self._columns[key][row]
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """One row of a message or packet table, and the payload it came from."""
+
+    part: Part
+    row: int
+    values: _Values
+    payload: bytes
+
+    def get(self, column: str) -> Any:
+        return self.values.cell(self.part, self.row, column)
+
+    def places(self, of: Message | Packet, code: int) -> list[Place]:
+        return places(of.layout, {m.name: self.get(m.name) for m in of.layout.fields if m.name}, code)
+
+    def draw(self, of: Message | Packet, where: list[Place], pad: str) -> Iterator[str]:
+        for branch in branches(of, self.get, where, self.payload):
+            yield from _lines(branch, pad)
 
 
 def _identifier(rows: Rows, at: int) -> Iterator[str]:
-    """The identifier's fields (4.1.2), rebuilt from the transfer; that of an anonymous one has bits that are not kept."""
+    """The identifier's fields (4.1.2), rebuilt from the transfer; an anonymous one has bits that are not kept."""
     kind, type_id = rows.column("kind")[at], rows.column("type_id")[at]
     src, dst, priority = rows.column("src")[at], rows.column("dst")[at], rows.column("priority")[at]
     name = type_name(rows.messages[at], kind, type_id)
@@ -181,40 +179,26 @@ def _identifier(rows: Rows, at: int) -> Iterator[str]:
         yield f"{_STEP}{word_bits(word, 29, low, high)} = {text}"
 
 
-def _packet(
-    part: Part, row: int, offset: int, data: Place | None, payload: bytes, values: _Values
-) -> Iterator[str]:
-    about = values.of(part, row).about
+def _packet(found: _Row, offset: int, data: Place | None) -> Iterator[str]:
+    """A packet from byte `offset` of the array whose bits are `data`."""
+    get, of, pad = found.get, found.part.of, _STEP * 2
     start = offset * 8 + (data.start if data is not None else 0)
-    pad = _STEP * 2
-    if part.of is None:
-        yield f"{pad}Unrecognised data from byte {start // 8 + 1}, {about['reason']}: {octets(about['data'], 255)}"
+    if of is None:
+        yield f"{pad}Unrecognised data from byte {start // 8 + 1}, {get('reason')}: {octets(get('data'), 255)}"
         return
-    record = values.of(part, row).get
-    where = [Place(p.path, p.role, p.start + start, p.bits, p.type) for p in places(part.of.layout, record, USUAL)]
-    yield f"{pad}Packet {part.of.name}" + _aside(f"from byte {start // 8 + 1}", _clause(part.of.clause))
+    where = [Place(p.path, p.role, p.start + start, p.bits, p.type) for p in found.places(of, USUAL)]
+    yield f"{pad}Packet {of.name}" + _aside(f"from byte {start // 8 + 1}", _clause(of.clause))
     verdicts = [
-        ("header_ok", "header of this direction", "header of the OTHER direction"),
-        ("length_ok", "length good", "length BAD"),
-        ("complete", "", "cut off"),
-        ("checksum_ok", f"checksum good (bytes 1 to {about['checksum_end']})", "checksum BAD"),
+        "header of this direction" if get("header_ok") else "header of the OTHER direction",
+        "" if get("complete") else "cut off",
+        "length good" if get("length_ok") else "length BAD",
+        f"checksum good (bytes 1 to {get('checksum_end')})" if get("checksum_ok") else "checksum BAD",
     ]
-    yield f"{pad}{_STEP}verdict: " + ", ".join(filter(None, (good if about[name] else bad for name, good, bad in verdicts)))
-    steps = [f"+{about[name]} {of}" for name, of in zip(_ABOUT_COUNT, ("for its unit", "for its unit and type"), strict=True)
-             if about[name] is not None]  # fmt: skip
+    yield f"{pad}{_STEP}verdict: {', '.join(filter(None, verdicts))}"
+    steps = [f"+{step} {scope}" for name, scope in _COUNTS.items() if (step := get(name)) is not None]
     if steps:
         yield f"{pad}{_STEP}frame count step: {', '.join(steps)}"
-    yield from _draw(part.of, part, row, where, payload, values, depth=1)
-
-
-def _draw(
-    of: Message | Packet, part: Part, row: int, where: list[Place], payload: bytes, values: _Values, depth: int = 0
-) -> Iterator[str]:
-    def value(column: str) -> Any:
-        return values.cell(part, row, column)
-
-    for branch in branches(of, value, where, payload):
-        yield from _lines(branch, _STEP * (2 + depth))
+    yield from found.draw(of, where, pad + _STEP)
 
 
 def _lines(branch: Branch, pad: str) -> Iterator[str]:
@@ -224,15 +208,15 @@ def _lines(branch: Branch, pad: str) -> Iterator[str]:
         yield from _lines(below, pad + _STEP)
 
 
-def _warnings(about: dict[str, Any], size: int) -> Iterator[str]:
-    left = about["bits_left"]
+def _warnings(row: _Row) -> Iterator[str]:
+    left = row.get("bits_left")
     if left < 0:
-        yield f"{_STEP * 2}! {-left} bits are missing at the end of {size} bytes"
+        yield f"{_STEP * 2}! {-left} bits are missing behind {len(row.payload)} bytes"
     elif left >= 8:
-        yield f"{_STEP * 2}! {left // 8} bytes are left over"
-    if about["bad_tag"]:
+        yield f"{_STEP * 2}! {left // 8} byte{'s' * (left >= 16)} left over"
+    if row.get("bad_tag"):
         yield _STEP * 2 + "! a union names a member that it does not have"
-    if about["pad_nonzero"]:
+    if row.get("pad_nonzero"):
         yield _STEP * 2 + "! padding is not zero"
 
 

@@ -57,23 +57,26 @@ def anomalies(bits: int, step: int | None = None) -> list[str]:
 def plain(value: Any) -> str:
     """A value without a format: whole floats without point, others with up to 7 digits, lists joined by blanks."""
     if isinstance(value, float):
-        if not math.isfinite(value):
-            return {math.inf: "Infinity", -math.inf: "-Infinity"}.get(value, "NaN")
-        return str(int(value)) if value.is_integer() and abs(value) < 1e15 and value else f"{value:.7g}"
-    if value is None:
-        return MISSING
-    if isinstance(value, bool):
-        return "yes" if value else "no"
+        return _float(value)
     if isinstance(value, list):
         return " ".join(plain(cell) for cell in value)
     if isinstance(value, dict):
         return "{" + ", ".join(f"{k} {plain(v)}" for k, v in value.items() if v is not None) + "}"
     if isinstance(value, bytes):
         return value.hex(" ").upper()
+    if value is None or value is True or value is False:
+        return {None: MISSING, True: "yes", False: "no"}[value]
     return str(value)
 
 
-def formatter(spec: str, texts: Mapping[int, str]) -> Callable[[Any], str]:
+def _float(value: float) -> str:
+    if not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+    # Not zero: its sign is worth seeing.
+    return str(int(value)) if value and value.is_integer() and abs(value) < 1e15 else f"{value:.7g}"
+
+
+def formatter(spec: str, texts: Mapping[float, str]) -> Callable[[Any], str]:
     """A function that prints cells of one column; values that have a name print it, and it never fails."""
     whole = spec[-1:] in ("b", "d", "o", "x", "X")
 

@@ -177,7 +177,8 @@ fn remote(frame: &mut Frame, dlc: &[u8]) -> Result<(), Reason> {
 
 fn classic(frame: &mut Frame, body: &[u8]) -> Result<(), Reason> {
     let Some(at) = body.iter().position(|&b| b == b'_') else {
-        return hex_bytes(frame, body, MAX_CLASSIC);
+        // More than 8 bytes are not possible, but legible: the reassembly marks such a frame.
+        return hex_bytes(frame, body, MAX_DATA);
     };
     hex_bytes(frame, &body[..at], MAX_CLASSIC)?;
     let code = match body[at + 1..] {

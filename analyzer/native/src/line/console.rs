@@ -45,7 +45,7 @@ fn marks<'a>(word: &'a [u8], words: &mut Words<'a>) -> Result<(&'a [u8], u16), R
 
 /// `[8]` is a classic length, two or three digits a CAN FD one, `{B}` the raw length code of candump -8.
 fn length(frame: &mut Frame, word: &[u8]) -> Result<usize, Reason> {
-    let (digits, limit) = match word {
+    let digits = match word {
         [b'{', code, b'}'] => {
             let code = nibble(*code).ok_or("no length in brackets")?;
             if usize::from(code) > MAX_CLASSIC {
@@ -54,10 +54,10 @@ fn length(frame: &mut Frame, word: &[u8]) -> Result<usize, Reason> {
             return Ok(MAX_CLASSIC.min(code.into()));
         }
         [b'[', _, _, _, _, b']'] => return Err("CAN XL frame".into()),
-        [b'[', digit, b']'] => (std::slice::from_ref(digit), MAX_CLASSIC),
+        [b'[', digit, b']'] => std::slice::from_ref(digit),
         [b'[', digits @ .., b']'] if matches!(digits.len(), 2 | 3) => {
             frame.flags |= FD;
-            (digits, MAX_DATA)
+            digits
         }
         _ => return Err("no length in brackets".into()),
     };
@@ -65,8 +65,8 @@ fn length(frame: &mut Frame, word: &[u8]) -> Result<usize, Reason> {
         return Err("no length in brackets".into());
     }
     let length = digits.iter().fold(0, |length, b| length * 10 + usize::from(b - b'0'));
-    if length > limit {
-        return Err(format!("data longer than {limit} bytes").into());
+    if length > MAX_DATA {
+        return Err(format!("data longer than {MAX_DATA} bytes").into());
     }
     Ok(length)
 }

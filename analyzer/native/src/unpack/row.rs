@@ -120,9 +120,10 @@ pub fn read(node: &Node, column: &mut Column, cursor: &mut Cursor<'_>, tail: Tai
             };
             let known = match own {
                 Tail::Absent => {
+                    let known = !cursor.is_lost();
                     let most = room(child).min(*max);
                     elements(element, child, cursor, most, Broken::Left, |_| Tail::Usual);
-                    !cursor.is_lost()
+                    known
                 }
                 Tail::Usual | Tail::Byte => {
                     let bits = if own == Tail::Byte { 8 } else { *length_bits };

@@ -99,12 +99,27 @@ fn drop_counts_comments_and_blank_lines() {
 }
 
 #[test]
+fn nine_classic_bytes_are_kept_for_the_reassembly_to_judge() {
+    for line in [
+        "(1.0) can0 123#112233445566778899",
+        "  can0  123   [9]  11 22 33 44 55 66 77 88 99",
+    ] {
+        let (_, rows, ..) = parse(line.as_bytes());
+        assert_eq!(
+            rows.data,
+            [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88, 0x99],
+            "{line}"
+        );
+        assert_eq!(rows.flags, [0], "{line}");
+    }
+}
+
+#[test]
 fn what_cannot_be_read_says_why() {
     for (line, why) in [
         ("(1.0) can0 123#123", "odd number of hex digits"),
         ("(1.0) can0 123#11.", "no byte after a dot"),
         ("(1.0) can0 123#1G", "not a hex digit in the data"),
-        ("(1.0) can0 123#112233445566778899", "data longer than 8 bytes"),
         ("(1.0) can0 800#11", "standard identifier above 7FF"),
         ("(1.0) can0 40000123#11", "identifier above 1FFFFFFF"),
         ("(1.0) can0 123456789#11", "identifier longer than 8 digits"),
@@ -122,10 +137,6 @@ fn what_cannot_be_read_says_why() {
         ("  can0  123   [8]  01 02 03 0", "says 8 bytes, has 3"),
         ("  can0  123   [2]  01 02 03", "says 2 bytes, has 3"),
         ("  can0  123   [3]  01 02   '12'", "says 3 bytes, has 2"),
-        (
-            "  can0  123   [9]  01 02 03 04 05 06 07 08 09",
-            "data longer than 8 bytes",
-        ),
         ("  can0  123  [65]  01", "data longer than 64 bytes"),
         ("  can0  123 [0008]  01", "CAN XL frame"),
         ("  can0  123  [0x]  01", "no length in brackets"),

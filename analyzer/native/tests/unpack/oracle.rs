@@ -29,7 +29,7 @@ pub fn tree(tokens: &mut impl Iterator<Item = Token>) -> Tree {
 impl Tree {
     /// Shortest form; `bare` leaves the length fields out.
     fn shortest(&self, bare: bool) -> u64 {
-        let mut parts = self.below.iter().map(|t| t.shortest(bare));
+        let parts = self.below.iter().map(|t| t.shortest(bare));
         match self.word.as_str() {
             "struct" => parts.sum(),
             "union" => self.extra + parts.min().unwrap(),
@@ -61,7 +61,10 @@ struct Oracle {
 
 /// One row. `layout` as in the contract of `unpack`.
 pub fn read(tree: &Tree, layout: u8, payload: &[u8]) -> Row {
-    let bits = payload.iter().flat_map(|byte| (0..8).map(move |bit| byte >> (7 - bit) & 1 == 1)).collect();
+    let bits = payload
+        .iter()
+        .flat_map(|byte| (0..8).map(move |bit| byte >> (7 - bit) & 1 == 1))
+        .collect();
     let queue = Queue {
         bits,
         missing: 0,
@@ -104,7 +107,12 @@ impl Oracle {
             return None;
         }
         let byte = |bits: &[bool]| bits.iter().fold(0, |sum, &bit| sum * 2 + u64::from(bit));
-        Some(bits.chunks(8).enumerate().map(|(index, bits)| byte(bits) << (8 * index)).sum())
+        Some(
+            bits.chunks(8)
+                .enumerate()
+                .map(|(index, bits)| byte(bits) << (8 * index))
+                .sum(),
+        )
     }
 
     fn give_up(&mut self) {
@@ -124,7 +132,11 @@ impl Oracle {
             "struct" => {
                 let last = tree.below.len();
                 let fields = tree.below.iter().zip(1..);
-                Value::Struct(fields.filter_map(|(f, at)| self.value(f, layout, tail && at == last)).collect())
+                Value::Struct(
+                    fields
+                        .filter_map(|(f, at)| self.value(f, layout, tail && at == last))
+                        .collect(),
+                )
             }
             "union" => {
                 let Some(tag) = self.number(tree.extra) else {
@@ -132,18 +144,22 @@ impl Oracle {
                     return Some(Value::Null);
                 };
                 let mut members: Vec<_> = tree.below.iter().filter_map(Tree::null).collect();
-                match members.get_mut(usize::try_from(tag).unwrap()) {
-                    Some(member) => *member = self.value(&tree.below[usize::try_from(tag).unwrap()], layout, tail)?,
-                    None => {
-                        self.bad_tag = true;
-                        self.give_up();
-                    }
+                let active = usize::try_from(tag).unwrap();
+                if let Some(member) = tree.below.get(active) {
+                    members[active] = self.value(member, layout, tail)?;
+                } else {
+                    self.bad_tag = true;
+                    self.give_up();
                 }
                 Value::Struct(members)
             }
             "array" => {
                 let items = self.items(&tree.below[0], bits, bits, layout, tail);
-                if items.is_empty() { Value::Null } else { Value::List(items) }
+                if items.is_empty() {
+                    Value::Null
+                } else {
+                    Value::List(items)
+                }
             }
             "list" => self.list(tree, layout, tail),
             "bool" => self.number(1).map_or(Value::Null, |raw| Value::Bool(raw == 1)),
@@ -188,7 +204,7 @@ impl Oracle {
             }
             items.push(item);
         }
-        if self.queue.given_up.is_some() { Value::Null } else { Value::List(items) }
+        Value::List(items)
     }
 
     fn items(&mut self, element: &Tree, count: u64, max: u64, layout: u8, tail: bool) -> Vec<Value> {

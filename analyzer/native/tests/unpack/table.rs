@@ -27,7 +27,9 @@ pub struct Row {
 }
 
 pub fn tokens(list: &[(&str, u32, u32)]) -> Vec<Token> {
-    list.iter().map(|&(word, number, extra)| (word.into(), number, extra)).collect()
+    list.iter()
+        .map(|&(word, number, extra)| (word.into(), number, extra))
+        .collect()
 }
 
 /// One payload a row, one after the other.
@@ -38,7 +40,12 @@ pub fn decode(plan: &[(&str, u32, u32)], layout: u8, payloads: &[&[u8]]) -> Vec<
         arena.extend_from_slice(payload);
         offsets.push(i32::try_from(arena.len()).unwrap());
     }
-    rows(&tokens(plan), &spans(&offsets, None), &vec![layout; payloads.len()], &arena)
+    rows(
+        &tokens(plan),
+        &spans(&offsets, None),
+        &vec![layout; payloads.len()],
+        &arena,
+    )
 }
 
 pub fn decode_one(plan: &[(&str, u32, u32)], layout: u8, payload: &[u8]) -> Row {
@@ -48,13 +55,20 @@ pub fn decode_one(plan: &[(&str, u32, u32)], layout: u8, payload: &[u8]) -> Row 
 pub fn rows(tokens: &[Token], spans: &[Span], layouts: &[u8], arena: &[u8]) -> Vec<Row> {
     let plan = Plan::parse(tokens).unwrap();
     let out = unpack(&plan, Rows { spans, layouts }, arena);
-    assert_eq!((out.left.len(), out.dirty.len(), out.root.len()), (spans.len(), spans.len(), spans.len()));
+    assert_eq!(
+        (out.left.len(), out.dirty.len(), out.root.len()),
+        (spans.len(), spans.len(), spans.len())
+    );
     let flat = out.root.flatten();
     let (mut tokens, mut buffers) = (tokens.iter(), flat.iter());
     let values = column(&mut tokens, &mut buffers).unwrap_or_default();
     assert!(buffers.next().is_none(), "a buffer too many");
     let about = out.left.iter().zip(&out.dirty);
-    values.into_iter().zip(about).map(|(value, (&left, &dirty))| Row { value, left, dirty }).collect()
+    values
+        .into_iter()
+        .zip(about)
+        .map(|(value, (&left, &dirty))| Row { value, left, dirty })
+        .collect()
 }
 
 /// The cells of the next node; none for a void.
@@ -72,13 +86,21 @@ fn column<'a>(
             assert!(flat.buffer.is_none());
             let children: Vec<_> = (0..*number).filter_map(|_| column(tokens, buffers)).collect();
             assert!(children.iter().all(|c| c.len() == flat.len));
-            (0..flat.len).map(|row| Value::Struct(children.iter().map(|c| c[row].clone()).collect())).collect()
+            (0..flat.len)
+                .map(|row| Value::Struct(children.iter().map(|c| c[row].clone()).collect()))
+                .collect()
         }
         "array" | "list" => {
             let child = column(tokens, buffers).unwrap();
             let offsets: Vec<usize> = chunks(flat, 4).map(|o| usize::try_from(o).unwrap()).collect();
-            assert_eq!((offsets.len(), offsets[0], offsets[flat.len]), (flat.len + 1, 0, child.len()));
-            offsets.windows(2).map(|ends| Value::List(child[ends[0]..ends[1]].to_vec())).collect()
+            assert_eq!(
+                (offsets.len(), offsets[0], offsets[flat.len]),
+                (flat.len + 1, 0, child.len())
+            );
+            offsets
+                .windows(2)
+                .map(|ends| Value::List(child[ends[0]..ends[1]].to_vec()))
+                .collect()
         }
         "bool" => {
             let bits = flat.buffer.as_ref().unwrap();
@@ -86,12 +108,16 @@ fn column<'a>(
             (0..flat.len).map(|row| Value::Bool(bit(bits, row))).collect()
         }
         "float" if *number == 64 => chunks(flat, 8).map(Value::Double).collect(),
-        "float" => chunks(flat, 4).map(|raw| Value::Single(u32::try_from(raw).unwrap())).collect(),
+        "float" => chunks(flat, 4)
+            .map(|raw| Value::Single(u32::try_from(raw).unwrap()))
+            .collect(),
         _ => {
             let width = [1, 2, 4, 8].into_iter().find(|w| number.div_ceil(8) <= *w).unwrap();
             let unused = 64 - 8 * width;
             let int = |raw: u64| Value::Int((raw << unused).cast_signed() >> unused);
-            chunks(flat, width as usize).map(|raw| if word == "int" { int(raw) } else { Value::Uint(raw) }).collect()
+            chunks(flat, width as usize)
+                .map(|raw| if word == "int" { int(raw) } else { Value::Uint(raw) })
+                .collect()
         }
     };
     assert_eq!(cells.len(), flat.len);
@@ -100,7 +126,13 @@ fn column<'a>(
     };
     assert_eq!(validity.len(), flat.len.div_ceil(8));
     assert!((0..flat.len).any(|row| !bit(validity, row)), "validity without a null");
-    Some(cells.into_iter().enumerate().map(|(row, cell)| if bit(validity, row) { cell } else { Value::Null }).collect())
+    Some(
+        cells
+            .into_iter()
+            .enumerate()
+            .map(|(row, cell)| if bit(validity, row) { cell } else { Value::Null })
+            .collect(),
+    )
 }
 
 fn bit(bitmap: &[u8], at: usize) -> bool {

@@ -1,0 +1,140 @@
+"""Decoded rows as JSON values, a column at a time.
+
+Messages give what was on the wire: raw numbers by DSDL field name. Packets give physical values and text. In both a
+field whose values have names, or that has bit parts, becomes an object with `raw`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from analyzer.views.cells import pylist, step_into
+from analyzer.views.meaning import meaning
+from dissectors.schema import Array, Compound, Primitive
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from fractions import Fraction
+
+    from analyzer.views.rows import Part
+    from dissectors.schema import Bits, Message, Note, Packet, Type
+
+
+def field_objects(part: Part, *, physical: bool) -> list[dict[str, Any]]:
+    """The fields of every row of a table; `physical` scales numbers and reads texts, as packets are shown."""
+    if part.of is None:
+        reasons, data = pylist(part.table.column("reason")), pylist(part.table.column("data"))
+        return [{"reason": r, "data": d.hex().upper()} for r, d in zip(reasons, data, strict=True)]
+    columns = {
+        m.name: _field(part, part.of, m.name, m.type, physical=physical) for m in part.of.layout.fields if m.name
+    }
+    if part.of.layout.union:
+        return [_active(dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
+    if not columns:
+        return [{} for _ in range(len(part.table))]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _field(part: Part, of: Message | Packet, name: str, kind: Type, *, physical: bool) -> list[Any]:
+    note = of.notes.get(name)
+    values = pylist(part.table.column(name))
+    if note is not None and physical and note.text:
+        return pylist(part.table.column(f"{name}.text"))
+    raw = _unscaled(values, kind, note.scale) if note is not None and note.scale is not None else values
+    if note is not None and physical and note.unit_by is not None:
+        value, unit = pylist(part.table.column(f"{name}.value")), pylist(part.table.column(f"{name}.unit"))
+        rows = zip(raw, value, unit, strict=True)
+        return [None if r is None else {"raw": r, "value": v, "unit": u} for r, v, u in rows]
+    shown = values if physical else raw
+    return _column(kind, raw, shown, name, of)
+
+
+def _column(kind: Type, raw: list[Any], shown: list[Any], name: str, of: Message | Packet) -> list[Any]:
+    """`raw` and `shown` are the same cells unless the field is scaled; what is nested never is."""
+    if isinstance(kind, Compound):
+        return _structures(kind, raw, name, of)
+    note = meaning(of, name).note
+    if isinstance(kind, Array):
+        if isinstance(kind.element, Primitive) and kind.element.kind != "float" and not _special(note):
+            return shown
+        pairs = zip(raw, shown, strict=True)
+        return [None if r is None else _column(kind.element, r, s, name, of) for r, s in pairs]
+    if note is not None and (note.parts or note.enum):
+        return _objects(raw, note)
+    numbers = [number(cell) for cell in shown] if any(isinstance(cell, float) for cell in shown) else shown
+    if note is not None and note.special:
+        cells = zip(raw, numbers, _objects(raw, note), strict=True)
+        return [named if r in note.special else plain for r, plain, named in cells]
+    return numbers
+
+
+def _structures(kind: Compound, cells: list[Any], name: str, of: Message | Packet) -> list[Any]:
+    columns: dict[str, list[Any]] = {}
+    for member in kind.fields:
+        if member.name:
+            inner = step_into(cells, member.name)
+            columns[member.name] = _column(member.type, inner, inner, f"{name}.{member.name}", of)
+    rows = zip(*columns.values(), strict=True) if columns else iter([()] * len(cells))
+    objects = [dict(zip(columns, row, strict=True)) for row in rows]
+    return [
+        None if cell is None else _active(made) if kind.union else made
+        for cell, made in zip(cells, objects, strict=True)
+    ]
+
+
+def _objects(raw: list[Any], note: Note) -> list[dict[str, Any] | None]:
+    """`raw`, then the bit parts, then `text`; a name is null when the value has none."""
+    texts: Mapping[int, str] = {**note.enum, **note.special}
+    out: list[dict[str, Any] | None] = []
+    for cell in raw:
+        if cell is None:
+            out.append(None)
+            continue
+        made: dict[str, Any] = {"raw": cell}
+        for bits in note.parts:
+            made[bits.name] = _part(cell, bits)
+        if note.enum or cell in texts:
+            made["text"] = texts.get(cell)
+        out.append(made)
+    return out
+
+
+def _part(word: int, bits: Bits) -> Any:
+    raw = word >> bits.low & (1 << bits.width) - 1
+    if bits.enum:
+        return {"raw": raw, "text": bits.enum.get(raw)}
+    if bits.scale is not None:
+        return float(raw * bits.scale)
+    return bool(raw) if bits.flag else raw
+
+
+def _special(note: Note | None) -> bool:
+    return note is not None and bool(note.enum or note.special or note.scale is not None)
+
+
+def _active(members: dict[str, Any]) -> dict[str, Any]:
+    """Of a union only the member that was sent."""
+    return {name: value for name, value in members.items() if value is not None}
+
+
+def _unscaled(values: list[Any], kind: Type, scale: Fraction) -> list[Any]:
+    """Raw numbers of a column that holds raw * scale."""
+    whole = not (isinstance(kind, Primitive) and kind.kind == "float")
+
+    def one(value: Any) -> Any:
+        if isinstance(value, list):
+            return [one(cell) for cell in value]
+        if value is None or not math.isfinite(value):
+            return value
+        raw = value * scale.denominator / scale.numerator
+        return round(raw) if whole else raw
+
+    return [one(value) for value in values]
+
+
+def number(value: Any) -> Any:
+    """A number as JSON can hold it: what is not finite becomes "NaN", "Infinity" or "-Infinity"."""
+    if value is None or math.isfinite(value):
+        return value
+    return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"

@@ -1,0 +1,169 @@
+"""`-T jsonl`, `-T json` and `-T csv`: one record a transfer, for programs.
+
+Every writer gives text with its line ends: `begin()`, then `rows(batch, picked)` for each batch, then `end()`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from typing import TYPE_CHECKING, Any
+
+from analyzer.tables import KINDS, STATUSES
+from analyzer.views.cells import pylist
+from analyzer.views.jsonable import field_objects
+from analyzer.views.rows import Rows
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy.typing as npt
+
+    from analyzer.engine import Batch
+    from dissectors import Registry
+
+KEYS = (
+    "frame", "frames", "t_ns", "bus", "kind", "type", "type_id", "src", "dst", "priority", "transfer_id", "status",
+    "crc_wire", "crc_here", "payload", "fields", "packets",
+)  # fmt: skip
+_DECODED = (STATUSES.index("ok"), STATUSES.index("bad crc"))
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
+
+
+def records(batch: Batch, registry: Registry, picked: npt.NDArray[Any] | None = None) -> Iterator[dict[str, Any]]:
+    """A record for each picked transfer (all if not given), with the keys of `KEYS` in that order.
+
+    `frames` are numbers from 1. What is absent is None: the time of a capture without times, the destination of a
+    broadcast, the type of an unknown ID, the fields of a transfer that is broken. `packets` is None for types that
+    carry none.
+    """
+    rows = Rows(batch, registry, picked)
+    fields, packets = _fields(rows), _packets(rows)
+    numbers = [[frame + 1 for frame in frames] for frames in rows.column("frame")]
+    columns = {
+        "frame": [frames[0] if frames else None for frames in numbers],
+        "frames": numbers,
+        "t_ns": rows.column("t"),
+        "bus": [batch.buses[bus] for bus in rows.column("bus")],
+        "kind": [KINDS[kind] for kind in rows.column("kind")],
+        "type": [None if m is None else m.name for m in rows.messages],
+        **{name: rows.column(name) for name in ("type_id", "src", "dst", "priority", "transfer_id")},
+        "status": [STATUSES[status] for status in rows.column("status")],
+        **{name: [None if v is None else f"{v:04X}" for v in rows.column(name)] for name in ("crc_wire", "crc_here")},
+        "payload": [p.hex().upper() for p in rows.unpadded()],
+        "fields": fields,
+        "packets": packets,
+    }
+    for values in zip(*(columns[key] for key in KEYS), strict=True):
+        yield dict(zip(KEYS, values, strict=True))
+
+
+def _fields(rows: Rows) -> list[dict[str, Any] | None]:
+    found: list[dict[str, Any] | None] = [None] * len(rows)
+    status = rows.column("status")
+    for part in rows.typed:
+        for at, values in zip(part.at, field_objects(part, physical=False), strict=True):
+            found[at] = values if status[at] in _DECODED else None
+    return found
+
+
+def _packets(rows: Rows) -> list[list[dict[str, Any]] | None]:
+    found: list[list[dict[str, Any]] | None] = [None] * len(rows)
+    status = rows.column("status")
+    for part in rows.typed:
+        if getattr(part.of, "packets", None) is not None:
+            for at in part.at:
+                found[at] = [] if status[at] in _DECODED else None
+    objects = {}
+    for part in rows.packets:
+        name = None if part.of is None else part.of.name
+        sound = [False] * len(part.table) if part.of is None else pylist(part.table.column("packet_ok"))
+        fields = field_objects(part, physical=True)
+        objects[id(part)] = [{"type": name, "ok": ok, "fields": f} for ok, f in zip(sound, fields, strict=True)]
+    for at, packets in rows.inner().items():
+        if found[at] is not None:
+            found[at] = [objects[id(part)][row] for _, part, row in packets]
+    return found
+
+
+class JsonLines:
+    """One JSON object a line."""
+
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
+
+    def begin(self) -> str:
+        """Nothing stands before the first line."""
+        return ""
+
+    def rows(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[str]:
+        """A line for each picked transfer."""
+        for record in records(batch, self._registry, picked):
+            yield text_of(record) + "\n"
+
+    def end(self) -> str:
+        """Nothing stands behind the last line."""
+        return ""
+
+
+class JsonArray:
+    """One JSON array over the whole capture, valid also when it is empty."""
+
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
+        self._before = "\n"
+
+    def begin(self) -> str:
+        """The bracket that opens the array."""
+        return "["
+
+    def rows(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[str]:
+        """An element for each picked transfer."""
+        for record in records(batch, self._registry, picked):
+            yield self._before + text_of(record)
+            self._before = ",\n"
+
+    def end(self) -> str:
+        """The bracket that closes it."""
+        return "\n]\n"
+
+
+class Csv:
+    """RFC 4180: one header, a line a transfer; `frames` are joined by blanks, `fields` and `packets` are JSON.
+
+    Text that a spreadsheet would take for a formula gets an apostrophe in front.
+    """
+
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
+
+    def begin(self) -> str:
+        """The header."""
+        return ",".join(KEYS) + "\r\n"
+
+    def rows(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[str]:
+        """A line for each picked transfer."""
+        out = io.StringIO()
+        writer = csv.writer(out)
+        for record in records(batch, self._registry, picked):
+            record["frames"] = " ".join(map(str, record["frames"]))
+            for key in ("fields", "packets"):
+                record[key] = None if record[key] is None else text_of(record[key])
+            writer.writerow([_harmless(value) for value in record.values()])
+            yield out.getvalue()
+            out.seek(0)
+            out.truncate()
+
+    def end(self) -> str:
+        """Nothing stands behind the last line."""
+        return ""
+
+
+def text_of(value: Any) -> str:
+    """JSON in ASCII: control characters and changes of writing direction are escapes."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False)
+
+
+def _harmless(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value

@@ -1,0 +1,144 @@
+"""What the tests share: a capture run through the engine, its tables as plain rows."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+import pytest
+
+import dissectors
+from analyzer.engine import Batch, Engine
+from analyzer.tables import EVENTS, FRAME_ANOMALIES, KINDS, STATUSES, TRANSFER_ANOMALIES, VERDICTS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from dissectors.registry import Registry
+
+FLUSH = object()  # among the chunks: ask for a batch
+
+
+def names(bits: int, of: tuple[str, ...]) -> set[str]:
+    assert bits >> len(of) == 0
+    return {name for bit, name in enumerate(of) if bits >> bit & 1}
+
+
+def rows_of(batch: pa.RecordBatch) -> list[dict[str, Any]]:
+    """Rows as dictionaries, times and durations as integer nanoseconds."""
+    batch.validate(full=True)
+    columns = {}
+    for field, column in zip(batch.schema, batch.columns, strict=True):
+        timed = pa.types.is_timestamp(field.type) or pa.types.is_duration(field.type)
+        columns[field.name] = (column.cast(pa.int64()) if timed else column).to_pylist()
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+class Decoded:
+    """A whole capture: rows of every table, codes replaced by their texts; frame numbers from 0 as in the tables."""
+
+    def __init__(self, batches: Iterable[Batch], engine: Engine) -> None:
+        self.batches, self.engine = list(batches), engine
+        first_frame = first_transfer = 0
+        for batch in self.batches:
+            assert (batch.first_frame, batch.first_transfer) == (first_frame, first_transfer)
+            first_frame += len(batch.frames)
+            first_transfer += len(batch.transfers)
+
+    @cached_property
+    def frames(self) -> list[dict[str, Any]]:
+        """Verdicts and anomalies are the final ones."""
+        out: list[dict[str, Any]] = []
+        for batch in self.batches:
+            out += rows_of(batch.frames)
+            for settled in rows_of(batch.settled):
+                assert settled["frame"] < batch.first_frame
+                row = out[settled["frame"]]
+                row["verdict"] = settled["verdict"]
+                row["anomaly"] |= settled["anomaly"]
+        for row in out:
+            row["verdict"] = VERDICTS[row["verdict"]]
+            row["anomaly"] = names(row["anomaly"], FRAME_ANOMALIES)
+        return out
+
+    @cached_property
+    def transfers(self) -> list[dict[str, Any]]:
+        out = [row for batch in self.batches for row in rows_of(batch.transfers)]
+        for row in out:
+            row["kind"], row["status"] = KINDS[row["kind"]], STATUSES[row["status"]]
+            row["anomaly"] = names(row["anomaly"], TRANSFER_ANOMALIES)
+        return out
+
+    @cached_property
+    def events(self) -> list[dict[str, Any]]:
+        out = [row for batch in self.batches for row in rows_of(batch.events)]
+        return [row | {"kind": EVENTS[row["kind"]]} for row in out]
+
+    @cached_property
+    def messages(self) -> dict[str, list[dict[str, Any]]]:
+        out: dict[str, list[dict[str, Any]]] = {}
+        for batch in self.batches:
+            for name, table in batch.messages.items():
+                out.setdefault(name, []).extend(rows_of(table))
+        return out
+
+    @cached_property
+    def verdicts(self) -> list[str]:
+        return [row["verdict"] for row in self.frames]
+
+    def message_of(self, transfer: int) -> tuple[str, dict[str, Any]] | None:
+        """Name and row of what transfer row `transfer` carries; packets inside it are not counted."""
+        return self._by_transfer.get(transfer)
+
+    @cached_property
+    def _by_transfer(self) -> dict[int, tuple[str, dict[str, Any]]]:
+        pairs = [(row["transfer"], (name, row)) for name, rows in self.messages.items() for row in rows]
+        pairs = [(number, found) for number, found in pairs if "bits_left" in found[1]]
+        assert len(dict(pairs)) == len(pairs), "two messages of one transfer"
+        return dict(pairs)
+
+    def check_conservation(self) -> None:
+        """Every line and every frame is accounted for, once."""
+        totals = self.engine.totals
+        assert totals.balanced, totals
+        assert totals.verdicts == {name: self.verdicts.count(name) for name in VERDICTS}
+        named = [number for row in self.transfers for number in row["frame"]]
+        assert sorted(named) == [number for number, verdict in enumerate(self.verdicts) if verdict == "used"]
+        counted = {"error frame": "error_frames", "drop": "drops", "comment": "comments", "unreadable": "unreadable"}
+        for kind, part in counted.items():
+            assert sum(row["kind"] == kind for row in self.events) == totals.lines[part], kind
+        assert totals.lines["frames"] == len(self.frames)
+
+
+@pytest.fixture(scope="session")
+def registry() -> Registry:
+    return dissectors.load()
+
+
+@pytest.fixture(scope="session")
+def flush() -> object:
+    """Stands between two chunks for a batch that is asked for early."""
+    return FLUSH
+
+
+@pytest.fixture(scope="session")
+def decode(registry: Registry) -> Callable[..., Decoded]:
+    """Runs chunks of candump text (or one) through an engine of its own; the laws of conservation hold in every run."""
+
+    def run(*chunks: bytes | object, types: Registry = registry) -> Decoded:
+        engine = Engine(types)
+
+        def batches() -> Iterator[Batch]:
+            for chunk in chunks:
+                if chunk is FLUSH:
+                    yield engine.flush()
+                else:
+                    yield from engine.feed(chunk)
+            yield engine.finish()
+
+        got = Decoded(batches(), engine)
+        got.check_conservation()
+        return got
+
+    return run
