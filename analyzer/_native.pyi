@@ -34,5 +34,5 @@ class Plan:
 class Packets:
     def __new__(cls, families: list[_FamilySpec]) -> Packets: ...
     def find(
-        self, own: int, type_id: int, offsets: bytes, data: bytes, bus: bytes, src: bytes
+        self, own: int, type_id: int, offsets: bytes, data: bytes, senders: tuple[bytes, bytes]
     ) -> _Columns: ...

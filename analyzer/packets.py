@@ -62,8 +62,8 @@ class PacketFinder:
         lists = table.column(self._carriers[own][1].field)
         _, offsets, _, values = lists.buffers()
         data = b"" if values is None else values.to_pybytes()
-        where = [table.column(name).to_numpy().tobytes() for name in ("bus", "src")]
-        columns = self._native.find(own, message.type_id, offsets.to_pybytes(), data, *where)
+        senders = table.column("bus").to_numpy().tobytes(), table.column("src").to_numpy().tobytes()
+        columns = self._native.find(own, message.type_id, offsets.to_pybytes(), data, senders)
         got = {name: np.frombuffer(columns[name], kind) for name, kind in _KINDS.items()}
         bounds = np.frombuffer(offsets, np.int32)
         raw = np.frombuffer(data, np.uint8)

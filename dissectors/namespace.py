@@ -23,7 +23,7 @@ MAX_SERVICE_ID = 255
 MAX_MESSAGE_ID = 65535
 
 _FILE = re.compile(r"(?:(\d{1,6})\.)?([A-Z][A-Za-z0-9_]*)(?:\.\d{1,3}\.\d{1,3})?\.uavcan", re.ASCII)
-_COMPONENT = re.compile(r"[a-z][a-z0-9_]*", re.ASCII)
+_NAME = re.compile(r"(?:[a-z][a-z0-9_]*\.)+[A-Z][A-Za-z0-9_]*", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +73,7 @@ class Namespace:
         match = _FILE.fullmatch(path.name)
         if match is None:
             raise DsdlError(str(path), 0, "a definition file is called [<id>.]<Name>.uavcan")
-        *folders, _ = full_name.split(".")
-        if not folders or not all(map(_COMPONENT.fullmatch, folders)) or len(full_name) > dsdl.MAX_NAME:
+        if not _NAME.fullmatch(full_name) or len(full_name) > dsdl.MAX_NAME:
             reason = (
                 f"{full_name[:100]!r} is no type name: lower-case namespaces, then a capital, {dsdl.MAX_NAME} at most"
             )

@@ -1,45 +1,50 @@
-"""Packets inside packets: the tables `packets` and `packet` of a message, each packet's layout being a DSDL file.
+"""Packets inside packets: a file of its own says what all packets of a message have in common, then each of them.
 
-`packets` says what all packets of the message have in common, notes of fields and derived columns included.
+Notes of fields and derived columns that stand at the top of the file hold for every packet; a packet's own replace
+them. The layout of each packet is a DSDL file beside it.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dissectors.layout import Array, Compound
 from dissectors.namespace import Namespace
 from dissectors.schema import Packet, PacketFamily
+from dissectors.toml_table import read
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from dissectors.notes import NoteReader
     from dissectors.toml_table import Table
 
 MAX_PACKET = 255
 
 
-def family(table: Table, name: str, layout: Compound, folder: Path, reader: NoteReader) -> PacketFamily | None:
-    """The packets of a message called `name`, None if it has none."""
-    head = table.table("packets")
-    bodies = list(table.tables("packet"))
-    if not head.body and not bodies:
+def family(table: Table, layout: Compound, folder: Path, reader: NoteReader) -> PacketFamily | None:
+    """The packets of a message, from the file that its key `packets` names; None without that key."""
+    file = table.string("packets")
+    if not file:
         return None
+    path = folder / file
+    if not path.is_file():
+        table.fail(f"no such file: {path}", "packets")
+    head = read(path)
     field = head.string("carrier", required=True)
     carrier = layout.member(field)
     if not isinstance(carrier, Array) or (carrier.element.min_bits, carrier.element.max_bits) != (8, 8):
-        head.fail(f"{field!r} is no byte array of {name}", "carrier")
+        head.fail(f"{field!r} is no byte array of {layout.name}", "carrier")
     header = bytes(head.integers("header", 0, 255))
     at = [head.integer(key, 0, MAX_PACKET - 1) for key in ("id_at", "count_at", "unit_at", "length_at")]
+    bodies = list(head.tables("packet"))
     for key in ("field", "derived"):
         head.table(key)
     head.finish()
     if not header or None in at:
         head.fail("header, id_at, count_at, unit_at and length_at are all needed")
     id_at, count_at, unit_at, length_at = (place or 0 for place in at)
-    packets = [_packet(body, head, folder, reader) for _, body in bodies]
+    packets = [_packet(body, head, table.path[-1], reader) for _, body in bodies]
     for number, packet in enumerate(packets):
         body = bodies[number][1]
         if packet.length <= max(id_at, count_at, unit_at, length_at, len(header)):
@@ -49,9 +54,9 @@ def family(table: Table, name: str, layout: Compound, folder: Path, reader: Note
     return PacketFamily(field, header, id_at, count_at, unit_at, length_at, tuple(packets))
 
 
-def _packet(table: Table, head: Table, folder: Path, reader: NoteReader) -> Packet:
-    _, carrier, _, name = table.path
-    path = folder / table.string("dsdl", required=True)
+def _packet(table: Table, head: Table, carrier: str, reader: NoteReader) -> Packet:
+    name = table.path[-1]
+    path = Path(head.file).parent / table.string("dsdl", required=True)
     if not path.is_file():
         table.fail(f"no such file: {path}", "dsdl")
     files = Namespace()

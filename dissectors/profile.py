@@ -179,7 +179,7 @@ class Profile:
             layout=layout,
             notes=notes,
             derived=tuple(derived.values()),
-            packets=packets.family(table, name, layout, self.folder, self.reader),
+            packets=packets.family(table, layout, self.folder, self.reader),
             prefix=table.flag("prefix"),
             readings=tuple(self._readings(table, layout, notes)),
             clause=clause,

@@ -127,7 +127,7 @@ def faults() -> Case:
             25 + 50 * k, Frame(0x18F00417, bytes([0xF0, 0x7D, 0x7D, k, 0x13, 0xFF, 0xFF, 0xFF])), verdict="foreign"
         )
     for k in range(5):
-        one = encode.Transfer("message", 20010, 30, bytes(range(k, k + 20)), 0x1122334455667788, k)
+        one = encode.Transfer("message", 20710, 30, bytes(range(k, k + 20)), 0x1122334455667788, k)
         job.add(300 + 100 * k, Sent(one, None, None, None, "unchecked", "unknown type, ids up by one"), one.frames())
     unproven = []
     for k, transfer_id in enumerate((4, 19)):

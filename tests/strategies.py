@@ -21,7 +21,7 @@ START = 1_700_000_000 * 10**9
 MESSAGES = sorted(n for n, of in encode.TYPES.items() if of.kind == "message")
 SERVICES = sorted(n.removesuffix(".Request") for n, of in encode.TYPES.items() if of.kind == "request")
 ALLOCATION = "uavcan.protocol.dynamic_node_id.Allocation"
-UNKNOWN = {20010: 0x0123456789ABCDEF, 999: 0xFEDCBA9876543210, 64001: 0x1122334455667788}  # type id -> signature
+UNKNOWN = {20710: 0x0123456789ABCDEF, 999: 0xFEDCBA9876543210, 64001: 0x1122334455667788}  # type id -> signature
 
 
 def fields_of(name: str, *, finite: bool = True) -> st.SearchStrategy[dict[str, Any]]:

@@ -285,6 +285,15 @@ def test_file_names_that_define_nothing_are_refused(tmp_path: Path) -> None:
             Namespace().add_tree(folder)
 
 
+@pytest.mark.parametrize(
+    "name", ["Thing", "Acme.Thing", "acme.thing", "acme.\u00c9", "acme..Thing", "a." * 40 + "Thing"]
+)
+def test_illegal_type_names_are_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / "Thing.uavcan").touch()
+    with pytest.raises(DsdlError, match="no type name"):
+        Namespace().add(tmp_path / "Thing.uavcan", name)
+
+
 def test_two_files_for_one_type_are_refused(tmp_path: Path) -> None:
     with pytest.raises(DsdlError, match="also defined by"):
         tree(tmp_path, A="uint8 a", n20000_A="uint8 a")

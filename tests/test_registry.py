@@ -61,6 +61,10 @@ def test_unknown_ids_have_no_answer(known: registry.Registry) -> None:
     assert known.message(REQUEST, 341) is None
 
 
+def test_carriers_are_the_messages_with_packets(known: registry.Registry) -> None:
+    assert [message.name for message in known.carriers()] == ["PUSHSCI", "PUSHCAN"]
+
+
 @pytest.mark.parametrize(
     ("name", "table"),
     [

@@ -29,6 +29,15 @@ class Parser(argparse.ArgumentParser):
         self.exit(USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
+class Version(argparse.Action):
+    """Looks the version up only when it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        """Prints it and exits."""
+        sys.stdout.write(f"tailbyte {version()}\n")
+        parser.exit()
+
+
 def parser() -> Parser:
     """Every command with its options; light enough for `--help`."""
     from analyzer.cli import decode, info  # noqa: PLC0415 - both are argparse only at this point
@@ -39,7 +48,7 @@ def parser() -> Parser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    main_parser.add_argument("--version", action="version", version=f"%(prog)s {version()}")
+    main_parser.add_argument("--version", action=Version, nargs=0, help="show the version and exit")
     commands = main_parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
     for command in (decode, info):
         command.add(commands)

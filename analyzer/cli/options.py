@@ -6,7 +6,6 @@ import argparse
 import os
 import re
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ def add_reader(parser: argparse.ArgumentParser) -> None:
     where.add_argument("capture", nargs="?", metavar="CAPTURE", help="candump text, gzip or not; - is standard input")
     where.add_argument("-r", dest="capture_", metavar="CAPTURE", help="the same, by letter")
     parser.add_argument(
-        "--dissector", action="append", default=[], type=Path, metavar="DIR",
+        "--dissector", action="append", default=[], metavar="DIR",
         help="folder with further data types (DSDL, profile.toml); repeatable, comes before the built-in ones",
     )  # fmt: skip
 
@@ -98,9 +97,11 @@ def capture_name(args: argparse.Namespace) -> str:
 
 def registry(args: argparse.Namespace) -> Registry:
     """The data types to decode with. Raises `DsdlError` or `ProfileError` for a broken folder."""
+    from pathlib import Path  # noqa: PLC0415
+
     import dissectors  # noqa: PLC0415
 
-    return dissectors.load(args.dissector)
+    return dissectors.load([Path(folder) for folder in args.dissector])
 
 
 def colour(args: argparse.Namespace) -> bool:

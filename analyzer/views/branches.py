@@ -68,7 +68,8 @@ class _Grower:
         """`name` is the dotted name without indexes, by which the profile knows the field; `path` has them."""
         about = meaning(self.of, name)
         place = span(self.where, path)
-        where = place.words() if place is not None else ""
+        clause = f"clause {about.clause}" if about.clause else ""
+        where = "  ".join(filter(None, [place.words() if place is not None else "", clause]))
         label = f"{path.rpartition('.')[2]}"
         if about.note is not None and about.note.name:
             label = f"{about.note.name} ({label})"
@@ -83,10 +84,11 @@ class _Grower:
             return Branch(f"{label}: {len(cell)} elements", where, below)
         if isinstance(kind, Array):
             return Branch(f"{label}: {_list(kind, cell, about)}", where)
-        return self._scalar(name, cell, label, place)
+        text, below = self._scalar(name, cell, place, about)
+        return Branch(f"{label}: {text}", where, below)
 
-    def _scalar(self, name: str, cell: Any, label: str, place: Place | None) -> Branch:
-        about = meaning(self.of, name)
+    def _scalar(self, name: str, cell: Any, place: Place | None, about: Meaning) -> tuple[str, list[Branch]]:
+        """The text of a single value, and its bit parts."""
         raw = raw_bits(self.payload, place) if place is not None else None
         text = quantity(_shown(cell, about), about.unit)
         note = about.note
@@ -97,9 +99,7 @@ class _Grower:
             text += _raw(raw, place.type, cell, hexadecimal=note is not None and note.hex, scaled=text != plain(cell))
         parts = note.parts if note is not None and raw is not None else ()
         below = [_part(part, raw or 0, place.bits if place is not None else 0) for part in parts]
-        clause = f"clause {about.clause}" if about.clause else ""
-        where = place.words() if place is not None else ""
-        return Branch(f"{label}: {text}", "  ".join(filter(None, [where, clause])), below)
+        return text, below
 
 
 def _part(part: Bits, word: int, width: int) -> Branch:

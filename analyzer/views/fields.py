@@ -131,7 +131,9 @@ def find(registry: Registry, name: str) -> Column:
     for cut in range(len(words) - 1, 0, -1):
         try:
             message = registry.resolve(".".join(words[:cut]))
-        except UnknownNameError:
+        except UnknownNameError as error:
+            if any(candidate.endswith(f".{'.'.join(words[:cut])}") for candidate in error.candidates):
+                raise ValueError(f"no field {name!r}: {error}") from None  # ambiguous, not unknown
             continue
         rest = words[cut:]
         packet = next((p for p in (message.packets.packets if message.packets else ()) if p.name == rest[0]), None)
@@ -162,7 +164,7 @@ def _near(names: Sequence[str]) -> str:
 
 
 def _own(of: Message | Packet) -> Iterator[str]:
-    yield from columns(of.layout, of.notes)
+    yield from (name for name, _ in columns(of.layout, of.notes))
     for field, note in of.notes.items():
         yield from [f"{field}.text"] if note.text else []
         yield from [f"{field}.value", f"{field}.unit"] if note.unit_by is not None else []

@@ -56,7 +56,7 @@ class Listing:
             yield from entry
 
     def entries(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[list[str]]:
-        """The lines of each picked transfer (all if not given), without line ends; the first one's begin with the header.
+        """The lines of each picked transfer (all if not given), without line ends; the header comes with the first one.
 
         The header is repeated when a second interface turns up, since its column is shown from then on.
         """

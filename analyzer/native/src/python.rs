@@ -5,19 +5,14 @@
 
 use std::sync::{Arc, Mutex};
 
-use bytemuck::{cast_slice, try_cast_slice, Pod};
-use pyo3::exceptions::PyValueError;
+use bytemuck::{cast_slice, Pod};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use crate::bits::spans;
 use crate::frames::{Frames, NO_TIME};
-use crate::packets::{find, Carrier, Counter, Family, Spec};
 use crate::pipeline::Pipeline;
-use crate::plan;
 use crate::reassembly::{Resolve, Settled};
 use crate::transfers::{Transfers, NO_GAP, NO_STEP};
-use crate::unpack::{unpack, Rows};
 
 type Dict<'py> = Bound<'py, PyDict>;
 
@@ -48,7 +43,9 @@ macro_rules! columns {
     }};
 }
 
-fn timed<'a>(t: &'a [i64]) -> impl ExactSizeIterator<Item = bool> + 'a {
+mod decode;
+
+fn timed(t: &[i64]) -> impl ExactSizeIterator<Item = bool> + '_ {
     t.iter().map(|&t| t != NO_TIME)
 }
 
@@ -243,149 +240,9 @@ fn transfer_columns<'py>(py: Python<'py>, rows: &Transfers) -> PyResult<Dict<'py
     Ok(dict)
 }
 
-/// A layout, checked once.
-#[pyclass(frozen)]
-struct Plan(plan::Plan);
-
-#[pymethods]
-impl Plan {
-    /// Preorder tokens (kind, number, number); raises `ValueError` on a layout out of bounds.
-    #[new]
-    fn new(tokens: Vec<(String, u32, u32)>) -> PyResult<Self> {
-        plan::Plan::parse(&tokens)
-            .map(Plan)
-            .map_err(|error| PyValueError::new_err(error.to_string()))
-    }
-
-    /// Unpacks rows of `payload` (bounded by i32 `offsets`; u32 `rows` picks some): a preorder list of
-    /// (cells, validity, buffer), the bits left a row (i32) and the flags a row (u8).
-    #[pyo3(signature = (offsets, payload, layouts, rows=None))]
-    fn unpack<'py>(
-        &self,
-        py: Python<'py>,
-        offsets: &[u8],
-        payload: &[u8],
-        layouts: &[u8],
-        rows: Option<&[u8]>,
-    ) -> PyResult<Unpacked<'py>> {
-        let offsets: &[i32] = aligned(offsets)?;
-        let rows: Option<&[u32]> = rows.map(aligned).transpose()?;
-        let (columns, left, flags) = py.detach(|| {
-            let spans = spans(offsets, rows);
-            let out = unpack(&self.0, Rows { spans: &spans, layouts }, payload);
-            (out.root.flatten(), out.left, out.dirty)
-        });
-        let columns = columns
-            .into_iter()
-            .map(|flat| {
-                let bytes = |buffer: Option<Vec<u8>>| buffer.map(|b| PyBytes::new(py, &b));
-                (flat.len, bytes(flat.validity), bytes(flat.buffer))
-            })
-            .collect();
-        Ok((columns, PyBytes::new(py, cast_slice(&left)), PyBytes::new(py, &flags)))
-    }
-}
-
-type Bytes<'py> = Bound<'py, PyBytes>;
-type Unpacked<'py> = (
-    Vec<(usize, Option<Bytes<'py>>, Option<Bytes<'py>>)>,
-    Bytes<'py>,
-    Bytes<'py>,
-);
-
-fn aligned<T: Pod>(bytes: &[u8]) -> PyResult<&[T]> {
-    try_cast_slice(bytes).map_err(|error| PyValueError::new_err(error.to_string()))
-}
-
-/// (header, id_at, count_at, unit_at, length_at, packets as (id, length, ends of the sum)).
-type FamilySpec = (Vec<u8>, usize, usize, usize, usize, Vec<(u8, u16, Vec<u16>)>);
-
-/// Finds packets inside byte arrays and follows their frame counts through the capture.
-#[pyclass]
-struct Packets {
-    families: Vec<Family>,
-    counter: Counter,
-}
-
-#[pymethods]
-impl Packets {
-    #[new]
-    fn new(families: Vec<FamilySpec>) -> Self {
-        let spec = |(id, length, checksum_ends)| Spec {
-            id,
-            length,
-            checksum_ends,
-        };
-        let families = families
-            .into_iter()
-            .map(|(header, id_at, count_at, unit_at, length_at, packets)| Family {
-                header,
-                id_at,
-                count_at,
-                unit_at,
-                length_at,
-                packets: packets.into_iter().map(spec).collect(),
-            })
-            .collect();
-        Packets {
-            families,
-            counter: Counter::default(),
-        }
-    }
-
-    /// Columns of the packets in `data` (bounded by i32 `offsets`), which messages of `type_id` carried; `own` is the
-    /// family they should hold, `bus` and `src` (u8) say a row where it came from.
-    fn find<'py>(
-        &mut self,
-        py: Python<'py>,
-        own: usize,
-        type_id: u16,
-        offsets: &[u8],
-        data: &[u8],
-        bus: &[u8],
-        src: &[u8],
-    ) -> PyResult<Dict<'py>> {
-        let offsets: &[i32] = aligned(offsets)?;
-        let (found, steps) = py.detach(|| {
-            let found = find(&self.families, own, &spans(offsets, None), data);
-            let carriers: Vec<Carrier> = bus
-                .iter()
-                .zip(src)
-                .map(|(&bus, &src)| Carrier { bus, src, type_id })
-                .collect();
-            let steps = self.counter.steps(&self.families, &found, &carriers, data);
-            (found, steps)
-        });
-        let dict = columns!(
-            py,
-            found,
-            row,
-            offset,
-            start,
-            len,
-            family,
-            spec,
-            header_ok,
-            length_ok,
-            complete,
-            checksum_ok,
-            checksum_end,
-            reason
-        );
-        for (name, values, valid) in [
-            ("count_step", &steps.step, &steps.step_valid),
-            ("count_step_id", &steps.step_id, &steps.step_id_valid),
-        ] {
-            put(&dict, name, values)?;
-            put(&dict, &format!("{name}_valid"), valid)?;
-        }
-        Ok(dict)
-    }
-}
-
 #[pymodule]
 fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<Engine>()?;
-    m.add_class::<Plan>()?;
-    m.add_class::<Packets>()
+    m.add_class::<decode::Plan>()?;
+    m.add_class::<decode::Packets>()
 }

@@ -138,7 +138,12 @@ impl Reassembler {
                 Standing::Probation(probation) => {
                     session.finish(self.now, &mut probation.transfers);
                     let judgement = probation.last_word(session, speaks);
+                    let note = probation.note_of_refusal();
+                    let last = probation.held.last().map(|held| held.frame);
                     self.settle(at, judgement);
+                    if let (Judgement::Foreign, Some(frame), 1..) = (judgement, last, note) {
+                        self.report(frame, Outcome::flawed(Verdict::Foreign, note));
+                    }
                 }
             }
         }
@@ -294,6 +299,11 @@ impl Reassembler {
         }
         self.counts[reported as usize] -= 1;
         self.counts[outcome.verdict as usize] += 1;
+        self.report(frame, outcome);
+    }
+
+    /// The last word on a frame: in its row, or if that is gone, among the settled.
+    fn report(&mut self, frame: u64, outcome: Outcome) {
         let results = &mut self.results;
         if let Some(row) = frame.checked_sub(results.first_frame) {
             results.verdict[row as usize] = outcome.verdict as u8;

@@ -148,6 +148,10 @@ impl Session {
             if self.hot.transfer_id == tail.transfer_id() && self.hot.repeats(tail, body) {
                 return Outcome::of(Verdict::Duplicate);
             }
+            if !self.hot.active() {
+                // Only the very next frame can be a copy of the last one.
+                self.hot.frames.clear();
+            }
             let astray = self.hot.active() || !self.others.is_empty();
             return Outcome::of(if astray {
                 Verdict::WrongTransferId

@@ -46,6 +46,8 @@ pub struct Probation {
     illegal: usize,
     starts: usize,
     toggled_starts: usize,
+    /// The last frame was a proper part of a transfer that goes on.
+    under_way: bool,
     /// Transfers that a judgement has seen; without a new one there is no new proof.
     seen: usize,
 }
@@ -67,6 +69,7 @@ impl Probation {
         self.toggled_starts += usize::from(start && toggle);
         let legal = (outcome == Outcome::USED && !(start && toggle)) || outcome.verdict == Verdict::Duplicate;
         self.illegal += usize::from(!legal);
+        self.under_way = legal && tail.is_some_and(|tail| tail & 0x40 == 0);
         let reported = if known && !self.strict {
             outcome.verdict
         } else {
@@ -85,7 +88,7 @@ impl Probation {
             return Judgement::Believe;
         }
         self.seen = self.transfers.len();
-        let patience = if self.illegal == 0 {
+        let patience = if self.illegal == 0 || self.under_way {
             PATIENCE_LEGAL
         } else if session.known.is_some() && self.complete().next().is_none() && !self.strict {
             PATIENCE_KNOWN

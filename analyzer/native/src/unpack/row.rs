@@ -176,7 +176,7 @@ fn counted(element: &Node, child: &mut Column, cursor: &mut Cursor<'_>, count: u
     let kept = elements(element, child, cursor, most, Broken::Missed, |at| {
         tail.when(at + 1 == count)
     });
-    if kept == most && kept < count && cursor.remaining() > 0 {
+    if kept < count && cursor.remaining() > 0 {
         cursor.stop();
     } else if kept < count {
         // The first that was not whole has been walked over.

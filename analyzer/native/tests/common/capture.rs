@@ -30,7 +30,10 @@ impl Capture {
         self.anomaly.extend(results.anomaly);
         let settled = results.settled;
         for ((frame, verdict), anomaly) in settled.frame.into_iter().zip(settled.verdict).zip(settled.anomaly) {
-            assert!(frame < results.first_frame, "a frame of this batch is corrected in place");
+            assert!(
+                frame < results.first_frame,
+                "a frame of this batch is corrected in place"
+            );
             self.verdict[frame as usize] = verdict;
             self.anomaly[frame as usize] |= anomaly;
         }
@@ -43,11 +46,15 @@ impl Capture {
         assert_eq!(self.verdict.len(), self.frames.len());
         assert_eq!(self.anomaly.len(), self.frames.len());
         let mut counted = [0; VERDICTS];
-        self.verdict.iter().for_each(|&verdict| counted[usize::from(verdict)] += 1);
+        self.verdict
+            .iter()
+            .for_each(|&verdict| counted[usize::from(verdict)] += 1);
         assert_eq!(counts, counted, "the counts are those of the final verdicts");
         let mut named = self.transfers.frame.clone();
         named.sort_unstable();
-        let used = (0..).zip(&self.verdict).filter(|(_, &verdict)| verdict == Verdict::Used as u8);
+        let used = (0..)
+            .zip(&self.verdict)
+            .filter(|(_, &verdict)| verdict == Verdict::Used as u8);
         assert!(used.map(|(frame, _)| frame).eq(named), "used = named by one transfer");
         (0..self.transfers.len()).for_each(|row| self.check_transfer(row));
         (0..self.frames.len()).for_each(|frame| self.check_verdict(frame));
@@ -85,12 +92,13 @@ impl Capture {
         let (rows, frames) = (&self.transfers, &self.frames);
         let numbers: Vec<usize> = rows.frames_of(row).iter().map(|&frame| frame as usize).collect();
         assert!(numbers.is_sorted_by(|a, b| a < b), "transfer {row}: frames {numbers:?}");
-        let [first, .., last] = *[&numbers[..1], &numbers[..]].concat() else {
-            unreachable!("no transfer without a frame");
-        };
+        let (first, last) = (numbers[0], numbers[numbers.len() - 1]);
         let id = Id::parse(frames.id[first]);
         assert_eq!((rows.t[row], rows.t_end[row]), (frames.t[first], frames.t[last]));
-        assert_eq!((rows.bus[row], rows.priority[row]), (frames.bus[first], priority(frames.id[first])));
+        assert_eq!(
+            (rows.bus[row], rows.priority[row]),
+            (frames.bus[first], priority(frames.id[first]))
+        );
         assert_eq!(
             (rows.kind[row], rows.type_id[row], rows.src[row], rows.dst[row]),
             (id.kind as u8, id.type_id, id.src, id.dst)
@@ -101,7 +109,10 @@ impl Capture {
             let timed = frames.t[first] != NO_TIME && frames.t[frame] != NO_TIME;
             assert!(!timed || frames.t[frame].saturating_sub(frames.t[first]) <= TIMEOUT_NS);
         }
-        assert_eq!(rows.fd[row] != 0, numbers.iter().any(|&frame| frames.flags[frame] & FD != 0));
+        assert_eq!(
+            rows.fd[row] != 0,
+            numbers.iter().any(|&frame| frames.flags[frame] & FD != 0)
+        );
         assert!(rows.payload_of(row).len() < MAX_TRANSFER + 64);
         self.check_payload(row, &numbers, signature(id.kind.is_service(), id.type_id));
     }
@@ -120,7 +131,10 @@ impl Capture {
         assert!(marks[0] & 0xA0 == 0x80 || single, "transfer {row} starts with a start");
         let payload = if single { Some(&bytes[..]) } else { bytes.get(2..) };
         assert_eq!(rows.payload_of(row), payload.unwrap_or(&[]), "transfer {row}");
-        let wire = bytes.first_chunk().filter(|_| !single).map(|crc| u16::from_le_bytes(*crc));
+        let wire = bytes
+            .first_chunk()
+            .filter(|_| !single)
+            .map(|crc| u16::from_le_bytes(*crc));
         let sequence = (0..marks.len()).all(|at| {
             let (start, end, toggle) = (at == 0, at + 1 == marks.len(), at % 2 == 1);
             marks[at] == (u8::from(start) << 7) | (u8::from(end) << 6) | (u8::from(toggle) << 5)
@@ -141,7 +155,10 @@ impl Capture {
                 (status as u8, Some(here))
             }
         };
-        assert!(sequence || single || broken.contains(&status), "transfer {row}: {marks:02X?}");
+        assert!(
+            sequence || single || broken.contains(&status),
+            "transfer {row}: {marks:02X?}"
+        );
         assert_eq!(status, expected, "transfer {row}");
         let valid = u8::from(wire.is_some()) | (u8::from(here.is_some()) << 1);
         assert_eq!(

@@ -63,10 +63,21 @@ impl Tables {
         assert_eq!(self.capture.frames.len() as u64, frames);
         let of = |kind| self.events.iter().filter(|event| event.3 == kind as u8).count() as u64;
         assert_eq!(
-            [EventKind::ErrorFrame, EventKind::Drop, EventKind::Comment, EventKind::Unreadable].map(of),
+            [
+                EventKind::ErrorFrame,
+                EventKind::Drop,
+                EventKind::Comment,
+                EventKind::Unreadable
+            ]
+            .map(of),
             [error_frames, drops, comments, unreadable]
         );
-        assert!(self.capture.frames.bus.iter().all(|&bus| usize::from(bus) < self.buses.len()));
+        assert!(self
+            .capture
+            .frames
+            .bus
+            .iter()
+            .all(|&bus| usize::from(bus) < self.buses.len()));
         assert!(self.capture.frames.line.is_sorted() && self.events.is_sorted_by_key(|event| event.2));
         self.capture.check(self.counts);
     }

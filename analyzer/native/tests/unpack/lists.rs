@@ -193,12 +193,32 @@ fn lists_inside_a_tail_list_keep_their_length() {
         decode_one(&plan, 0, &wire),
         row([List(vec![item(1, &[]), item(2, &[20, 21])])], 24, 1)
     );
+    // The whole byte is for the outer length only.
+    let mut short = plan;
+    short[4] = ("list", 3, 2);
+    let wire = [1, 7, 0b0101_0000, 0b1000_0000];
+    assert_eq!(decode_one(&short, 2, &wire), row([List(vec![item(7, &[0x42])])], 6, 0));
     // Two elements, all of it shifted by the 2 bits of the outer length.
     let shifted = [0b1000_0000, 0b0100_0000, 0, 0b1000_0000, 0b0100_0101, 0];
     assert_eq!(
         decode_one(&plan, 1, &shifted),
         row([List(vec![item(1, &[]), item(2, &[20])])], 6, 0)
     );
+}
+
+#[test]
+fn an_element_that_is_none_still_tells_of_its_tag() {
+    let union = [("union", 3, 2), ("bool", 1, 0), ("bool", 1, 0), ("bool", 1, 0)];
+    let plan = [
+        &[("struct", 1, 0), ("list", 3, 2), ("struct", 2, 0)],
+        &union[..],
+        &[("uint", 8, 0)],
+    ]
+    .concat();
+    // Elements of 11 bits, the second with tag 3.
+    let item = Struct(vec![Struct(vec![Null, Bool(true), Null]), Uint(1)]);
+    let wire = [0b0110_0000, 0b0011_1000, 0];
+    assert_eq!(decode_one(&plan, 0, &wire), row([List(vec![item])], 2 + 11, 3));
 }
 
 #[test]

@@ -51,8 +51,11 @@ impl Random {
             0 | 1 => out.push(("bool".into(), 1, 0)),
             2 => out.push(("float".into(), 16 << self.below(3), 0)),
             kind @ (3 | 4) => {
-                let whole = self.below(3) == 0;
-                let bits = if whole { 8 << self.below(4) } else { 1 + self.below(64) };
+                let bits = match self.below(3) {
+                    0 => 8 << self.below(4),
+                    1 => 1 + self.below(8),
+                    _ => 1 + self.below(64),
+                };
                 out.push((["uint", "int"][kind as usize - 3].into(), bits, 0));
             }
             5 => {

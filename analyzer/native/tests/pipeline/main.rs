@@ -1,0 +1,131 @@
+//! The laws of the whole way from text to transfers, over valid traffic that is then damaged: random bytes
+//! alone would never get past the first check.
+
+#[path = "../common/capture.rs"]
+mod capture;
+mod random;
+#[path = "../common/sender.rs"]
+mod sender;
+#[path = "../common/tables.rs"]
+mod tables;
+mod traffic;
+#[path = "../common/wreck.rs"]
+mod wreck;
+
+use _native::transfers::Status;
+use _native::verdict::Verdict;
+use _native::wire::Id;
+
+use random::Random;
+use sender::signature;
+use tables::Tables;
+use traffic::{text, traffic, Sent};
+use wreck::{damage_frame, damage_text, FRAME_DAMAGES, TEXT_DAMAGES};
+
+/// All tables of a text, with the laws; and every other way to cut and take it must give the same.
+fn read(random: &mut Random, text: &[u8]) -> Tables {
+    let whole = Tables::of(std::iter::once((text, false)));
+    whole.check();
+    for most in [1 + random.below(7), 1 + random.below(400)] {
+        let mut rest = text;
+        let chunks = std::iter::from_fn(|| {
+            let (chunk, behind) = rest.split_at(rest.len().min(1 + random.below(most)));
+            rest = behind;
+            (!chunk.is_empty()).then(|| (chunk, random.one_in(3)))
+        });
+        assert_eq!(Tables::of(chunks), whole, "chunks of up to {most} bytes");
+    }
+    whole
+}
+
+/// The transfers of a session as they were received, which have to be those that were sent.
+fn assert_received(tables: &Tables, sent: &Sent) {
+    let (id, rows) = (Id::parse(sent.id), &tables.capture.transfers);
+    let known = signature(id.kind.is_service(), id.type_id).is_some();
+    let status = if known { Status::Ok } else { Status::Unchecked };
+    let key = (id.kind as u8, id.type_id, id.src, id.dst);
+    let bus = format!("can{}", sent.bus);
+    let own = (0..rows.len()).filter(|&row| {
+        (rows.kind[row], rows.type_id[row], rows.src[row], rows.dst[row]) == key
+            && tables.buses[usize::from(rows.bus[row])] == bus
+    });
+    let received: Vec<_> = own
+        .map(|row| (rows.transfer_id[row], rows.payload_of(row).to_vec()))
+        .collect();
+    assert_eq!(received, sent.transfers);
+    assert!(rows
+        .status
+        .iter()
+        .all(|&s| s == Status::Ok as u8 || s == Status::Unchecked as u8));
+    let checked = rows.status.iter().filter(|&&s| s == status as u8).count();
+    assert!(checked >= received.len());
+}
+
+#[test]
+fn valid_traffic_arrives_as_it_was_sent() {
+    let mut random = Random(0x5EED_0001);
+    let mut unknown = 0;
+    for _ in 0..300 {
+        let traffic = traffic(&mut random);
+        let tables = read(&mut random, &text(&traffic.frames));
+        assert_eq!(tables.capture.frames.len(), traffic.frames.len());
+        for sent in &traffic.sent {
+            let id = Id::parse(sent.id);
+            let known = signature(id.kind.is_service(), id.type_id).is_some();
+            // An unknown type has to show three transfers in a row, or two with the CRC of one type.
+            if known || sent.transfers.len() >= 3 {
+                assert_received(&tables, sent);
+                unknown += usize::from(!known);
+            }
+        }
+        let others = [Verdict::Used, Verdict::Foreign].map(|verdict| tables.counts[verdict as usize]);
+        assert_eq!(others.iter().sum::<u64>(), tables.lines.frames);
+    }
+    assert!(unknown > 100, "{unknown} sessions of unknown types");
+}
+
+#[test]
+fn damaged_frames_are_all_accounted_for() {
+    let mut random = Random(0x5EED_0002);
+    let mut seen = [0; 8];
+    let mut statuses = [0; 7];
+    for _ in 0..1500 {
+        let mut frames = traffic(&mut random).frames;
+        for _ in 0..1 + random.below(1 + frames.len() / 4) {
+            let (kind, at) = (random.next() as u8 % FRAME_DAMAGES, random.below(1 << 16));
+            damage_frame(&mut frames, kind, at, random.next());
+        }
+        let tables = read(&mut random, &text(&frames));
+        seen.iter_mut()
+            .zip(tables.counts)
+            .for_each(|(sum, count)| *sum += count);
+        for &status in &tables.capture.transfers.status {
+            statuses[usize::from(status)] += 1;
+        }
+    }
+    assert!(seen.iter().all(|&frames| frames > 0), "every verdict occurs: {seen:?}");
+    assert!(
+        statuses.iter().all(|&rows| rows > 0),
+        "every status occurs: {statuses:?}"
+    );
+}
+
+#[test]
+fn damaged_text_is_all_accounted_for() {
+    let mut random = Random(0x5EED_0003);
+    let (mut unreadable, mut frames) = (0, 0);
+    for _ in 0..1200 {
+        let mut text = text(&traffic(&mut random).frames);
+        for _ in 0..1 + random.below(12) {
+            let (kind, at) = (random.next() as u8 % TEXT_DAMAGES, random.below(1 << 20));
+            damage_text(&mut text, kind, at, random.next() as u8);
+        }
+        let tables = read(&mut random, &text);
+        unreadable += tables.lines.unreadable;
+        frames += tables.lines.frames;
+    }
+    assert!(
+        unreadable > 1000 && frames > 10 * unreadable,
+        "{unreadable} of {frames}"
+    );
+}

@@ -1,0 +1,212 @@
+"""`tailbyte info`: the facts of a capture for people, in 80 columns, and as JSON."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from analyzer.tables import VERDICTS
+from analyzer.views.rows import short
+from analyzer.views.terminal import escape, fit
+from analyzer.views.times import Clock
+from analyzer.views.traffic import SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from analyzer.views.dialects import Statement
+    from analyzer.views.summary import Facts, NodeFacts
+
+WIDTH = 80
+_LABEL = 11
+_ROWS, _IDS, _BUSES = 40, 5, 8
+_NEAR = 2 * SECOND  # as long as a first or last transfer counts as "start" or "end", in a long capture
+_FOREIGN = VERDICTS[1]
+
+
+def render(facts: Facts, *, everything: bool = False) -> str:
+    """The summary as text; long lists are cut unless `everything` is wanted."""
+    lines = [*_head(facts), *_buses(facts, everything), ""]
+    lines += _nodes(facts, everything)
+    lines += _unknown(facts, everything)
+    lines += _readings(facts)
+    lines += _foreign(facts, everything)
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def render_json(facts: Facts) -> str:
+    """The summary as one JSON object; times are nanoseconds, what is not known is null."""
+    content = asdict(facts)
+    content["readings"] = [s._asdict() | {"bus": facts.bus_names[s.bus]} for s in facts.readings]
+    content["foreign"] = [{"id": number, "count": count} for number, count in facts.foreign]
+    del content["bus_names"]
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
+
+
+def _head(facts: Facts) -> Iterator[str]:
+    yield from _labelled("File", [f"{escape(facts.name)}, {facts.form}, {facts.size} bytes"])
+    yield from _labelled("SHA-256", [facts.sha256])
+    yield from _labelled("Time", [_span(facts)])
+    lines = facts.lines
+    events = lines["error_frames"] + lines["drops"] + lines["comments"]
+    terms = [
+        (lines["frames"], "frames"),
+        (events, "events"),
+        (lines["unreadable"], "unreadable"),
+        (lines["blank"], "blank"),
+    ]
+    balance = "balanced" if facts.balanced else "NOT BALANCED"
+    yield from _labelled("Lines", [f"{lines['lines']} = {_sum(terms)}    {balance}"])
+    if events:
+        kinds = [
+            (lines["error_frames"], "error frames"),
+            (lines["drops"], "drop counts"),
+            (lines["comments"], "comments"),
+        ]
+        yield from _labelled("Events", [_sum(kinds)])
+    verdicts = [(count, name) for name, count in facts.verdicts.items()]
+    yield from _labelled("Frames", [f"{lines['frames']} = {_sum(verdicts)}"])
+    yield from _labelled("Transfers", [f"{facts.transfers}, {facts.broken} of them broken"])
+    yield from _labelled("Can judge", ["  ".join(f"{what} {answer}" for what, answer in facts.judge.items())])
+
+
+def _sum(terms: Iterable[tuple[int, str]]) -> str:
+    """The first term always, the others when they are not zero."""
+    first, *rest = terms
+    return " + ".join(f"{count} {name}" for count, name in [first, *(t for t in rest if t[0])])
+
+
+def _span(facts: Facts) -> str:
+    if facts.start is None or facts.end is None:
+        return "not recorded"
+    length = duration(facts.end - facts.start)
+    if not facts.absolute:
+        clock = Clock("e", digits=6)
+        return f"{clock.text(facts.start)} s to {clock.text(facts.end)} s (relative), {length}"
+    clock = Clock("ad", digits=6)
+    start, end = clock.text(facts.start)[:-3], clock.text(facts.end)[:-3]
+    day, _, hour = end.partition(" ")
+    return f"{start} to {hour if start.startswith(day) else end} (local), {length}"
+
+
+def duration(ns: int) -> str:
+    """A length of time in the two or three largest units that say something."""
+    seconds, rest = divmod(ns, SECOND)
+    if seconds < 60:
+        return f"{seconds}.{rest // 1_000_000:03d} s"
+    minutes, seconds = divmod(seconds, 60)
+    hours, minutes = divmod(minutes, 60)
+    return (f"{hours} h " if hours else "") + f"{minutes} min {seconds} s"
+
+
+def _buses(facts: Facts, everything: bool) -> Iterator[str]:
+    shown = facts.buses if everything else facts.buses[:_BUSES]
+    for bus in shown:
+        words = [f"{bus.frames} frames"]
+        if bus.mean is not None:
+            words.append(f"mean {bus.mean:.{int(bus.mean < 10)}f}/s")
+        if bus.peak is not None:
+            words.append(f"peak {bus.peak}/s")
+        if bus.load is not None:
+            words.append(f"load about {bus.load:.0f} % at 1 Mbit/s")
+        yield from _labelled("Bus", [escape(bus.name), ", ".join(words)])
+    if len(facts.buses) > len(shown):
+        yield from _labelled("", [f"and {len(facts.buses) - len(shown)} more (--all)"])
+
+
+def _nodes(facts: Facts, everything: bool) -> Iterator[str]:
+    known = [node for node in facts.nodes if node.known]
+    if not known:
+        yield "No DroneCAN transfers of a known type."
+        return
+    shown = known if everything else known[:_ROWS]
+    many = len(facts.buses) > 1
+    names = [fit(_sends(node), 24 if not many else 16) for node in shown]
+    width = max(5, *map(len, names))
+    counts = max(5, *(len(str(node.count)) for node in shown))
+    bus = "Bus      " if many else ""
+    yield f"{bus}Node  Ch {'Sends':<{width}} {'Count':>{counts}}      Hz  Bad  Software  First    Last".rstrip()
+    for node, name in zip(shown, names, strict=True):
+        where = f"{fit(escape(node.bus), 8):<8} " if many else ""
+        hz = "-" if node.hz is None else f"{node.hz:.1f}"
+        software = fit(escape(node.software or "-"), 9)
+        yield (
+            f"{where}{node.node or 'anon':>4} {_channels(node):>3} {name:<{width}} {node.count:>{counts}} {hz:>7} "
+            f"{node.bad:>4}  {software:<9} {_moment(node.first, facts):<8} {_moment(node.last, facts)}"
+        )
+    if len(known) > len(shown):
+        yield f"and {len(known) - len(shown)} more (--all)"
+    if facts.not_listed:
+        yield f"and {facts.not_listed} transfers of further nodes and types"
+
+
+def _sends(node: NodeFacts) -> str:
+    kinds = {"request": " request", "response": " response"}
+    return escape(short(node.sends)) + kinds.get(node.kind, "")
+
+
+def _channels(node: NodeFacts) -> str:
+    if not node.channels:
+        return "-"
+    return str(node.channels[0]) if len(node.channels) == 1 else f"{len(node.channels)}x"
+
+
+def _moment(t: int | None, facts: Facts) -> str:
+    if t is None or facts.start is None or facts.end is None:
+        return "-"
+    near = min(_NEAR, (facts.end - facts.start) // 10)
+    if t - facts.start <= near:
+        return "start"
+    if facts.end - t <= near:
+        return "end"
+    return Clock("a", digits=6).text(t)[:8] if facts.absolute else f"{(t - facts.start) / SECOND:.1f} s"
+
+
+def _unknown(facts: Facts, everything: bool) -> Iterator[str]:
+    """Types that no dissector knows, most frequent first."""
+    found: dict[str, int] = {}
+    for node in facts.nodes:
+        if not node.known:
+            found[node.sends] = found.get(node.sends, 0) + node.count
+    if found:
+        ranked = sorted(found.items(), key=lambda item: (-item[1], item[0]))
+        yield ""
+        yield from _labelled("Unknown", [_ranking(ranked, everything)])
+
+
+def _foreign(facts: Facts, everything: bool) -> Iterator[str]:
+    if facts.foreign:
+        yield ""
+        yield from _labelled(
+            "Foreign", [f"{facts.verdicts[_FOREIGN]} frames, ids {_ranking(facts.foreign, everything)}"]
+        )
+
+
+def _ranking(ranked: Iterable[tuple[str, int]], everything: bool) -> str:
+    found = list(ranked)
+    shown = found if everything else found[:_IDS]
+    more = f", and {len(found) - len(shown)} more (--all)" if len(found) > len(shown) else ""
+    return ", ".join(f"{name} {count}x" for name, count in shown) + more
+
+
+def _readings(facts: Facts) -> Iterator[str]:
+    """One line for each choice that some node makes."""
+    if facts.readings:
+        yield ""
+    groups: dict[tuple[str, str, str, str], list[Statement]] = {}
+    for s in facts.readings:
+        groups.setdefault((s.message, s.field, s.reading, s.choice), []).append(s)
+    for (message, field, reading, choice), statements in groups.items():
+        bus = len(facts.buses) > 1
+        nodes = [f"{escape(facts.bus_names[s.bus])}:{s.node}" if bus else str(s.node) for s in statements]
+        name = reading if reading == field else f"{field} ({reading})"
+        word = "node" if len(nodes) == 1 else "nodes"
+        yield from _labelled("Reading", [f"{message}.{name}: {choice}, {word} {', '.join(nodes)}"])
+
+
+def _labelled(label: str, parts: list[str]) -> Iterator[str]:
+    text = textwrap.wrap(" ".join(parts), WIDTH - _LABEL, break_on_hyphens=False) or [""]
+    for k, line in enumerate(text):
+        yield f"{label if k == 0 else '':<{_LABEL}}{line}"

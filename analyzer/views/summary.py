@@ -1,0 +1,235 @@
+"""What `info` tells, as plain data: an accumulator over batches with bounded memory, and its result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import pyarrow as pa
+
+from analyzer.tables import EVENTS, KINDS, VERDICTS, numbers
+from analyzer.views.cells import pylist
+from analyzer.views.dialects import Dialects, Statement
+from analyzer.views.rows import type_name
+from analyzer.views.traffic import BIT_RATE, SECOND, BusCount, ForeignIds, Talk, TalkKey, Talks, times
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from analyzer.engine import Batch, Engine
+    from dissectors import Registry
+    from dissectors.schema import Message
+
+MOST_CHANNELS = 32
+MOST_NODES = 4096
+MOST_VERSION = 32  # characters
+YEAR_2000 = 946_684_800 * SECOND
+
+
+class Stored(Protocol):
+    """The capture as it is stored; `analyzer.sources.Source` is one."""
+
+    name: str
+    size: int
+    compressed: bool
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 in hexadecimal."""
+
+
+@dataclass(frozen=True, slots=True)
+class BusFacts:
+    """One interface. Rates are frames a second, None without times; `load` is percent of 1 Mbit/s without stuff bits."""
+
+    name: str
+    frames: int
+    mean: float | None
+    peak: int | None
+    load: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class NodeFacts:
+    """What a node sends of one type. Times in nanoseconds; `channels` are people's, from 1."""
+
+    bus: str
+    node: int
+    sends: str
+    kind: str
+    type_id: int
+    known: bool
+    count: int
+    bad: int
+    hz: float | None
+    first: int | None
+    last: int | None
+    channels: tuple[int, ...]
+    software: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """A whole capture. `lines` and `verdicts` are the terms of the two conservation sums."""
+
+    name: str
+    form: str
+    size: int
+    sha256: str
+    start: int | None
+    end: int | None
+    absolute: bool
+    lines: Mapping[str, int]
+    verdicts: Mapping[str, int]
+    balanced: bool
+    judge: Mapping[str, str]
+    buses: tuple[BusFacts, ...]
+    nodes: tuple[NodeFacts, ...]
+    not_listed: int
+    readings: tuple[Statement, ...]
+    foreign: tuple[tuple[str, int], ...]
+    transfers: int = 0
+    broken: int = 0
+    bus_names: tuple[str, ...] = field(default=())
+
+
+class Summary:
+    """Adds up batches; `finish` gives the facts.
+
+    Bounds: `MOST_TALKS` combinations of bus, node and type, `MOST_IDS` foreign identifiers, `MOST_NODES` versions.
+    """
+
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
+        self._buses: dict[int, BusCount] = {}
+        self._names: tuple[str, ...] = ()
+        self._talks = Talks()
+        self._foreign = ForeignIds()
+        self._dialects = Dialects()
+        self._software: dict[tuple[int, int], str] = {}
+        self._dropped = False
+
+    def add(self, batch: Batch) -> None:
+        """The next batch."""
+        self._names = batch.buses
+        self._count_frames(batch)
+        self._foreign.add(batch)
+        kinds = numbers(batch.events.column("kind"))
+        self._dropped |= bool((kinds == EVENTS.index("drop")).any())
+        for kind, type_id in self._talks.add(batch.transfers):
+            message = self._registry.message(kind, type_id)
+            table = batch.messages.get(message.table) if message is not None else None
+            if message is not None and table is not None:
+                self._dialects.add(message, table)
+                self._note_channels(message, table)
+        for table in batch.messages.values():
+            self._note_software(table)
+
+    def finish(self, stored: Stored, engine: Engine) -> Facts:
+        """Everything that is known, after the last batch."""
+        totals = engine.totals
+        counted = self._buses.values()
+        start = min((bus.first for bus in counted if bus.first is not None), default=None)
+        end = max((bus.last for bus in counted if bus.last is not None), default=None)
+        nodes = tuple(self._nodes())
+        return Facts(
+            name=stored.name,
+            form="candump text" + (", gzip" if stored.compressed else ""),
+            size=stored.size,
+            sha256=stored.digest,
+            start=start,
+            end=end,
+            absolute=start is not None and start >= YEAR_2000,
+            lines=totals.lines,
+            verdicts=totals.verdicts,
+            balanced=totals.balanced,
+            judge={
+                "transfers": "yes" if totals.verdicts[VERDICTS[0]] else "NO",
+                "timing": "NO" if start is None else "yes",
+                "drops": "yes" if self._dropped else "unknown",
+                "errors": "yes" if totals.lines["error_frames"] else "NO",
+            },
+            buses=tuple(self._bus_facts()),
+            nodes=nodes,
+            not_listed=self._talks.beyond,
+            readings=tuple(self._dialects.statements()),
+            foreign=tuple(self._foreign.most()),
+            transfers=sum(node.count for node in nodes) + self._talks.beyond,
+            broken=sum(node.bad for node in nodes),
+            bus_names=self._names,
+        )
+
+    def _count_frames(self, batch: Batch) -> None:
+        frames = batch.frames
+        if not len(frames):
+            return
+        bus, flags = numbers(frames.column("bus")), numbers(frames.column("flags"))
+        data = frames.column("data")
+        sizes = np.diff(np.frombuffer(data.buffers()[1], np.int32)[data.offset : data.offset + len(data) + 1])
+        t, valid = times(frames)
+        for index in np.unique(bus).tolist():
+            here = bus == index
+            self._buses.setdefault(index, BusCount()).add(sizes[here], flags[here], t[here & valid])
+
+    def _note_channels(self, message: Message, table: pa.RecordBatch) -> None:
+        """People's numbers of the ESCs that a node speaks for: the profile calls that column `channel`."""
+        if not any(derived.name == "channel" for derived in message.derived):
+            return
+        kind = 0 if message.kind == "message" else KINDS.index(message.kind)
+        columns = [pylist(table.column(name)) for name in ("bus", "src", "channel", "trusted")]
+        for bus, src, channel in {row[:3] for row in zip(*columns, strict=True) if row[3]}:
+            talk = self._talks.all.get((bus, src, kind, message.type_id))
+            if talk is not None and channel is not None and len(talk.channels) < MOST_CHANNELS:
+                talk.channels.add(round(channel))
+
+    def _note_software(self, table: pa.RecordBatch) -> None:
+        """A version that a node reports of itself, as a text or as major and minor."""
+        names = table.schema.names
+        column = next((c for c in ("software_version.text", "software_version") if c in names), None)
+        if column is None or pa.types.is_list(table.schema.field(column).type):
+            return
+        columns = [pylist(table.column(c)) for c in ("bus", "src", "trusted", column)]
+        for bus, src, trusted, value in zip(*columns, strict=True):
+            text = _version(value)
+            if trusted and text and ((bus, src) in self._software or len(self._software) < MOST_NODES):
+                self._software[bus, src] = text
+
+    def _bus_facts(self) -> Iterator[BusFacts]:
+        for index, bus in sorted(self._buses.items()):
+            span = None if bus.first is None or bus.last is None else bus.last - bus.first
+            mean = load = None
+            if span:
+                mean = (bus.frames - 1) * SECOND / span
+                load = None if bus.fd else 100 * bus.bits * SECOND / span / BIT_RATE
+            yield BusFacts(self._names[index], bus.frames, mean, bus.peak if span and span >= SECOND else None, load)
+
+    def _nodes(self) -> Iterator[NodeFacts]:
+        for key, talk in sorted(self._talks.all.items()):
+            yield self._node(key, talk)
+
+    def _node(self, key: TalkKey, talk: Talk) -> NodeFacts:
+        bus, src, kind, type_id = key
+        message = self._registry.message(kind, type_id)
+        return NodeFacts(
+            bus=self._names[bus],
+            node=src,
+            sends=type_name(message, kind, type_id) if message is None else message.name,
+            kind=KINDS[kind],
+            type_id=type_id,
+            known=message is not None,
+            count=talk.count,
+            bad=talk.bad,
+            hz=talk.hz,
+            first=talk.first,
+            last=talk.last,
+            channels=tuple(sorted(talk.channels)),
+            software=self._software.get((bus, src)),
+        )
+
+
+def _version(value: Any) -> str:
+    if isinstance(value, dict):
+        parts = [value.get("major"), value.get("minor")]
+        return ".".join(map(str, parts)) if None not in parts else ""
+    return str(value or "")[:MOST_VERSION]

@@ -1,0 +1,173 @@
+"""Counters over frames and transfers, batch by batch, with a bound on each: what `info` knows of the traffic."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analyzer.tables import EXTENDED, FD, REMOTE, STATUSES, VERDICTS, numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy.typing as npt
+    import pyarrow as pa
+
+    from analyzer.engine import Batch
+
+    Words = npt.NDArray[Any]
+
+SECOND = 1_000_000_000
+BIT_RATE = 1_000_000
+MOST_TALKS = 8192
+MOST_IDS = 65536
+_BATCHES_KEPT = 8
+# Nominal bits of a classic frame without data or stuffing, interframe space included.
+_EXTENDED_BITS, _STANDARD_BITS = 67, 47
+_WHOLE = (STATUSES.index("ok"), STATUSES.index("unchecked"))
+_FOREIGN = VERDICTS.index("foreign")
+
+
+def times(table: pa.RecordBatch, column: str = "t") -> tuple[Words, Words]:
+    """A time column as nanoseconds, and which of them there are."""
+    array = table.column(column)
+    return numbers(array), np.asarray(array.is_valid())
+
+
+@dataclass(slots=True)
+class BusCount:
+    """One interface. `bits` are nominal; `peak` is the most frames within a second of the clock of the first frame."""
+
+    frames: int = 0
+    bits: int = 0
+    fd: int = 0
+    first: int | None = None
+    last: int | None = None
+    peak: int = 0
+    _second: int | None = None
+    _count: int = 0
+
+    def add(self, sizes: Words, flags: Words, t: Words) -> None:
+        """Frames in capture order: data bytes, flags, and the times of those that have one."""
+        self.frames += len(sizes)
+        self.fd += int(np.count_nonzero(flags & FD))
+        data = np.where(flags & REMOTE, 0, sizes)
+        self.bits += int((np.where(flags & EXTENDED, _EXTENDED_BITS, _STANDARD_BITS) + 8 * data).sum())
+        if not t.size:
+            return
+        first, last = int(t.min()), int(t.max())
+        self.first = first if self.first is None else min(self.first, first)
+        self.last = last if self.last is None else max(self.last, last)
+        seconds, counts = np.unique((t - self.first) // SECOND, return_counts=True)
+        for second, count in zip(seconds.tolist(), counts.tolist(), strict=True):
+            self._count = count + (self._count if second == self._second else 0)
+            self._second = second
+            self.peak = max(self.peak, self._count)
+
+
+@dataclass(slots=True)
+class Talk:
+    """What one node sends of one type on one bus."""
+
+    count: int = 0
+    bad: int = 0
+    first: int | None = None
+    last: int | None = None
+    channels: set[int] = field(default_factory=set)
+
+    @property
+    def hz(self) -> float | None:
+        """Mean rate, first to last; None for fewer than two or without times."""
+        if self.first is None or self.last is None or self.count < 2 or self.last <= self.first:
+            return None
+        return (self.count - 1) * SECOND / (self.last - self.first)
+
+
+TalkKey = tuple[int, int, int, int]  # bus, node, kind, type ID
+
+
+class Talks:
+    """Every `Talk` of a capture; those beyond `MOST_TALKS` are only counted together."""
+
+    def __init__(self) -> None:
+        self.all: dict[TalkKey, Talk] = {}
+        self.beyond = 0
+
+    def add(self, transfers: pa.RecordBatch) -> set[tuple[int, int]]:
+        """Counts a batch; gives the (kind, type ID) that occur in it."""
+        if not len(transfers):
+            return set()
+        names = ("bus", "src", "kind", "type_id")
+        bus, src, kind, type_id = (numbers(transfers.column(name)).astype(np.int64) for name in names)
+        broken = ~np.isin(numbers(transfers.column("status")), _WHOLE)
+        t, valid = times(transfers)
+        codes, inverse = np.unique(bus << 32 | src << 24 | kind << 16 | type_id, return_inverse=True)
+        count, bad = np.bincount(inverse), np.bincount(inverse, weights=broken)
+        first = np.full(len(codes), np.iinfo(np.int64).max)
+        last = np.full(len(codes), np.iinfo(np.int64).min)
+        np.minimum.at(first, inverse[valid], t[valid])
+        np.maximum.at(last, inverse[valid], t[valid])
+        for k, code in enumerate(codes.tolist()):
+            talk = self._talk((code >> 32, code >> 24 & 0xFF, code >> 16 & 0xFF, code & 0xFFFF), int(count[k]))
+            if talk is None:
+                continue
+            talk.count += int(count[k])
+            talk.bad += int(bad[k])
+            if first[k] <= last[k]:
+                talk.first = int(first[k]) if talk.first is None else min(talk.first, int(first[k]))
+                talk.last = int(last[k]) if talk.last is None else max(talk.last, int(last[k]))
+        return {(code >> 16 & 0xFF, code & 0xFFFF) for code in codes.tolist()}
+
+    def _talk(self, key: TalkKey, count: int) -> Talk | None:
+        if key not in self.all:
+            if len(self.all) >= MOST_TALKS:
+                self.beyond += count
+                return None
+            self.all[key] = Talk()
+        return self.all[key]
+
+
+class ForeignIds:
+    """Identifiers of frames that are not DroneCAN, with how often each occurs.
+
+    Verdicts that settle later than `_BATCHES_KEPT` batches after their frame, and more than `MOST_IDS` identifiers,
+    are not followed up.
+    """
+
+    def __init__(self) -> None:
+        self.counts: dict[tuple[int, bool], int] = {}
+        self._kept: deque[tuple[int, Words, Words]] = deque(maxlen=_BATCHES_KEPT)
+
+    def add(self, batch: Batch) -> None:
+        """Counts a batch, and corrects earlier ones by what settled."""
+        frames = batch.frames
+        ids, flags = numbers(frames.column("id")), numbers(frames.column("flags"))
+        verdicts = numbers(frames.column("verdict")).copy()
+        codes = ids.astype(np.int64) << 1 | (flags & EXTENDED != 0)
+        foreign, counts = np.unique(codes[verdicts == _FOREIGN], return_counts=True)
+        for code, count in zip(foreign.tolist(), counts.tolist(), strict=True):
+            self._change(code, count)
+        if len(frames):
+            self._kept.append((batch.first_frame, codes, verdicts))
+        settled = (numbers(batch.settled.column(c)).tolist() for c in ("frame", "verdict"))
+        for number, verdict in zip(*settled, strict=True):
+            for first, of, known in self._kept:
+                at = number - first
+                if 0 <= at < len(of) and known[at] != verdict:
+                    self._change(int(of[at]), int(verdict == _FOREIGN) - int(known[at] == _FOREIGN))
+                    known[at] = verdict
+
+    def _change(self, code: int, by: int) -> None:
+        key = (code >> 1, bool(code & 1))
+        if by and (key in self.counts or len(self.counts) < MOST_IDS):
+            self.counts[key] = self.counts.get(key, 0) + by
+            if self.counts[key] <= 0:
+                del self.counts[key]
+
+    def most(self) -> Iterator[tuple[str, int]]:
+        """Identifiers as candump writes them, the most frequent first."""
+        for (number, extended), count in sorted(self.counts.items(), key=lambda item: (-item[1], item[0])):
+            yield f"{number:08X}" if extended else f"{number:03X}", count

@@ -1,0 +1,134 @@
+"""A vendor is a folder: one made outside the tree, with DSDL and a profile, decodes without a line of code."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import encode
+import pytest
+
+import dissectors
+from analyzer.capture import open_capture
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+ROOT = Path(__file__).resolve().parents[1]
+ACME = 20777
+PROFILE = """\
+name = "Acme"
+version = "1"
+tree = "."
+
+[enum.State]
+0 = "idle"
+2 = "spinning"
+
+[message.Pump]
+type = "acme.pump.Pump"
+clause = "7"
+
+[message.Pump.field.state]
+enum = "State"
+
+[message.Pump.field.pressure]
+unit = "bar"
+scale = 0.01
+"""
+PUMP = "uint3 state\nvoid5\nuint16 pressure\nfloat16 temperature\nPart[<=4] parts\n"
+PART = "uint8 number\nint16 value\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    vendor = tmp_path / "vendor"
+    (vendor / "acme" / "pump").mkdir(parents=True)
+    (vendor / "profile.toml").write_text(PROFILE)
+    (vendor / "acme" / "pump" / "20777.Pump.uavcan").write_text(PUMP)
+    (vendor / "acme" / "pump" / "Part.uavcan").write_text(PART)
+    return vendor
+
+
+def capture(signature: int) -> bytes:
+    """Three transfers of the new type between those of an old one."""
+    out = []
+    for k in range(3):
+        body = struct.pack("<BHe", 2 << 5, 150 + k, 21.5) + b"".join(struct.pack("<Bh", n, -n * k) for n in range(3))
+        one = encode.Transfer("message", ACME, 42, body, signature, k)
+        t = (1_700_000_000 + k) * 10**9
+        out += one.frames(t)
+        out += encode.transfer("RawCommand", {"cmd": [k] * 4}, 1, k).frames(t + 10**6)
+    return "".join(encode.log_line(frame) + "\n" for frame in out).encode()
+
+
+def check(rows: list[dict[str, Any]]) -> None:
+    assert [row["pressure"] for row in rows] == pytest.approx([1.5, 1.51, 1.52])
+    assert [row["state"] for row in rows] == [2, 2, 2]
+    assert [row["temperature"] for row in rows] == [21.5] * 3
+    assert [row["parts"] for row in rows] == [[{"number": n, "value": -n * k} for n in range(3)] for k in range(3)]
+    assert {row["trusted"] for row in rows} == {True}
+
+
+def signature_of(folder: Path) -> int:
+    found = dissectors.load([folder]).signature(0, ACME)
+    assert found is not None
+    return found
+
+
+def test_without_the_folder_nobody_knows_the_type(decode: Callable[..., Any], folder: Path) -> None:
+    got = decode(capture(signature_of(folder)))
+    assert {row["status"] for row in got.transfers if row["type_id"] == ACME} == {"unchecked"}
+    assert set(got.messages) == {"RawCommand"}
+
+
+def test_with_the_folder_it_decodes(decode: Callable[..., Any], folder: Path) -> None:
+    got = decode(capture(signature_of(folder)), types=dissectors.load([folder]))
+    assert {row["status"] for row in got.transfers} == {"ok"}
+    check(got.messages["Pump"])
+    assert len(got.messages["RawCommand"]) == 3
+
+
+def test_units_and_enumerations_come_along(decode: Callable[..., Any], folder: Path) -> None:
+    got = decode(capture(signature_of(folder)), types=dissectors.load([folder]))
+    schema = next(batch.messages["Pump"].schema for batch in got.batches if "Pump" in batch.messages)
+    assert schema.field("pressure").metadata[b"unit"] == b"bar"
+    assert json.loads(schema.field("state").metadata[b"enum"]) == {"0": "idle", "2": "spinning"}
+
+
+def test_through_the_public_door(tmp_path: Path, folder: Path) -> None:
+    path = tmp_path / "pump.log"
+    path.write_bytes(capture(signature_of(folder)))
+    check(open_capture(path, dissectors=[folder]).table("Pump").to_pylist())
+    with pytest.raises(LookupError):
+        open_capture(path).table("Pump")
+
+
+def test_from_the_command_line(tmp_path: Path, folder: Path) -> None:
+    path = tmp_path / "pump.log"
+    path.write_bytes(capture(signature_of(folder)))
+    code = "import sys; from analyzer.cli import main; sys.exit(main())"
+    command = [sys.executable, "-c", code, "decode", "-T", "jsonl", "--dissector", str(folder), str(path)]
+    search = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=tmp_path, env=os.environ | {"PYTHONPATH": search}
+    )
+    assert done.returncode == 0, done.stderr
+    assert "tailbyte:" not in done.stderr
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    mine = [row for row in rows if row["type"] == "Pump"]
+    assert len(rows) == 6
+    assert [row["status"] for row in mine] == ["ok"] * 3
+    assert [row["fields"]["state"] for row in mine] == [{"raw": 2, "text": "spinning"}] * 3
+    assert [row["fields"]["parts"][2]["value"] for row in mine] == [0, -2, -4]
+
+
+def test_a_folder_with_a_mistake_is_refused(folder: Path) -> None:
+    (folder / "acme" / "pump" / "20777.Pump.uavcan").write_text("uint3 state\nuint99 pressure\n")
+    with pytest.raises(dissectors.DsdlError, match="uint99|99"):
+        dissectors.load([folder])

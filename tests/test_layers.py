@@ -1,0 +1,183 @@
+"""Who may know whom: the import graph, vendor names, heavy imports and `unsafe`, read from the sources."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+OURS = ("analyzer", "dissectors")
+SOURCES = sorted(path for package in OURS for path in (ROOT / package).rglob("*.py") if "target" not in path.parts)
+RUST = sorted(ROOT.glob("analyzer/native/src/**/*.rs"))
+HEAVY = ("numpy", "pyarrow", "can", "rerun", "mcap", "pandas", "dronecan")
+
+
+def module_name(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+@cache
+def tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(), str(path))
+
+
+def for_types_only(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+
+
+def imports(node: ast.AST, package: str, *, deep: bool = True, typing: bool = True) -> set[str]:
+    """Absolute names that are imported; without `deep` only those that run with the module itself."""
+    found: set[str] = set()
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import):
+            found |= {alias.name for alias in child.names}
+        elif isinstance(child, ast.ImportFrom):
+            base = ".".join(package.split(".")[: -child.level or None][: None if child.level else 0])
+            origin = ".".join(part for part in (base, child.module) if part)
+            found |= {origin} | {f"{origin}.{alias.name}" for alias in child.names}
+        elif for_types_only(child) and not typing:
+            continue
+        elif deep or not isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+            found |= imports(child, package, deep=deep, typing=typing)
+    return found
+
+
+def imported(path: Path, **how: bool) -> set[str]:
+    name = module_name(path)
+    return imports(tree(path), name if path.name == "__init__.py" else name.rpartition(".")[0] + ".", **how)
+
+
+def reaches(found: set[str], *prefixes: str) -> set[str]:
+    return {name for name in found for prefix in prefixes if name == prefix or name.startswith(prefix + ".")}
+
+
+def under(prefix: str) -> list[Path]:
+    found = [path for path in SOURCES if reaches({module_name(path)}, prefix)]
+    assert found, f"no module {prefix}"
+    return found
+
+
+# (layer, what it must not import)
+RULES = [
+    ("dissectors", ("analyzer",)),
+    ("analyzer.tables", OURS),
+    ("analyzer.views", ("analyzer.sources", "analyzer.cli")),
+    ("analyzer.sources", ("analyzer.views", "analyzer.cli", "analyzer.engine", "analyzer.messages", "dissectors")),
+    ("analyzer.engine", ("analyzer.views", "analyzer.cli", "analyzer.sources")),
+    ("analyzer.messages", ("analyzer.views", "analyzer.cli", "analyzer.sources", "analyzer.engine")),
+    ("analyzer.columns", ("analyzer.views", "analyzer.cli", "analyzer.sources", "analyzer.engine")),
+    ("analyzer.packets", ("analyzer.views", "analyzer.cli", "analyzer.sources", "analyzer.engine")),
+    ("analyzer.capture", ("analyzer.views", "analyzer.cli")),
+]
+
+
+@pytest.mark.parametrize(("layer", "forbidden"), RULES, ids=lambda value: value if isinstance(value, str) else "")
+def test_a_layer_knows_only_what_lies_below(layer: str, forbidden: tuple[str, ...]) -> None:
+    wrong = {module_name(path): reaches(imported(path), *forbidden) for path in under(layer)}
+    assert {name: found for name, found in wrong.items() if found} == {}
+
+
+def test_the_rules_see_imports_of_every_form() -> None:
+    code = "import a.b\nfrom c import d\nif TYPE_CHECKING:\n    import e\ndef f():\n    from . import g\n"
+    assert imports(ast.parse(code), "p.q.") == {"a.b", "c", "c.d", "e", "p.q", "p.q.g"}
+    assert imports(ast.parse(code), "p.q.", deep=False, typing=False) == {"a.b", "c", "c.d"}
+
+
+@pytest.mark.parametrize("package", ["analyzer", "analyzer.cli", "dissectors"])
+def test_a_package_imports_nothing_heavy(package: str) -> None:
+    """`--help` and the first import wait for neither numpy nor pyarrow."""
+    seen: set[str] = set()
+    todo = [package]
+    by_name = {module_name(path): path for path in SOURCES}
+    while todo:
+        name = todo.pop()
+        if name in seen or name not in by_name:
+            continue
+        seen.add(name)
+        found = imported(by_name[name], deep=False, typing=False)
+        assert reaches(found, *HEAVY) == set(), name
+        todo += found
+    assert package in seen
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=module_name)
+def test_no_module_knows_of_the_tests(path: Path) -> None:
+    assert reaches(imported(path), "tests", "encode", "strategies", "pytest", "hypothesis") == set()
+    assert not any(re.search(r"\btests?/", text) for text in strings(path))
+
+
+def strings(path: Path) -> list[str]:
+    """String constants and identifiers of the code, docstrings left out."""
+    out: list[str] = []
+    docs = set()
+    for node in ast.walk(tree(path)):
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)) and node.body:
+            first = node.body[0]
+            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+                docs.add(id(first.value))
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docs:
+            out.append(node.value)
+        elif isinstance(node, ast.Name):
+            out.append(node.id)
+        elif isinstance(node, ast.Attribute):
+            out.append(node.attr)
+        elif isinstance(node, (ast.FunctionDef, ast.ClassDef, ast.AsyncFunctionDef)):
+            out.append(node.name)
+        elif isinstance(node, (ast.arg, ast.keyword)) and node.arg:
+            out.append(node.arg)
+    return out
+
+
+@cache
+def vendor_words() -> frozenset[str]:
+    """Names of types, packets and fields that only the T-Motor folder may know."""
+    folder = ROOT / "dissectors" / "tmotor"
+    words = {path.name.split(".")[-2] for path in folder.rglob("*.uavcan")}
+    for path in folder.rglob("*.uavcan"):
+        code = re.sub(r"#.*", "", path.read_text())
+        words |= set(re.findall(r"^\s*\S+\s+(\w+)\s*$", code, re.MULTILINE))
+    assert {"RawCommand", "ESCStatus", "PUSHCAN", "esc_index", "MotorStatus"} <= words
+    plain = {"data", "position", "voltage", "current", "temperature", "header", "length", "checksum", "reserved", "speed"}
+    standard = {"hardware_version", "software_version"}  # of GetNodeInfo too
+    return frozenset(word for word in words if len(word) > 4) - plain - standard
+
+
+@pytest.mark.parametrize("path", under("analyzer"), ids=module_name)
+def test_no_vendor_fact_outside_its_folder(path: Path) -> None:
+    text = "\n".join(strings(path))
+    assert {word for word in vendor_words() if re.search(rf"\b{word}\b", text)} == set()
+    assert not re.search(r"esc\.Status|com\.tmotor|\b(1030|1033|1034|1038|1039|1332)\b", text)
+    numbers = {node.value for node in ast.walk(tree(path)) if isinstance(node, ast.Constant) and type(node.value) is int}
+    assert numbers.isdisjoint({1030, 1033, 1034, 1038, 1039, 1332})
+
+
+def test_the_vendor_rule_would_see_a_name() -> None:
+    assert "cmd" not in vendor_words()
+    assert {"RawCommand", "data_sequence", "power_rating_pct"} <= vendor_words()
+
+
+@pytest.mark.parametrize("path", RUST, ids=lambda path: path.name)
+def test_unsafe_stands_in_one_place(path: Path) -> None:
+    code = re.sub(r"//.*", "", path.read_text())
+    uses = re.search(r"\bunsafe\b(?!_)", code) is not None
+    assert not uses or path.name == "simd.rs"
+    # An attribute of lib.rs would hold for all files, and python.rs cannot forbid what its macros write.
+    assert "#![forbid(unsafe_code)]" in code or path.name in ("simd.rs", "python.rs", "lib.rs")
+
+
+def test_the_core_knows_python_in_one_place() -> None:
+    users = {path.name for path in RUST if re.search(r"\bpyo3\b", re.sub(r"//.*", "", path.read_text()))}
+    assert users == {"python.rs"}
+
+
+def test_the_core_does_no_io() -> None:
+    core = [path for path in RUST if path.name != "python.rs"]
+    assert core
+    for path in core:
+        code = re.sub(r"//.*", "", path.read_text().partition("#[cfg(test)]")[0])
+        assert not re.search(r"\bstd::(fs|net|io|process|env|thread)\b|\b(e?println|dbg)!", code), path.name
