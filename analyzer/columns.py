@@ -99,7 +99,7 @@ def scaled(array: pa.Array, scale: Fraction, offset: Fraction | int = 0) -> pa.A
 
 def linear(raw: npt.NDArray[Any], scale: Fraction, offset: Fraction | int = 0) -> npt.NDArray[np.float64]:
     """raw * scale + offset; multiplied first, so that hundredths come out as the nearest float."""
-    values = np.multiply(raw, float(scale.numerator), dtype=np.float64)
+    values: npt.NDArray[np.float64] = np.multiply(raw, float(scale.numerator), dtype=np.float64)
     if scale.denominator != 1:
         values /= scale.denominator
     if offset:
@@ -154,9 +154,12 @@ def _measured(name: str, array: pa.Array, by: pa.Array, note: Note) -> list[tupl
     units: list[str | None] = []
     for raw, mode in zip(array.to_pylist(), by.to_pylist(), strict=True):
         measure = note.unit_by.table.get(mode)
-        known = raw is not None and measure is not None and measure.scale is not None
-        values.append(float(raw * measure.scale) if known and measure is not None and measure.scale else None)
-        units.append(measure.unit if known and measure is not None else None)
+        if raw is None or measure is None:
+            values.append(None)
+            units.append(None)
+        else:
+            values.append(float(raw * (measure.scale or 1)))
+            units.append(measure.unit)
     about = {"clause": note.clause}
     return [
         (pa.field(f"{name}.value", pa.float64(), metadata=about), pa.array(values, pa.float64())),

@@ -67,7 +67,7 @@ class Engine:
     def __init__(self, registry: Registry | None = None) -> None:
         self.registry = registry if registry is not None else dissectors.load()
         self._messages = Messages(self.registry)
-        self._native = _native.Engine(self.registry.signature)
+        self._native = _native.Engine(self.registry.signatures)
         self._frames = self._transfers = 0
 
     def feed(self, chunk: bytes) -> Iterator[Batch]:

@@ -86,21 +86,21 @@ class Messages:
         self._finder: PacketFinder | None = None
 
     def decode(
-        self, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], groups: Iterable[tuple[bool, int, bytes]],
+        self, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], groups: Iterable[tuple[bool, int, int, bytes]],
         first_row: int,
     ) -> dict[str, pa.RecordBatch]:  # fmt: skip
         """The tables of every known type in `transfers`.
 
-        `payload` is that of all rows, as i32 offsets and bytes; `groups` are the rows by (service, type ID).
+        `payload` is that of all rows, as i32 offsets and bytes; `groups` are the rows by (service, type ID, variant).
         """
         out: dict[str, pa.RecordBatch] = {}
         kinds = numbers(transfers.column("kind"))
-        for service, type_id, picked in groups:
+        for service, type_id, variant, picked in groups:
             rows = np.frombuffer(picked, np.uint32)
             for kind in (2, 3) if service else (0,):
                 # An anonymous message is a message of the same type.
                 here = rows[kinds[rows] == kind] if service else rows
-                message = self.registry.message(kind, type_id)
+                message = self.registry.message(kind, type_id, variant)
                 if message is not None and here.size:
                     self._decode(message, transfers, payload, here, first_row, out)
         return out

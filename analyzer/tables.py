@@ -80,6 +80,7 @@ TRANSFER_ANOMALIES = (
     "can fd",  # CAN-003
     "cut by end",  # TRF-008
     "limit",
+    "other type",  # CAN-020, the CRC is that of another type with this ID
 )
 
 _NS = pa.timestamp("ns")
@@ -106,6 +107,7 @@ TRANSFERS = pa.schema([
     _field("bus", pa.uint8(), "index of the interface name"),
     _field("kind", pa.uint8(), "index into KINDS"),
     _field("type_id", pa.uint16(), "data type ID; of an anonymous transfer its low 2 bits"),
+    _field("variant", pa.uint8(), "which of the known types with this ID, 0 the preferred one; the CRC decides"),
     _field("src", pa.uint8(), "source node ID, 0 when anonymous"),
     _field("dst", pa.uint8(), "destination node ID of a service transfer"),
     _field("priority", pa.uint8(), "0 (highest) to 31"),

@@ -31,21 +31,27 @@ class UnknownNameError(LookupError):
 
 
 class Registry:
-    """Folders in order of precedence: for an ID or a name that two of them have, the first one holds."""
+    """Folders in order of precedence: of two types with one ID or name, the first one is preferred.
+
+    Types that share an ID but not a signature stay apart as variants, numbered from 0; the CRC of a transfer tells them
+    apart. A type with the signature of a preferred one is the same type and left out.
+    """
 
     def __init__(self, profiles: Sequence[Profile]) -> None:
         self.profiles = tuple(profiles)
-        self._found: dict[tuple[bool, int], tuple[Profile, str] | None] = {}
+        self._found: dict[tuple[bool, int], list[tuple[Profile, str]]] = {}
 
-    def signature(self, service: int, type_id: int) -> int | None:
-        """The signature of a message (`service` 0) or service (1) ID, None if unknown; fit for the native engine."""
-        found = self._find(type_id, service=bool(service))
-        return found[0].signature(found[1]) if found else None
+    def signatures(self, service: int, type_id: int) -> list[int]:
+        """The signatures of the types with a message (`service` 0) or service (1) ID, the preferred one first."""
+        return [profile.signature(name) for profile, name in self._find(type_id, service=bool(service))]
 
-    def message(self, kind: int, type_id: int) -> Message | None:
+    def message(self, kind: int, type_id: int, variant: int = 0) -> Message | None:
         """The message of an ID, None if unknown. `kind` is 0 message, 1 anonymous, 2 request or 3 response."""
         found = self._find(type_id, service=kind >= 2)
-        return found[0].message(KINDS[max(0, kind - 1)], found[1]) if found else None
+        if variant >= len(found):
+            return None
+        profile, full_name = found[variant]
+        return profile.message(KINDS[max(0, kind - 1)], full_name)
 
     def carriers(self) -> tuple[Message, ...]:
         """Every message that carries packets, of all folders."""
@@ -78,11 +84,18 @@ class Registry:
         near = difflib.get_close_matches(name, [known.rpartition(".")[2] for known, _ in self._known], n=3)
         raise UnknownNameError(name, tuple(dict.fromkeys(near)), several=False)
 
-    def _find(self, type_id: int, *, service: bool) -> tuple[Profile, str] | None:
+    def _find(self, type_id: int, *, service: bool) -> list[tuple[Profile, str]]:
+        """The types with this ID in order of precedence. One alone is not compiled to be found."""
         key = (service, type_id)
         if key not in self._found:
-            matches = ((profile, profile.find(type_id, service=service)) for profile in self.profiles)
-            self._found[key] = next(((profile, name) for profile, name in matches if name), None)
+            named = ((profile, profile.find(type_id, service=service)) for profile in self.profiles)
+            claims = [(profile, name) for profile, name in named if name]
+            if len(claims) > 1:
+                different: dict[int, tuple[Profile, str]] = {}
+                for profile, name in claims:
+                    different.setdefault(profile.signature(name), (profile, name))
+                claims = list(different.values())
+            self._found[key] = claims
         return self._found[key]
 
     @cached_property
@@ -91,7 +104,7 @@ class Registry:
         tables: dict[str, tuple[Profile, MessageKind, str]] = {}
         for profile in self.profiles:
             for offer in profile.offers():
-                if self._find(offer.type_id, service=offer.service) == (profile, offer.full_name):
+                if (profile, offer.full_name) in self._find(offer.type_id, service=offer.service):
                     for kind in KINDS[1:] if offer.service else KINDS[:1]:
                         name = f"{offer.name}.{kind.capitalize()}" if offer.service else offer.name
                         tables.setdefault(name, (profile, kind, offer.full_name))

@@ -160,7 +160,10 @@ def test_what_the_events_say(decoded: dict[str, Any]) -> None:
     for row in decoded["faults.log"].events:
         by_kind.setdefault(row["kind"], []).append(row)
     errors = by_kind["error frame"]
-    assert [(row["class"], row["tx_errors"], row["rx_errors"]) for row in errors] == [(0x204, 0x60, 0), (0x204, 0x80, 0)]
+    assert [(row["class"], row["tx_errors"], row["rx_errors"]) for row in errors] == [
+        (0x204, 0x60, 0),
+        (0x204, 0x80, 0),
+    ]
     assert [row["class"] for row in by_kind["drop"]] == [3]
     assert "1773475331.6003 can0 1F0406" in by_kind["unreadable"][0]["text"]
 

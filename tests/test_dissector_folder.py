@@ -76,7 +76,7 @@ def check(rows: list[dict[str, Any]]) -> None:
 
 
 def signature_of(folder: Path) -> int:
-    found = dissectors.load([folder]).signature(0, ACME)
+    found = dissectors.load([folder]).signatures(0, ACME)[0]
     assert found is not None
     return found
 
@@ -130,5 +130,5 @@ def test_from_the_command_line(tmp_path: Path, folder: Path) -> None:
 
 def test_a_folder_with_a_mistake_is_refused(folder: Path) -> None:
     (folder / "acme" / "pump" / "20777.Pump.uavcan").write_text("uint3 state\nuint99 pressure\n")
-    with pytest.raises(dissectors.DsdlError, match="uint99|99"):
+    with pytest.raises(dissectors.DsdlError, match="99"):
         dissectors.load([folder])

@@ -23,7 +23,9 @@ def run(decode: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def unknown(transfer_id: int, size: int = 3, signature: int = 0x0123456789ABCDEF) -> Transfer:
-    return Transfer("message", UNKNOWN, 30, bytes((transfer_id * 7 + k) % 256 for k in range(size)), signature, transfer_id)
+    return Transfer(
+        "message", UNKNOWN, 30, bytes((transfer_id * 7 + k) % 256 for k in range(size)), signature, transfer_id
+    )
 
 
 def all_foreign(got: Any) -> None:
@@ -53,7 +55,12 @@ def test_j1939(run: Any, can_id: int, last: int) -> None:
 
 
 def test_j1939_whose_last_byte_is_never_filled(run: Any) -> None:
-    ids = [priority << 24 | group << 8 | source for priority in (12, 24) for group in (0xF004, 0xFEF1) for source in range(256)]
+    ids = [
+        priority << 24 | group << 8 | source
+        for priority in (12, 24)
+        for group in (0xF004, 0xFEF1)
+        for source in range(256)
+    ]
     got = run([Frame(can_id, bytes([k, 1, 2, 3, 4, 5, 6, 0xFF])) for k in range(20) for can_id in ids])
     all_foreign(got)
 
@@ -112,9 +119,11 @@ def test_three_rising_ids_prove_an_unknown_type(run: Any, size: int) -> None:
     assert got.messages == {}
 
 
-@pytest.mark.parametrize(("ids", "proven"), [((5, 6), False), ((5, 6, 8), False), ((5, 6, 8, 9, 10), True), ((5, 7, 9), False)])
+@pytest.mark.parametrize(
+    ("ids", "proven"), [((5, 6), False), ((5, 6, 8), False), ((5, 6, 8, 9, 10), True), ((5, 7, 9), False)]
+)
 def test_the_run_must_be_of_three(run: Any, ids: tuple[int, ...], proven: bool) -> None:
-    got = run([unknown(k).frames() for k in ids][0], *[unknown(k).frames() for k in ids[1:]])
+    got = run(*(unknown(k).frames() for k in ids))
     if proven:
         assert [row["transfer_id"] for row in got.transfers] == list(ids)
         assert [row["frame"] for row in got.transfers] == [[k] for k in range(len(ids))]

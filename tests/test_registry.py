@@ -39,7 +39,7 @@ def test_the_document_wins_over_the_public_types(known: registry.Registry, type_
     message = known.message(MESSAGE, type_id)
     assert message is not None
     assert (message.name, message.table, message.type_id) == (name, name, type_id)
-    assert message.signature == known.signature(0, type_id) == signature
+    assert message.signature == known.signatures(0, type_id)[0] == signature
 
 
 def test_standard_types_resolve_as_message_and_as_service(known: registry.Registry) -> None:
@@ -48,16 +48,16 @@ def test_standard_types_resolve_as_message_and_as_service(known: registry.Regist
     assert known.message(REQUEST, 5).table == "uavcan.protocol.RestartNode.Request"
     assert known.message(RESPONSE, 5).table == "uavcan.protocol.RestartNode.Response"
     assert known.message(ANONYMOUS, 1).table == "uavcan.protocol.dynamic_node_id.Allocation"
-    assert known.signature(1, 1) == 0xEE468A8121C46A9E
-    assert known.signature(0, 341) == 0x0F0868D0C1A7C6F1
+    assert known.signatures(1, 1)[0] == 0xEE468A8121C46A9E
+    assert known.signatures(0, 341)[0] == 0x0F0868D0C1A7C6F1
     assert known.message(REQUEST, 1).signature == known.message(RESPONSE, 1).signature
 
 
 def test_unknown_ids_have_no_answer(known: registry.Registry) -> None:
     for kind in range(4):
         assert known.message(kind, 60000) is None
-    assert known.signature(0, 60000) is None
-    assert known.signature(1, 999) is None
+    assert known.signatures(0, 60000) == []
+    assert known.signatures(1, 999) == []
     assert known.message(REQUEST, 341) is None
 
 
@@ -180,7 +180,9 @@ def test_a_users_folder_wins_over_all_others(tmp_path: Path) -> None:
     (folder / "1034.Mine.uavcan").write_text("uint8 x\n")
     known = load([folder])
     assert known.message(MESSAGE, 1034).table == "acme.Mine"
-    assert "ESCStatus" not in known.names()
+    assert known.message(MESSAGE, 1034, 1).table == "ESCStatus"  # another signature: a CRC can still tell
+    assert known.message(MESSAGE, 1034, 2) is None
+    assert {"ESCStatus", "acme.Mine"} <= set(known.names())
     assert known.message(MESSAGE, 1030).name == "RawCommand"
 
 
@@ -237,6 +239,5 @@ def test_loading_reads_no_other_package_and_nothing_at_home(tmp_path: Path) -> N
 def test_loading_compiles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     parsed = []
     monkeypatch.setattr("dissectors.namespace.dsdl.parse", lambda _, file: parsed.append(file))
-    known = load()
-    assert known.names()
+    load()
     assert parsed == []

@@ -1,4 +1,4 @@
-"""The golden vectors, made by encoders that nobody here wrote, must come out field by field; the violations must show."""
+"""The golden vectors, of encoders that nobody here wrote, come out field by field; the violations must show."""
 
 from __future__ import annotations
 
@@ -94,7 +94,12 @@ def test_a_nan_keeps_its_payload(files: dict[str, Any]) -> None:
         for vector, row in zip(load(file), files[file].transfers, strict=True):
             assert row["transfer_id"] == vector["transfer_id"]
             seen += any(code.endswith("__raw16") for code in vector["fields"])
-        codes = [v["fields"][f"{n}__raw16"] for v in load(file) for n in ("voltage", "current", "temperature") if f"{n}__raw16" in v["fields"]]
+        codes = [
+            v["fields"][f"{n}__raw16"]
+            for v in load(file)
+            for n in ("voltage", "current", "temperature")
+            if f"{n}__raw16" in v["fields"]
+        ]
         columns = [[], [], []]
         for batch in files[file].batches:
             for k, name in enumerate(("voltage", "current", "temperature")):
@@ -129,7 +134,9 @@ BROKEN = {"missing_middle": 1, "swapped_2_3": 1, "missing_last": 1, "stalled_2_5
           "crc_without_signature": 1, "last_frame_zero_padded": 1}  # fmt: skip
 STRAY = {"stalled_2_5s": ["orphan", "orphan"], "swapped_2_3": ["orphan"], "dlc_0": ["no tail"]}
 BLOCKS = load("violations")
-LAYERS = [block for block in BLOCKS if not block["expect"] or any(rule[:3] in ("TRF", "CAN") for rule in block["expect"])]
+LAYERS = [
+    block for block in BLOCKS if not block["expect"] or any(rule[:3] in ("TRF", "CAN") for rule in block["expect"])
+]
 
 
 def block_of(got: Any, first: int, last: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -230,9 +237,7 @@ def test_violations_of_other_layers_are_in_their_columns(
 ) -> None:
     found = next(one for one in BLOCKS if one["name"] == block)
     got = files["violations"]
-    last = next(
-        k for k, row in enumerate(got.transfers) if got.frames[row["frame"][-1]]["line"] == found["last_line"]
-    )
+    last = next(k for k, row in enumerate(got.transfers) if got.frames[row["frame"][-1]]["line"] == found["last_line"])
     assert got.transfers[last]["status"] == "ok"
     rows = [row for name, rows in got.messages.items() for row in rows if name == table and row["transfer"] == last]
     assert [{name: row[name] for name in shown} for row in rows] == [shown]

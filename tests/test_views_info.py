@@ -124,14 +124,14 @@ def test_foreign_frames_are_named(decode: Callable[..., Any], registry: Registry
 def test_foreign_follows_what_settles_later(decode: Callable[..., Any], registry: Registry, flush: object) -> None:
     """An unknown type is believed after some transfers; its first frames were reported as foreign."""
     sent = [
-        lines([at(k * SECOND, f) for f in encode.Transfer("message", 20010, 10, b"ab", 0, k).frames()])
+        lines([at(k * SECOND, f) for f in encode.Transfer("message", 64001, 10, b"ab", 0, k).frames()])
         for k in range(8)
     ]
     got = decode(*[piece for text in sent for piece in (text, flush)])
     assert any(len(batch.settled) for batch in got.batches)
     found = facts(got, registry)
     assert found.foreign == ()
-    assert "Unknown    type 20010 8x" in render(found)
+    assert "Unknown    type 64001 8x" in render(found)
 
 
 def test_the_dialect_of_each_node(decode: Callable[..., Any], registry: Registry) -> None:
@@ -174,6 +174,15 @@ def test_evidence_that_must_hold_always(registry: Registry) -> None:
         ("once", 1): "a", ("once", 2): "a", ("once", 3): "undecided",
         ("sends", 1): "a", ("sends", 2): "a", ("sends", 3): "a",
     }  # fmt: skip
+
+
+def test_types_that_share_an_id_are_counted_apart(decode: Callable[..., Any]) -> None:
+    transfers = decode(lines(*(throttle(k).frames() for k in range(5)))).batches[0].transfers
+    at = transfers.schema.get_field_index("variant")
+    mixed = transfers.set_column(at, transfers.schema.field(at), pa.array([0, 1, 0, 1, 1], pa.uint8()))
+    talks = traffic.Talks()
+    assert talks.add(mixed) == {(0, 1030, 0), (0, 1030, 1)}
+    assert {key: talk.count for key, talk in talks.all.items()} == {(0, 1, (0, 1030, 0)): 2, (0, 1, (0, 1030, 1)): 3}
 
 
 def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch, decode: Callable[..., Any], registry: Registry) -> None:

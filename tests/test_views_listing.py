@@ -13,10 +13,11 @@ from hypothesis import HealthCheck, given, settings
 from sequences import SECOND, START, at, lines, push, retail, status, throttle
 from strategies import Capture, captures
 
+from analyzer.tables import STATUSES
 from analyzer.views.frames import FrameWindow
 from analyzer.views.hexdump import hexdump
 from analyzer.views.info import render, render_json
-from analyzer.views.listing import Listing
+from analyzer.views.listing import Listing, broken_words
 from analyzer.views.records import Csv, JsonLines
 from analyzer.views.rows import Rows
 from analyzer.views.summary import Summary
@@ -69,6 +70,8 @@ def test_a_broken_transfer_says_how_far_it_came(decode: Callable[..., Any], regi
     assert line.endswith("2 of 3 frames")
     end = decode(lines(status(0).frames(), status(1).frames()[:2]))
     assert listed(end, registry)[-1].endswith("capture ends after 2 of 3 frames")
+    whole = broken_words(STATUSES.index("interrupted"), 3, 1, registry.resolve("ESCStatus"), gap=True)
+    assert whole == "broken, 3 frames, 1 byte"
     open_end = decode(lines(push(0).frames(), push(1).frames()[:2]))
     assert listed(open_end, registry)[-1].endswith("capture ends after 2 frames, 12 bytes")
 

@@ -12,7 +12,11 @@ from typing import TYPE_CHECKING, Any
 import encode
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from sequences import START, lines, push, status, throttle
+from strategies import fields_of
+from values import same
 
 from analyzer.views.fields import Fields, field_names
 from analyzer.views.frames import FrameWindow
@@ -216,8 +220,11 @@ def column(got: Any, registry: Registry, *names: str, picked: Any = None) -> lis
 
 
 def test_fields(flight: Any, registry: Registry) -> None:
-    names = ("frame.number", "dronecan.type", "ESCStatus.status.mode", "uavcan.equipment.esc.Status.voltage", "PUSHCAN.MotorStatus.voltage",
-             "RawCommand.cmd", "PUSHCAN.FocFeedback.software_version.text", "can.len", "can.flags.xtd")  # fmt: skip
+    names = [
+        "frame.number", "dronecan.type", "ESCStatus.status.mode", "uavcan.equipment.esc.Status.voltage",
+        "PUSHCAN.MotorStatus.voltage", "RawCommand.cmd", "PUSHCAN.FocFeedback.software_version.text", "can.len",
+        "can.flags.xtd",
+    ]  # fmt: skip
     found = {row[0]: row[1:] for row in column(flight, registry, *names)}
     assert found["9"][:5] == ["RawCommand", "", "", "", "8191,0,8191,0,-8192,1,-1,4095"]
     assert found["9"][6:] == ["8,8,3", "1"]
@@ -270,7 +277,34 @@ def test_every_listed_name_is_accepted(registry: Registry) -> None:
     assert {"frame.number", "ESCStatus.error_count.mode", "PUSHCAN.MotorStatus.speed"} <= set(names)
 
 
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_any_message_comes_out_as_it_was_sent(
+    decode: Callable[..., Any], registry: Registry, data: st.DataObject
+) -> None:
+    name = data.draw(st.sampled_from(sorted(encode.TYPES)))
+    fields = data.draw(fields_of(name))
+    more = {"dst": 9} if encode.TYPES[name].kind != "message" else {}
+    sent = encode.transfer(name, fields, 10, fd=data.draw(st.booleans()), **more)
+    (record,) = jsonl(decode(lines(sent.frames())), registry)
+    assert same(fields, bare(record["fields"]))
+    assert bytes.fromhex(record["payload"]) == sent.payload
+
+
 def test_no_float_is_lost_on_the_way() -> None:
     code = np.arange(65536, dtype=np.uint16).view(np.float16).astype(np.float32).tolist()
     finite = [value for value in code if math.isfinite(value)]
     assert json.loads(json.dumps(finite)) == finite
+
+
+def test_scaled_numbers_are_raw_again(decode: Callable[..., Any], registry: Registry) -> None:
+    """Latitudes are tables of degrees, but 1e-8 of a degree is what was sent."""
+    zero = next(v for k, v in encode.TYPES.items() if k.endswith("Fix2"))
+    raw = [29 * k + 57 for k in range(60)]
+    empty = {"timestamp": {"usec": 0}, "gnss_timestamp": {"usec": 0}, "ned_velocity": [0.0] * 3, "covariance": [],
+             "ecef_position_velocity": []}  # fmt: skip
+    names = [word.split(":")[0] for word in zero.layout.split() if word.split(":")[0]]
+    fields = dict.fromkeys(names, 0) | empty
+    sent = [encode.transfer(zero.name, fields | {"latitude_deg_1e8": v}, 10, k).frames() for k, v in enumerate(raw)]
+    found = jsonl(decode(lines(*sent)), registry)
+    assert [r["fields"]["latitude_deg_1e8"] for r in found] == raw

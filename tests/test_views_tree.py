@@ -120,7 +120,7 @@ def test_payloads_that_do_not_fit_are_told(decode: Callable[..., Any], registry:
     short = encode.Frame(0x1F040A0A, bytes(7) + b"\xc0")
     (entry,) = details(decode(lines([short])), registry)
     assert has(entry, "! 54 bits are missing behind 7 bytes", "voltage: 0 V (raw 0x0000) bytes 5-6 clause 4.4.3 no 5-6",
-               "current: missing bytes 7-8")  # fmt: skip
+               "current: missing bytes 7-8 clause 4.4.3 no 7-8")  # fmt: skip
 
 
 def test_only_the_types_asked_for_in_full(decode: Callable[..., Any], registry: Registry) -> None:

@@ -110,9 +110,10 @@ class Rows:
         return found
 
     def _types(self, registry: Registry) -> tuple[list[Message], list[Message | None]]:
-        codes = self.array("kind").astype(np.int64) << 16 | self.array("type_id")
+        codes = self.array("variant").astype(np.int64) << 24 | self.array("kind").astype(np.int64) << 16
+        codes |= self.array("type_id")
         unique, inverse = np.unique(codes, return_inverse=True)
-        known = [registry.message(int(code) >> 16, int(code) & 0xFFFF) for code in unique]
+        known = [registry.message(int(code) >> 16 & 0xFF, int(code) & 0xFFFF, int(code) >> 24) for code in unique]
         messages = {m.table: m for m in known if m is not None}
         return list(messages.values()), [known[k] for k in inverse.tolist()]
 

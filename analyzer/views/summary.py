@@ -12,14 +12,13 @@ from analyzer.tables import EVENTS, KINDS, VERDICTS, numbers
 from analyzer.views.cells import pylist
 from analyzer.views.dialects import Dialects, Statement
 from analyzer.views.rows import type_name
-from analyzer.views.traffic import BIT_RATE, SECOND, BusCount, ForeignIds, Talk, TalkKey, Talks, times
+from analyzer.views.traffic import BIT_RATE, SECOND, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from analyzer.engine import Batch, Engine
     from dissectors import Registry
-    from dissectors.schema import Message
 
 MOST_CHANNELS = 32
 MOST_NODES = 4096
@@ -41,7 +40,7 @@ class Stored(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class BusFacts:
-    """One interface. Rates are frames a second, None without times; `load` is percent of 1 Mbit/s without stuff bits."""
+    """One interface. Rates are frames a second, None without times; `load` is percent of 1 Mbit/s, unstuffed."""
 
     name: str
     frames: int
@@ -117,12 +116,12 @@ class Summary:
         self._foreign.add(batch)
         kinds = numbers(batch.events.column("kind"))
         self._dropped |= bool((kinds == EVENTS.index("drop")).any())
-        for kind, type_id in self._talks.add(batch.transfers):
-            message = self._registry.message(kind, type_id)
+        for sent in self._talks.add(batch.transfers):
+            message = self._registry.message(*sent)
             table = batch.messages.get(message.table) if message is not None else None
             if message is not None and table is not None:
                 self._dialects.add(message, table)
-                self._note_channels(message, table)
+                self._note_channels(sent, table)
         for table in batch.messages.values():
             self._note_software(table)
 
@@ -172,14 +171,13 @@ class Summary:
             here = bus == index
             self._buses.setdefault(index, BusCount()).add(sizes[here], flags[here], t[here & valid])
 
-    def _note_channels(self, message: Message, table: pa.RecordBatch) -> None:
+    def _note_channels(self, sent: TypeKey, table: pa.RecordBatch) -> None:
         """People's numbers of the ESCs that a node speaks for: the profile calls that column `channel`."""
-        if not any(derived.name == "channel" for derived in message.derived):
+        if "channel" not in table.schema.names:
             return
-        kind = 0 if message.kind == "message" else KINDS.index(message.kind)
         columns = [pylist(table.column(name)) for name in ("bus", "src", "channel", "trusted")]
         for bus, src, channel in {row[:3] for row in zip(*columns, strict=True) if row[3]}:
-            talk = self._talks.all.get((bus, src, kind, message.type_id))
+            talk = self._talks.all.get((bus, src, sent))
             if talk is not None and channel is not None and len(talk.channels) < MOST_CHANNELS:
                 talk.channels.add(round(channel))
 
@@ -209,8 +207,8 @@ class Summary:
             yield self._node(key, talk)
 
     def _node(self, key: TalkKey, talk: Talk) -> NodeFacts:
-        bus, src, kind, type_id = key
-        message = self._registry.message(kind, type_id)
+        bus, src, (kind, type_id, variant) = key
+        message = self._registry.message(kind, type_id, variant)
         return NodeFacts(
             bus=self._names[bus],
             node=src,

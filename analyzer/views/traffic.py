@@ -86,7 +86,8 @@ class Talk:
         return (self.count - 1) * SECOND / (self.last - self.first)
 
 
-TalkKey = tuple[int, int, int, int]  # bus, node, kind, type ID
+TypeKey = tuple[int, int, int]  # kind, type ID, variant
+TalkKey = tuple[int, int, TypeKey]  # bus, node, what it sends
 
 
 class Talks:
@@ -96,22 +97,22 @@ class Talks:
         self.all: dict[TalkKey, Talk] = {}
         self.beyond = 0
 
-    def add(self, transfers: pa.RecordBatch) -> set[tuple[int, int]]:
-        """Counts a batch; gives the (kind, type ID) that occur in it."""
+    def add(self, transfers: pa.RecordBatch) -> set[TypeKey]:
+        """Counts a batch; gives the types that occur in it."""
         if not len(transfers):
             return set()
-        names = ("bus", "src", "kind", "type_id")
-        bus, src, kind, type_id = (numbers(transfers.column(name)).astype(np.int64) for name in names)
+        names = ("bus", "src", "variant", "kind", "type_id")
+        bus, src, variant, kind, type_id = (numbers(transfers.column(name)).astype(np.int64) for name in names)
         broken = ~np.isin(numbers(transfers.column("status")), _WHOLE)
         t, valid = times(transfers)
-        codes, inverse = np.unique(bus << 32 | src << 24 | kind << 16 | type_id, return_inverse=True)
+        codes, inverse = np.unique(bus << 40 | src << 32 | variant << 24 | kind << 16 | type_id, return_inverse=True)
         count, bad = np.bincount(inverse), np.bincount(inverse, weights=broken)
         first = np.full(len(codes), np.iinfo(np.int64).max)
         last = np.full(len(codes), np.iinfo(np.int64).min)
         np.minimum.at(first, inverse[valid], t[valid])
         np.maximum.at(last, inverse[valid], t[valid])
         for k, code in enumerate(codes.tolist()):
-            talk = self._talk((code >> 32, code >> 24 & 0xFF, code >> 16 & 0xFF, code & 0xFFFF), int(count[k]))
+            talk = self._talk((code >> 40, code >> 32 & 0xFF, _type(code)), int(count[k]))
             if talk is None:
                 continue
             talk.count += int(count[k])
@@ -119,7 +120,7 @@ class Talks:
             if first[k] <= last[k]:
                 talk.first = int(first[k]) if talk.first is None else min(talk.first, int(first[k]))
                 talk.last = int(last[k]) if talk.last is None else max(talk.last, int(last[k]))
-        return {(code >> 16 & 0xFF, code & 0xFFFF) for code in codes.tolist()}
+        return {_type(code) for code in codes.tolist()}
 
     def _talk(self, key: TalkKey, count: int) -> Talk | None:
         if key not in self.all:
@@ -128,6 +129,10 @@ class Talks:
                 return None
             self.all[key] = Talk()
         return self.all[key]
+
+
+def _type(code: int) -> TypeKey:
+    return code >> 16 & 0xFF, code & 0xFFFF, code >> 24 & 0xFF
 
 
 class ForeignIds:

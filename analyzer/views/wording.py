@@ -36,6 +36,7 @@ _ANOMALIES = {
     "addressed to itself": "addressed to itself",
     "can fd": "CAN FD",
     "cut by end": "capture ends inside",
+    "other type": "CRC of another type with this ID",
     "limit": "a limit of the analyzer was reached",
 }
 _STEPPED = ("transfer id gap", "transfer id restarted")

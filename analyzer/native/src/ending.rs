@@ -1,7 +1,7 @@
 //! How transfers end: what is measured when one is complete, broken, or too old.
 #![forbid(unsafe_code)]
 
-use crate::session::Session;
+use crate::session::{Known, Session};
 use crate::slot::{elapsed, Frame, Overtaken, Slot, State, ABORT_NS, TIMEOUT_NS};
 use crate::transfers::{anomaly, when, Row, Status, Transfers, NO_GAP, NO_STEP, UNKNOWN};
 use crate::wire::{crc, priority, Kind, Tail};
@@ -21,10 +21,10 @@ impl Session {
             t_end: frame.t,
             priority: priority(frame.id),
             transfer_id: tail.transfer_id(),
-            status: if self.known.is_some() {
-                Status::Ok
-            } else {
+            status: if self.known.is_empty() {
                 Status::Unchecked
+            } else {
+                Status::Ok
             },
             crc_wire: None,
             crc_here: None,
@@ -32,7 +32,7 @@ impl Session {
             gap,
             anomaly: bits | self.constant | id_anomaly(step, gap, tail.transfer_id(), repeats),
             fd: frame.fd,
-            known: self.known.map_or(UNKNOWN, |known| known.index),
+            known: self.preferred(),
             frames: &[frame.number],
             payload: body,
         });
@@ -44,6 +44,11 @@ impl Session {
         }
     }
 
+    /// The type that a payload has which no CRC speaks for.
+    fn preferred(&self) -> u16 {
+        self.known.first().map_or(UNKNOWN, |known| known.index)
+    }
+
     /// The hot slot has all its frames: the CRC decides.
     pub(crate) fn complete(&mut self, out: &mut Transfers) {
         let [low, high, payload @ ..] = self.hot.bytes() else {
@@ -51,16 +56,23 @@ impl Session {
             return;
         };
         let wire = u16::from_le_bytes([*low, *high]);
-        let here = self.known.map(|known| crc(known.crc_start, payload));
-        let status = match here {
-            Some(here) if here == wire => Status::Ok,
+        let checked = |known: &Known| (known.index, crc(known.crc_start, payload));
+        let preferred = self.known.first().map(checked);
+        let other = |&(_, here): &(u16, u16)| here == wire;
+        let found = match preferred {
+            Some((_, here)) if here != wire => self.known.iter().skip(1).map(checked).find(other),
+            _ => None,
+        };
+        let status = match found.or(preferred) {
+            Some((_, here)) if here == wire => Status::Ok,
             Some(_) => Status::BadCrc,
             None => Status::Unchecked,
         };
         let longest_single = if self.hot.fd { 63 } else { 7 };
         let bits = when(status == Status::BadCrc, anomaly::CRC)
-            | when(payload.len() <= longest_single, anomaly::NEEDLESS_MULTI);
-        self.close_with(status, bits, Some(wire), here, out);
+            | when(payload.len() <= longest_single, anomaly::NEEDLESS_MULTI)
+            | when(found.is_some(), anomaly::OTHER_TYPE);
+        self.close_with(status, bits, Some(wire), found.or(preferred), out);
     }
 
     pub(crate) fn close_hot(&mut self, status: Status, bits: u32, out: &mut Transfers) {
@@ -72,7 +84,14 @@ impl Session {
     }
 
     /// Turns the hot slot into one row.
-    fn close_with(&mut self, status: Status, bits: u32, wire: Option<u16>, here: Option<u16>, out: &mut Transfers) {
+    fn close_with(
+        &mut self,
+        status: Status,
+        bits: u32,
+        wire: Option<u16>,
+        here: Option<(u16, u16)>,
+        out: &mut Transfers,
+    ) {
         let refused = self.hot.state == State::Refused;
         self.hot.state = State::Closed;
         self.hot.expect = Slot::NOTHING;
@@ -98,7 +117,7 @@ impl Session {
             transfer_id: slot.transfer_id,
             status,
             crc_wire: wire,
-            crc_here: here,
+            crc_here: here.map(|(_, crc)| crc),
             step: slot.step,
             gap: slot.gap,
             anomaly: slot.anomaly
@@ -109,7 +128,7 @@ impl Session {
                 | when(payload.len() > 1023, anomaly::LONG)
                 | when(elapsed(slot.t, slot.t_last) > ABORT_NS, anomaly::SLOW),
             fd: slot.fd,
-            known: self.known.map_or(UNKNOWN, |known| known.index),
+            known: here.map_or_else(|| self.preferred(), |(known, _)| known),
             frames: &slot.frames,
             payload,
         });

@@ -1,6 +1,8 @@
 //! What a capture holds beside frames: error frames, drop counts, gaps, unreadable lines, comments.
 #![forbid(unsafe_code)]
 
+use std::ops::Range;
+
 /// The `kind` column, in the order of `EVENTS` in `analyzer/tables.py`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -25,6 +27,21 @@ pub struct Event<'a> {
     pub counters: Option<(u8, u8)>,
     /// UTF-8; what a reader of the capture wants to see. Bounded by the one who writes it.
     pub text: &'a str,
+}
+
+impl<'a> Event<'a> {
+    /// Silence on all interfaces that a frame on `line` ends; `t` is the time of the frame before it.
+    fn gap(t: i64, line: u64, text: &'a str) -> Self {
+        Event {
+            t,
+            bus: None,
+            line,
+            kind: EventKind::Gap,
+            class: 0,
+            counters: None,
+            text,
+        }
+    }
 }
 
 /// Columns of the `events` table; `*_valid` holds 1 for a cell that is not null.
@@ -53,6 +70,44 @@ impl Events {
         self.t.is_empty()
     }
 
+    /// Puts `gaps`, in order of their lines, among the rows from `first` on, before the first row of a later line.
+    pub fn weave(&mut self, first: usize, gaps: &[(i64, u64, String)]) {
+        if gaps.is_empty() {
+            return;
+        }
+        let old = std::mem::take(self);
+        let mut gaps = gaps.iter().peekable();
+        for row in 0..old.len() {
+            while let Some((t, line, text)) = gaps.next_if(|gap| row >= first && gap.1 <= u64::from(old.line[row])) {
+                self.push(&Event::gap(*t, *line, text));
+            }
+            self.push(&old.row(row));
+        }
+        for (t, line, text) in gaps {
+            self.push(&Event::gap(*t, *line, text));
+        }
+    }
+
+    fn row(&self, row: usize) -> Event<'_> {
+        let start = row.checked_sub(1).map_or(0, |before| self.text_end[before]) as usize;
+        let text = &self.text[start..self.text_end[row] as usize];
+        Event {
+            t: self.t[row],
+            bus: (self.bus_valid[row] != 0).then_some(self.bus[row]),
+            line: u64::from(self.line[row]),
+            kind: [
+                EventKind::ErrorFrame,
+                EventKind::Drop,
+                EventKind::Gap,
+                EventKind::Unreadable,
+                EventKind::Comment,
+            ][usize::from(self.kind[row])],
+            class: self.class[row],
+            counters: (self.errors_valid[row] != 0).then_some((self.tx_errors[row], self.rx_errors[row])),
+            text: std::str::from_utf8(text).unwrap_or_default(),
+        }
+    }
+
     pub fn push(&mut self, event: &Event<'_>) {
         self.t.push(event.t);
         self.bus.push(event.bus.unwrap_or(0));
@@ -66,5 +121,24 @@ impl Events {
         self.errors_valid.push(u8::from(event.counters.is_some()));
         self.text.extend_from_slice(event.text.as_bytes());
         self.text_end.push(self.text.len() as i32);
+    }
+
+    /// Appends some rows of `other`.
+    pub fn extend(&mut self, other: &Events, rows: Range<usize>) {
+        let end_of = |row: usize| row.checked_sub(1).map_or(0, |last| other.text_end[last]);
+        let (start, end) = (end_of(rows.start), end_of(rows.end));
+        let moved = self.text.len() as i32 - start;
+        self.text.extend_from_slice(&other.text[start as usize..end as usize]);
+        let ends = &other.text_end[rows.clone()];
+        self.text_end.extend(ends.iter().map(|end| end + moved));
+        self.t.extend_from_slice(&other.t[rows.clone()]);
+        self.bus.extend_from_slice(&other.bus[rows.clone()]);
+        self.bus_valid.extend_from_slice(&other.bus_valid[rows.clone()]);
+        self.line.extend_from_slice(&other.line[rows.clone()]);
+        self.kind.extend_from_slice(&other.kind[rows.clone()]);
+        self.class.extend_from_slice(&other.class[rows.clone()]);
+        self.tx_errors.extend_from_slice(&other.tx_errors[rows.clone()]);
+        self.rx_errors.extend_from_slice(&other.rx_errors[rows.clone()]);
+        self.errors_valid.extend_from_slice(&other.errors_valid[rows]);
     }
 }

@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use crate::candump::Candump;
-use crate::events::{Event, EventKind, Events};
+use crate::events::Events;
 use crate::frames::{Frames, NO_TIME};
 use crate::reassembly::{Reassembler, Resolve, Results};
 
@@ -46,7 +46,7 @@ impl Pipeline {
     /// Takes candump text; a line that is not finished waits for more.
     pub fn feed_candump(&mut self, text: &[u8]) {
         for piece in text.chunks(PIECE) {
-            let first = self.frames.len();
+            let first = (self.frames.len(), self.events.len());
             self.candump.feed(piece, &mut self.frames, &mut self.events);
             self.run(first);
         }
@@ -54,7 +54,7 @@ impl Pipeline {
 
     /// End of capture: the unfinished line and every open transfer are closed.
     pub fn finish(&mut self) {
-        let first = self.frames.len();
+        let first = (self.frames.len(), self.events.len());
         self.candump.finish(&mut self.frames, &mut self.events);
         self.run(first);
         self.reassembler.finish();
@@ -69,19 +69,26 @@ impl Pipeline {
         }
     }
 
-    fn run(&mut self, first: usize) {
-        self.gaps(first);
+    /// Works on what was read since `first`: rows of frames and of events.
+    /// Works through the frames from `first` on and the `events` that came with them.
+    fn run(&mut self, first: usize, events: &Events) {
+        self.add_events(first, events);
         self.reassembler.feed(&self.frames, first);
     }
 
-    fn gaps(&mut self, first: usize) {
+    /// Adds the events, and the gaps in front of frames, in the order of their lines.
+    fn add_events(&mut self, first: usize, events: &Events) {
+        let mut added = 0;
         for row in first..self.frames.len() {
-            let t = self.frames.t[row];
+            let (t, line) = (self.frames.t[row], self.frames.line[row]);
             if t == NO_TIME {
                 continue;
             }
             let silence = t.saturating_sub(self.latest);
             if silence > GAP_NS && self.latest != NO_TIME {
+                let before = added + events.line[added..].partition_point(|&other| other < line);
+                self.events.extend(events, added..before);
+                added = before;
                 let text = format!(
                     "silent for {}.{:03} s",
                     silence / 1_000_000_000,
@@ -90,7 +97,7 @@ impl Pipeline {
                 self.events.push(&Event {
                     t: self.latest,
                     bus: None,
-                    line: u64::from(self.frames.line[row]),
+                    line: line.into(),
                     kind: EventKind::Gap,
                     class: 0,
                     counters: None,
@@ -99,5 +106,6 @@ impl Pipeline {
             }
             self.latest = self.latest.max(t);
         }
+        self.events.extend(events, added..events.len());
     }
 }

@@ -11,7 +11,7 @@ use pyo3::types::{PyBytes, PyDict};
 
 use crate::frames::{Frames, NO_TIME};
 use crate::pipeline::Pipeline;
-use crate::reassembly::{Resolve, Settled};
+use crate::reassembly::{Resolve, Settled, TypeName};
 use crate::transfers::{Transfers, NO_GAP, NO_STEP};
 
 type Dict<'py> = Bound<'py, PyDict>;
@@ -58,18 +58,18 @@ struct Engine {
 
 #[pymethods]
 impl Engine {
-    /// `resolve(service, type_id)` gives the signature of a type, or None; asked once a type.
+    /// `resolve(service, type_id)` gives the signatures of the types with this ID; asked once an ID.
     #[new]
     fn new(resolve: Py<PyAny>) -> Self {
         let failure = Arc::new(Mutex::new(None));
         let slot = Arc::clone(&failure);
         let ask: Resolve = Box::new(move |service, type_id| {
-            let answer = Python::attach(|py| resolve.call1(py, (service, type_id))?.extract::<Option<u64>>(py));
+            let answer = Python::attach(|py| resolve.call1(py, (service, type_id))?.extract::<Vec<u64>>(py));
             answer.unwrap_or_else(|error| {
                 if let Ok(mut slot) = slot.lock() {
                     slot.get_or_insert(error);
                 }
-                None
+                vec![]
             })
         });
         Engine {
@@ -101,9 +101,10 @@ impl Engine {
         let batch = self.pipeline.take();
         let types = self.pipeline.reassembler.types();
         let mut groups = vec![];
-        for (rows, &(service, type_id)) in batch.results.transfers.rows_by_type(types.len()).iter().zip(types) {
+        for (rows, &(service, type_id, variant)) in batch.results.transfers.rows_by_type(types.len()).iter().zip(types)
+        {
             if !rows.is_empty() {
-                groups.push((service, type_id, PyBytes::new(py, cast_slice(rows))));
+                groups.push((service, type_id, variant, PyBytes::new(py, cast_slice(rows))));
             }
         }
         let frames = frame_columns(py, &batch.frames)?;
@@ -128,7 +129,7 @@ impl Engine {
         put(&settled, "anomaly", anomaly)?;
         Ok((
             frames,
-            transfer_columns(py, &batch.results.transfers)?,
+            transfer_columns(py, &batch.results.transfers, types)?,
             events,
             settled,
             groups,
@@ -183,7 +184,7 @@ type Taken<'py> = (
     Dict<'py>,
     Dict<'py>,
     Dict<'py>,
-    Vec<(bool, u16, Bound<'py, PyBytes>)>,
+    Vec<(bool, u16, u8, Bound<'py, PyBytes>)>,
 );
 
 fn frame_columns<'py>(py: Python<'py>, frames: &Frames) -> PyResult<Dict<'py>> {
@@ -193,7 +194,7 @@ fn frame_columns<'py>(py: Python<'py>, frames: &Frames) -> PyResult<Dict<'py>> {
     Ok(dict)
 }
 
-fn transfer_columns<'py>(py: Python<'py>, rows: &Transfers) -> PyResult<Dict<'py>> {
+fn transfer_columns<'py>(py: Python<'py>, rows: &Transfers, types: &[TypeName]) -> PyResult<Dict<'py>> {
     let dict = columns!(
         py,
         rows,
@@ -232,6 +233,8 @@ fn transfer_columns<'py>(py: Python<'py>, rows: &Transfers) -> PyResult<Dict<'py
     )?;
     put_valid(&dict, "step_valid", rows.step.iter().map(|&step| step != NO_STEP))?;
     put_valid(&dict, "gap_valid", rows.gap.iter().map(|&gap| gap != NO_GAP))?;
+    let variant = |&known: &u16| types.get(usize::from(known)).map_or(0, |name| name.2);
+    put(&dict, "variant", &rows.known.iter().map(variant).collect::<Vec<u8>>())?;
     let mut fd = vec![0_u8; rows.fd.len().div_ceil(8)];
     for (row, &bit) in rows.fd.iter().enumerate() {
         fd[row / 8] |= bit << (row % 8);

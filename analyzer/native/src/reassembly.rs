@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 
 use crate::frames::{Frames, ERROR, EXTENDED, FD, NO_TIME, REMOTE};
-use crate::session::{Known, Session};
+use crate::session::{Candidates, Known, Session};
 use crate::sessions::Index;
 use crate::slot::Frame;
 use crate::transfers::Transfers;
@@ -19,8 +19,11 @@ use crate::wire::{crc_start, session_bits, Id, Kind};
 /// Open transfers are looked over for the timeout this often, in capture time.
 const SWEEP_NS: i64 = 500_000_000;
 
-/// Asks for the signature of (is a service, data type ID); none when the type is unknown.
-pub type Resolve = Box<dyn FnMut(bool, u16) -> Option<u64> + Send + Sync>;
+/// Asks for the signatures of (is a service, data type ID), the preferred one first; none when the type is unknown.
+pub type Resolve = Box<dyn FnMut(bool, u16) -> Vec<u64> + Send + Sync>;
+
+/// A known type: (is a service, data type ID, which of the types with this ID).
+pub type TypeName = (bool, u16, u8);
 
 /// Verdicts of frames that an earlier batch reported otherwise.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -50,9 +53,9 @@ enum Standing {
 
 pub struct Reassembler {
     resolve: Resolve,
-    /// Known types in the order in which they occurred: (is a service, data type ID).
-    types: Vec<(bool, u16)>,
-    resolved: HashMap<(bool, u16), Option<Known>>,
+    /// Known types in the order in which they occurred.
+    types: Vec<TypeName>,
+    resolved: HashMap<(bool, u16), Candidates>,
     index: Index,
     sessions: Vec<(Standing, Session)>,
     /// Which (bus, node) have sent DroneCAN.
@@ -91,7 +94,7 @@ impl Reassembler {
         self.counts
     }
 
-    pub fn types(&self) -> &[(bool, u16)] {
+    pub fn types(&self) -> &[TypeName] {
         &self.types
     }
 
@@ -215,19 +218,21 @@ impl Reassembler {
         Some(at)
     }
 
-    fn known(&mut self, id: Id) -> Option<Known> {
-        let name = (id.kind.is_service(), id.type_id);
-        if let Some(&known) = self.resolved.get(&name) {
-            return known;
+    fn known(&mut self, id: Id) -> Candidates {
+        let (service, type_id) = (id.kind.is_service(), id.type_id);
+        if let Some(known) = self.resolved.get(&(service, type_id)) {
+            return known.clone();
         }
-        let known = (self.resolve)(name.0, name.1).map(|signature| {
-            self.types.push(name);
+        let types = &mut self.types;
+        let add = |(variant, signature)| {
+            types.push((service, type_id, variant));
             Known {
-                index: (self.types.len() - 1) as u16,
+                index: (types.len() - 1) as u16,
                 crc_start: crc_start(signature),
             }
-        });
-        self.resolved.insert(name, known);
+        };
+        let known: Candidates = (0..=u8::MAX).zip((self.resolve)(service, type_id)).map(add).collect();
+        self.resolved.insert((service, type_id), known.clone());
         known
     }
 
@@ -245,7 +250,7 @@ impl Reassembler {
             session.accept(frame, &mut probation.transfers)
         };
         let tail = if remote { None } else { frame.data.last().copied() };
-        let reported = probation.note(frame.number, outcome, tail, session.known.is_some());
+        let reported = probation.note(frame.number, outcome, tail, session.is_known());
         let judgement = probation.judge(session, speaks);
         if judgement == Judgement::Wait {
             return Outcome {
@@ -272,14 +277,14 @@ impl Reassembler {
         let next = if believed {
             self.speakers[speaker] = true;
             Standing::Trusted
-        } else if session.known.is_some() {
+        } else if session.is_known() {
             // It may still turn up where another protocol used its identifier before.
             Standing::Probation(Box::new(Probation::strict()))
         } else {
             Standing::Foreign
         };
         if !believed {
-            *session = Session::new(session.id, session.bus, session.known);
+            *session = Session::new(session.id, session.bus, session.known.clone());
         }
         let Standing::Probation(probation) = std::mem::replace(standing, next) else {
             return;

@@ -5,6 +5,8 @@
 //! lost frame is one broken transfer, whichever frame was lost.
 #![forbid(unsafe_code)]
 
+use std::sync::Arc;
+
 use crate::slot::{Frame, Overtaken, Slot, State, TIMEOUT_NS};
 use crate::transfers::{anomaly, when, Status, Transfers, NO_GAP, NO_STEP};
 use crate::verdict::{flaw, Outcome, Verdict};
@@ -19,11 +21,14 @@ pub struct Known {
     pub crc_start: u16,
 }
 
+/// The types that share a data type ID, the preferred one first; only a CRC can tell them apart.
+pub type Candidates = Arc<[Known]>;
+
 #[derive(Debug)]
 pub struct Session {
     pub id: Id,
     pub bus: u8,
-    pub known: Option<Known>,
+    pub known: Candidates,
     pub(crate) hot: Slot,
     /// Slots of other transfer IDs that are under way at the same time: nearly always none.
     pub(crate) others: Vec<Slot>,
@@ -38,7 +43,7 @@ pub struct Session {
 }
 
 impl Session {
-    pub fn new(id: Id, bus: u8, known: Option<Known>) -> Self {
+    pub fn new(id: Id, bus: u8, known: Candidates) -> Self {
         let service = id.kind.is_service();
         Session {
             id,
@@ -53,6 +58,10 @@ impl Session {
                 | when(service && id.src == 0, anomaly::SOURCE_ZERO)
                 | when(service && id.src == id.dst, anomaly::ADDRESSED_TO_ITSELF),
         }
+    }
+
+    pub fn is_known(&self) -> bool {
+        !self.known.is_empty()
     }
 
     /// False for the service identifiers that no node may send (clause 4.1.2).

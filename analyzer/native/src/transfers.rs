@@ -45,6 +45,7 @@ pub mod anomaly {
     pub const CAN_FD: u32 = 1 << 22; // CAN-003
     pub const CUT_BY_END: u32 = 1 << 23; // TRF-008
     pub const LIMIT: u32 = 1 << 24; // a bound of the analyzer was reached
+    pub const OTHER_TYPE: u32 = 1 << 25; // CAN-020: the CRC is that of another type with this ID
 }
 
 /// `bit` when the condition holds, without a branch.

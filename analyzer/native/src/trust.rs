@@ -90,7 +90,7 @@ impl Probation {
         self.seen = self.transfers.len();
         let patience = if self.illegal == 0 || self.under_way {
             PATIENCE_LEGAL
-        } else if session.known.is_some() && self.complete().next().is_none() && !self.strict {
+        } else if session.is_known() && self.complete().next().is_none() && !self.strict {
             PATIENCE_KNOWN
         } else {
             PATIENCE_UNKNOWN
@@ -107,7 +107,7 @@ impl Probation {
         let bare = self.held.iter().all(|held| held.outcome.verdict == Verdict::NoTail);
         let doubtful = self.held.len() <= FEW && (source_is_known || self.starts > 0 || bare);
         let plausible = self.illegal == 0 || doubtful || self.complete().count() > self.illegal;
-        if session.known.is_some() && !self.strict && plausible && !self.cyphal() {
+        if session.is_known() && !self.strict && plausible && !self.cyphal() {
             Judgement::Believe
         } else {
             Judgement::Foreign
@@ -137,7 +137,7 @@ impl Probation {
         if self.rising_run() || self.one_start_value() {
             return true;
         }
-        if session.known.is_none() || self.strict || self.illegal > 0 {
+        if !session.is_known() || self.strict || self.illegal > 0 {
             return false;
         }
         let needed = match session.id.kind {

@@ -128,17 +128,6 @@ impl Held {
         frames.offset.extend(held.offset[1..].iter().map(|end| start + end));
         frames.data.extend(held.data);
         let held = std::mem::take(&mut self.events);
-        let start = events.text.len() as i32;
-        events.t.extend(held.t);
-        events.bus.extend(held.bus);
-        events.bus_valid.extend(held.bus_valid);
-        events.line.extend(held.line);
-        events.kind.extend(held.kind);
-        events.class.extend(held.class);
-        events.tx_errors.extend(held.tx_errors);
-        events.rx_errors.extend(held.rx_errors);
-        events.errors_valid.extend(held.errors_valid);
-        events.text_end.extend(held.text_end.iter().map(|end| start + end));
-        events.text.extend(held.text);
+        events.extend(&held, 0..held.len());
     }
 }

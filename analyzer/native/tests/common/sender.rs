@@ -3,19 +3,20 @@
 
 use _native::frames::{EXTENDED, FD, NO_TIME, REMOTE};
 
-/// The types with a definition: (is a service, data type ID, signature).
-pub const KNOWN: [(bool, u16, u64); 4] = [
-    (false, 341, 0x0F08_68D0_C1A7_C6F1),
-    (false, 1030, 0x217F_5C87_D7EC_951D),
-    (false, 1034, 0xA9AF_28AE_A2FB_B254),
-    (true, 1, 0xEE46_8A81_21C4_6A9E),
+/// The types with a definition: (is a service, data type ID, signatures). Two types share the ID 1033.
+pub const KNOWN: [(bool, u16, &[u64]); 5] = [
+    (false, 341, &[0x0F08_68D0_C1A7_C6F1]),
+    (false, 1030, &[0x217F_5C87_D7EC_951D]),
+    (false, 1033, &[0x948F_5E0B_33E0_EDEE, 0x4628_75A0_ED87_4302]),
+    (false, 1034, &[0xA9AF_28AE_A2FB_B254]),
+    (true, 1, &[0xEE46_8A81_21C4_6A9E]),
 ];
 /// What the nodes know that the analyzer does not: the signature of every other type.
 const SECRET: u64 = 0x0123_4567_89AB_CDEF;
 
-pub fn signature(service: bool, type_id: u16) -> Option<u64> {
+pub fn signatures(service: bool, type_id: u16) -> Vec<u64> {
     let known = KNOWN.iter().find(|known| (known.0, known.1) == (service, type_id));
-    known.map(|known| known.2)
+    known.map_or(vec![], |known| known.2.to_vec())
 }
 
 /// One CAN frame; flags and [`NO_TIME`] as in the table of frames.
@@ -59,14 +60,16 @@ pub fn service_id(type_id: u8, request: bool, src: u8, dst: u8) -> u32 {
     (24 << 24) | (u32::from(type_id) << 16) | (u32::from(request) << 15) | (u32::from(dst) << 8) | 0x80 | u32::from(src)
 }
 
-/// The signature that a sender uses with an identifier.
+/// The signature that a sender uses with an identifier; of types that share an ID each node has its own.
 pub fn signature_of(id: u32) -> u64 {
     let (service, type_id) = match id & 0xFF {
         0 => (false, (id >> 8) as u16 & 3),
         1..=0x7F => (false, (id >> 8) as u16),
         _ => (true, (id >> 16) as u16 & 0xFF),
     };
-    signature(service, type_id).unwrap_or(SECRET)
+    let known = signatures(service, type_id);
+    let own = (id & 0x7F) as usize % known.len().max(1);
+    known.get(own).copied().unwrap_or(SECRET)
 }
 
 /// Clause 5.1, bit by bit: the signature, least significant byte first, then the payload.

@@ -6,7 +6,7 @@ use _native::pipeline::Pipeline;
 use _native::verdict::VERDICTS;
 
 use crate::capture::Capture;
-use crate::sender::signature;
+use crate::sender::signatures;
 
 /// Time, interface, line, kind, class, error counters, text.
 type EventRow = (i64, Option<u8>, u32, u8, u32, Option<(u8, u8)>, Vec<u8>);
@@ -23,7 +23,7 @@ pub struct Tables {
 impl Tables {
     /// Runs the chunks; the tables are taken behind each one that says so, and at the end.
     pub fn of<'a>(chunks: impl Iterator<Item = (&'a [u8], bool)>) -> Tables {
-        let mut pipeline = Pipeline::new(Box::new(signature));
+        let mut pipeline = Pipeline::new(Box::new(signatures));
         let (mut capture, mut events) = (Capture::default(), vec![]);
         let mut take = |pipeline: &mut Pipeline| {
             let batch = pipeline.take();

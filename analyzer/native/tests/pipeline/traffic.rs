@@ -22,13 +22,14 @@ pub(crate) struct Traffic {
 /// Known messages, a known service both ways, and types without a definition.
 fn identifier(random: &mut Random, node: u8) -> u32 {
     let other = node % 100 + 20;
-    match random.below(8) {
+    match random.below(9) {
         0 | 1 => message_id(1034, node),
         2 => message_id(1030, node),
         3 => message_id(341, node),
         4 => service_id(1, true, node, other),
         5 => service_id(1, false, node, other),
-        6 => message_id(20_000 + u16::from(node), node),
+        6 => message_id(1033, node),
+        7 => message_id(20_000 + u16::from(node), node),
         _ => service_id(200, true, node, other),
     }
 }
@@ -51,7 +52,7 @@ pub(crate) fn traffic(random: &mut Random) -> Traffic {
         for _ in 0..1 + random.below(8) {
             // CAN FD pads what fits no length code, so these lengths do.
             let length = if fd {
-                [3, 7, 15, 63, 63 + 18, 130 - 2][random.below(6)]
+                [3, 7, 15, 63, 76, 128][random.below(6)]
             } else {
                 [random.below(8), 8 + random.below(60)][random.below(2)]
             };

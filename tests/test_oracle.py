@@ -1,0 +1,198 @@
+"""pydronecan, which nobody here wrote, encodes random values of every standard type; the engine must show the same.
+
+Values are made and packed with pydronecan's own objects. Floats are random bit patterns, so infinities, NaN and
+subnormal numbers occur. `DIFFERENCES` lists where the two are not meant to agree.
+"""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import dronecan
+import pytest
+from dronecan import dsdl, transport
+from encode import DLC_LENGTHS, Frame
+from sequences import lines
+from values import differing
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+SPECS = Path(dronecan.__file__).parent / "dsdl_specs"
+EXAMPLES = 7  # of each type on each kind of bus
+DIFFERENCES = {
+    "infinite float16": "pydronecan clamps to 65504 what is set; here raw codes are set, which both sides keep",
+    "63-byte frames": "pydronecan pads CAN FD payloads of 62, 123, 186 and 249 bytes to a length that does not exist; "
+    "the engine marks the frame and still decodes it",
+    "mppt": "pydronecan bundles these two types without loading them; the engine knows all that is bundled",
+    "over-long arrays": "pydronecan reads a tail array beyond its maximum; the engine stops there and counts bits_left",
+    "short payloads": "pydronecan raises; the engine shows what there is and counts the missing bits as negative",
+    "scaled columns": "the profile shows some fields in a unit; compared after undoing its scale",
+}
+FD_BUG = (62, 123, 186, 249)
+HALVES = [
+    (kind, known)
+    for (_, group), known in sorted(dronecan.DATATYPES.items())
+    for kind in (("request", "response") if group == dsdl.CompoundType.KIND_SERVICE else ("message",))
+]
+
+
+def names_on_disk() -> set[str]:
+    return {path.relative_to(SPECS).as_posix() for path in SPECS.rglob("[0-9]*.uavcan")}
+
+
+def fill(value: Any, numbers: random.Random, how: str) -> None:
+    """Random content for one of pydronecan's values; `how`: least, most or any."""
+    if isinstance(value, transport.PrimitiveValue):
+        bits = value._type.bitlen
+        code = {"least": 0, "most": (1 << bits) - 1}.get(how, numbers.getrandbits(bits))
+        value._bits = format(code, f"0{bits}b")
+    elif isinstance(value, transport.ArrayValue):
+        kind, limit = value._type, value._type.max_size
+        items = value._ArrayValue__items
+        if kind.mode == dsdl.ArrayType.MODE_DYNAMIC:
+            count = {"least": 0, "most": limit}.get(how, numbers.randint(0, min(limit, numbers.choice((3, 12, limit)))))
+            items[:] = [value.new_item() for _ in range(count)]
+        for item in items:
+            fill(item, numbers, how)
+    elif isinstance(value, transport.CompoundValue):
+        fields = transport.get_fields(value)
+        if transport.is_union(value):
+            name = numbers.choice(sorted(fields))
+            transport.switch_union_field(value, name)
+            fill(fields[name], numbers, how)
+        else:
+            for item in fields.values():
+                fill(item, numbers, how)
+
+
+def plain(value: Any) -> Any:
+    """pydronecan's value as numbers, lists and dictionaries; of a union the member that is set."""
+    if isinstance(value, transport.PrimitiveValue):
+        return value.value
+    if isinstance(value, transport.ArrayValue):
+        return [plain(item) for item in value._ArrayValue__items]
+    fields = transport.get_fields(value)
+    if transport.is_union(value):
+        name = transport.get_active_union_field(value)
+        return {name: plain(fields[name])}
+    return {name: plain(item) for name, item in fields.items() if not name.startswith("_void")}
+
+
+def transfer(kind: str, value: Any, number: int, fd: bool) -> transport.Transfer:
+    service = kind != "message"
+    return transport.Transfer(
+        payload=value, source_node_id=11, dest_node_id=22 if service else None, transfer_id=number % 32, canfd=fd,
+        service_not_message=service, request_not_response=kind == "request", transfer_priority=number % 32,
+    )  # fmt: skip
+
+
+def frames(sent: transport.Transfer) -> list[Frame]:
+    return [Frame(f.message_id, bytes(f.bytes), fd=f.canfd) for f in sent.to_frames()]
+
+
+def new(known: Any, kind: str) -> Any:
+    return known() if kind == "message" else getattr(known, kind.capitalize())()
+
+
+def shown(registry: Any, kind: str, row: dict[str, Any], type_id: int) -> dict[str, Any]:
+    """The row with scaled fields as raw numbers again."""
+    message = registry.message({"message": 0, "request": 2, "response": 3}[kind], type_id)
+    scales = {name: note.scale for name, note in message.notes.items() if note.scale is not None and name in row}
+    return {**row, **{name: round(row[name] / scale) for name, scale in scales.items()}}
+
+
+def test_every_type_with_an_id_takes_part() -> None:
+    part = {name for name in names_on_disk() if not name.startswith("mppt/")}
+    assert len(dronecan.DATATYPES) == len(part) == 124
+    assert len(HALVES) == 124 + sum(
+        known.kind == dsdl.CompoundType.KIND_SERVICE for known in dronecan.DATATYPES.values()
+    )
+
+
+@pytest.mark.parametrize("fd", [False, True], ids=["classic", "fd"])
+def test_values_of_every_type(decode: Callable[..., Any], registry: Any, fd: bool) -> None:
+    numbers = random.Random(20260314)
+    sent, text = [], []
+    for kind, known in HALVES:
+        for number in range(EXAMPLES):
+            value = new(known, kind)
+            fill(value, numbers, ("least", "most", "any")[min(number, 2)])
+            theirs = transfer(kind, value, number, fd)
+            sent.append((kind, known, value, bytes(theirs.payload)))  # before to_frames adds padding to it
+            text += frames(theirs)
+    got = decode(lines(text))
+    assert {row["status"] for row in got.transfers} == {"ok"}
+    assert set(got.verdicts) == {"used"}
+    rows = sorted(range(len(got.transfers)), key=lambda k: got.transfers[k]["frame"])
+    wrong = {}
+    for at, ((kind, known, value, payload), number) in enumerate(zip(sent, rows, strict=True)):
+        row = got.transfers[number]
+        assert (row["kind"], row["type_id"], row["transfer_id"]) == (kind, known.default_dtid, at % EXAMPLES)
+        assert row["payload"][: len(payload)] == payload
+        table, message = got.message_of(number)
+        odd = differing(plain(value), shown(registry, kind, message, known.default_dtid))
+        spare = 8 * (len(row["payload"]) - len(payload))
+        if odd or not spare <= message["bits_left"] < spare + 8 or message["bad_tag"] or message["pad_nonzero"]:
+            wrong.setdefault(table, (odd, message["bits_left"], spare))
+    assert wrong == {}
+
+
+@pytest.mark.parametrize("size", [*range(58, 66), 122, 123, 124, 186, 249])
+def test_the_padding_of_can_fd(decode: Callable[..., Any], size: int) -> None:
+    """DIFFERENCES: 63-byte frames."""
+    known = dronecan.TYPENAMES["com.tmotor.esc.PUSHCAN"]
+    text, values = [], []
+    for number in range(2):
+        value = known(data_sequence=number, data=bytes(k % 251 for k in range(size - 5)))
+        theirs = transfer("message", value, number, fd=True)
+        assert len(theirs.payload) == size
+        values.append(plain(value))
+        text += frames(theirs)
+    got = decode(lines(text))
+    impossible = ["impossible length" in row["anomaly"] for row in got.frames]
+    assert impossible == [len(frame.data) not in DLC_LENGTHS for frame in text]
+    assert any(impossible) == (size in FD_BUG)
+    assert [row["status"] for row in got.transfers] == ["ok", "ok"]
+    assert [differing(value, row) for value, row in zip(values, got.messages["PUSHCAN"], strict=True)] == [{}, {}]
+
+
+def test_an_infinity_is_kept(decode: Callable[..., Any]) -> None:
+    """DIFFERENCES: infinite float16."""
+    known = dronecan.TYPENAMES["uavcan.equipment.esc.Status"]
+    value = known(voltage=float("inf"))
+    assert value.voltage == 65504
+    transport.get_fields(value)["voltage"]._bits = format(0xFC00, "016b")
+    got = decode(lines(frames(transfer("message", value, 1, fd=False))))
+    assert got.messages["ESCStatus"][0]["voltage"] == float("-inf")
+
+
+def test_an_over_long_array_and_a_short_payload(decode: Callable[..., Any]) -> None:
+    """DIFFERENCES: over-long arrays, short payloads."""
+    known = dronecan.TYPENAMES["com.tmotor.esc.PUSHCAN"]
+    theirs = transfer("message", known(data_sequence=7, data=bytes(255)), 1, fd=False)
+    theirs.payload += bytes([1, 2])
+    again = transport.Transfer()
+    again.from_frames(theirs.to_frames())
+    assert len(again.payload.data) == 257
+    row = decode(lines(frames(theirs))).messages["PUSHCAN"][0]
+    assert (len(row["data"]), row["bits_left"], row["layout"]) == (255, 16, 0)
+
+    theirs.payload = theirs.payload[:3]
+    with pytest.raises(ValueError, match="Not enough bits"):
+        again.from_frames(theirs.to_frames())
+    row = decode(lines(frames(theirs))).messages["PUSHCAN"][0]
+    assert (row["bits_left"], row["data"]) == (-8, None)
+
+
+def test_the_types_that_are_bundled_but_not_loaded(registry: Any) -> None:
+    """DIFFERENCES: mppt."""
+    bundled = sorted(name for name in names_on_disk() if name.startswith("mppt/"))
+    assert len(bundled) == 2
+    for name in bundled:
+        type_id = int(Path(name).name.split(".")[0])
+        assert (type_id, dsdl.CompoundType.KIND_MESSAGE) not in dronecan.DATATYPES
+        assert any(registry.message(kind, type_id) is not None for kind in (0, 2))
+    assert set(DIFFERENCES) >= {"mppt", "63-byte frames", "infinite float16", "short payloads", "over-long arrays"}
