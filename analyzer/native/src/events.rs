@@ -29,21 +29,6 @@ pub struct Event<'a> {
     pub text: &'a str,
 }
 
-impl<'a> Event<'a> {
-    /// Silence on all interfaces that a frame on `line` ends; `t` is the time of the frame before it.
-    fn gap(t: i64, line: u64, text: &'a str) -> Self {
-        Event {
-            t,
-            bus: None,
-            line,
-            kind: EventKind::Gap,
-            class: 0,
-            counters: None,
-            text,
-        }
-    }
-}
-
 /// Columns of the `events` table; `*_valid` holds 1 for a cell that is not null.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Events {
@@ -68,44 +53,6 @@ impl Events {
 
     pub fn is_empty(&self) -> bool {
         self.t.is_empty()
-    }
-
-    /// Puts `gaps`, in order of their lines, among the rows from `first` on, before the first row of a later line.
-    pub fn weave(&mut self, first: usize, gaps: &[(i64, u64, String)]) {
-        if gaps.is_empty() {
-            return;
-        }
-        let old = std::mem::take(self);
-        let mut gaps = gaps.iter().peekable();
-        for row in 0..old.len() {
-            while let Some((t, line, text)) = gaps.next_if(|gap| row >= first && gap.1 <= u64::from(old.line[row])) {
-                self.push(&Event::gap(*t, *line, text));
-            }
-            self.push(&old.row(row));
-        }
-        for (t, line, text) in gaps {
-            self.push(&Event::gap(*t, *line, text));
-        }
-    }
-
-    fn row(&self, row: usize) -> Event<'_> {
-        let start = row.checked_sub(1).map_or(0, |before| self.text_end[before]) as usize;
-        let text = &self.text[start..self.text_end[row] as usize];
-        Event {
-            t: self.t[row],
-            bus: (self.bus_valid[row] != 0).then_some(self.bus[row]),
-            line: u64::from(self.line[row]),
-            kind: [
-                EventKind::ErrorFrame,
-                EventKind::Drop,
-                EventKind::Gap,
-                EventKind::Unreadable,
-                EventKind::Comment,
-            ][usize::from(self.kind[row])],
-            class: self.class[row],
-            counters: (self.errors_valid[row] != 0).then_some((self.tx_errors[row], self.rx_errors[row])),
-            text: std::str::from_utf8(text).unwrap_or_default(),
-        }
     }
 
     pub fn push(&mut self, event: &Event<'_>) {

@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use crate::candump::Candump;
-use crate::events::Events;
+use crate::events::{Event, EventKind, Events};
 use crate::frames::{Frames, NO_TIME};
 use crate::reassembly::{Reassembler, Resolve, Results};
 
@@ -46,17 +46,19 @@ impl Pipeline {
     /// Takes candump text; a line that is not finished waits for more.
     pub fn feed_candump(&mut self, text: &[u8]) {
         for piece in text.chunks(PIECE) {
-            let first = (self.frames.len(), self.events.len());
-            self.candump.feed(piece, &mut self.frames, &mut self.events);
-            self.run(first);
+            let first = self.frames.len();
+            let mut events = Events::default();
+            self.candump.feed(piece, &mut self.frames, &mut events);
+            self.run(first, &events);
         }
     }
 
     /// End of capture: the unfinished line and every open transfer are closed.
     pub fn finish(&mut self) {
-        let first = (self.frames.len(), self.events.len());
-        self.candump.finish(&mut self.frames, &mut self.events);
-        self.run(first);
+        let first = self.frames.len();
+        let mut events = Events::default();
+        self.candump.finish(&mut self.frames, &mut events);
+        self.run(first, &events);
         self.reassembler.finish();
     }
 
@@ -69,7 +71,6 @@ impl Pipeline {
         }
     }
 
-    /// Works on what was read since `first`: rows of frames and of events.
     /// Works through the frames from `first` on and the `events` that came with them.
     fn run(&mut self, first: usize, events: &Events) {
         self.add_events(first, events);

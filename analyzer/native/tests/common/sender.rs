@@ -4,7 +4,8 @@
 use _native::frames::{EXTENDED, FD, NO_TIME, REMOTE};
 
 /// The types with a definition: (is a service, data type ID, signatures). Two types share the ID 1033.
-pub const KNOWN: [(bool, u16, &[u64]); 5] = [
+pub const KNOWN: [(bool, u16, &[u64]); 6] = [
+    (false, 1, &[0x0B2A_8126_20A1_1D40]),
     (false, 341, &[0x0F08_68D0_C1A7_C6F1]),
     (false, 1030, &[0x217F_5C87_D7EC_951D]),
     (false, 1033, &[0x948F_5E0B_33E0_EDEE, 0x4628_75A0_ED87_4302]),
@@ -54,6 +55,11 @@ impl CanFrame {
 
 pub fn message_id(type_id: u16, src: u8) -> u32 {
     (16 << 24) | (u32::from(type_id) << 8) | u32::from(src)
+}
+
+/// The sender has no node ID yet: a random number stands for it.
+pub fn anonymous_id(type_id: u8, random: u16) -> u32 {
+    (30 << 24) | (u32::from(random & 0x3FFF) << 10) | (u32::from(type_id & 3) << 8)
 }
 
 pub fn service_id(type_id: u8, request: bool, src: u8, dst: u8) -> u32 {

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use _native::frames::{EXTENDED, FD};
 
 use crate::random::Random;
-use crate::sender::{cut, message_id, service_id, CanFrame};
+use crate::sender::{anonymous_id, cut, message_id, service_id, CanFrame};
 
 /// One session: its transfers as (transfer ID, payload), in order.
 pub(crate) struct Sent {
@@ -19,9 +19,13 @@ pub(crate) struct Traffic {
     pub(crate) sent: Vec<Sent>,
 }
 
-/// Known messages, a known service both ways, and types without a definition.
+/// Known messages, a known service both ways, and types without a definition. Only one node may be anonymous, because
+/// two would be one session.
 fn identifier(random: &mut Random, node: u8) -> u32 {
     let other = node % 100 + 20;
+    if node == 1 && random.one_in(2) {
+        return anonymous_id(1, random.next() as u16);
+    }
     match random.below(9) {
         0 | 1 => message_id(1034, node),
         2 => message_id(1030, node),
@@ -42,7 +46,8 @@ pub(crate) fn traffic(random: &mut Random) -> Traffic {
     let mut queues: Vec<(u32, u8, u16, VecDeque<Vec<u8>>)> = vec![];
     for node in 1..=1 + random.below(6) as u8 {
         let (id, bus) = (identifier(random, node), random.below(2) as u8);
-        let (fd, mut transfer_id) = (random.one_in(4), random.next() as u8 & 31);
+        let anonymous = id & 0xFF == 0;
+        let (fd, mut transfer_id) = (random.one_in(4) && !anonymous, random.next() as u8 & 31);
         let mut sent = Sent {
             id,
             bus,
@@ -54,7 +59,7 @@ pub(crate) fn traffic(random: &mut Random) -> Traffic {
             let length = if fd {
                 [3, 7, 15, 63, 76, 128][random.below(6)]
             } else {
-                [random.below(8), 8 + random.below(60)][random.below(2)]
+                [random.below(8), 8 + random.below(60)][usize::from(!anonymous && random.one_in(2))]
             };
             let payload = random.bytes(length);
             queue.extend(cut(id, transfer_id, &payload, fd));
