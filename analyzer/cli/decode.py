@@ -53,7 +53,12 @@ def run(args: argparse.Namespace) -> int:
             writer(args, session.registry, None)  # names that do not exist are told before the capture is read
         except (argparse.ArgumentTypeError, LookupError, ValueError) as error:
             return _usage(str(error))
-        _decode(args, session, window)
+        if args.quiet:
+            for _ in session.batches():
+                pass
+            session.account(None)
+        else:
+            _decode(args, session, window)
     return session.status
 
 
@@ -66,8 +71,6 @@ def _decode(args: argparse.Namespace, session: Session, window: Window) -> None:
     shown = 0
     with paged(args) as out:
         for batch, rows, zero in window.apply(session.batches()):
-            if args.quiet:
-                continue
             if view is None:
                 view = writer(args, session.registry, zero)
                 out.write(view.begin())
@@ -81,7 +84,7 @@ def _decode(args: argparse.Namespace, session: Session, window: Window) -> None:
         if view is not None:
             out.write(view.end())
     if args.count is None or shown < args.count:
-        session.account(None if args.quiet else shown)
+        session.account(shown)
 
 
 def _usage(reason: str) -> int:

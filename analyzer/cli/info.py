@@ -28,6 +28,7 @@ def run(args: argparse.Namespace) -> int:
     from analyzer.views.summary import Summary  # noqa: PLC0415
 
     with Session(args) as session:
+        session.source.hashed = True
         summary = Summary(session.registry)
         for batch in session.batches():
             summary.add(batch)

@@ -56,11 +56,12 @@ class Source:
     size: int = 0
     compressed: bool = False
     damage: CaptureError | None = None
+    hashed: bool = False
     _sha: hashlib._Hash = field(default_factory=hashlib.sha256)
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the stored bytes read so far, in hexadecimal."""
+        """SHA-256 of the stored bytes read so far, in hexadecimal; only if `hashed` asked for it."""
         return self._sha.hexdigest()
 
     def chunks(self) -> Iterator[bytes]:
@@ -102,7 +103,8 @@ class Source:
                 return
             if data:
                 self.size += len(data)
-                self._sha.update(data)
+                if self.hashed:
+                    self._sha.update(data)
                 yield data
             elif not self.follow:
                 return

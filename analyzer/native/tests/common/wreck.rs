@@ -4,7 +4,7 @@ use _native::frames::{EXTENDED, FD, NO_TIME, REMOTE};
 
 use crate::sender::CanFrame;
 
-pub const FRAME_DAMAGES: u8 = 16;
+pub const FRAME_DAMAGES: u8 = 17;
 pub const TEXT_DAMAGES: u8 = 8;
 
 /// Damages the frame at `at`; `value` says how.
@@ -48,6 +48,13 @@ pub fn damage_frame(frames: &mut Vec<CanFrame>, kind: u8, at: usize, value: u32)
         12 => shift(&mut frames[at..], i64::from(value % 3_000) * 1_000_000),
         13 => shift(&mut frames[at..], -i64::from(value % 3_000) * 1_000_000),
         14 => frames[at].bus ^= 1,
+        15 => {
+            let id = frames[at].id;
+            let same = frames[at..].iter_mut().filter(|frame| frame.id == id);
+            for frame in same.take(3) {
+                frame.data.drain(..frame.data.len().saturating_sub(1));
+            }
+        }
         _ => {
             let end = frames.len().min(at + value as usize % 8);
             frames.drain(at..end);
