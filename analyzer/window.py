@@ -101,7 +101,7 @@ class Window:
     frames: tuple[int, int] | None = None
 
     def apply(self, batches: Iterable[Batch]) -> Iterator[tuple[Batch, Rows, int | None]]:
-        """Every batch with the transfer rows inside the window, in order of their last frames.
+        """Every batch with the transfer rows inside the window, in order of their first frames.
 
         The third value is the zero of relative times: the first frame's time, or that of `around`. Batches before an
         anchor that is still to come wait, but no longer than the window is wide.
@@ -177,7 +177,7 @@ class _Progress:
         if window.frames is not None:
             keep &= (last + 1 >= window.frames[0]) & (first + 1 <= window.frames[1])
         rows = np.flatnonzero(keep)
-        return batch, rows[np.argsort(last[rows], kind="stable")], self._zero()
+        return batch, rows[np.argsort(first[rows], kind="stable")], self._zero()
 
     def _zero(self) -> int | None:
         return self.first if self.anchor is None else self.anchor
