@@ -1,10 +1,10 @@
 """The boundary to the native core: bytes and numbers in, columns as bytes out."""
 
 from collections.abc import Callable
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
-_Columns = dict[str, Any]
-_FamilySpec = tuple[bytes, int, int, int, int, list[tuple[int, int, list[int]]]]
+_Columns: TypeAlias = dict[str, Any]
+_FamilySpec: TypeAlias = tuple[bytes, int, int, int, int, list[tuple[int, int, list[int]]]]
 
 @final
 class Engine:
@@ -33,6 +33,4 @@ class Plan:
 @final
 class Packets:
     def __new__(cls, families: list[_FamilySpec]) -> Packets: ...
-    def find(
-        self, own: int, type_id: int, offsets: bytes, data: bytes, senders: tuple[bytes, bytes]
-    ) -> _Columns: ...
+    def find(self, own: int, type_id: int, offsets: bytes, data: bytes, senders: tuple[bytes, bytes]) -> _Columns: ...

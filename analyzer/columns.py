@@ -91,14 +91,14 @@ def enrich(
 
 
 def scaled(array: pa.Array, scale: Fraction, offset: Fraction | int = 0) -> pa.Array:
-    """raw * scale + offset as float64, exact where the result has few decimals; lists element by element."""
+    """Raw * scale + offset as float64, exact where the result has few decimals; lists element by element."""
     if pa.types.is_list(array.type):
         return _relist(array, scaled(array.values, scale, offset))
     return _masked(linear(numbers(array), scale, offset), array)
 
 
 def linear(raw: npt.NDArray[Any], scale: Fraction, offset: Fraction | int = 0) -> npt.NDArray[np.float64]:
-    """raw * scale + offset; multiplied first, so that hundredths come out as the nearest float."""
+    """Raw * scale + offset; multiplied first, so that hundredths come out as the nearest float."""
     values: npt.NDArray[np.float64] = np.multiply(raw, float(scale.numerator), dtype=np.float64)
     if scale.denominator != 1:
         values /= scale.denominator
@@ -141,9 +141,7 @@ def _part(name: str, word: pa.Array, part: Bits) -> tuple[pa.Field, pa.Array]:
     else:
         width = next(w for w in _WIDTHS if w >= part.width)
         array = _masked(value.astype(f"u{width // 8}"), word)
-    about = metadata(
-        unit=part.unit, enum=part.enum, clause=part.clause, tentative="yes" if part.tentative else ""
-    )
+    about = metadata(unit=part.unit, enum=part.enum, clause=part.clause, tentative="yes" if part.tentative else "")
     return pa.field(f"{name}.{part.name}", array.type, metadata=about), array
 
 

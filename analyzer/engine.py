@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import pyarrow as pa
-
 import dissectors
 from analyzer import _native
 from analyzer.messages import Messages
@@ -14,6 +12,8 @@ from analyzer.tables import EVENT_ROWS, FRAMES, SETTLED, TRANSFERS, VERDICTS, wr
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
+
+    import pyarrow as pa
 
     from dissectors.registry import Registry
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from dissectors.registry import Registry
 
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--regenerate", action="store_true", help="write captures/*.expected anew")
 

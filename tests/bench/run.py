@@ -84,9 +84,9 @@ def count_lines(log: Log) -> int:
 def core(log: Log) -> None:
     """The native core alone, on one core: frames, transfers, anomalies, and the columns of every known type."""
     import numpy as np  # noqa: PLC0415
-    from analyzer import _native  # noqa: PLC0415
 
     import dissectors  # noqa: PLC0415
+    from analyzer import _native  # noqa: PLC0415
 
     registry = dissectors.load()
     engine = _native.Engine(registry.signatures)
