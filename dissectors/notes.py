@@ -7,24 +7,31 @@ from typing import TYPE_CHECKING, Literal, cast
 
 from dissectors import template
 from dissectors.layout import Array, Compound, Primitive
-from dissectors.schema import Bits, Derived, Measure, Note, Piece, UnitBy
+from dissectors.schema import Agreement, Bits, Derived, Measure, Note, Piece, UnitBy
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from dissectors.layout import Type
     from dissectors.toml_table import Table
 
 Enums = dict[str, dict[int, str]]
 
+MAX_COUNTER_BITS = 32  # a wider one does not live to wrap
+
 _NO_NOTE = Note()
 
 
 @dataclass(frozen=True, slots=True)
 class NoteReader:
-    """Reads the notes of messages and packets; `enums` are the profile's named enumerations."""
+    """Reads the notes of messages and packets; `enums` are the profile's named enumerations.
+
+    `messages` gives the layout of a message of the profile, None if it has none of this name. Only a reader of packets
+    has it, and only packets have the keys `wraps` and `agrees`.
+    """
 
     enums: Enums
+    messages: Callable[[str], Compound | None] | None = None
 
     def notes(self, table: Table, layout: Compound, clause: str) -> dict[str, Note]:
         """The table `field`: a note for each field it names; a clause "no 5" is row 5 of the table in `clause`."""
@@ -82,6 +89,8 @@ class NoteReader:
             text=body.flag("text"),
             hex=body.flag("hex"),
             unit_by=self._unit_by(body, layout),
+            wraps=self.messages is not None and body.flag("wraps"),
+            agrees=self._agreement(body),
         )
         body.finish()
         if note.text and not (
@@ -91,8 +100,30 @@ class NoteReader:
         for key in ("scale", "low", "high"):
             if scalar is None and body.body.get(key) is not None:
                 body.fail("only a number has this", key)
+        if note.wraps and not (isinstance(kind, Primitive) and kind.kind == "uint" and kind.bits <= MAX_COUNTER_BITS):
+            body.fail(f"only a single unsigned number of at most {MAX_COUNTER_BITS} bits wraps", "wraps")
+        if note.agrees is not None and not (isinstance(kind, Primitive) and kind.bits > 8 and kind.bits % 8 == 0):
+            body.fail("only a single number of two or more whole bytes has a byte order", "agrees")
         _ordered(body)
         return note
+
+    def _agreement(self, body: Table) -> Agreement | None:
+        """`agrees = { with = "ESCStatus.voltage", within = 0.02 }`: a number of a message, and a share of its value."""
+        if self.messages is None or "agrees" not in body.body:
+            return None
+        outer = body.table("agrees")
+        path, within = outer.string("with", required=True), outer.fraction("within")
+        outer.finish()
+        message, _, field = path.rpartition(".")
+        layout = self.messages(message)
+        if layout is None:
+            outer.fail(f"{message!r} is no message of this profile", "with")
+        kind = layout.member(field)
+        if not isinstance(kind, Primitive) or kind.kind in ("bool", "void"):
+            outer.fail(f"{field!r} is no number of {layout.name}", "with")
+        if within is None or not 0 <= within < 1:
+            outer.fail("a share from 0 to below 1 is expected", "within")
+        return Agreement(message, field, within)
 
     def _enum(self, body: Table, key: str, scalar: Primitive | None) -> dict[int, str]:
         """Raw values with texts: the name of an enumeration of the profile, or a table of its own."""
@@ -205,7 +236,7 @@ class NoteReader:
 
 
 def columns(layout: Compound, notes: Mapping[str, Note], prefix: str = "") -> Iterator[tuple[str, int | float | str]]:
-    """The columns of a layout with a sample value: fields, `field.part` and `field.member` of nested structures."""
+    """The columns of a layout with a sample value: fields, their parts, and `field.member` of nested structures."""
     for member in layout.fields:
         if not member.name:
             continue
@@ -214,6 +245,8 @@ def columns(layout: Compound, notes: Mapping[str, Note], prefix: str = "") -> It
         yield path, _sample(member.type, note)
         for part in note.parts:
             yield f"{path}.{part.name}", "text" if part.enum else 1 if part.scale is None else 1.5
+        if note.wraps:
+            yield f"{path}.unwrapped", 1 if note.scale is None else 1.5
         inner = member.type.element if isinstance(member.type, Array) else member.type
         if isinstance(inner, Compound):
             yield from columns(inner, notes, f"{path}.")

@@ -10,12 +10,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dissectors.layout import Array, Compound
+from dissectors.layout import Array, Compound, Primitive
 from dissectors.namespace import Namespace
 from dissectors.schema import Packet, PacketFamily
 from dissectors.toml_table import read
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.layout import Type
     from dissectors.notes import NoteReader
     from dissectors.toml_table import Table
 
@@ -82,6 +85,24 @@ def _packet(table: Table, head: Table, carrier: str, reader: NoteReader) -> Pack
         clause=clause,
         checksum_ends=table.integers("checksum_ends", 1, length - 1) or (length - 1,),
         summary=reader.summary(table, layout, notes, derived),
+        numbers=tuple(_numbers(layout)),
     )
     table.finish()
     return packet
+
+
+def _numbers(kind: Type, start: int = 0) -> Iterator[tuple[int, int]]:
+    """(first byte, bytes) of the numbers of two or more whole bytes in a value of fixed size that begins at bit `start`.
+
+    What is inside a union is left out: its places depend on the tag.
+    """
+    if isinstance(kind, Primitive):
+        if kind.kind != "void" and kind.bits > 8 and kind.bits % 8 == start % 8 == 0:
+            yield start // 8, kind.bits // 8
+    elif isinstance(kind, Array):
+        for index in range(kind.max):
+            yield from _numbers(kind.element, start + index * kind.element.max_bits)
+    elif not kind.union:
+        for member in kind.fields:
+            yield from _numbers(member.type, start)
+            start += member.type.max_bits

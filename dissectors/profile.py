@@ -7,7 +7,7 @@ file in the folder (`Profile.open`). Errors are `ProfileError` or `DsdlError`, b
 from __future__ import annotations
 
 import importlib.util
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -179,7 +179,7 @@ class Profile:
             layout=layout,
             notes=notes,
             derived=tuple(derived.values()),
-            packets=packets.family(table, layout, self.folder, self.reader),
+            packets=packets.family(table, layout, self.folder, replace(self.reader, messages=self._layout)),
             prefix=table.flag("prefix"),
             readings=tuple(self._readings(table, layout, notes)),
             clause=clause,
@@ -190,6 +190,13 @@ class Profile:
             table.string(key)
         table.finish()
         return message
+
+    def _layout(self, name: str) -> Compound | None:
+        """The layout of a message that the profile lists."""
+        listed = self.table.table("message")
+        if name not in listed.body:
+            return None
+        return self.namespace.compile(listed.table(name).string("type") or name).layouts[0]
 
     def _notes(self, table: Table, layout: Compound, clause: str) -> dict[str, Note]:
         """The message's own notes and, under `field.member`, those of the types nested in it."""

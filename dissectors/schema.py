@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 __all__ = [
+    "Agreement",
     "Array",
     "Bits",
     "Compound",
@@ -92,13 +93,26 @@ class UnitBy:
 
 
 @dataclass(frozen=True, slots=True)
+class Agreement:
+    """The number `field` of `message` shows the same quantity as the field of a packet that the same node sends.
+
+    The two agree when they differ by at most the share `within` of the message's value, both physical.
+    """
+
+    message: str
+    field: str
+    within: Fraction
+
+
+@dataclass(frozen=True, slots=True)
 class Note:
     """What a profile says of one DSDL field.
 
     `name` is the display name (the DSDL name stays valid as an alias; empty means no other name). `scale` makes the
     raw value physical, in `unit`. `special` are raw values that are not numbers ("no change"), outside `enum` and
     outside the limits. `low` and `high` are inclusive limits of the raw value. `text` is a byte array that holds
-    characters, up to NUL; `hex` prefers hexadecimal on display.
+    characters, up to NUL; `hex` prefers hexadecimal on display. Of packets alone: a counter that `wraps` starts again
+    at 0 behind the largest raw value, and `agrees` says what the field is compared with to find the sender's byte order.
     """
 
     name: str = ""
@@ -113,6 +127,8 @@ class Note:
     text: bool = False
     hex: bool = False
     unit_by: UnitBy | None = None
+    wraps: bool = False
+    agrees: Agreement | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +164,8 @@ class Packet:
     """A packet inside a byte array, with a table of its own called `<message>.<name>`.
 
     `layout` covers all of its `length` bytes, header and checksum included. The last byte is the low byte of the sum of
-    bytes 1 to N, where N is one of `checksum_ends`, the preferred one first.
+    bytes 1 to N, where N is one of `checksum_ends`, the preferred one first. `numbers` are the places (first byte from
+    0, bytes) of every number of two or more whole bytes: what a sender with the other byte order turns round.
     """
 
     name: str
@@ -160,6 +177,7 @@ class Packet:
     clause: str
     checksum_ends: tuple[int, ...]
     summary: str
+    numbers: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

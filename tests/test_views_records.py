@@ -99,7 +99,7 @@ def test_named_values_and_bit_parts(golden: dict[str, dict[int, dict[str, Any]]]
     assert fields["esc_signal_priority"] == {"raw": 1, "text": "CAN"}
     assert fields["esc_led_mode"] == {"raw": 407, "enable": 7, "flash": False, "frequency": 2.5}
     assert fields["esc_uuid"] == 305419896
-    assert by_name["query_all_0xFF"]["esc_uuid"] == {"raw": 4294967295, "text": "all"}
+    assert by_name["query_all_0xFF"]["esc_uuid"] == 4294967295
     cruise = by_name["cruise"]["error_count"]
     assert cruise["raw"] == 536821760
     assert (cruise["mode"], cruise["stall"]) == ({"raw": 4, "text": "operating"}, False)
@@ -120,7 +120,7 @@ def test_packets_are_physical(golden: dict[str, dict[int, dict[str, Any]]]) -> N
     (feedback,) = by_name["foc_param_feedback_0x1E"]
     assert feedback["fields"]["software_version"] == "SW-V2.2.3"
     (query,) = by_name["foc_query_0x1A_all_units"]
-    assert query["fields"]["unit_id"] == {"raw": 255, "text": "all"}
+    assert query["fields"]["unit_id"] == 255
     assert by_name["empty_data"] == []
     assert by_name["one_byte"] == [{"type": None, "ok": False, "fields": {"reason": "no header", "data": "7B"}}]
     (damaged,) = by_name["max_255_bytes"]

@@ -54,19 +54,16 @@ def _column(kind: Type, raw: list[Any], shown: list[Any], name: str, of: Message
     """`raw` and `shown` are the same cells unless the field is scaled; what is nested never is."""
     if isinstance(kind, Compound):
         return _structures(kind, raw, name, of)
-    note = meaning(of, name).note
+    note = None if "." in name else meaning(of, name).note  # nested types stay exactly as DSDL has them
     if isinstance(kind, Array):
-        if isinstance(kind.element, Primitive) and kind.element.kind != "float" and not _special(note):
+        if isinstance(kind.element, Primitive) and kind.element.kind != "float" and not _named(note):
             return shown
         pairs = zip(raw, shown, strict=True)
         return [None if r is None else _column(kind.element, r, s, name, of) for r, s in pairs]
     if note is not None and (note.parts or note.enum):
         return _objects(raw, note)
-    numbers = [number(cell) for cell in shown] if any(isinstance(cell, float) for cell in shown) else shown
-    if note is not None and note.special:
-        cells = zip(raw, numbers, _objects(raw, note), strict=True)
-        return [named if r in note.special else plain for r, plain, named in cells]
-    return numbers
+    # A special value stays a number: the type of a key must not depend on the row.
+    return [number(cell) for cell in shown] if any(isinstance(cell, float) for cell in shown) else shown
 
 
 def _structures(kind: Compound, cells: list[Any], name: str, of: Message | Packet) -> list[Any]:
@@ -109,8 +106,8 @@ def _part(word: int, bits: Bits) -> Any:
     return bool(raw) if bits.flag else raw
 
 
-def _special(note: Note | None) -> bool:
-    return note is not None and bool(note.enum or note.special or note.scale is not None)
+def _named(note: Note | None) -> bool:
+    return note is not None and bool(note.enum or note.scale is not None)
 
 
 def _active(members: dict[str, Any]) -> dict[str, Any]:

@@ -1,7 +1,5 @@
-//! A sender that shares no code with the core: payloads to CAN frames to candump text.
+//! A sender that shares no code with the core: payloads to the data of CAN frames.
 //! Layouts and CRC are those of TM-UAVCAN V2.2 clauses 4.1.2, 4.1.3 and 5.1.
-
-use _native::frames::{EXTENDED, FD, NO_TIME, REMOTE};
 
 /// The types with a definition: (is a service, data type ID, signatures). Two types share the ID 1033.
 pub const KNOWN: [(bool, u16, &[u64]); 6] = [
@@ -18,39 +16,6 @@ const SECRET: u64 = 0x0123_4567_89AB_CDEF;
 pub fn signatures(service: bool, type_id: u16) -> Vec<u64> {
     let known = KNOWN.iter().find(|known| (known.0, known.1) == (service, type_id));
     known.map_or(vec![], |known| known.2.to_vec())
-}
-
-/// One CAN frame; flags and [`NO_TIME`] as in the table of frames.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct CanFrame {
-    pub t: i64,
-    pub bus: u8,
-    pub id: u32,
-    pub flags: u16,
-    pub data: Vec<u8>,
-}
-
-impl CanFrame {
-    /// The line of `candump -l`; of `candump` for a frame without time.
-    pub fn line(&self) -> String {
-        let (t, bus, id) = (self.t, self.bus, self.id);
-        let id = if self.flags & EXTENDED == 0 {
-            format!("{:03X}", id & 0x7FF)
-        } else {
-            format!("{:08X}", id & 0x1FFF_FFFF)
-        };
-        let hex = |gap: &str| -> String { self.data.iter().map(|byte| format!("{gap}{byte:02X}")).collect() };
-        if t == NO_TIME {
-            return format!("  can{bus}  {id}   [{}] {}\n", self.data.len(), hex(" "));
-        }
-        let data = match self.flags & (REMOTE | FD) {
-            0 => format!("#{}", hex("")),
-            FD => format!("##1{}", hex("")),
-            _ => "#R".to_owned(),
-        };
-        let (seconds, fraction) = (t.div_euclid(1_000_000_000), t.rem_euclid(1_000_000_000));
-        format!("({seconds}.{fraction:09}) can{bus} {id}{data}\n")
-    }
 }
 
 pub fn message_id(type_id: u16, src: u8) -> u32 {

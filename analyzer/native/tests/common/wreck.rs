@@ -2,7 +2,7 @@
 
 use _native::frames::{EXTENDED, FD, NO_TIME, REMOTE};
 
-use crate::sender::CanFrame;
+use crate::log::CanFrame;
 
 pub const FRAME_DAMAGES: u8 = 17;
 pub const TEXT_DAMAGES: u8 = 8;
@@ -82,9 +82,13 @@ pub fn damage_text(text: &mut Vec<u8>, kind: u8, at: usize, value: u8) {
         2 => drop(text.remove(at)),
         3 => drop(text.drain(at..text.len().min(at + usize::from(value)))),
         4 => insert(b"# remark\n"),
-        5 => {
-            insert(format!("DROPCOUNT: dropped {value} CAN frames on 'can0' socket (total drops {value})\n").as_bytes())
-        }
+        5 => insert(
+            format!(
+                "DROPCOUNT: dropped {value} CAN frames on 'can0' socket (total drops {value})
+"
+            )
+            .as_bytes(),
+        ),
         6 => insert(b"(1700000000.000001) can0 20000088#0000040000000000\n"),
         _ => insert(&[value, b'?', 0x1B, b'\n']),
     }

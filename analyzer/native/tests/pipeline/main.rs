@@ -3,6 +3,8 @@
 
 #[path = "../common/capture.rs"]
 mod capture;
+#[path = "../common/log.rs"]
+mod log;
 mod random;
 #[path = "../common/sender.rs"]
 mod sender;
@@ -16,10 +18,11 @@ use _native::transfers::Status;
 use _native::verdict::Verdict;
 use _native::wire::Id;
 
+use log::text;
 use random::Random;
 use sender::signatures;
 use tables::Tables;
-use traffic::{text, traffic, Sent};
+use traffic::{traffic, Sent};
 use wreck::{damage_frame, damage_text, FRAME_DAMAGES, TEXT_DAMAGES};
 
 /// All tables of a text, with the laws; and every other way to cut and take it must give the same.
@@ -50,7 +53,10 @@ fn assert_received(tables: &Tables, sent: &Sent) {
             && tables.buses[usize::from(rows.bus[row])] == bus
     });
     let received = own.map(|row| (rows.transfer_id[row], rows.payload_of(row), rows.status[row]));
-    let sent = sent.transfers.iter().map(|(transfer_id, payload)| (*transfer_id, &payload[..], status as u8));
+    let sent = sent
+        .transfers
+        .iter()
+        .map(|(transfer_id, payload)| (*transfer_id, &payload[..], status as u8));
     assert!(received.eq(sent), "{key:?}");
 }
 
@@ -84,7 +90,7 @@ fn damaged_frames_are_all_accounted_for() {
     let mut statuses = [0; 7];
     for _ in 0..1000 {
         let mut frames = traffic(&mut random).frames;
-        for _ in 0..1 + random.below(1 + frames.len() / 4) {
+        for _ in 0..=random.below(1 + frames.len() / 4) {
             let (kind, at) = (random.next() as u8 % FRAME_DAMAGES, random.below(1 << 16));
             damage_frame(&mut frames, kind, at, random.next());
         }
@@ -109,7 +115,7 @@ fn damaged_text_is_all_accounted_for() {
     let (mut unreadable, mut frames) = (0, 0);
     for _ in 0..800 {
         let mut text = text(&traffic(&mut random).frames);
-        for _ in 0..1 + random.below(12) {
+        for _ in 0..=random.below(12) {
             let (kind, at) = (random.next() as u8 % TEXT_DAMAGES, random.below(1 << 20));
             damage_text(&mut text, kind, at, random.next() as u8);
         }
@@ -117,8 +123,5 @@ fn damaged_text_is_all_accounted_for() {
         unreadable += tables.lines.unreadable;
         frames += tables.lines.frames;
     }
-    assert!(
-        unreadable > 500 && frames > 10 * unreadable,
-        "{unreadable} of {frames}"
-    );
+    assert!(unreadable > 500 && frames > 10 * unreadable, "{unreadable} of {frames}");
 }

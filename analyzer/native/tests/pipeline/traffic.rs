@@ -3,9 +3,11 @@
 use std::collections::VecDeque;
 
 use _native::frames::{EXTENDED, FD};
+use _native::wire::{Id, Kind};
 
+use crate::log::CanFrame;
 use crate::random::Random;
-use crate::sender::{anonymous_id, cut, message_id, service_id, CanFrame};
+use crate::sender::{anonymous_id, cut, message_id, service_id};
 
 /// One session: its transfers as (transfer ID, payload), in order.
 pub(crate) struct Sent {
@@ -46,7 +48,7 @@ pub(crate) fn traffic(random: &mut Random) -> Traffic {
     let mut queues: Vec<(u32, u8, u16, VecDeque<Vec<u8>>)> = vec![];
     for node in 1..=1 + random.below(6) as u8 {
         let (id, bus) = (identifier(random, node), random.below(2) as u8);
-        let anonymous = id & 0xFF == 0;
+        let anonymous = Id::parse(id).kind == Kind::Anonymous;
         let (fd, mut transfer_id) = (random.one_in(4) && !anonymous, random.next() as u8 & 31);
         let mut sent = Sent {
             id,
@@ -54,7 +56,7 @@ pub(crate) fn traffic(random: &mut Random) -> Traffic {
             transfers: vec![],
         };
         let mut queue = VecDeque::new();
-        for _ in 0..1 + random.below(8) {
+        for _ in 0..=random.below(8) {
             // CAN FD pads what fits no length code, so these lengths do.
             let length = if fd {
                 [3, 7, 15, 63, 76, 128][random.below(6)]
@@ -89,8 +91,4 @@ pub(crate) fn traffic(random: &mut Random) -> Traffic {
         }
     }
     traffic
-}
-
-pub(crate) fn text(frames: &[CanFrame]) -> Vec<u8> {
-    frames.iter().flat_map(|frame| frame.line().into_bytes()).collect()
 }

@@ -1,0 +1,166 @@
+//! Whose traffic is it: what a session has to show before it is believed, and what becomes of its frames meanwhile.
+
+use _native::reassembly::Reassembler;
+use _native::transfers::Status;
+use _native::verdict::{flaw, Verdict};
+
+use crate::sender::{anonymous_id, cut, message_id, service_id, signatures};
+use crate::Bus;
+
+const ESC: u32 = (16 << 24) | (1034 << 8) | 10;
+const UNKNOWN: u32 = (16 << 24) | (20_000 << 8) | 10;
+
+/// Used frames and foreign ones.
+fn used_and_foreign(bus: &Bus) -> (usize, usize) {
+    let capture = bus.end();
+    let of = |verdict| capture.verdict.iter().filter(|&&v| v == verdict as u8).count();
+    (of(Verdict::Used), of(Verdict::Foreign))
+}
+
+#[test]
+fn frames_that_an_earlier_batch_called_foreign_are_settled() {
+    let mut reassembler = Reassembler::new(Box::new(signatures));
+    let mut batches = vec![];
+    for transfer_id in 30..33 {
+        let mut bus = Bus::default();
+        bus.transfer(UNKNOWN, transfer_id, b"a multi-frame one");
+        reassembler.feed(&bus.frames, 0);
+        batches.push(reassembler.take());
+    }
+    // Two transfers with the CRC of one type are the proof.
+    let verdicts: Vec<_> = batches.iter().map(|batch| batch.verdict.clone()).collect();
+    assert_eq!(verdicts, [vec![1; 3], vec![0; 3], vec![0; 3]]);
+    assert_eq!(batches[1].settled.frame, [0, 1, 2]);
+    assert_eq!(batches[1].settled.verdict, [Verdict::Used as u8; 3]);
+    assert!(batches[0].settled.frame.is_empty() && batches[2].settled.frame.is_empty());
+    let rows: Vec<_> = batches.iter().map(|batch| batch.transfers.frame.clone()).collect();
+    assert_eq!(rows, [vec![], vec![0, 1, 2, 3, 4, 5], vec![6, 7, 8]]);
+    assert_eq!(reassembler.counts(), [9, 0, 0, 0, 0, 0, 0, 0]);
+}
+
+#[test]
+fn an_unknown_type_is_believed_after_three_rising_ids_or_two_alike_crcs() {
+    let mut bus = Bus::default();
+    bus.transfer(UNKNOWN, 31, b"ab").transfer(UNKNOWN, 0, b"cd");
+    assert_eq!(used_and_foreign(&bus), (0, 2));
+    bus.transfer(UNKNOWN, 1, b"ef");
+    assert_eq!(used_and_foreign(&bus), (3, 0));
+    let mut bus = Bus::default();
+    bus.transfer(UNKNOWN, 7, b"not in a row")
+        .transfer(UNKNOWN, 3, b"but of one type");
+    assert_eq!(used_and_foreign(&bus), (5, 0));
+    let mut bus = Bus::default();
+    for (at, id) in [7, 3, 1, 5].into_iter().enumerate() {
+        let mut frames = cut(UNKNOWN, id, b"broken CRC", false);
+        frames[0][0] ^= 1 << at;
+        for data in frames {
+            bus.frame(UNKNOWN, &data);
+        }
+    }
+    assert_eq!(used_and_foreign(&bus), (0, 8));
+}
+
+#[test]
+fn an_unknown_type_without_proof_is_foreign_for_good() {
+    let noise = |frames: usize| {
+        let mut bus = Bus::default();
+        for at in 0..frames {
+            bus.frame(UNKNOWN, &[at as u8, 0x00]);
+        }
+        for id in 0..3 {
+            bus.transfer(UNKNOWN, id, b"x");
+        }
+        used_and_foreign(&bus)
+    };
+    assert_eq!(noise(50), (3, 0), "50 orphans, and then three in a row");
+    assert_eq!(noise(64), (0, 67));
+}
+
+#[test]
+fn a_long_transfer_of_an_unknown_type_is_waited_for() {
+    let mut bus = Bus::default();
+    for id in [0, 5] {
+        bus.transfer(UNKNOWN, id, &[id; 1000]);
+    }
+    assert_eq!(used_and_foreign(&bus), (2 * 144, 0));
+    let mut endless = Bus::default();
+    endless.frame(UNKNOWN, &[0, 0, 0, 0, 0, 0, 0, 0x80]);
+    for at in 1..600 {
+        endless.frame(UNKNOWN, &[0, 0, 0, 0, 0, 0, 0, (at as u8 & 1) << 5]);
+    }
+    assert_eq!(used_and_foreign(&endless), (0, 600), "but not for ever");
+}
+
+#[test]
+fn a_known_type_is_taken_at_its_word_until_it_fails() {
+    let mut bus = Bus::default();
+    bus.frame(ESC, &[1, 2, 3, 4, 5, 6, 7, 8]);
+    bus.so_far().assert_verdicts(&[Verdict::Orphan]);
+    for at in 0..20 {
+        bus.frame(ESC, &[1, 2, 3, 4, 5, 6, 7, at]);
+    }
+    assert_eq!(used_and_foreign(&bus), (0, 21));
+    bus.transfer(ESC, 3, b"single");
+    assert_eq!(
+        used_and_foreign(&bus),
+        (0, 22),
+        "once foreign, one frame proves nothing"
+    );
+    bus.transfer(ESC, 4, b"with a good CRC");
+    assert_eq!(used_and_foreign(&bus).0, 4);
+}
+
+#[test]
+fn services_and_anonymous_frames_need_more() {
+    let request = service_id(1, true, 10, 20);
+    let mut bus = Bus::default();
+    bus.frame(request, &[0x00])
+        .transfer(request, 0, b"")
+        .frame(request, &[0x00])
+        .frame(request, &[0x01]);
+    assert_eq!(used_and_foreign(&bus).0, 0, "one against three");
+    let mut speaker = Bus::default();
+    speaker
+        .transfer(ESC, 0, b"a node that is known")
+        .frame(request, &[0xC0]);
+    speaker.so_far().assert_transfers(&[(Status::Ok, 0), (Status::Ok, 0)]);
+    let mut anonymous = Bus::default();
+    for id in 0..4 {
+        anonymous.so_far().assert_transfers(&[]);
+        anonymous.transfer(anonymous_id(1, 9), id, b"x");
+    }
+    anonymous.so_far().assert_transfers(&[(Status::Ok, 0); 4]);
+}
+
+#[test]
+fn cyphal_is_noted_once_an_identifier() {
+    let mut bus = Bus::default();
+    for id in 0..40 {
+        for data in cut(ESC, id, b"Cyphal starts with toggle 1", false) {
+            let (tail, body) = data.split_last().unwrap();
+            bus.frame(ESC, &[body, &[tail ^ 0x20]].concat());
+        }
+    }
+    let capture = bus.end();
+    assert_eq!(used_and_foreign(&bus), (0, capture.verdict.len()));
+    let noted = capture.anomaly.iter().filter(|&&bits| bits & flaw::CYPHAL != 0);
+    assert_eq!(noted.count(), 1);
+}
+
+#[test]
+fn other_protocols_stay_foreign() {
+    // J1939: identifiers with priority, page, format and source; the data ends in anything.
+    let mut bus = Bus::default();
+    for at in 0..200_u32 {
+        for id in [0x0CF0_0400, 0x18FE_F100, 0x18FE_EE17, 0x18EA_FF03] {
+            let data = at.wrapping_mul(2_654_435_761_u32.rotate_left(id & 7)).to_le_bytes();
+            bus.frame(id, &[&data[..], &[0xFF, 0xFF, 0xFF, data[1] | 0x0F]].concat());
+        }
+    }
+    assert_eq!(used_and_foreign(&bus), (0, 800));
+    let mut vesc = Bus::default();
+    for at in 0..100_u8 {
+        vesc.frame(message_id(9, 1), &[0, 0, 1, at, 0, 0, 3, 0xE8]);
+    }
+    assert_eq!(used_and_foreign(&vesc), (0, 100));
+}
