@@ -117,7 +117,7 @@ class Engine:
 
     @property
     def stamps(self) -> int:
-        """Kinds of time stamps seen, as bits of `analyzer.sources.STAMPS`."""
+        """Kinds of time stamps seen, as bits of `tables.STAMPS`."""
         return self._native.stamps
 
     @property

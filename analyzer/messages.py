@@ -9,22 +9,26 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer import _native
-from analyzer.columns import assemble, enrich, metadata
+from analyzer.byteorder import ByteOrder, swapped
+from analyzer.columns import assemble, enrich, members, metadata, scaled
 from analyzer.packets import PacketFinder
 from analyzer.prefix import PREFIX, TAIL, with_length
 from analyzer.tables import STATUSES, numbers
+from analyzer.unwrap import Unwrapper
 from dissectors.schema import plan
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     import numpy.typing as npt
 
+    from analyzer.packets import FoundPackets
     from dissectors.registry import Registry
     from dissectors.schema import Compound, Derived, Message, Note, Packet
 
     Words = npt.NDArray[Any]
 
+_CONTEXT = ("transfer", "t", "bus", "src", "trusted")  # of a message table, repeated for every packet in it
 BAD_TAG = 2  # flag of the native core: a union's tag names no member
 
 
@@ -78,12 +82,16 @@ class Unpacker:
 
 
 class Messages:
-    """Turns the rows of a batch into message and packet tables; remembers plans and packet counters."""
+    """Turns the rows of a batch into message and packet tables; remembers plans, and what went before a packet."""
 
     def __init__(self, registry: Registry) -> None:
         self.registry = registry
         self._unpackers: dict[str, Unpacker] = {}
-        self._finder: PacketFinder | None = None
+        self._unwrappers: dict[tuple[str, str], Unwrapper] = {}
+        carriers = registry.carriers()
+        self._carriers = {message.table: message for message in carriers}
+        self._finder = PacketFinder(carriers)
+        self._order = ByteOrder(p for m in carriers if m.packets is not None for p in m.packets.packets)
 
     def decode(
         self, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], groups: Iterable[tuple[bool, int, int, bytes]],
@@ -102,13 +110,15 @@ class Messages:
                 here = rows[kinds[rows] == kind] if service else rows
                 message = self.registry.message(kind, type_id, variant)
                 if message is not None and here.size:
-                    self._decode(message, transfers, payload, here, first_row, out)
-        return out
+                    out[message.table] = self._decode(message, transfers, payload, here, first_row)
+        # Packets come last: how their bytes are read depends on the messages around them.
+        found = [one for name in self._carriers.keys() & out.keys() for one in self._finder.find(self._carriers[name], out[name])]
+        self._order.learn(out, found, self._unpack)
+        return out | {one.table: self._packets(one) for one in found}
 
     def _decode(
-        self, message: Message, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], rows: Words, first_row: int,
-        out: dict[str, pa.RecordBatch],
-    ) -> None:  # fmt: skip
+        self, message: Message, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], rows: Words, first_row: int
+    ) -> pa.RecordBatch:
         unpacker = self._unpacker(message.table, message)
         codes, found = self._read(message, unpacker, transfers, payload, rows)
         wanted = pa.array(rows)
@@ -131,9 +141,7 @@ class Messages:
             (pa.field("layout", pa.uint8()), pa.array(codes)),
         ]
         about = metadata(type=message.full_name, clause=message.clause)
-        out[message.table] = _batch([*context, *measured, *unpacker.columns(found.arrays)], about)
-        if message.packets is not None:
-            self._packets(message, out[message.table], context, out)
+        return _batch([*context, *measured, *unpacker.columns(found.arrays)], about)
 
     def _read(
         self, message: Message, unpacker: Unpacker, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], rows: Words
@@ -157,21 +165,54 @@ class Messages:
         codes[classic] = with_length(message, starts, lengths, found.left[classic], data, attempt)
         return codes, unpacker.run(*payload, codes, rows) if codes[classic].any() else found
 
-    def _packets(
-        self, message: Message, table: pa.RecordBatch, context: list[tuple[pa.Field, pa.Array]],
-        out: dict[str, pa.RecordBatch],
-    ) -> None:  # fmt: skip
-        if self._finder is None:
-            self._finder = PacketFinder(self.registry.carriers())
-        for found in self._finder.find(message, table):
-            rows = pa.array(found.rows)
-            columns = [*((f, array.take(rows)) for f, array in context), *found.columns]
-            if found.packet is not None:
-                unpacker = self._unpacker(found.table, found.packet)
-                got = unpacker.run(found.offsets, found.data, np.full(len(found.rows), TAIL))
-                columns += unpacker.columns(got.arrays)
-            about = metadata(clause=found.packet.clause if found.packet else "")
-            out[found.table] = _batch(columns, about)
+    def _packets(self, found: FoundPackets) -> pa.RecordBatch:
+        rows = pa.array(found.rows)
+        schema = found.source.schema
+        columns = [(schema.field(name), found.source.column(name).take(rows)) for name in _CONTEXT]
+        columns += found.columns
+        if found.packet is None:
+            return _batch(columns, {})
+        data = found.data
+        big = self._order.big_endian(found)
+        if found.packet.numbers:
+            columns.append((pa.field("big_endian", pa.bool_()), pa.array(big)))
+            if big.any():
+                starts, ends = found.bounds[:-1][big], found.bounds[1:][big]
+                data = swapped(data, starts, ends, found.packet.numbers)
+        arrays = self._unpack(found, found.bounds, data)
+        columns += self._unpacker(found.table, found.packet).columns(arrays)
+        columns += self._unwrapped(found, big, arrays)
+        return _batch(columns, metadata(clause=found.packet.clause))
+
+    def _unpack(self, found: FoundPackets, bounds: Words, data: Words) -> list[pa.Array]:
+        """The fields of packets like those found, little-endian."""
+        assert found.packet is not None  # noqa: S101 - bytes that are no packet have no fields
+        unpacker = self._unpacker(found.table, found.packet)
+        return unpacker.run(bounds.tobytes(), data.tobytes(), np.full(len(bounds) - 1, TAIL)).arrays
+
+    def _unwrapped(
+        self, found: FoundPackets, big: Words, arrays: list[pa.Array]
+    ) -> Iterator[tuple[pa.Field, pa.Array]]:
+        """`<field>.unwrapped` of counters that wrap: per node, unit and byte order; null for a damaged packet."""
+        if found.packet is None or found.family is None:
+            return
+        for member, array in zip(members(found.packet.layout), arrays, strict=True):
+            note = found.packet.notes.get(member.name)
+            if note is None or not note.wraps:
+                continue
+            key = (found.table, member.name)
+            if key not in self._unwrappers:
+                self._unwrappers[key] = Unwrapper(member.type.bits)
+            good = np.flatnonzero(found.sound)
+            units = found.data[found.bounds[good] + found.family.unit_at]
+            # A wrong byte order is no part of the sequence: node IDs leave bit 7 free.
+            counters = (found.senders[good].astype(np.uint32) | big[good] << np.uint32(7)) << np.uint32(8) | units
+            values = np.zeros(len(array), np.uint64)
+            values[good] = self._unwrappers[key].follow(counters, numbers(array)[good])
+            total = pa.array(values, mask=~found.sound)
+            total = total if note.scale is None else scaled(total, note.scale)
+            about = metadata(unit=note.unit, clause=note.clause, source=member.name)
+            yield pa.field(f"{member.name}.unwrapped", total.type, metadata=about), total
 
     def _unpacker(self, table: str, of: Message | Packet) -> Unpacker:
         if table not in self._unpackers:

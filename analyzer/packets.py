@@ -3,40 +3,65 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
 from analyzer import _native
+from analyzer.byteorder import senders
+from analyzer.tables import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     import numpy.typing as npt
 
-    from dissectors.schema import Message, Packet
+    from dissectors.schema import Message, Packet, PacketFamily
 
     Words = npt.NDArray[Any]
 
-RECOGNIZED = 255
+NO_FAMILY = 255
 REASONS = ("no header", "unknown frame id", "truncated")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FoundPackets:
     """The packets of one table in one batch.
 
-    `rows` are rows of the carrying message's table, `offsets` (i32) cut the packets out of `data`; `columns` say where
-    each lies and whether it is sound. Without `packet` the bytes are none that the profile knows.
+    `rows` are rows of the carrying message's table `source`, `bounds` (i32) cut the packets out of `data` (u8), and
+    `offset` is where each begins in the array that carries it; `columns` say where each lies and whether it is sound.
+    Without `packet` and `family` the bytes are none that the profile knows.
     """
 
     table: str
     packet: Packet | None
+    family: PacketFamily | None
+    source: pa.RecordBatch
     rows: Words
+    offset: Words
     columns: list[tuple[pa.Field, pa.Array]]
-    offsets: bytes
-    data: bytes
+    bounds: Words
+    data: Words
+
+    @cached_property
+    def senders(self) -> Words:
+        """The sending node of each packet, u16: bus and source node ID."""
+        sent: Words = senders(self.source)[self.rows]
+        return sent
+
+    @cached_property
+    def sound(self) -> Words:
+        """Packets that can be relied on: whole, with the right length and checksum, in a transfer with a good CRC."""
+        ok = next(array for field, array in self.columns if field.name == "packet_ok")
+        good: Words = numbers(ok) & numbers(self.source.column("trusted"))[self.rows]
+        return good
+
+    @cached_property
+    def positions(self) -> Words:
+        """Places in the order of sending, u64, through the whole capture: transfer row, then byte in the array."""
+        return numbers(self.source.column("transfer"))[self.rows] << np.uint64(16) | self.offset
 
 
 class PacketFinder:
@@ -65,32 +90,39 @@ class PacketFinder:
         senders = table.column("bus").to_numpy().tobytes(), table.column("src").to_numpy().tobytes()
         columns = self._native.find(own, message.type_id, offsets.to_pybytes(), data, senders)
         got = {name: np.frombuffer(columns[name], kind) for name, kind in _KINDS.items()}
-        bounds = np.frombuffer(offsets, np.int32)
         raw = np.frombuffer(data, np.uint8)
-        known = (got["spec"] >= 0) & (got["family"] != RECOGNIZED)
-        for family, spec in sorted(set(zip(got["family"][known].tolist(), got["spec"][known].tolist(), strict=True))):
-            here = np.flatnonzero(known & (got["family"] == family) & (got["spec"] == spec))
-            packet = self._carriers[family][1].packets[spec]
-            yield self._found(f"{message.table}.{packet.name}", packet, here, got, raw)
-        rest = np.flatnonzero(~known & (np.diff(bounds)[got["row"]] > 0))
+        known = (got["spec"] >= 0) & (got["family"] != NO_FAMILY)
+        codes = got["family"].astype(np.uint32) << 16 | got["spec"].astype(np.uint16)
+        for code in np.unique(codes[known]).tolist():
+            family = self._carriers[code >> 16][1]
+            packet = family.packets[code & 0xFFFF]
+            here = np.flatnonzero(known & (codes == code))
+            yield _found(f"{message.table}.{packet.name}", (family, packet), table, here, got, raw)
+        rest = np.flatnonzero(~known)
         if rest.size:
-            yield self._found(f"{message.table}.unrecognized", None, rest, got, raw)
+            yield _found(f"{message.table}.unrecognized", (None, None), table, rest, got, raw)
 
-    def _found(
-        self, table: str, packet: Packet | None, here: Words, got: dict[str, Words], raw: Words
-    ) -> FoundPackets:
-        starts, lengths = got["start"][here], got["len"][here]
-        offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
-        picks = np.repeat(starts - offsets[:-1], lengths) + np.arange(offsets[-1])
-        data = raw[picks].tobytes()
-        columns = [(pa.field("offset", pa.uint32(), metadata={"unit": "byte"}), pa.array(got["offset"][here]))]
-        if packet is None:
-            cut = pa.Array.from_buffers(pa.binary(), len(here), [None, pa.py_buffer(offsets), pa.py_buffer(data)])
-            reason = pa.array([REASONS[code] for code in got["reason"][here].tolist()], pa.string())
-            columns += [(pa.field("reason", pa.string()), reason), (pa.field("data", pa.binary()), cut)]
-        else:
-            columns += _verdicts(here, got)
-        return FoundPackets(table, packet, got["row"][here], columns, offsets.tobytes(), data)
+
+def _found(
+    name: str, what: tuple[PacketFamily, Packet] | tuple[None, None], source: pa.RecordBatch, here: Words,
+    got: dict[str, Words], raw: Words,
+) -> FoundPackets:  # fmt: skip
+    starts, lengths, offset = got["start"][here], got["len"][here], got["offset"][here]
+    bounds = np.zeros(len(here) + 1, np.int32)
+    np.cumsum(lengths, out=bounds[1:])
+    if (starts[1:] == starts[:-1] + lengths[:-1]).all():
+        data = raw[starts[0] : starts[0] + bounds[-1]]
+    else:
+        data = raw[np.repeat(starts - bounds[:-1], lengths) + np.arange(bounds[-1])]
+    columns = [(pa.field("offset", pa.uint32(), metadata={"unit": "byte"}), pa.array(offset))]
+    family, packet = what
+    if packet is None:
+        cut = pa.Array.from_buffers(pa.binary(), len(here), [None, pa.py_buffer(bounds), pa.py_buffer(data.tobytes())])
+        reason = pa.array([REASONS[code] for code in got["reason"][here].tolist()], pa.string())
+        columns += [(pa.field("reason", pa.string()), reason), (pa.field("data", pa.binary()), cut)]
+    else:
+        columns += _verdicts(here, got)
+    return FoundPackets(name, packet, family, source, got["row"][here], offset, columns, bounds, data)
 
 
 def _verdicts(here: Words, got: dict[str, Words]) -> list[tuple[pa.Field, pa.Array]]:

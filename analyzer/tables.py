@@ -39,6 +39,17 @@ STATUSES = (
 )
 EVENTS = ("error frame", "drop", "gap", "unreadable", "comment")
 
+# Kinds of time stamps in a capture, bits of Engine.stamps, lowest first.
+STAMPS = (
+    "absolute",
+    "dates without a zone, read as UTC",
+    "counted from the first line",
+    "differences, added up",
+    "none",
+    "microseconds",
+    "nanoseconds",
+)
+
 # Bits of frames.flags; bits 8 to 11 hold the length code of a remote frame, or a raw one above 8.
 EXTENDED, REMOTE, ERROR, FD, BRS, ESI, TX, RX = (1 << bit for bit in range(8))
 

@@ -109,9 +109,11 @@ class NoteReader:
 
     def _agreement(self, body: Table) -> Agreement | None:
         """`agrees = { with = "ESCStatus.voltage", within = 0.02 }`: a number of a message, and a share of its value."""
-        if self.messages is None or "agrees" not in body.body:
+        if self.messages is None:
             return None
         outer = body.table("agrees")
+        if "agrees" not in body.body:
+            return None
         path, within = outer.string("with", required=True), outer.fraction("within")
         outer.finish()
         message, _, field = path.rpartition(".")

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import random
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import encode
@@ -13,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sequences import MS, START, lines, push, status, throttle
 
+import analyzer
 from dissectors.schema import Array, Compound, Primitive
 
 if TYPE_CHECKING:
@@ -97,6 +102,27 @@ def test_a_line_without_an_end(decode: Callable[..., Any], step: int) -> None:
     assert [row["line"] for row in events] == [2, 4]
     assert max(len(row["text"]) for row in events) < 300
     assert got.engine.totals.lines["lines"] == 4
+
+
+def test_a_line_without_an_end_is_not_kept(tmp_path: Path) -> None:
+    """A quarter of a gigabyte without a newline leaves less than a tenth of it in memory."""
+    code = """
+import resource
+from analyzer.engine import Engine
+engine, chunk = Engine(), b"(1.0) can0 1F040601#" + b"E8" * (1 << 19)
+list(engine.feed(chunk))
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+for _ in range(250):
+    list(engine.feed(chunk))
+engine.finish()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+    search = os.pathsep.join([str(Path(analyzer.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": search},
+    )  # fmt: skip
+    assert int(done.stdout) < 25_000
 
 
 def test_all_transfer_ids_open_at_once(decode: Callable[..., Any]) -> None:

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import encode
 import pytest
 
+import analyzer
 import dissectors
 from analyzer.capture import open_capture
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-ROOT = Path(__file__).resolve().parents[1]
 ACME = 20777
 PROFILE = """\
 name = "Acme"
@@ -94,6 +94,25 @@ def test_with_the_folder_it_decodes(decode: Callable[..., Any], folder: Path) ->
     assert len(got.messages["RawCommand"]) == 3
 
 
+def test_an_array_in_the_last_element_of_an_array(
+    decode: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Elements below 8 bits keep the length in front, and then only the last one may leave out its own."""
+    (folder / "acme" / "pump" / "20778.Log.uavcan").write_text("Entry[<=3] entries\n")
+    (folder / "acme" / "pump" / "Entry.uavcan").write_text("uint3 level\nuint8[<=2] codes\n")
+    types = dissectors.load([folder])
+    message = types.message(0, 20778)
+    assert message is not None
+    monkeypatch.setitem(encode.RECORDS, "Entry", "level:u3 codes:u8[<2]")
+    entries = [{"level": 5, "codes": [1]}, {"level": 2, "codes": [2, 3]}, {"level": 7, "codes": [9]}]
+    for count in range(4):
+        bits = encode.encode("entries:Entry[<3]", {"entries": entries[:count]}, tail=True)
+        one = encode.Transfer("message", 20778, 42, encode.to_bytes(bits), message.signature)
+        got = decode("".join(encode.log_line(frame) + "\n" for frame in one.frames()).encode(), types=types)
+        (rows,) = got.messages.values()
+        assert rows[0]["entries"] == entries[:count]
+
+
 def test_units_and_enumerations_come_along(decode: Callable[..., Any], folder: Path) -> None:
     got = decode(capture(signature_of(folder)), types=dissectors.load([folder]))
     schema = next(batch.messages["Pump"].schema for batch in got.batches if "Pump" in batch.messages)
@@ -114,7 +133,7 @@ def test_from_the_command_line(tmp_path: Path, folder: Path) -> None:
     path.write_bytes(capture(signature_of(folder)))
     code = "import sys; from analyzer.cli import main; sys.exit(main())"
     command = [sys.executable, "-c", code, "decode", "-T", "jsonl", "--dissector", str(folder), str(path)]
-    search = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    search = os.pathsep.join([str(Path(analyzer.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
         command, capture_output=True, text=True, check=False, cwd=tmp_path, env=os.environ | {"PYTHONPATH": search}
     )

@@ -132,6 +132,17 @@ def test_the_run_must_be_of_three(run: Any, ids: tuple[int, ...], proven: bool) 
         all_foreign(got)
 
 
+def test_anonymous_frames_are_one_session_whatever_their_discriminator(decode: Any, flush: Any) -> None:
+    """So that four of them are a proof, and what follows is handed on at once."""
+    name = "uavcan.protocol.dynamic_node_id.Allocation"
+    fields = [{"node_id": 0, "first_part_of_unique_id": 1, "unique_id": [k, 2 * k]} for k in range(6)]
+    asks = [encode.transfer(name, of, 0, k, kind="anonymous") for k, of in enumerate(fields)]
+    assert len({ask.can_id for ask in asks}) == 6
+    got = decode(lines([frame for ask in asks for frame in ask.frames()]), flush)
+    assert [len(batch.transfers) for batch in got.batches] == [6, 0]
+    assert [row["unique_id"] for row in got.messages[name]] == [of["unique_id"] for of in fields]
+
+
 @pytest.mark.parametrize("flushed", [False, True])
 def test_held_frames_are_settled_across_batches(decode: Any, flush: Any, flushed: bool) -> None:
     texts = [lines([at(k * MS, unknown(k).frames()[0])]) for k in range(4)]

@@ -226,3 +226,15 @@ def test_relative_captures_say_so(decode: Callable[..., Any], registry: Registry
     text = "".join(encode.log_line(replace(frame, t=k * SECOND)) + "\n" for k in range(3)).encode()
     assert "Time       0.000000 s to 2.000000 s (relative), 2.000 s" in render(facts(decode(text), registry))
     assert np.iinfo(np.int64).max > START
+
+
+def test_a_forced_reading_stands_against_the_data(decode: Callable[..., Any], registry: Registry) -> None:
+    got = decode((VECTORS.parent.parent / "captures" / "hover.log").read_bytes())
+    summary = Summary(registry, {11: ["dronecan"], 12: ["K"]})
+    for batch in got.batches:
+        summary.add(batch)
+    stated = {(s.reading, s.node): s.choice for s in summary.finish(Stored(), got.engine).readings}
+    assert stated["dialect", 11] == "dronecan (forced)"
+    assert stated["dialect", 12] == "tm"
+    assert stated["temperature", 12] == "K (forced)"
+    assert stated["temperature", 11] == "degC"

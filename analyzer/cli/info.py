@@ -18,6 +18,10 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     options.add_output(parser)
     parser.add_argument("-T", dest="form", choices=("text", "json"), default="text", help="default: text")
     parser.add_argument("--all", action="store_true", help="every node and identifier, however many")
+    parser.add_argument(
+        "--dialect", action="append", default=[], type=options.dialect, metavar="NODE=CHOICE",
+        help="how to read a node's doubtful fields, against its own data (24=tm, 24=dronecan, 24=K); repeatable",
+    )  # fmt: skip
     parser.set_defaults(run=run)
 
 
@@ -29,7 +33,10 @@ def run(args: argparse.Namespace) -> int:
 
     with Session(args) as session:
         session.source.hashed = True
-        summary = Summary(session.registry)
+        forced: dict[int, list[str]] = {}
+        for node, choice in args.dialect:
+            forced.setdefault(node, []).append(choice)
+        summary = Summary(session.registry, forced)
         for batch in session.batches():
             summary.add(batch)
         facts = summary.finish(session.source, session.engine)

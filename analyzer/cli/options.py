@@ -90,6 +90,14 @@ def positive(text: str) -> int:
     return int(text)
 
 
+def dialect(text: str) -> tuple[int, str]:
+    """`24=tm` as node ID and choice."""
+    node, equals, choice = text.partition("=")
+    if not equals or not choice or not node.isdecimal() or not 1 <= int(node) <= 127:
+        raise argparse.ArgumentTypeError(f"{text!r} is not NODE=CHOICE with a node ID from 1 to 127")
+    return int(node), choice
+
+
 def capture_name(args: argparse.Namespace) -> str:
     """The capture, given either way."""
     return args.capture if args.capture is not None else str(args.capture_)

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 CHUNK = 1 << 20
 FOLLOW_PAUSE = 0.1
 
-# Bits of Engine.stamps.
-STAMP_KINDS = ("absolute", "date without zone", "relative to the first frame", "differences", "none")
 
 _GZIP = b"\x1f\x8b"
 _OTHERS = {

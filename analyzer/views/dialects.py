@@ -11,7 +11,7 @@ from analyzer.tables import numbers
 from analyzer.views.meaning import meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator, Mapping
 
     import numpy.typing as npt
 
@@ -34,9 +34,14 @@ class Statement(NamedTuple):
 
 
 class Dialects:
-    """Collects evidence over batches. Only rows with a good CRC count."""
+    """Collects evidence over batches. Only rows with a good CRC count.
 
-    def __init__(self) -> None:
+    Args:
+        forced: choices by node ID that stand against any evidence.
+    """
+
+    def __init__(self, forced: Mapping[int, Collection[str]] | None = None) -> None:
+        self._forced = forced or {}
         # (message table, reading, evidence) -> node -> seen inside the limits, seen outside of them
         self._seen: dict[tuple[str, int, int], dict[Node, tuple[bool, bool]]] = {}
         self._messages: dict[str, Message] = {}
@@ -79,6 +84,9 @@ class Dialects:
                     )
 
     def _choice(self, table: str, r: int, reading: Reading, node: Node) -> str:
+        for choice in self._forced.get(node[1], ()):
+            if choice in reading.choices:
+                return f"{choice} (forced)"
         for e, evidence in enumerate(reading.evidence):
             if evidence.sends:
                 holds = any(node in self._nodes.get(name, ()) for name in evidence.sends)

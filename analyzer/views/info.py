@@ -49,6 +49,7 @@ def _head(facts: Facts) -> Iterator[str]:
     yield from _labelled("File", [f"{escape(facts.name)}, {facts.form}, {facts.size} bytes"])
     yield from _labelled("SHA-256", [facts.sha256])
     yield from _labelled("Time", [_span(facts)])
+    yield from _labelled("Stamps", [", ".join(facts.stamps) or "none"])
     lines = facts.lines
     events = lines["error_frames"] + lines["drops"] + lines["comments"]
     terms = [

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pyarrow as pa
 
-from analyzer.tables import EVENTS, KINDS, VERDICTS, numbers
+from analyzer.tables import EVENTS, KINDS, STAMPS, VERDICTS, numbers
 from analyzer.views.cells import pylist
 from analyzer.views.dialects import Dialects, Statement
 from analyzer.views.rows import type_name
 from analyzer.views.traffic import BIT_RATE, SECOND, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping
 
     from analyzer.engine import Batch, Engine
     from dissectors import Registry
@@ -79,6 +79,7 @@ class Facts:
     start: int | None
     end: int | None
     absolute: bool
+    stamps: tuple[str, ...]
     lines: Mapping[str, int]
     verdicts: Mapping[str, int]
     balanced: bool
@@ -99,13 +100,13 @@ class Summary:
     Bounds: `MOST_TALKS` combinations of bus, node and type, `MOST_IDS` foreign identifiers, `MOST_NODES` versions.
     """
 
-    def __init__(self, registry: Registry) -> None:
+    def __init__(self, registry: Registry, forced: Mapping[int, Collection[str]] | None = None) -> None:
         self._registry = registry
         self._buses: dict[int, BusCount] = {}
         self._names: tuple[str, ...] = ()
         self._talks = Talks()
         self._foreign = ForeignIds()
-        self._dialects = Dialects()
+        self._dialects = Dialects(forced)
         self._software: dict[tuple[int, int], str] = {}
         self._dropped = False
 
@@ -140,6 +141,7 @@ class Summary:
             start=start,
             end=end,
             absolute=start is not None and start >= YEAR_2000,
+            stamps=tuple(name for bit, name in enumerate(STAMPS) if engine.stamps >> bit & 1),
             lines=totals.lines,
             verdicts=totals.verdicts,
             balanced=totals.balanced,

@@ -8,9 +8,7 @@ use _native::transfers::{anomaly, Status};
 use _native::verdict::{flaw, Verdict};
 
 use crate::sender::{cut, message_id, signatures};
-use crate::{Bus, MS};
-
-const ESC: u32 = (16 << 24) | (1034 << 8) | 10;
+use crate::{Bus, ESC, MS};
 
 /// A good transfer, then one that never ends, of this many middle frames.
 fn endless(body: &[u8], frames: usize) -> Bus {
@@ -61,7 +59,8 @@ fn every_transfer_id_has_one_slot() {
         }
     }
     let capture = bus.end();
-    let status = |status| capture.transfers.status.iter().filter(|&&s| s == status as u8).count();
+    let rows = &capture.transfers;
+    let status = |status| -> usize { rows.status.iter().map(|&s| usize::from(s == status as u8)).sum() };
     // Later starts have left all but the last of them behind.
     assert_eq!(
         (status(Status::Ok), status(Status::Interrupted), status(Status::Open)),

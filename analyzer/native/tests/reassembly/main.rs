@@ -18,6 +18,8 @@ use capture::Capture;
 use sender::{cut, signatures};
 
 pub(crate) const MS: i64 = 1_000_000;
+/// Messages of a known type (1034) from node 10.
+pub(crate) const ESC: u32 = 0x1004_0A0A;
 
 /// Frames under way to the reassembly: one bus, 1 ms from frame to frame.
 #[derive(Default)]

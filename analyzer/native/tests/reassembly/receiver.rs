@@ -11,12 +11,11 @@ use _native::verdict::{flaw, Verdict};
 
 use crate::capture::Capture;
 use crate::sender::{anonymous_id, crc, cut, message_id, signature_of, signatures};
-use crate::{Bus, MS};
+use crate::{Bus, ESC, MS};
 
 use Status::{BadCrc, Interrupted, Ok as Good, Open, TimedOut, TooShort, Unchecked};
 use Verdict::{AnonymousMulti, Duplicate, Foreign, NoTail, Orphan, Used, WrongToggle, WrongTransferId};
 
-const ESC: u32 = (16 << 24) | (1034 << 8) | 10;
 /// Three frames.
 const PAYLOAD: [u8; 14] = *b"a long payload";
 
@@ -111,8 +110,8 @@ fn transfers_that_interleave_are_both_delivered() {
     assert_eq!(capture.transfers.payload_of(2), b"another payload");
     let sources = |bus: &mut Bus, part: &dyn Fn(usize) -> Vec<u8>| {
         let other = cut(ESC + 1, 5, &PAYLOAD, false);
-        for at in 0..3 {
-            bus.frame(ESC, &part(at)).frame(ESC + 1, &other[at]);
+        for (at, data) in other.iter().enumerate() {
+            bus.frame(ESC, &part(at)).frame(ESC + 1, data);
         }
     };
     after_a_good_one(sources, &[Used; 6], &[(Good, 0), (Good, 0)]);

@@ -5,15 +5,15 @@ use _native::transfers::Status;
 use _native::verdict::{flaw, Verdict};
 
 use crate::sender::{anonymous_id, cut, message_id, service_id, signatures};
-use crate::Bus;
+use crate::{Bus, ESC};
 
-const ESC: u32 = (16 << 24) | (1034 << 8) | 10;
-const UNKNOWN: u32 = (16 << 24) | (20_000 << 8) | 10;
+/// Of a type without a definition.
+const UNKNOWN: u32 = 0x104E_200A;
 
 /// Used frames and foreign ones.
 fn used_and_foreign(bus: &Bus) -> (usize, usize) {
     let capture = bus.end();
-    let of = |verdict| capture.verdict.iter().filter(|&&v| v == verdict as u8).count();
+    let of = |verdict| capture.verdict.iter().map(|&v| usize::from(v == verdict as u8)).sum();
     (of(Verdict::Used), of(Verdict::Foreign))
 }
 
