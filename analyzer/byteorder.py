@@ -10,6 +10,7 @@ third proof. Everything goes by row numbers, so it does not matter where the cap
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,7 +37,8 @@ _NODES = 1 << 16
 
 def senders(table: pa.RecordBatch) -> Words:
     """The sending node of every row, u16: bus and source node ID."""
-    return numbers(table.column("bus")).astype(np.uint16) << np.uint16(8) | numbers(table.column("src"))
+    nodes: Words = numbers(table.column("bus")).astype(np.uint16) << np.uint16(8) | numbers(table.column("src"))
+    return nodes
 
 
 def swapped(data: Words, starts: Words, ends: Words, places: Iterable[tuple[int, int]]) -> Words:
@@ -112,7 +114,7 @@ class ByteOrder:
         proof = np.zeros((2, len(rows)), bool)
         for name, agreement in pairs:
             said = self._said(messages.get(agreement.message), agreement, nodes, found.positions[rows])
-            scale = found.packet.notes[name].scale or 1
+            scale = found.packet.notes[name].scale or Fraction(1)
             near = [
                 np.abs(linear(numbers(reading[name]), scale) - said) <= float(agreement.within) * np.abs(said)
                 for reading in readings

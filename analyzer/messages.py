@@ -51,6 +51,7 @@ class Unpacker:
     _plan: _native.Plan = field(init=False)
 
     def __post_init__(self) -> None:
+        """Compiles the plan."""
         self._plan = _native.Plan(plan(self.layout))
 
     def run(self, offsets: bytes, payload: bytes, codes: Words, rows: Words | None = None) -> Unpacked:
@@ -112,7 +113,8 @@ class Messages:
                 if message is not None and here.size:
                     out[message.table] = self._decode(message, transfers, payload, here, first_row)
         # Packets come last: how their bytes are read depends on the messages around them.
-        found = [one for name in self._carriers.keys() & out.keys() for one in self._finder.find(self._carriers[name], out[name])]
+        carrying = [(self._carriers[name], table) for name, table in out.items() if name in self._carriers]
+        found = [one for message, table in carrying for one in self._finder.find(message, table)]
         self._order.learn(out, found, self._unpack)
         return out | {one.table: self._packets(one) for one in found}
 

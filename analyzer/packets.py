@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     Words = npt.NDArray[Any]
 
 NO_FAMILY = 255
+_STEPS = ("count_step", "count_step_id")
 REASONS = ("no header", "unknown frame id", "truncated")
 
 
@@ -133,9 +134,8 @@ def _verdicts(here: Words, got: dict[str, Words]) -> list[tuple[pa.Field, pa.Arr
         ("packet_ok", pa.array(ok)),
         *((name, pa.array(flag)) for name, flag in flags.items()),
         ("checksum_end", pa.array(end, mask=end == 0)),
+        *((name, pa.array(got[name][here], mask=got[f"{name}_valid"][here] == 0)) for name in _STEPS),
     ]
-    for name in ("count_step", "count_step_id"):
-        columns.append((name, pa.array(got[name][here], mask=got[f"{name}_valid"][here] == 0)))
     return [(pa.field(name, array.type), array) for name, array in columns]
 
 

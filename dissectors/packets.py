@@ -92,9 +92,9 @@ def _packet(table: Table, head: Table, carrier: str, reader: NoteReader) -> Pack
 
 
 def _numbers(kind: Type, start: int = 0) -> Iterator[tuple[int, int]]:
-    """(first byte, bytes) of the numbers of two or more whole bytes in a value of fixed size that begins at bit `start`.
+    """(first byte, bytes) of the numbers of two or more whole bytes in a value of fixed size.
 
-    What is inside a union is left out: its places depend on the tag.
+    The value begins at bit `start`. What is inside a union is left out: its places depend on the tag.
     """
     if isinstance(kind, Primitive):
         if kind.kind != "void" and kind.bits > 8 and kind.bits % 8 == start % 8 == 0:

@@ -111,8 +111,10 @@ class Note:
     `name` is the display name (the DSDL name stays valid as an alias; empty means no other name). `scale` makes the
     raw value physical, in `unit`. `special` are raw values that are not numbers ("no change"), outside `enum` and
     outside the limits. `low` and `high` are inclusive limits of the raw value. `text` is a byte array that holds
-    characters, up to NUL; `hex` prefers hexadecimal on display. Of packets alone: a counter that `wraps` starts again
-    at 0 behind the largest raw value, and `agrees` says what the field is compared with to find the sender's byte order.
+    characters, up to NUL; `hex` prefers hexadecimal on display.
+
+    Only fields of packets have the last two: a counter that `wraps` starts again at 0 behind its largest raw value, and
+    `agrees` is what the field is compared with to find the sender's byte order.
     """
 
     name: str = ""

@@ -7,34 +7,50 @@ import os
 import shlex
 import subprocess
 import sys
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
+    from typing import IO
 
 
 @contextlib.contextmanager
-def paged(args: argparse.Namespace) -> Iterator[TextIO]:
+def paged(args: argparse.Namespace) -> Iterator[IO[str]]:
     """Standard output, or on a terminal the pager's input. A pager that is quit early ends the command quietly."""
-    command = shlex.split(os.environ.get("TAILBYTE_PAGER") or os.environ.get("PAGER") or "less")
-    if args.no_pager or getattr(args, "follow", False) or not sys.stdout.isatty() or not command or command == ["cat"]:
+    pager = None if args.no_pager or args.follow or not sys.stdout.isatty() else _start(_command())
+    if pager is None or pager.stdin is None:
         yield sys.stdout
         return
-    sys.stdout.flush()
-    environment = {**os.environ, "LESS": os.environ.get("LESS", "FRX")}
-    try:
-        pager = subprocess.Popen(command, stdin=subprocess.PIPE, text=True, encoding="utf-8", env=environment)  # noqa: S603 - the user's own pager
-    except OSError:
-        yield sys.stdout
-        return
-    assert pager.stdin is not None  # noqa: S101 - asked for above
     try:
         yield pager.stdin
     finally:
         with contextlib.suppress(BrokenPipeError):
             pager.stdin.close()
         _wait(pager)
+
+
+def _command() -> list[str]:
+    """TAILBYTE_PAGER before PAGER before less; empty, `cat` or not a command line: no pager."""
+    text = next((os.environ[name] for name in ("TAILBYTE_PAGER", "PAGER") if name in os.environ), "less")
+    try:
+        command = shlex.split(text)
+    except ValueError:
+        return []
+    return [] if command == ["cat"] else command
+
+
+def _start(command: list[str]) -> subprocess.Popen[str] | None:
+    if not command:
+        return None
+    sys.stdout.flush()
+    environment = {**os.environ, "LESS": os.environ.get("LESS", "FRX")}
+    try:
+        return subprocess.Popen(  # noqa: S603 - the user's own pager
+            command, stdin=subprocess.PIPE, env=environment, encoding=sys.stdout.encoding, errors=sys.stdout.errors
+        )
+    except OSError:
+        return None
 
 
 def _wait(pager: subprocess.Popen[str]) -> None:
