@@ -28,6 +28,8 @@ class Unwrapper:
 
     def follow(self, counters: Words, raw: Words) -> Words:
         """The continued values, u64, of raw values in the order sent; `counters` (integers) tell whose each is."""
+        if not len(raw):
+            return np.empty(0, np.uint64)
         order = np.argsort(counters, kind="stable")
         mine, values = counters[order], raw[order].astype(np.int64)
         fresh = np.ones(len(mine), bool)

@@ -13,7 +13,7 @@ import numpy as np
 from analyzer.tables import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     import numpy.typing as npt
 
@@ -24,15 +24,20 @@ if TYPE_CHECKING:
 SECOND = 1_000_000_000
 AROUND = SECOND
 _UNITS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": SECOND, "min": 60 * SECOND, "h": 3600 * SECOND}
-_NUMBER = re.compile(r"(\d+)(?:\.(\d{1,9}))?")
+_NEVER = np.iinfo(np.int64).min  # a time that is not there
+_NOTHING = int(np.iinfo(np.int64).max), _NEVER
+# Batches that wait for a point that is still to come; each takes some 20 MB.
+MOST_WAITING = 8
+# A time of day that was over longer than this when the capture starts is the next day's.
+_ROUNDED = 3600 * SECOND
 # A bare number below this counts seconds from the first frame, above it seconds since 1970.
 _EPOCH_FROM = 100_000_000
 
 
 def duration(text: str) -> int:
     """`10`, `10s`, `250ms`, `1.5min` as nanoseconds. Raises ValueError."""
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([a-z]*)", text.strip())
-    unit = _UNITS.get((match[2] or "s") if match else "")
+    match = re.fullmatch(r"(\d{1,30}(?:\.\d+)?)\s*([a-z]*)", text.strip())
+    unit = _UNITS.get(match[2] or "s") if match else None
     if match is None or unit is None:
         raise ValueError(f"{text!r} is not a duration (10s, 250ms, 1.5min)")
     return _scaled(match[1], unit)
@@ -40,7 +45,8 @@ def duration(text: str) -> int:
 
 def _scaled(text: str, unit: int) -> int:
     whole, _, fraction = text.partition(".")
-    return int(whole) * unit + int((fraction or "0")[:12]) * unit // 10 ** len((fraction or "0")[:12])
+    digits = (fraction or "0")[:12]
+    return int(whole) * unit + int(digits) * unit // int("1" + "0" * len(digits))
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +68,8 @@ class Moment:
         try:
             if "-" not in text:
                 day = time.fromisoformat(clock)
+                if day.tzinfo is not None:  # the hours of another zone would be taken for local ones
+                    raise ValueError(text)
                 return cls("of day", ((day.hour * 60 + day.minute) * 60 + day.second) * SECOND + extra)
             stamp = datetime.fromisoformat(clock).astimezone(UTC)
             return cls("absolute", int(stamp.timestamp()) * SECOND + extra)
@@ -74,13 +82,16 @@ class Moment:
             return self.ns
         if self.kind == "since start":
             return start + self.ns
-        midnight = datetime.fromtimestamp(start // SECOND).astimezone()
-        midnight = midnight.replace(hour=0, minute=0, second=0, microsecond=0)
-        moment = int(midnight.timestamp()) * SECOND + self.ns
-        # A flight past midnight: the hour that is over when the capture starts is the next day's.
-        if moment < start - SECOND:
-            moment = int((midnight + timedelta(days=1)).timestamp()) * SECOND + self.ns
+        day = datetime.fromtimestamp(start // SECOND)  # noqa: DTZ006 - a person's time of day is local
+        for date in (day.date(), day.date() + timedelta(days=1)):
+            moment = int(datetime.combine(date, time()).timestamp()) * SECOND + self.ns
+            if moment >= start - _ROUNDED:
+                break
         return moment
+
+    def fits(self, start: int) -> bool:
+        """Whether a capture whose first frame has the time `start` has such times: relative ones have no date."""
+        return self.kind == "since start" or start >= _EPOCH_FROM * SECOND
 
 
 _NUMBER_TAIL = re.compile(r"\.\d+")
@@ -90,7 +101,8 @@ _NUMBER_TAIL = re.compile(r"\.\d+")
 class Window:
     """The limits asked for; all that are given must hold.
 
-    `frames` are frame numbers from 1, both included. `around` is a frame number or a moment, with the time to each side.
+    `frames` are frame numbers from 1, both included. `around` is a frame number or a moment, `margin` the time to each
+    side of it.
     """
 
     start: Moment | None = None
@@ -100,100 +112,165 @@ class Window:
     margin: int = AROUND
     frames: tuple[int, int] | None = None
 
-    def apply(self, batches: Iterable[Batch]) -> Iterator[tuple[Batch, Rows, int | None]]:
-        """Every batch with the transfer rows inside the window, in order of their first frames.
-
-        The third value is the zero of relative times: the first frame's time, or that of `around`. Batches before an
-        anchor that is still to come wait, but no longer than the window is wide.
-        """
-        state = _Progress(self)
-        for batch in batches:
-            yield from state.take(batch)
-        yield from state.end()
+    @property
+    def timed(self) -> bool:
+        """Whether it asks for times, which not every capture has."""
+        return any(isinstance(limit, Moment) for limit in (self.start, self.stop, self.around)) or self.last is not None
 
 
-class _Progress:
-    def __init__(self, window: Window) -> None:
+class Selection:
+    """Applies a window to batches while they go by.
+
+    Args:
+        window: what is wanted.
+        again: gives the batches once more, or None where that is impossible. Needed when more is wanted from before a
+            point that is found late (the end, a frame) than `MOST_WAITING` batches hold.
+
+    `problem` says afterwards why the window does not fit the capture, None if it does.
+    """
+
+    def __init__(self, window: Window, again: Callable[[], Iterable[Batch] | None] = lambda: None) -> None:
         self.window = window
-        self.first: int | None = None
-        self.latest: int | None = None
-        self.anchor: int | None = None
-        self.waiting: deque[tuple[Batch, int | None]] = deque()
+        self.problem: str | None = None
+        self._again = again
+        self._first: int | None = None
+        self._latest: int | None = None
+        self._anchor: int | None = None
+        self._frames = 0
+        self._waiting: deque[tuple[Batch, int]] = deque()
+        self._dropped = _NEVER
 
-    def take(self, batch: Batch) -> Iterator[tuple[Batch, Rows, int | None]]:
-        times = numbers(batch.frames.column("t"))
-        valid = times != np.iinfo(np.int64).min
-        newest = int(times[valid].max()) if valid.any() else None
-        if self.first is None and newest is not None:
-            self.first = int(times[valid][0])
-        if newest is not None:
-            self.latest = newest if self.latest is None else max(self.latest, newest)
-        self._find_anchor(batch)
-        if self.window.last is None and (self.window.around is None or self.anchor is not None):
-            yield from self._release()
-            yield self._pick(batch)
-            return
-        self.waiting.append((batch, newest))
-        width = self.window.last if self.window.last is not None else self.window.margin
-        while self.latest is not None and len(self.waiting) > 1:
-            oldest = self.waiting[0][1]
-            if oldest is None or oldest >= self.latest - width:
-                break
-            batch, _ = self.waiting.popleft()
-            yield batch, np.zeros(0, np.int64), self.first
+    def apply(self, batches: Iterable[Batch]) -> Iterator[tuple[Batch, Rows, int | None]]:
+        """Batches with the transfer rows inside the window, in order of their first frames.
 
-    def end(self) -> Iterator[tuple[Batch, Rows, int | None]]:
+        The third value is the zero of relative times: the first frame's time, or that of `around`. Batches that are
+        surely too early for a window that is found late are left out.
+        """
+        for batch in batches:
+            newest = self._look(batch)
+            if self._known():
+                yield from self._release()
+                yield self._pick(batch)
+            else:
+                self._hold(batch, newest)
+        self._conclude()
+        if self._lost():
+            self._waiting.clear()
+            batches_ = self._again()
+            if batches_ is not None:
+                yield from map(self._pick, batches_)
+                return
+            self.problem = "the window is too wide for a pipe: save the capture to a file first"
         yield from self._release()
 
-    def _release(self) -> Iterator[tuple[Batch, Rows, int | None]]:
-        while self.waiting:
-            yield self._pick(self.waiting.popleft()[0])
+    def _look(self, batch: Batch) -> int:
+        """Takes note of the times of a batch; returns the newest one of its frames and transfers."""
+        newest = _NEVER
+        for table, column in ((batch.transfers, "t_end"), (batch.frames, "t")):
+            times = numbers(table.column(column))
+            times = times[times != _NEVER]
+            if times.size:
+                newest = max(newest, int(times.max()))
+        if newest != _NEVER:
+            if self._first is None and times.size:
+                self._first = int(times[0])
+            self._latest = newest if self._latest is None else max(self._latest, newest)
+        self._frames = batch.first_frame + len(batch.frames)
+        self._find_anchor(batch)
+        return newest
+
+    def _known(self) -> bool:
+        """Whether rows can be picked already. Once batches are lost only a second reading gets them in order."""
+        return (
+            self.window.last is None and (self.window.around is None or self._anchor is not None) and not self._lost()
+        )
 
     def _find_anchor(self, batch: Batch) -> None:
         around = self.window.around
-        if around is None or self.anchor is not None or self.first is None:
+        if around is None or self._anchor is not None or self._first is None:
             return
         if isinstance(around, Moment):
-            moment = around.at(self.first)
-            if self.latest is not None and self.latest >= moment:
-                self.anchor = moment
-        elif batch.first_frame <= around - 1 < batch.first_frame + len(batch.frames):
-            self.anchor = batch.frames.column("t").cast("int64")[around - 1 - batch.first_frame].as_py()
+            moment = around.at(self._first)
+            if around.fits(self._first) and self._latest is not None and self._latest >= moment:
+                self._anchor = moment
+        elif batch.first_frame <= around - 1 < self._frames:
+            self._anchor = batch.frames.column("t").cast("int64")[around - 1 - batch.first_frame].as_py()
+
+    def _hold(self, batch: Batch, newest: int) -> None:
+        """Keeps a batch until it is known whether it is wanted; one that is too old stays as the past of the next."""
+        self._waiting.append((batch, newest))
+        width = self.window.margin if self.window.last is None else self.window.last
+        while len(self._waiting) > 2:
+            recent = self._latest is not None and self._waiting[1][1] >= self._latest - width
+            if recent and len(self._waiting) <= MOST_WAITING:
+                return
+            _, time_ = self._waiting.popleft()
+            if recent:
+                self._dropped = max(self._dropped, time_)
+
+    def _lost(self) -> bool:
+        """Whether something was dropped that is inside the window after all."""
+        low, _ = self._limits()
+        return self._dropped != _NEVER and (low is None or self._dropped >= low)
+
+    def _release(self) -> Iterator[tuple[Batch, Rows, int | None]]:
+        while self._waiting:
+            yield self._pick(self._waiting.popleft()[0])
+
+    def _conclude(self) -> None:
+        """The end of the capture: what was not found until now is not there."""
+        window = self.window
+        if window.timed and self._frames and self._first is None:
+            self.problem = "without times: only --frames and -c can choose a part of it"
+        elif self._first is not None and any(
+            isinstance(m, Moment) and not m.fits(self._first) for m in (window.start, window.stop, window.around)
+        ):
+            self.problem = "its times are relative: give seconds from the first frame"
+        elif isinstance(window.around, Moment) and self._first is not None:
+            self._anchor = window.around.at(self._first)
+        elif window.around is not None and self._anchor is None:
+            there = not isinstance(window.around, Moment) and window.around <= self._frames
+            self.problem = (
+                f"frame {window.around} has no time: --around cannot tell what is near"
+                if there
+                else f"no frame {window.around}: the capture has {self._frames}"
+            )
 
     def _pick(self, batch: Batch) -> tuple[Batch, Rows, int | None]:
+        zero = self._first if self._anchor is None else self._anchor
         window, transfers = self.window, batch.transfers
-        offsets = np.frombuffer(transfers.column("frame").buffers()[1], np.int32)[: len(transfers) + 1]
-        numbers_ = numbers(transfers.column("frame").values)
-        keep = np.ones(len(transfers), bool)
         if not len(transfers):
-            return batch, np.zeros(0, np.int64), self._zero()
-        first, last = numbers_[offsets[:-1]], numbers_[offsets[1:] - 1]
+            return batch, np.zeros(0, np.int64), zero
+        offsets = np.frombuffer(transfers.column("frame").buffers()[1], np.int32)[: len(transfers) + 1]
+        frames = numbers(transfers.column("frame").values)
+        first, last = frames[offsets[:-1]], frames[offsets[1:] - 1]
         t, t_end = numbers(transfers.column("t")), numbers(transfers.column("t_end"))
+        keep = np.ones(len(transfers), bool)
         low, high = self._limits()
         if low is not None:
-            keep &= t_end >= low
+            keep &= (t_end >= low) & (t_end != _NEVER)
         if high is not None:
-            keep &= (t <= high) & (t != np.iinfo(np.int64).min)
+            keep &= (t <= high) & (t != _NEVER)
         if window.frames is not None:
             keep &= (last + 1 >= window.frames[0]) & (first + 1 <= window.frames[1])
         rows = np.flatnonzero(keep)
-        return batch, rows[np.argsort(first[rows], kind="stable")], self._zero()
-
-    def _zero(self) -> int | None:
-        return self.first if self.anchor is None else self.anchor
+        return batch, rows[np.argsort(first[rows], kind="stable")], zero
 
     def _limits(self) -> tuple[int | None, int | None]:
-        """Bounds in nanoseconds; a bound that can never be met when the anchor was not found."""
+        """Bounds in nanoseconds; bounds that nothing meets where the times needed are not there."""
         window, lows, highs = self.window, list[int](), list[int]()
-        if window.start is not None and self.first is not None:
-            lows.append(window.start.at(self.first))
-        if window.stop is not None and self.first is not None:
-            highs.append(window.stop.at(self.first))
-        if window.last is not None and self.latest is not None:
-            lows.append(self.latest - window.last)
+        if window.timed and self._first is None:
+            return _NOTHING
+        for moment, bounds in ((window.start, lows), (window.stop, highs)):
+            if moment is not None and self._first is not None:
+                if not moment.fits(self._first):
+                    return _NOTHING
+                bounds.append(moment.at(self._first))
+        if window.last is not None and self._latest is not None:
+            lows.append(self._latest - window.last)
         if window.around is not None:
-            if self.anchor is None:
-                return np.iinfo(np.int64).max, np.iinfo(np.int64).min + 1
-            lows.append(self.anchor - window.margin)
-            highs.append(self.anchor + window.margin)
+            if self._anchor is None:
+                return _NOTHING
+            lows.append(self._anchor - window.margin)
+            highs.append(self._anchor + window.margin)
         return max(lows, default=None), min(highs, default=None)

@@ -6,10 +6,11 @@ Nothing heavy is imported before the arguments are known: `--help` has to be ins
 from __future__ import annotations
 
 import argparse
-import os
 import signal
 import sys
 from typing import TYPE_CHECKING, NoReturn
+
+from analyzer.cli import streams
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +27,10 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """One line and exit status 2."""
-        self.exit(USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
+        from analyzer.views.terminal import escape  # noqa: PLC0415 - `--help` does without
+
+        streams.tell(f"{self.prog}: {escape(message)} (see {self.prog} --help)\n")
+        raise SystemExit(USAGE)
 
 
 class Version(argparse.Action):
@@ -69,18 +73,27 @@ def version() -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command; returns the exit status and never raises for anything a capture or a user can do."""
     try:
-        args = parser().parse_args(argv)
-        status: int = args.run(args)
+        streams.prepare()
+        status = _run(argv)
         sys.stdout.flush()
     except KeyboardInterrupt:
         return _interrupted()
     except BrokenPipeError:
-        _forget_stdout()
+        streams.forget_stdout()
         return OK
     except OSError as error:
-        _forget_stdout()
-        return _complain(f"standard output: {error.strerror or error}", DAMAGED)
+        streams.forget_stdout()
+        streams.complain(f"standard output: {error.strerror or error}")
+        return DAMAGED
     return status
+
+
+def _run(argv: Sequence[str] | None) -> int:
+    try:
+        args = parser().parse_args(argv)
+        return int(args.run(args))
+    except SystemExit as leave:  # argparse has said what there is to say
+        return leave.code if isinstance(leave.code, int) else OK
 
 
 def _interrupted() -> int:
@@ -88,17 +101,5 @@ def _interrupted() -> int:
     try:
         sys.stdout.flush()
     except OSError:
-        _forget_stdout()
+        streams.forget_stdout()
     return INTERRUPTED
-
-
-def _forget_stdout() -> None:
-    """What is still buffered cannot be written; without this the interpreter tries again at its exit and complains."""
-    sink = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(sink, 1)
-    os.close(sink)
-
-
-def _complain(text: str, status: int) -> int:
-    sys.stderr.write(f"tailbyte: {text}\n")
-    return status

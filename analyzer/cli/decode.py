@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from analyzer.cli import USAGE, options
+from analyzer.cli import USAGE, options, streams
 
 if TYPE_CHECKING:
     from analyzer.cli.session import Session
@@ -30,8 +30,10 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     show.add_argument("-q", dest="quiet", action="store_true", help="decode and check, but list nothing")
     show.add_argument("-t", dest="time", choices=_TIMES, default="r", metavar="a|ad|d|dd|e|r|u|ud", help=_TIME_HELP)
     show.add_argument("-T", dest="form", choices=_FORMS, default="text", help="default: text")
-    show.add_argument("-e", dest="fields", action="append", default=[], metavar="FIELD", help="a field of -T fields; repeatable")
-    show.add_argument("--follow", action="store_true", help="wait for more at the end of a growing file")
+    show.add_argument(
+        "-e", dest="fields", action="append", default=[], metavar="FIELD", help="a field of -T fields; repeatable"
+    )
+    show.add_argument("--follow", action="store_true", help="show at once what comes; wait at the end of a file")
     options.add_window(parser)
     options.add_output(parser)
     parser.set_defaults(run=run)
@@ -44,6 +46,8 @@ def run(args: argparse.Namespace) -> int:
     """Reads the capture once, writes the chosen view, and accounts for every line on standard error."""
     if bool(args.fields) != (args.form == "fields"):
         return _usage("-T fields and -e FIELD go together")
+    if args.follow and args.last is not None:
+        return _usage("--last needs an end, --follow has none")
     from analyzer.cli.session import Session  # noqa: PLC0415
     from analyzer.cli.writers import writer  # noqa: PLC0415
 
@@ -66,27 +70,34 @@ def _decode(args: argparse.Namespace, session: Session, window: Window) -> None:
     """Writes what the window lets through; stops early only when `-c` says so."""
     from analyzer.cli.pager import paged  # noqa: PLC0415
     from analyzer.cli.writers import writer  # noqa: PLC0415
+    from analyzer.window import Selection  # noqa: PLC0415
 
+    selection = Selection(window, session.again)
     view: Writer | None = None
     shown = 0
     with paged(args) as out:
-        for batch, rows, zero in window.apply(session.batches()):
+        session.held = None if out is sys.stdout else []
+        for batch, rows, zero in selection.apply(session.batches()):
             if view is None:
                 view = writer(args, session.registry, zero)
                 out.write(view.begin())
             picked = rows if args.count is None else rows[: args.count - shown]
-            shown += len(picked)
-            out.writelines(view.rows(batch, picked))
+            for text in session.unhurried(view.rows(batch, picked)):
+                out.write(text)
+                shown += 1
             if args.follow:
                 out.flush()
             if shown == args.count:
                 break
         if view is not None:
             out.write(view.end())
+    session.release()
+    if selection.problem is not None:
+        session.reject(selection.problem)
     if args.count is None or shown < args.count:
         session.account(shown)
 
 
 def _usage(reason: str) -> int:
-    sys.stderr.write(f"tailbyte decode: {reason}\n")
+    streams.complain(f"decode: {reason}")
     return USAGE

@@ -40,7 +40,7 @@ def add_window(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--from", dest="start", metavar="TIME", help="from this time on")
     group.add_argument("--to", dest="stop", metavar="TIME", help="up to this time")
     group.add_argument("--last", metavar="10s", help="the last part of the capture")
-    group.add_argument("--around", metavar="FRAME|TIME[±1s]", help="near a frame number or a time (with a point or colon)")
+    group.add_argument("--around", metavar="FRAME|TIME[+-1s]", help="near a frame or a time (with . or :)")
     group.add_argument("--frames", metavar="A-B", help="frame numbers A to B, from 1; either may be left out")
 
 
@@ -52,7 +52,7 @@ def window(args: argparse.Namespace) -> Window:
     if args.around is not None:
         where, sign, width = args.around.replace("+-", "±").partition("±")
         margin = _checked("--around", duration, width) if sign else AROUND
-        around = int(where) if where.strip().isdecimal() else _checked("--around", Moment.parse, where)
+        around = _whole(where) if where.strip().isdecimal() else _checked("--around", Moment.parse, where)
         if around == 0:
             raise argparse.ArgumentTypeError("--around: frame numbers start at 1")
     return Window(
@@ -76,8 +76,10 @@ def _range(text: str) -> tuple[int, int]:
     match = re.fullmatch(r"(\d*)(-?)(\d*)", text.strip())
     if match is None or not (match[1] or match[3]):
         raise ValueError(f"{text!r} is not a range of frame numbers (100-200, 100-, -200, 100)")
-    first = int(match[1] or 1)
-    last = int(match[3]) if match[3] else (sys.maxsize if match[2] else first)
+    first = _whole(match[1] or "1")
+    last = _whole(match[3]) if match[3] else (sys.maxsize if match[2] else first)
+    if first < 1:
+        raise ValueError("frame numbers start at 1")
     if first > last:
         raise ValueError(f"{text!r} ends before it starts")
     return first, last
@@ -85,9 +87,15 @@ def _range(text: str) -> tuple[int, int]:
 
 def positive(text: str) -> int:
     """A count of at least 1."""
-    if not text.isdecimal() or int(text) == 0:
+    if not text.isdecimal() or _whole(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
-    return int(text)
+    return _whole(text)
+
+
+def _whole(digits: str) -> int:
+    """A number as large as anybody can count frames, however many digits it is given with."""
+    digits = digits.strip().lstrip("0") or "0"
+    return min(int(digits[:20]), sys.maxsize)
 
 
 def dialect(text: str) -> tuple[int, str]:

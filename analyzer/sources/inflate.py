@@ -44,8 +44,9 @@ def inflate(pieces: Iterable[bytes]) -> Iterator[bytes]:
             except zlib.error as error:
                 good, count = _salvage(saved, rest)
                 yield from good
-                reason = "more data behind the end of the gzip data" if between and members else _words(error)
-                raise GzipError(place + count, reason) from None
+                if between and members:
+                    raise GzipError(place, "data behind the end of the gzip data") from None
+                raise GzipError(place + count, _words(error)) from None
             left = member.unused_data if member.eof else member.unconsumed_tail
             place, rest, between = place + len(rest) - len(left), left, member.eof
             if out:

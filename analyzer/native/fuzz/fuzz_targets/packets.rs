@@ -73,7 +73,7 @@ fn assert_packet(families: &[Family], own: usize, found: &Found, at: usize, byte
         assert!(!recognized);
         return;
     };
-    assert_eq!(data[2], spec.id);
+    assert_eq!(bytes[found.start[at] as usize + family.id_at], spec.id);
     let length = usize::from(spec.length).max(family.header.len());
     if !recognized {
         assert!(data.len() < length && found.checksum_ok[at] == 0);

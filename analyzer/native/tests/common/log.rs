@@ -13,29 +13,46 @@ pub struct CanFrame {
 }
 
 impl CanFrame {
-    /// The line of `candump -l`; of `candump` for a frame without time.
+    /// The line of `candump -l`; of plain `candump` for a frame without time.
     pub fn line(&self) -> String {
-        let (t, bus, id) = (self.t, self.bus, self.id);
-        let id = if self.flags & EXTENDED == 0 {
-            format!("{:03X}", id & 0x7FF)
-        } else {
-            format!("{:08X}", id & 0x1FFF_FFFF)
-        };
-        let hex = |gap: &str| {
-            let append = |text: String, byte: &u8| text + gap + &format!("{byte:02X}");
-            self.data.iter().fold(String::new(), append)
-        };
-        if t == NO_TIME {
-            return format!("  can{bus}  {id}   [{}] {}\n", self.data.len(), hex(" "));
+        if self.t == NO_TIME {
+            return self.console("");
         }
         let data = match self.flags & (REMOTE | FD) {
-            0 => format!("#{}", hex("")),
-            FD => format!("##1{}", hex("")),
+            0 => format!("#{}", self.hex("")),
+            FD => format!("##1{}", self.hex("")),
             _ => "#R".to_owned(),
         };
-        let (seconds, fraction) = (t.div_euclid(1_000_000_000), t.rem_euclid(1_000_000_000));
-        format!("({seconds}.{fraction:09}) can{bus} {id}{data}\n")
+        format!("({}) can{} {}{data}\n", seconds(self.t), self.bus, self.identifier())
     }
+
+    /// The line that candump writes to a terminal, behind a time stamp or nothing.
+    pub fn console(&self, stamp: &str) -> String {
+        let (bus, id, length) = (self.bus, self.identifier(), self.data.len());
+        let data = match self.flags & (REMOTE | FD) {
+            0 => format!("[{length}] {}", self.hex(" ")),
+            FD => format!("[{length:02}] {}", self.hex(" ")),
+            _ => "[0]  remote request".to_owned(),
+        };
+        format!("{stamp}  can{bus}  {id}  {data}\n")
+    }
+
+    fn identifier(&self) -> String {
+        if self.flags & EXTENDED == 0 {
+            format!("{:03X}", self.id & 0x7FF)
+        } else {
+            format!("{:08X}", self.id & 0x1FFF_FFFF)
+        }
+    }
+
+    fn hex(&self, gap: &str) -> String {
+        let append = |text: String, byte: &u8| text + gap + &format!("{byte:02X}");
+        self.data.iter().fold(String::new(), append)
+    }
+}
+
+pub fn seconds(t: i64) -> String {
+    format!("{}.{:09}", t.div_euclid(1_000_000_000), t.rem_euclid(1_000_000_000))
 }
 
 pub fn text(frames: &[CanFrame]) -> Vec<u8> {

@@ -14,11 +14,12 @@ mod traffic;
 #[path = "../common/wreck.rs"]
 mod wreck;
 
+use _native::frames::BRS;
 use _native::transfers::Status;
 use _native::verdict::Verdict;
 use _native::wire::Id;
 
-use log::text;
+use log::{seconds, text};
 use random::Random;
 use sender::signatures;
 use tables::Tables;
@@ -81,6 +82,39 @@ fn valid_traffic_arrives_as_it_was_sent() {
         assert_eq!(others.iter().sum::<u64>(), tables.lines.frames);
     }
     assert!(unknown > 100, "{unknown} sessions of unknown types");
+}
+
+#[test]
+fn relative_stamps_give_the_same_tables_from_zero_on() {
+    let mut random = Random(0x5EED_0004);
+    for _ in 0..100 {
+        let frames = traffic(&mut random).frames;
+        let start = frames[0].t;
+        let mut moved = frames.clone();
+        for frame in &mut moved {
+            frame.t -= start;
+        }
+        let expected = Tables::of(std::iter::once((&text(&moved)[..], false))).capture;
+        let mut last = start;
+        let (mut since_start, mut since_last) = (String::new(), String::new());
+        for frame in &frames {
+            since_start += &frame.console(&format!(" ({})", seconds(frame.t - start)));
+            since_last += &frame.console(&format!(" ({})", seconds(frame.t - last)));
+            last = frame.t;
+        }
+        let mut forms = vec![since_start];
+        // A few differences that never shrink on one interface look like times.
+        if frames.len() > 20 {
+            forms.push(since_last);
+        }
+        for form in forms {
+            let mut capture = read(&mut random, form.as_bytes()).capture;
+            // Only the console form keeps the bit rate switch to itself.
+            let flags = capture.frames.flags.iter_mut().zip(&expected.frames.flags);
+            flags.for_each(|(flags, expected)| *flags |= expected & BRS);
+            assert_eq!(capture, expected, "{form}");
+        }
+    }
 }
 
 #[test]
