@@ -67,9 +67,7 @@ class Moment:
         extra = _scaled("0" + fraction[0], SECOND) if fraction else 0
         try:
             if "-" not in text:
-                day = time.fromisoformat(clock)
-                if day.tzinfo is not None:  # the hours of another zone would be taken for local ones
-                    raise ValueError(text)
+                day = time.fromisoformat(_NO_ZONE.sub("?", clock))
                 return cls("of day", ((day.hour * 60 + day.minute) * 60 + day.second) * SECOND + extra)
             stamp = datetime.fromisoformat(clock).astimezone(UTC)
             return cls("absolute", int(stamp.timestamp()) * SECOND + extra)
@@ -95,6 +93,7 @@ class Moment:
 
 
 _NUMBER_TAIL = re.compile(r"\.\d+")
+_NO_ZONE = re.compile(r"[Zz+]")  # a time of day is local; of another zone it would need a date
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import encode
 import pytest
+from senders import Traffic
 from sequences import lines, push, status, throttle
 
 from analyzer.views.branches import word_bits
@@ -154,3 +155,18 @@ def test_tail_words() -> None:
         "start toggle 0 ID 0",
         "toggle 1 ID 31",
     ]
+
+
+def test_a_big_endian_packet_shows_its_numbers_as_they_were_read(
+    decode: Callable[..., Any], registry: Registry
+) -> None:
+    traffic = Traffic()
+    for _ in range(4):
+        traffic.status(11)
+        traffic.motor(11, big=True, position=0x1234)
+    got = [" ".join(line.split()) for entry in details(decode(traffic.log), registry) for line in entry]
+    assert [line for line in got if line.startswith("byte order:")] == [
+        "byte order: big-endian, as this node's other messages show"
+    ]
+    shown = [line.partition(" byte")[0] for line in got if line.startswith("position:")]
+    assert shown == ["position: 133.3 deg (raw 13330)"] * 3 + ["position: 46.6 deg (raw 4660)"]

@@ -27,9 +27,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """One line and exit status 2."""
-        from analyzer.views.terminal import escape  # noqa: PLC0415 - `--help` does without
-
-        streams.tell(f"{self.prog}: {escape(message)} (see {self.prog} --help)\n")
+        streams.complain(f"{message} (see {self.prog} --help)", self.prog)
         raise SystemExit(USAGE)
 
 

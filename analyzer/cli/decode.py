@@ -99,5 +99,5 @@ def _decode(args: argparse.Namespace, session: Session, window: Window) -> None:
 
 
 def _usage(reason: str) -> int:
-    streams.complain(f"decode: {reason}")
+    streams.complain(reason, "tailbyte decode")
     return USAGE

@@ -30,15 +30,15 @@ def prepare() -> None:
         sys.stdout.reconfigure(errors=_ERRORS)
 
 
-def complain(text: str) -> None:
-    """One line on standard error, harmless to a terminal; who closed standard error does not want to hear of it."""
+def complain(text: str, who: str = "tailbyte") -> None:
+    """One line on standard error, harmless to a terminal."""
     from analyzer.views.terminal import escape  # noqa: PLC0415 - `--help` does without
 
-    tell(f"tailbyte: {escape(text)}\n")
+    tell(f"{who}: {escape(text)}\n")
 
 
 def tell(text: str) -> None:
-    """Writes to standard error if that is possible."""
+    """Writes to standard error; whoever closed it does not want to hear of it."""
     with contextlib.suppress(OSError):
         sys.stderr.write(text)
         sys.stderr.flush()

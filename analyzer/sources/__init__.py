@@ -51,7 +51,7 @@ class CaptureError(Exception):
         super().__init__(f"{name}: {place}: {reason}" if place else f"{name}: {reason}")
 
 
-class StopReading(BaseException):  # noqa: N818 - not an error: the reading is wanted to end here
+class StopReading(BaseException):
     """Raised into a source that waits, by a signal handler: the capture ends with what has come so far."""
 
 

@@ -22,42 +22,62 @@ class GzipError(Exception):
 
 
 def inflate(pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """The text of gzip members that stand one after another, in pieces of at most 1 MiB; zeros may fill up the end.
+    """The text of gzip members that stand one after another, in pieces of about 1 MiB; zeros may fill up the end.
 
     An empty piece (nothing new yet) is passed on. Raises `GzipError` behind everything that was sound.
     """
-    member, place, members = _member(), 0, 0
-    between = True
+    stream = _Stream()
     for piece in pieces:
-        rest = piece
-        if not piece:
+        if piece:
+            yield from stream.feed(piece)
+        else:
             yield b""
-        while rest:
-            if between and members:
-                place, rest = place + len(rest), rest.lstrip(b"\0")
-                place -= len(rest)
-                if not rest:
-                    break
-            saved = member.copy()
+    yield from stream.end()
+
+
+class _Stream:
+    """Where in which member the reading stands."""
+
+    def __init__(self) -> None:
+        self._member = _member()
+        self._members = self._place = 0
+        self._between = True
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """Unpacks stored bytes, one full step after another."""
+        while data := self._unpadded(data):
+            saved = self._member.copy()
             try:
-                out = member.decompress(rest, _STEP)
+                out = self._member.decompress(data, _STEP)
             except zlib.error as error:
-                good, count = _salvage(saved, rest)
+                if self._between and self._members:
+                    raise GzipError(self._place, "data behind the end of the gzip data") from None
+                good, count = _salvage(saved, data)
                 yield from good
-                if between and members:
-                    raise GzipError(place, "data behind the end of the gzip data") from None
-                raise GzipError(place + count, _words(error)) from None
-            left = member.unused_data if member.eof else member.unconsumed_tail
-            place, rest, between = place + len(rest) - len(left), left, member.eof
+                raise GzipError(self._place + count, f"damaged gzip data ({_words(error)})") from None
+            self._between = self._member.eof
+            left = self._member.unused_data if self._between else self._member.unconsumed_tail
+            self._place += len(data) - len(left)
+            data = left  # noqa: PLW2901 - the rest of it
+            if self._between:
+                self._member = _member()
+                self._members += 1
             if out:
                 yield out
-            if member.eof:
-                member, members = _member(), members + 1
-    if not between:
-        # A step that was full may have left text inside the decompressor.
-        while out := member.decompress(b"", _STEP):
-            yield out
-        raise GzipError(place, "gzip data ends early")
+
+    def end(self) -> Iterator[bytes]:
+        """A step that was full may have left text inside the decompressor; an unfinished member is an error."""
+        if not self._between:
+            while out := self._member.decompress(b"", _STEP):
+                yield out
+            raise GzipError(self._place, "gzip data ends early")
+
+    def _unpadded(self, data: bytes) -> bytes:
+        if not (self._between and self._members):
+            return data
+        rest = data.lstrip(b"\0")
+        self._place += len(data) - len(rest)
+        return rest
 
 
 def _member() -> zlib._Decompress:
@@ -65,7 +85,7 @@ def _member() -> zlib._Decompress:
 
 
 def _words(error: zlib.error) -> str:
-    return f"damaged gzip data ({str(error).rpartition(': ')[2]})"
+    return str(error).rpartition(": ")[2]
 
 
 def _salvage(member: zlib._Decompress, data: bytes) -> tuple[list[bytes], int]:

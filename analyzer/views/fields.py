@@ -138,7 +138,7 @@ def find(registry: Registry, name: str) -> Column:
         rest = words[cut:]
         packet = next((p for p in (message.packets.packets if message.packets else ()) if p.name == rest[0]), None)
         if packet is not None and len(rest) > 1:
-            return _column(f"{message.table}.{packet.name}", packet, ".".join(rest[1:]), _OF_PACKETS, name)
+            return _column(f"{message.table}.{packet.name}", packet, ".".join(rest[1:]), _measured(packet), name)
         return _column(message.table, message, ".".join(rest), _OF_MESSAGES, name)
     near = difflib.get_close_matches(name, [*_FIXED, *registry.names()], n=3, cutoff=0.5)
     raise ValueError(f"no field {name!r}" + _near(near))
@@ -178,7 +178,12 @@ def field_names(registry: Registry) -> Iterator[str]:
         message = registry.resolve(table)
         yield from (f"{table}.{column}" for column in _own(message))
         for packet in message.packets.packets if message.packets else ():
-            yield from (f"{table}.{packet.name}.{column}" for column in (*_own(packet), *_OF_PACKETS))
+            yield from (f"{table}.{packet.name}.{column}" for column in (*_own(packet), *_measured(packet)))
+
+
+def _measured(packet: Packet) -> Sequence[str]:
+    """Columns about a packet; only one that has numbers has a byte order."""
+    return (*_OF_PACKETS, "big_endian") if packet.numbers else _OF_PACKETS
 
 
 def _found(rows: Rows, column: Column) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from analyzer.tables import KINDS, STATUSES
@@ -14,16 +14,17 @@ from analyzer.views.rows import Rows, type_name
 from analyzer.views.terminal import PLAIN, Palette, escape
 from analyzer.views.times import MODES, Clock
 from analyzer.views.wording import anomalies
+from dissectors.schema import Packet
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection, Iterator, Sequence
 
     import numpy.typing as npt
 
     from analyzer.engine import Batch
     from analyzer.views.rows import Part
     from dissectors import Registry
-    from dissectors.schema import Message, Packet
+    from dissectors.schema import Message
 
 _REQUEST = KINDS.index("request")
 _ANONYMOUS = KINDS.index("anonymous")
@@ -198,7 +199,19 @@ def _packet(found: _Row, offset: int, data: Place | None) -> Iterator[str]:
     steps = [f"+{step} {scope}" for name, scope in _COUNTS.items() if (step := get(name)) is not None]
     if steps:
         yield f"{pad}{_STEP}frame count step: {', '.join(steps)}"
+    if isinstance(of, Packet) and of.numbers and get("big_endian"):
+        yield f"{pad}{_STEP}byte order: big-endian, as this node's other messages show"
+        found = replace(found, payload=_turned(found.payload, start // 8, of.numbers))
     yield from found.draw(of, where, pad + _STEP)
+
+
+def _turned(payload: bytes, first: int, numbers: Sequence[tuple[int, int]]) -> bytes:
+    """The payload with the bytes of each number of the packet at `first` the other way round."""
+    out = bytearray(payload)
+    for at, size in numbers:
+        part = slice(first + at, first + at + size)
+        out[part] = out[part][::-1]
+    return bytes(out)
 
 
 def _lines(branch: Branch, pad: str) -> Iterator[str]:
