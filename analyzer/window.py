@@ -82,7 +82,8 @@ class Moment:
             return start + self.ns
         day = datetime.fromtimestamp(start // SECOND)  # noqa: DTZ006 - a person's time of day is local
         for date in (day.date(), day.date() + timedelta(days=1)):
-            moment = int(datetime.combine(date, time()).timestamp()) * SECOND + self.ns
+            clock = datetime.combine(date, time()) + timedelta(seconds=self.ns // SECOND)
+            moment = int(clock.timestamp()) * SECOND + self.ns % SECOND
             if moment >= start - _ROUNDED:
                 break
         return moment

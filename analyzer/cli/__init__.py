@@ -15,6 +15,8 @@ from analyzer.cli import streams
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from _typeshed import SupportsWrite
+
 OK, USAGE, DAMAGED, INTERRUPTED = 0, 2, 3, 130
 
 _EPILOG = """\
@@ -24,6 +26,10 @@ not writable, 130 interrupted. Results go to standard output, everything else to
 
 class Parser(argparse.ArgumentParser):
     """Errors in one line, with the hint that a slip of the fingers deserves."""
+
+    def print_help(self, file: SupportsWrite[str] | None = None) -> None:
+        """The inherited one keeps quiet when it cannot write."""
+        (file or sys.stdout).write(self.format_help())
 
     def error(self, message: str) -> NoReturn:
         """One line and exit status 2."""

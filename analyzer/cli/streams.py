@@ -14,9 +14,10 @@ _ERRORS = "tailbyte.plain"
 def prepare() -> None:
     """Gives every stream a descriptor, and standard output a way to write what its encoding lacks.
 
-    A closed stream gets one that fails when it is used, so that no file opened later takes its number.
+    A closed one gets the null device, so that no file opened later takes its number: reading and standard output fail
+    there, since somebody should know, standard error is lost.
     """
-    for number, mode in enumerate((os.O_WRONLY, os.O_RDONLY, os.O_RDONLY)):
+    for number, mode in enumerate((os.O_WRONLY, os.O_RDONLY, os.O_WRONLY)):
         try:
             os.fstat(number)
         except OSError:

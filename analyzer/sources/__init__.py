@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import hashlib
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
+from select import select
 from typing import TYPE_CHECKING, BinaryIO
 
 from analyzer.sources.inflate import MAGIC as GZIP
@@ -146,8 +147,11 @@ class Source:
         pipe = not file.seekable()
         while not self.stopped:
             try:
-                with self._waiting(pipe):
-                    data = file.read(CHUNK)
+                if pipe:
+                    # Only this waits: StopReading cannot come between bytes that were taken and their delivery.
+                    with self._waiting(), suppress(OSError):
+                        select([file], [], [])
+                data = file.read(CHUNK)
             except StopReading:
                 self.stopped = True
                 return

@@ -58,7 +58,7 @@ class _Stream:
             self._between = self._member.eof
             left = self._member.unused_data if self._between else self._member.unconsumed_tail
             self._place += len(data) - len(left)
-            data = left  # noqa: PLW2901 - the rest of it
+            data = left
             if self._between:
                 self._member = _member()
                 self._members += 1

@@ -105,7 +105,9 @@ impl Pipeline {
                     text: &text,
                 });
             }
-            self.latest = self.latest.max(t);
+            // A stamp far ahead of all others makes one gap, it does not hide those to come.
+            let back = t < self.latest.saturating_sub(GAP_NS);
+            self.latest = if back { t } else { self.latest.max(t) };
         }
         self.events.extend(events, added..events.len());
     }

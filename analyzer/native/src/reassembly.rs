@@ -19,6 +19,9 @@ use crate::wire::{crc_start, session_bits, Id, Kind};
 /// Open transfers are looked over for the timeout this often, in capture time.
 const SWEEP_NS: i64 = 500_000_000;
 
+/// Frames that all sessions on probation may hold back together.
+pub const MAX_HELD: usize = 1 << 18;
+
 /// Asks for the signatures of (is a service, data type ID), the preferred one first; none when the type is unknown.
 pub type Resolve = Box<dyn FnMut(bool, u16) -> Vec<u64> + Send + Sync>;
 
@@ -63,7 +66,9 @@ pub struct Reassembler {
     results: Results,
     next_frame: u64,
     counts: [u64; VERDICTS],
-    /// The latest time seen, on all buses and on each.
+    /// Frames held back by sessions on probation.
+    held: usize,
+    /// The time of the last frame that had one, on all buses and on each.
     now: i64,
     bus_time: [i64; 256],
     next_sweep: i64,
@@ -82,6 +87,7 @@ impl Reassembler {
             results: Results::default(),
             next_frame: 0,
             counts: [0; VERDICTS],
+            held: 0,
             now: NO_TIME,
             bus_time: [NO_TIME; 256],
             next_sweep: NO_TIME,
@@ -98,7 +104,7 @@ impl Reassembler {
         &self.types
     }
 
-    /// The latest capture time, or [`NO_TIME`].
+    /// The time of the last frame, or [`NO_TIME`].
     pub fn now(&self) -> i64 {
         self.now
     }
@@ -123,7 +129,7 @@ impl Reassembler {
             } else {
                 Outcome::FOREIGN
             };
-            outcome.flaws |= late | impossible_length(&frame);
+            outcome.flaws |= late | (u16::from(frame.impossible_length()) * flaw::IMPOSSIBLE_LENGTH);
             self.counts[outcome.verdict as usize] += 1;
             self.results.verdict.push(outcome.verdict as u8);
             self.results.anomaly.push(outcome.flaws);
@@ -170,9 +176,11 @@ impl Reassembler {
         let last = &mut self.bus_time[usize::from(bus)];
         let late = u16::from(t < *last) * flaw::BACKWARDS;
         *last = t;
-        self.now = self.now.max(t);
+        self.now = t;
         self.since_sweep += 1;
-        if t >= self.next_sweep && self.since_sweep >= self.sessions.len() {
+        // A single stamp far ahead of the others must not put the sweeps off.
+        let due = t >= self.next_sweep || t < self.next_sweep.saturating_sub(2 * SWEEP_NS);
+        if due && self.since_sweep >= self.sessions.len() {
             self.sweep(t);
         }
         late
@@ -251,7 +259,12 @@ impl Reassembler {
         };
         let tail = if remote { None } else { frame.data.last().copied() };
         let reported = probation.note(frame.number, outcome, tail, session.is_known());
-        let judgement = probation.judge(session, speaks);
+        let mut judgement = probation.judge(session, speaks);
+        self.held += 1;
+        let full = self.held > MAX_HELD && judgement == Judgement::Wait;
+        if full {
+            judgement = Judgement::Foreign;
+        }
         if judgement == Judgement::Wait {
             return Outcome {
                 verdict: reported,
@@ -260,7 +273,8 @@ impl Reassembler {
         }
         // The frame at hand is reported by the caller, all others are settled.
         probation.held.pop();
-        let note = probation.note_of_refusal();
+        self.held -= 1;
+        let note = probation.note_of_refusal() | (u16::from(full) * flaw::LIMIT);
         self.settle(at, judgement);
         if judgement == Judgement::Believe {
             outcome
@@ -289,6 +303,7 @@ impl Reassembler {
         let Standing::Probation(probation) = std::mem::replace(standing, next) else {
             return;
         };
+        self.held -= probation.held.len();
         for held in &probation.held {
             let outcome = if believed { held.outcome } else { Outcome::FOREIGN };
             self.correct(held.frame, held.reported, outcome);
@@ -333,11 +348,3 @@ impl Reassembler {
 }
 
 const REMOTE_FRAME: Outcome = Outcome::flawed(Verdict::NoTail, flaw::REMOTE);
-
-/// Lengths that no CAN controller sends (ISO 11898-1): above 8 classic, off the DLC steps for FD.
-#[inline]
-fn impossible_length(frame: &Frame<'_>) -> u16 {
-    let length = frame.data.len();
-    let possible = length <= 8 || (frame.fd && matches!(length, 12 | 16 | 20 | 24 | 32 | 48 | 64));
-    u16::from(!possible) * flaw::IMPOSSIBLE_LENGTH
-}

@@ -13,6 +13,8 @@ pub const ABORT_NS: i64 = 1_000_000_000;
 pub const PAUSE_NS: i64 = 100_000_000;
 /// The most payload bytes, and the most frames, that one transfer may hold.
 pub const MAX_TRANSFER: usize = 65_536;
+/// Room that a slot keeps from one transfer to the next.
+const KEPT: usize = 4096;
 
 /// One CAN frame on its way into a transfer; `data` ends with the tail byte.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +27,13 @@ pub struct Frame<'a> {
 }
 
 impl Frame<'_> {
+    /// A length that no CAN controller sends (ISO 11898-1): above 8 classic, off the DLC steps for FD.
+    #[inline]
+    pub fn impossible_length(&self) -> bool {
+        let length = self.data.len();
+        length > 8 && !(self.fd && matches!(length, 12 | 16 | 20 | 24 | 32 | 48 | 64))
+    }
+
     /// The tail byte and the payload before it; none when the frame has no data.
     pub fn split(&self) -> Option<(Tail, &[u8])> {
         self.data.split_last().map(|(&tail, body)| (Tail(tail), body))
@@ -141,6 +150,10 @@ impl Slot {
         self.t_last = frame.t;
         self.frames.clear();
         self.used = 0;
+        if self.bytes.len() > KEPT {
+            self.bytes = vec![];
+            self.frames = vec![];
+        }
         self.skip = if tail.end() { 0 } else { 2 };
         self.toggle = false;
         self.anomaly = when(frame.fd, anomaly::CAN_FD) | when(!tail.end() && body.len() <= 2, anomaly::FIRST_TOO_SHORT);

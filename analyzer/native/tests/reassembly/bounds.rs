@@ -1,7 +1,7 @@
 //! What a hostile capture cannot do: grow a transfer, a session table or a silence without end.
 
 use _native::frames::{Frames, EXTENDED};
-use _native::reassembly::Reassembler;
+use _native::reassembly::{Reassembler, MAX_HELD};
 use _native::sessions::MAX_SESSIONS;
 use _native::slot::MAX_TRANSFER;
 use _native::transfers::{anomaly, Status};
@@ -139,4 +139,40 @@ fn a_capture_without_time_never_times_out() {
     reassembler.feed(&frames, 0);
     reassembler.finish();
     assert_eq!(reassembler.take().transfers.status, [Status::Ok as u8]);
+}
+
+#[test]
+fn frames_held_back_have_a_limit_for_all_sessions_together() {
+    // Unknown types whose transfer IDs never rise: nothing is ever proven, and nothing looks wrong.
+    let mut frames = Frames::default();
+    let sessions = (MAX_HELD / 60) as u32;
+    for _ in 0..61 {
+        for at in 0..sessions {
+            let id = message_id(40_000 + (at >> 6) as u16, (at & 63) as u8 + 1);
+            frames.push(0, 0, id, EXTENDED, 0, &[0xC0]);
+        }
+    }
+    let mut reassembler = Reassembler::new(Box::new(signatures));
+    reassembler.feed(&frames, 0);
+    reassembler.finish();
+    let results = reassembler.take();
+    let first = results.anomaly.iter().position(|bits| bits & flaw::LIMIT != 0);
+    assert_eq!(first, Some(MAX_HELD));
+    assert!(results.verdict.iter().all(|&verdict| verdict == Verdict::Foreign as u8));
+    assert!(results.transfers.is_empty());
+}
+
+#[test]
+fn one_stamp_far_ahead_does_not_stop_the_clock() {
+    let year = 365 * 24 * 3600 * 1000 * MS;
+    let mut bus = Bus::default();
+    bus.transfer(ESC, 0, b"a good transfer");
+    bus.wait(year).transfer(ESC, 1, b"a good transfer").wait(-year);
+    bus.frame(ESC, &cut(ESC, 2, b"a good transfer", false)[0]);
+    // Another session goes on for three seconds; only the sweep can close the first one's transfer.
+    for id in 0..30 {
+        bus.wait(100 * MS).transfer(ESC + 1, id, b"a good transfer");
+    }
+    let rows = bus.so_far().transfers;
+    assert!(rows.status.contains(&(Status::TimedOut as u8)));
 }
