@@ -26,7 +26,7 @@ AROUND = SECOND
 _UNITS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": SECOND, "min": 60 * SECOND, "h": 3600 * SECOND}
 _NEVER = np.iinfo(np.int64).min  # a time that is not there
 _NOTHING = int(np.iinfo(np.int64).max), _NEVER
-# Batches that wait for a point that is still to come; each takes some 20 MB.
+# Batches that wait for a point that is still to come; each takes some 30 MB.
 MOST_WAITING = 8
 # A time of day that was over longer than this when the capture starts is the next day's.
 _ROUNDED = 3600 * SECOND

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import selectors
-import signal
 import subprocess
 import sys
 import time
@@ -90,11 +89,6 @@ class Reader:
             self.got += more
         self._selector.close()
         return self.got
-
-
-def interrupt(process: subprocess.Popen[bytes]) -> int:
-    process.send_signal(signal.SIGINT)
-    return process.wait(LIMIT)
 
 
 def commands(*times: int, bus: str = "can0", first: int = 0) -> list[encode.Frame]:

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import fcntl
 import gzip
 import json
 import os
-import pty
-import struct
 import subprocess
 import sys
-import termios
 import time
 from typing import TYPE_CHECKING
 
 import pytest
-from command import CAPTURES, HOVER, LIMIT, ROOT, SGR, Reader, commands, environment, interrupt, log, run, start
+from command import CAPTURES, HOVER, SGR, commands, environment, log, run
 
 from analyzer.cli import main
-from analyzer.views.terminal import display_width
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -222,59 +217,6 @@ def test_colour(small: Path) -> None:
     assert SGR.sub("", coloured.decode()).encode() == run("decode", small).stdout != coloured
 
 
-def on_terminal(*args: object, **env: str) -> tuple[int, str]:
-    """The command with both outputs on a terminal of 80 columns: status and everything that it shows."""
-    ours, theirs = pty.openpty()
-    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
-    process = start(*args, env={"TERM": "xterm", **env}, stdin=theirs, stdout=theirs, stderr=theirs)
-    os.close(theirs)
-    shown = Reader(ours).rest().decode()
-    status = process.wait(LIMIT)
-    os.close(ours)
-    return status, shown.replace("\r\n", "\n")
-
-
-@pytest.mark.parametrize("columns", [80, 200])
-@pytest.mark.parametrize("capture", ["faults.log", "services.log", "dialects.txt"])
-def test_lines_fit_the_terminal(capture: str, columns: int) -> None:
-    size = {} if columns == 80 else {"COLUMNS": str(columns)}
-    _, shown = on_terminal("decode", "--no-pager", "-t", "ud", CAPTURES / capture, **size)
-    lines = SGR.sub("", shown.partition("\n-- ")[0]).splitlines()
-    listed = [line for line in lines if not line.startswith("tailbyte: ")]
-    assert len(listed) > 10
-    assert max(map(display_width, listed)) <= columns
-    assert "\x1b[31m" in shown or capture != "faults.log"
-
-
-def test_colour_on_a_terminal(small: Path) -> None:
-    assert "\x1b[" in on_terminal("decode", small, "--no-pager")[1]
-    for args, env in (([], {"NO_COLOR": "1"}), ([], {"TERM": "dumb"}), (["--color", "never"], {})):
-        status, shown = on_terminal("decode", small, "--no-pager", *args, **env)
-        assert (status, "\x1b[" in shown, "RawCommand" in shown) == (0, False, True)
-
-
-@pytest.mark.parametrize("pager", ["cat", "", "no-such-pager", "'", "cat -", "sed p -n"])
-def test_pagers_that_show_everything(pager: str) -> None:
-    status, shown = on_terminal("decode", HOVER, "--color", "never", PAGER=pager)
-    assert status == 0
-    assert len(shown.splitlines()) == 1111 + 2
-
-
-def test_pagers_that_leave_early() -> None:
-    assert on_terminal("decode", HOVER, PAGER="false")[0] == 0
-    status, shown = on_terminal("decode", HOVER, "--color", "never", PAGER="less", TAILBYTE_PAGER="head -1")
-    assert (status, shown.splitlines()[0].split()[:2]) == (0, ["Frame", "Time"])
-    assert "Traceback" not in shown
-    assert shown.count("RawCommand") == 0
-
-
-def test_complaints_wait_for_the_pager() -> None:
-    status, shown = on_terminal("decode", CAPTURES / "faults.log", PAGER="cat -")
-    assert status == 3
-    assert shown.splitlines()[-2].startswith("tailbyte: ")
-    assert shown.splitlines()[-1].startswith("-- ")
-
-
 @pytest.mark.parametrize("args", [["decode", HOVER], ["decode", HOVER, "-T", "jsonl"], ["info", HOVER], ["--help"]])
 def test_a_reader_that_leaves_ends_the_command_quietly(args: list[object]) -> None:
     ours, theirs = os.pipe()
@@ -282,82 +224,3 @@ def test_a_reader_that_leaves_ends_the_command_quietly(args: list[object]) -> No
     done = run(*args, stdout=theirs)
     os.close(theirs)
     assert (done.returncode, done.stderr) == (0, b"")
-
-
-def test_a_growing_file_is_followed(tmp_path: Path) -> None:
-    """Written, appended to, with half a line at a time, emptied and written anew; Ctrl-C ends it."""
-    first, second, third = (log(commands(k * MS, first=k)) for k in range(3))
-    path = tmp_path / "growing.log"
-    path.touch()
-    process = start(
-        "decode",
-        "--follow",
-        "-T",
-        "fields",
-        "-e",
-        "RawCommand.cmd",
-        path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    assert process.stdout is not None
-    shown = Reader(process.stdout.fileno())
-    with path.open("ab", buffering=0) as file:
-        file.write(first + second)
-        shown.until(b"0,0\n1,0\n")
-        file.write(third[:30])
-        file.write(third[30:])
-        shown.until(b"2,0\n")
-        file.write(b"(1773475339.0")
-    path.write_bytes(second)
-    shown.until(b"2,0\n1,0\n")
-    with path.open("ab", buffering=0) as file:
-        file.write(third.rstrip(b"\n"))  # the end of its line never comes
-        file.write(b" ")
-        assert interrupt(process) in (130,)
-    assert shown.rest() == b"0,0\n1,0\n2,0\n1,0\n2,0\n" or shown.got == b"0,0\n1,0\n2,0\n1,0\n"
-    assert process.stderr is not None
-    assert b"Traceback" not in process.stderr.read()
-
-
-def test_a_pipe_is_shown_as_it_comes_and_to_its_end() -> None:
-    process = start(
-        "decode", "--follow", "-T", "fields", "-e", "RawCommand.cmd", "-", stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    assert process.stdin is not None
-    assert process.stdout is not None
-    shown = Reader(process.stdout.fileno())
-    for k in range(3):
-        process.stdin.write(log(commands(k * MS, first=k)))
-        process.stdin.flush()
-        shown.until(b"%d,0\n" % k)
-    process.stdin.close()
-    assert (process.wait(LIMIT), shown.rest()) == (0, b"0,0\n1,0\n2,0\n")
-
-
-@pytest.mark.parametrize("form", ["text", "json", "jsonl"])
-def test_ctrl_c_while_a_pipe_is_read(form: str) -> None:
-    """What has come is shown in whole lines, the account too, and a JSON array is closed."""
-    process = start("decode", "-T", form, "-", stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    assert process.stdin is not None
-    half = HOVER.read_bytes()[:30_000]
-    process.stdin.write(half)
-    process.stdin.flush()
-    while struct.unpack("i", fcntl.ioctl(process.stdin, termios.FIONREAD, b"\0" * 4))[0]:
-        assert process.poll() is None
-        time.sleep(0.01)  # until the process has taken all of it
-    process.send_signal(2)
-    out, err = process.communicate(timeout=LIMIT)
-    assert process.returncode == 130
-    assert out.endswith(b"]\n" if form == "json" else b"\n")
-    assert b"Traceback" not in err
-    expected = run("decode", "-T", form, "-", input=half)
-    assert (out, err.splitlines()[-1]) == (expected.stdout, expected.stderr.splitlines()[-1])
-
-
-def test_ctrl_c_from_the_very_start() -> None:
-    """At whatever point of start-up it arrives: no traceback of the program's own."""
-    process = start("decode", "-", stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    status = interrupt(process)
-    assert status in (130, -2, 1)
-    assert ROOT.is_dir()

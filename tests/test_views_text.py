@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analyzer.tables import FRAMES, TRANSFER_ANOMALIES
+from analyzer.views import times
 from analyzer.views.cells import pylist
 from analyzer.views.terminal import ELLIPSIS, Palette, display_width, escape, fit
 from analyzer.views.times import Clock
@@ -26,9 +27,11 @@ T0 = 1_773_475_330_600_000_000  # 2026-03-14 08:02:10.6 UTC
 def paris(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setenv("TZ", "Europe/Paris")
     time.tzset()
+    times._day.cache_clear()
     yield
     monkeypatch.undo()
     time.tzset()
+    times._day.cache_clear()
 
 
 @pytest.mark.parametrize(

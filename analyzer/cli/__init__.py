@@ -83,10 +83,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _interrupted()
     except BrokenPipeError:
-        streams.forget_stdout()
+        streams.forget(1)
         return OK
     except OSError as error:
-        streams.forget_stdout()
+        streams.forget(1)
         streams.complain(f"standard output: {error.strerror or error}")
         return DAMAGED
     return status
@@ -105,5 +105,5 @@ def _interrupted() -> int:
     try:
         sys.stdout.flush()
     except OSError:
-        streams.forget_stdout()
+        streams.forget(1)
     return INTERRUPTED

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import contextlib
 import os
 import sys
 
@@ -40,15 +39,17 @@ def complain(text: str, who: str = "tailbyte") -> None:
 
 def tell(text: str) -> None:
     """Writes to standard error; whoever closed it does not want to hear of it."""
-    with contextlib.suppress(OSError):
+    try:
         sys.stderr.write(text)
         sys.stderr.flush()
+    except OSError:
+        forget(2)
 
 
-def forget_stdout() -> None:
-    """What is still buffered cannot be written; without this the interpreter tries again at its exit and complains."""
+def forget(number: int) -> None:
+    """What a stream still holds cannot be written; without this the interpreter tries again at its exit."""
     sink = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(sink, 1)
+    os.dup2(sink, number)
     os.close(sink)
 
 

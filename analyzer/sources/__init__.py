@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -66,8 +66,8 @@ class Source:
             moment. A pipe is followed to its end.
 
     After the last chunk, `size` and `digest` are those of the bytes as stored, and `damage` is the error that ended the
-    reading early, if one did: what stood before it has been delivered. Setting `stopped` ends the reading at the next
-    chunk; while `waits` is true, raising `StopReading` does the same. `live` is true when the bytes exist only once.
+    reading early, if one did: what stood before it has been delivered. Setting `stopped` ends the reading; while
+    `waits` is true, raising `StopReading` does the same. `live` is true when the bytes exist only once.
     """
 
     name: str
@@ -143,25 +143,26 @@ class Source:
                 self.damage = CaptureError(self.name, f"byte {error.place}", error.reason)
 
     def _stored(self, file: BinaryIO) -> Iterator[bytes]:
-        """The bytes as they are stored; with `follow` it waits at the end for more, as `tail -f` does."""
+        """The bytes as they are stored; with `follow` it waits at the end for more, as `tail -f` does.
+
+        Once stopped, only what lies ready is read: a file that is followed up to its end, a pipe once.
+        """
         pipe = not file.seekable()
-        while not self.stopped:
+        while self.live or not self.stopped:
+            last = self.stopped
+            if pipe and not self._ready(file, 0 if last else None):
+                if last:
+                    return
+                continue
             try:
-                if pipe:
-                    # Only this waits: StopReading cannot come between bytes that were taken and their delivery.
-                    with self._waiting(), suppress(OSError):
-                        select([file], [], [])
                 data = file.read(CHUNK)
-            except StopReading:
-                self.stopped = True
-                return
             except OSError as error:
                 self.damage = CaptureError(self.name, f"byte {self.size}", error.strerror or str(error))
                 return
             if data:
                 self._count(data)
                 yield data
-            elif pipe or not self.follow:
+            if (last and pipe) or (not data and (last or pipe or not self.follow)):
                 return
             if self.follow and (pipe or not data):
                 yield b""
@@ -169,6 +170,17 @@ class Source:
                     self._pause()
                 if not pipe:
                     yield from self._restarted(file)
+
+    def _ready(self, file: BinaryIO, timeout: float | None) -> bool:
+        """Whether a pipe can be read. All waiting is done here: no byte is taken and lost when `StopReading` comes."""
+        try:
+            with self._waiting():
+                return bool(select([file], [], [], timeout)[0])
+        except StopReading:
+            self.stopped = True
+            return False
+        except OSError:  # reading will say what is wrong
+            return True
 
     def _count(self, data: bytes) -> None:
         self.size += len(data)

@@ -50,9 +50,9 @@ class _Stream:
             try:
                 out = self._member.decompress(data, _STEP)
             except zlib.error as error:
-                if self._between and self._members:
-                    raise GzipError(self._place, "data behind the end of the gzip data") from None
                 good, count = _salvage(saved, data)
+                if self._between and self._members and count < len(MAGIC):
+                    raise GzipError(self._place, "data behind the end of the gzip data") from None
                 yield from good
                 raise GzipError(self._place + count, f"damaged gzip data ({_words(error)})") from None
             self._between = self._member.eof

@@ -1,0 +1,201 @@
+"""Where bytes come from: gzip in every state, what is refused, what a source says of itself afterwards."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import random
+from typing import TYPE_CHECKING
+
+import pytest
+from command import HOVER
+
+from analyzer.sources import CaptureError, Source
+from analyzer.sources.inflate import GzipError, inflate
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+TEXT = HOVER.read_bytes()
+PACKED = gzip.compress(TEXT, mtime=0)
+
+
+def pieces(data: bytes, size: int) -> list[bytes]:
+    return [data[at : at + size] for at in range(0, len(data), size)]
+
+
+def unpack(data: bytes, size: int = 1 << 20) -> tuple[bytes, GzipError | None]:
+    """Everything that came out, and the error behind it."""
+    out = b""
+    try:
+        for piece in inflate(pieces(data, size)):
+            out += piece
+    except GzipError as error:
+        return out, error
+    return out, None
+
+
+def read(path: Path, data: bytes) -> tuple[bytes, Source]:
+    path.write_bytes(data)
+    source = Source(str(path), hashed=True)
+    return b"".join(source.chunks()), source
+
+
+@pytest.mark.parametrize("size", [1, 7, 4096, 1 << 20])
+def test_whole_gzip(size: int) -> None:
+    assert unpack(PACKED, size) == (TEXT, None)
+    members = gzip.compress(TEXT[:100]) + gzip.compress(b"") + gzip.compress(TEXT[100:])
+    assert unpack(members, size) == (TEXT, None)
+    assert unpack(members + bytes(5000), size) == (TEXT, None)
+
+
+@pytest.mark.parametrize("cut", [3, 9, 10, 11, 500, *(len(PACKED) - k for k in (9000, 9, 8, 1))])
+def test_gzip_that_ends_early(cut: int) -> None:
+    out, error = unpack(PACKED[:cut])
+    assert error is not None
+    assert (error.place, error.reason) == (cut, "gzip data ends early")
+    assert TEXT.startswith(out)
+    assert len(out) >= len(TEXT) * (cut - 3000) / len(PACKED)
+    if cut >= len(PACKED) - 8:
+        assert out == TEXT
+
+
+@pytest.mark.parametrize("size", [1000, 1 << 20])
+def test_what_stands_before_damage_is_delivered(size: int) -> None:
+    """Damage that deflate itself notices: a block of the type that does not exist, behind a sound member."""
+    bad = gzip.compress(b"")[:10] + b"\x07"
+    out, error = unpack(PACKED + bad, size)
+    assert out == TEXT
+    assert error is not None
+    assert (error.place, error.reason) == (len(PACKED) + 10, "damaged gzip data (invalid block type)")
+
+
+def test_a_wrong_checksum_or_length_is_found_at_its_place() -> None:
+    for offset, reason in ((8, "incorrect data check"), (4, "incorrect length check")):
+        damaged = bytearray(PACKED)
+        damaged[-offset] ^= 1
+        out, error = unpack(bytes(damaged))
+        assert out == TEXT
+        assert error is not None
+        assert error.reason == f"damaged gzip data ({reason})"
+        assert len(PACKED) - offset <= error.place < len(PACKED)
+
+
+def test_data_behind_the_end() -> None:
+    out, error = unpack(PACKED + b"garbage")
+    assert out == TEXT
+    assert error is not None
+    assert (error.place, error.reason) == (len(PACKED), "data behind the end of the gzip data")
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_damage_hides_anything_before_it(seed: int) -> None:
+    """One changed byte anywhere: text is as it was up to the first block that it can have changed, and it is told."""
+    chance = random.Random(seed)
+    members = [gzip.compress(part, mtime=0) for part in pieces(TEXT, 9000)]
+    hit = chance.randrange(len(members))
+    packed = [bytearray(member) for member in members]
+    at = chance.randrange(10, len(packed[hit]))
+    packed[hit][at] ^= 1 << chance.randrange(8)
+    out, error = unpack(b"".join(packed), chance.choice([100, 5000, 1 << 20]))
+    assert error is not None
+    assert out.startswith(TEXT[: 9000 * hit])
+    assert error.place >= sum(map(len, members[:hit])) + at
+
+
+def test_a_bomb_comes_in_small_pieces() -> None:
+    bomb = gzip.compress(bytes(64 << 20), compresslevel=9)
+    sizes = [len(piece) for piece in inflate([bomb])]
+    assert sum(sizes) == 64 << 20
+    assert max(sizes) <= 1 << 20
+
+
+@pytest.mark.parametrize("pack", [lambda data: data, gzip.compress])
+def test_what_a_source_knows_of_its_file(tmp_path: Path, pack: type[bytes]) -> None:
+    data = pack(TEXT)
+    out, source = read(tmp_path / "log", data)
+    assert out == TEXT
+    assert (source.size, source.digest) == (len(data), hashlib.sha256(data).hexdigest())
+    assert (source.compressed, source.damage, source.live) == (data != TEXT, None, False)
+
+
+def test_damage_is_kept_with_name_and_place(tmp_path: Path) -> None:
+    path = tmp_path / "cut.gz"
+    out, source = read(path, PACKED[:-3])
+    assert out == TEXT
+    assert str(source.damage) == f"{path}: byte {len(PACKED) - 3}: gzip data ends early"
+
+
+@pytest.mark.parametrize(
+    ("head", "what"),
+    [
+        (b"\x89MCAP0\r\n", "MCAP"),
+        (b"\n\r\r\n", "pcapng"),
+        (b"\xd4\xc3\xb2\xa1", "pcap"),
+        (b"\xa1\xb2\xc3\xd4", "pcap"),
+        (b"\x4d\x3c\xb2\xa1", "pcap"),
+        (b"\xa1\xb2\x3c\x4d", "pcap"),
+        (b"LOGG", "Vector BLF"),
+        (b"MDF     4.10", "MDF 4"),
+        (b"\x28\xb5\x2f\xfd", "zstd"),
+        (b"\xfd7zXZ\0", "xz"),
+        (b"BZh9", "bzip2"),
+        (b"PK\x03\x04", "zip"),
+        (b"\xff\xfe(\0", "UTF-16 text"),
+        (b"\xfe\xff\0(", "UTF-16 text"),
+    ],
+)
+@pytest.mark.parametrize("packed", [False, True])
+def test_other_formats_are_named(tmp_path: Path, head: bytes, what: str, packed: bool) -> None:
+    data = head + bytes(100)
+    where = "byte 0 of the unpacked data" if packed else "byte 0"
+    with pytest.raises(CaptureError, match=rf": {where}: looks like {what}, expected candump text$"):
+        read(tmp_path / "log", gzip.compress(data) if packed else data)
+
+
+def test_gzip_inside_gzip_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CaptureError, match="byte 0 of the unpacked data: looks like gzip once more"):
+        read(tmp_path / "log", gzip.compress(PACKED))
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
+    for data in (b"\xef\xbb\xbf" + TEXT, gzip.compress(b"\xef\xbb\xbf" + TEXT)):
+        out, source = read(tmp_path / "log", data)
+        assert out == TEXT
+        assert source.size == len(data)
+
+
+@pytest.mark.parametrize("size", range(9))
+def test_short_files_are_text(tmp_path: Path, size: int) -> None:
+    assert read(tmp_path / "log", b"# short\n"[:size])[0] == b"# short\n"[:size]
+
+
+def test_names_that_cannot_be_opened(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    reasons = {
+        "missing": "No such file",
+        "file/below": "Not a directory",
+        ".": "is a directory",
+        "n" * 300: "name too long",
+    }
+    for name, reason in reasons.items():
+        with pytest.raises(CaptureError, match=reason):
+            list(Source(str(tmp_path / name)).chunks())
+    with pytest.raises(CaptureError, match="null byte"):
+        list(Source("a\0b").chunks())
+
+
+def test_a_source_that_was_stopped_gives_no_more(tmp_path: Path) -> None:
+    path = tmp_path / "log"
+    path.write_bytes(TEXT * 40)
+    source = Source(str(path))
+    chunks = source.chunks()
+    first = next(chunks)
+    source.stopped = True
+    assert b"".join(chunks) == b""
+    assert len(first) < len(TEXT) * 40
+    path.write_bytes(gzip.compress(random.Random(1).randbytes(3 << 20)))
+    source = Source(str(path))
+    for _ in source.chunks():
+        source.stopped = True
+    assert source.damage is None  # it is not the file that ends early
