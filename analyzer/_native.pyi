@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any, TypeAlias, final
 
+__all__ = ["Engine", "Packets", "Plan"]
+
 _Columns: TypeAlias = dict[str, Any]
 _FamilySpec: TypeAlias = tuple[bytes, int, int, int, int, list[tuple[int, int, list[int]]]]
 

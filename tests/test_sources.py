@@ -199,3 +199,33 @@ def test_a_source_that_was_stopped_gives_no_more(tmp_path: Path) -> None:
     for _ in source.chunks():
         source.stopped = True
     assert source.damage is None  # it is not the file that ends early
+
+
+def test_a_file_that_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty chunk whenever nothing is left; an emptied file begins a new line, and its size and digest anew."""
+    monkeypatch.setattr("analyzer.sources.FOLLOW_PAUSE", 0)
+    path = tmp_path / "log"
+    path.touch()
+    source = Source(str(path), follow=True, hashed=True)
+    chunks = source.chunks()
+
+    def until_idle() -> bytes:
+        return b"".join(iter(lambda: next(chunks), b""))
+
+    assert until_idle() == b""
+    path.write_bytes(b"first line\nhalf of")
+    assert until_idle() == b"first line\nhalf of"
+    assert until_idle() == b""
+    with path.open("ab") as file:
+        file.write(b" a line, and ha")
+    assert until_idle() == b" a line, and ha"
+    path.write_bytes(b"anew, whole\n")
+    assert until_idle() == b"\nanew, whole\n"
+    assert (source.size, source.digest) == (12, hashlib.sha256(b"anew, whole\n").hexdigest())
+    path.write_bytes(b"shorter\n")
+    assert until_idle() == b"shorter\n"  # the line before was whole
+    with path.open("ab") as file:
+        file.write(b"last words")
+    source.stopped = True
+    assert b"".join(chunks) == b"last words"
+    assert source.live
