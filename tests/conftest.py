@@ -9,6 +9,7 @@ import pyarrow as pa
 import pytest
 
 import dissectors
+from analyzer.cli import main
 from analyzer.engine import Batch, Engine
 from analyzer.tables import EVENTS, FRAME_ANOMALIES, KINDS, STATUSES, TRANSFER_ANOMALIES, VERDICTS
 
@@ -147,3 +148,14 @@ def decode(registry: Registry) -> Callable[..., Decoded]:
         return got
 
     return run
+
+
+@pytest.fixture
+def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Runs in this process: status, output, complaints."""
+
+    def call(*args: object) -> tuple[int, str, str]:
+        status = main([str(arg) for arg in args])
+        return status, *capsys.readouterr()
+
+    return call

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 import pytest
 from command import HOVER, LIMIT, environment, run
 
-from analyzer.cli import main
-
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
@@ -24,17 +22,6 @@ TEXT = HOVER.read_bytes()
 PACKED = gzip.compress(TEXT, mtime=0)
 ALL = 1111  # transfers of hover.log
 FRAME = b"1F040601#00000000000000C0"
-
-
-@pytest.fixture
-def command(capsys: pytest.CaptureFixture[str]) -> Command:
-    """Runs in this process: status, output, complaints."""
-
-    def call(*args: object) -> tuple[int, str, str]:
-        status = main([str(arg) for arg in args])
-        return status, *capsys.readouterr()
-
-    return call
 
 
 def printable(text: str) -> bool:

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 import pytest
 from command import CODE, HOVER, LIMIT, commands, environment, log, run
 
-from analyzer.cli import main
-
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -19,17 +17,6 @@ if TYPE_CHECKING:
 
 FRAME = b"1F040601#00000000000000C0"
 FULL = Path("/dev/full")
-
-
-@pytest.fixture
-def command(capsys: pytest.CaptureFixture[str]) -> Command:
-    """Runs in this process: status, output, complaints."""
-
-    def call(*args: object) -> tuple[int, str, str]:
-        status = main([str(arg) for arg in args])
-        return status, *capsys.readouterr()
-
-    return call
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])

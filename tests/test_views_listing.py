@@ -135,10 +135,6 @@ def test_services_say_which_half_they_are(decode: Callable[..., Any], registry: 
     assert any(line.endswith("  request") for line in found)
 
 
-def test_the_footer_counts_what_is_not_shown(registry: Registry) -> None:
-    assert Listing(registry, Clock()).footer(7, 3).startswith("-- 0 of 7 transfers shown, 3 foreign frames left out.")
-
-
 def test_missing_times_are_blank(decode: Callable[..., Any], registry: Registry) -> None:
     found = listed(decode(lines(throttle(0).frames(), timed=False)), registry)
     assert found[1].split()[:2] == ["1", "1>*"]

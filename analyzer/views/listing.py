@@ -48,7 +48,6 @@ class Listing:
         self._width = width
         self._buses = -1
         self._time = self._type = self._bus = 0
-        self.shown = 0
 
     def lines(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[str]:
         """The lines of `entries`, one after another."""
@@ -67,15 +66,9 @@ class Listing:
             return
         types = [type_name(m, k, t) for m, k, t in self._identities(rows)]
         head = [self._header(batch, times, types)] if self._buses < 0 or (self._buses < 2 <= len(batch.buses)) else []
-        self.shown += len(rows)
         for entry in self._body(rows, times, types):
             yield head + entry
             head = []
-
-    def footer(self, total: int, foreign: int = 0) -> str:
-        """The closing line: how many of `total` transfers were shown, and frames that belong to none."""
-        left_out = f", {foreign} foreign frames left out" if foreign else ""
-        return f"-- {self.shown} of {total} transfers shown{left_out}. -V details, -x bytes"
 
     def _identities(self, rows: Rows) -> Iterator[tuple[Message | None, int, int]]:
         return zip(rows.messages, rows.column("kind"), rows.column("type_id"), strict=True)
