@@ -1,4 +1,4 @@
-"""The pipeline: capture bytes in, one batch of every table out. Files and live buses both run this."""
+"""The pipeline: candump text or rows of frames in, one batch of every table out. Files and live buses both run this."""
 
 from __future__ import annotations
 
@@ -15,10 +15,15 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
+    from analyzer._native import Piece
     from dissectors.registry import Registry
 
 BATCH_ROWS = 1 << 17
 _PIECE = 1 << 22
+# The lines of a capture and the terms of their sum.
+LINES = (
+    "lines", "frames", "error_frames", "drops", "comments", "blank", "unreadable", "other", "repeated"
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +48,7 @@ class Batch:
 class Totals:
     """The law of conservation in numbers, capture-wide.
 
-    `lines` = frames + error frames + drops + comments + blank + unreadable, and `verdicts` sum up to the frames.
+    `lines` = the sum of the other terms of `LINES`; `verdicts` sum up to the frames, if these were decoded.
     """
 
     lines: dict[str, int] = field(default_factory=dict)
@@ -52,9 +57,8 @@ class Totals:
     @property
     def balanced(self) -> bool:
         """True when every line and every frame is accounted for."""
-        parts = ("frames", "error_frames", "drops", "comments", "blank", "unreadable")
-        sums = sum(self.lines[part] for part in parts) == self.lines["lines"]
-        return sums and sum(self.verdicts.values()) == self.lines["frames"]
+        sums = sum(self.lines[part] for part in LINES[1:]) == self.lines["lines"]
+        return sums and (not self.verdicts or sum(self.verdicts.values()) == self.lines["frames"])
 
 
 class Engine:
@@ -70,8 +74,16 @@ class Engine:
         self._native = _native.Engine(self.registry.signatures)
         self._frames = self._transfers = 0
 
-    def feed(self, chunk: bytes) -> Iterator[Batch]:
-        """Takes candump text, cut anywhere; gives a batch for about every 131,072 rows."""
+    def feed(self, chunk: bytes | Piece) -> Iterator[Batch]:
+        """Takes candump text, cut anywhere, or the rows of a reader; gives a batch for about every 131,072 rows.
+
+        A capture is either text or rows.
+        """
+        if not isinstance(chunk, bytes):
+            self._native.feed_rows(chunk)
+            if self._native.waiting >= BATCH_ROWS:
+                yield self.flush()
+            return
         view = memoryview(chunk)
         for start in range(0, len(view), _PIECE):
             self._native.feed_candump(bytes(view[start : start + _PIECE]) if len(view) > _PIECE else chunk)
@@ -103,7 +115,7 @@ class Engine:
         self._native.finish()
         return self.flush()
 
-    def run(self, chunks: Iterable[bytes]) -> Iterator[Batch]:
+    def run(self, chunks: Iterable[bytes | Piece]) -> Iterator[Batch]:
         """Every chunk, then the end."""
         for chunk in chunks:
             yield from self.feed(chunk)

@@ -142,6 +142,7 @@ EVENT_ROWS = pa.schema([
     _field("class", pa.uint32(), "error class bits (linux/can/error.h), or the number of frames dropped"),
     _field("tx_errors", pa.uint8(), "transmit error counter"),
     _field("rx_errors", pa.uint8(), "receive error counter"),
+    _field("data", pa.binary(), "data field of an error frame, else empty"),
     _field("text", pa.string(), "reason and excerpt of an unreadable line, or the comment"),
 ])  # fmt: skip
 

@@ -32,14 +32,15 @@ INFO = "uavcan.protocol.GetNodeInfo.Response"
 
 class Stored:
     def __init__(self, name: str = "crash.log", size: int = 1) -> None:
-        self.name, self.size, self.compressed, self.digest = name, size, False, "9f2c" * 16
+        self.name, self.size, self.form, self.digest = name, size, "candump text", "9f2c" * 16
+        self.unit, self.notes = "line", list[str]()
 
 
 def facts(got: Any, registry: Registry, name: str = "crash.log") -> Facts:
     summary = Summary(registry)
     for batch in got.batches:
         summary.add(batch)
-    return summary.finish(Stored(name), got.engine)
+    return summary.finish([Stored(name)], got.engine)
 
 
 @pytest.mark.parametrize("name", ["tm_golden", "tm_golden_fd", "neighbours", "violations"])
@@ -233,7 +234,7 @@ def test_a_forced_reading_stands_against_the_data(decode: Callable[..., Any], re
     summary = Summary(registry, {11: ["dronecan"], 12: ["K"]})
     for batch in got.batches:
         summary.add(batch)
-    stated = {(s.reading, s.node): s.choice for s in summary.finish(Stored(), got.engine).readings}
+    stated = {(s.reading, s.node): s.choice for s in summary.finish([Stored()], got.engine).readings}
     assert stated["dialect", 11] == "dronecan (forced)"
     assert stated["dialect", 12] == "tm"
     assert stated["temperature", 12] == "K (forced)"

@@ -206,7 +206,7 @@ def test_no_view_fails_or_lets_control_characters_out(
         texts += [line for frames in Rows(batch, registry).column("frame") for line in hexdump(frames, window)]
         assert all(text.isprintable() for text in texts)
         total += count
-    facts = summary.finish(Stored(), got.engine)
+    facts = summary.finish([Stored()], got.engine)
     assert facts.transfers == total
     assert all(line.isprintable() for line in render(facts).splitlines())
     assert render_json(facts).isascii()
@@ -215,5 +215,7 @@ def test_no_view_fails_or_lets_control_characters_out(
 class Stored:
     name = "cap\x1bture.log"
     size = 1
-    compressed = False
+    form = "candump text"
+    unit = "line"
     digest = "00"
+    notes = ("esc\x1baped",)

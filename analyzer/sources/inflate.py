@@ -5,26 +5,20 @@ from __future__ import annotations
 import zlib
 from typing import TYPE_CHECKING
 
+from analyzer.sources.errors import UnpackError
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-MAGIC = b"\x1f\x8b"
+_MAGIC = b"\x1f\x8b"
 # Most bytes that one step unpacks: the memory of a gzip bomb.
 _STEP = 1 << 20
-
-
-class GzipError(Exception):
-    """Damage: the number of stored bytes in front of it, and what it is."""
-
-    def __init__(self, place: int, reason: str) -> None:
-        super().__init__(reason)
-        self.place, self.reason = place, reason
 
 
 def inflate(pieces: Iterable[bytes]) -> Iterator[bytes]:
     """The text of gzip members that stand one after another, in pieces of about 1 MiB; zeros may fill up the end.
 
-    An empty piece (nothing new yet) is passed on. Raises `GzipError` behind everything that was sound.
+    An empty piece (nothing new yet) is passed on. Raises `UnpackError` behind everything that was sound.
     """
     stream = _Stream()
     for piece in pieces:
@@ -51,10 +45,10 @@ class _Stream:
                 out = self._member.decompress(data, _STEP)
             except zlib.error as error:
                 good, count = _salvage(saved, data)
-                if self._between and self._members and count < len(MAGIC):
-                    raise GzipError(self._place, "data behind the end of the gzip data") from None
+                if self._between and self._members and count < len(_MAGIC):
+                    raise UnpackError(self._place, "data behind the end of the gzip data") from None
                 yield from good
-                raise GzipError(self._place + count, f"damaged gzip data ({_words(error)})") from None
+                raise UnpackError(self._place + count, f"damaged gzip data ({_words(error)})") from None
             self._between = self._member.eof
             left = self._member.unused_data if self._between else self._member.unconsumed_tail
             self._place += len(data) - len(left)
@@ -70,7 +64,7 @@ class _Stream:
         if not self._between:
             while out := self._member.decompress(b"", _STEP):
                 yield out
-            raise GzipError(self._place, "gzip data ends early")
+            raise UnpackError(self._place, "gzip data ends early")
 
     def _unpadded(self, data: bytes) -> bytes:
         if not (self._between and self._members):

@@ -39,6 +39,8 @@ def render(facts: Facts, *, everything: bool = False) -> str:
 def render_json(facts: Facts) -> str:
     """The summary as one JSON object; times are nanoseconds, what is not known is null."""
     content = asdict(facts)
+    if len(facts.files) == 1:
+        content = asdict(facts.files[0]) | content
     content["readings"] = [s._asdict() | {"bus": facts.bus_names[s.bus]} for s in facts.readings]
     content["foreign"] = [{"id": number, "count": count} for number, count in facts.foreign]
     del content["bus_names"]
@@ -46,8 +48,11 @@ def render_json(facts: Facts) -> str:
 
 
 def _head(facts: Facts) -> Iterator[str]:
-    yield from _labelled("File", [f"{escape(facts.name)}, {facts.form}, {facts.size} bytes"])
-    yield from _labelled("SHA-256", [facts.sha256])
+    for file in facts.files:
+        yield from _labelled("File", [f"{escape(file.name)}, {file.form}, {file.size} bytes"])
+        yield from _labelled("SHA-256", [file.sha256])
+        for note in file.notes:
+            yield from _labelled("Note", [escape(note)])
     yield from _labelled("Time", [_span(facts)])
     yield from _labelled("Stamps", [", ".join(facts.stamps) or "none"])
     lines = facts.lines
@@ -57,9 +62,12 @@ def _head(facts: Facts) -> Iterator[str]:
         (events, "events"),
         (lines["unreadable"], "unreadable"),
         (lines["blank"], "blank"),
+        (lines["other"], "not CAN"),
+        (lines["repeated"], "repeated"),
     ]
     balance = "balanced" if facts.balanced else "NOT BALANCED"
-    yield from _labelled("Lines", [f"{lines['lines']} = {_sum(terms)}    {balance}"])
+    unit = "Lines" if all(file.unit == "line" for file in facts.files) else "Records"
+    yield from _labelled(unit, [f"{lines['lines']} = {_sum(terms)}    {balance}"])
     if events:
         kinds = [
             (lines["error_frames"], "error frames"),

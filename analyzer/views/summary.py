@@ -15,7 +15,7 @@ from analyzer.views.rows import type_name
 from analyzer.views.traffic import BIT_RATE, SECOND, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from analyzer.engine import Batch, Engine
     from dissectors import Registry
@@ -27,15 +27,35 @@ YEAR_2000 = 946_684_800 * SECOND
 
 
 class Stored(Protocol):
-    """The capture as it is stored; `analyzer.sources.Source` is one."""
+    """A capture as it is stored; `analyzer.sources.Source` is one."""
 
     name: str
     size: int
-    compressed: bool
+    notes: list[str]
+
+    @property
+    def unit(self) -> str:
+        """What its rows are counted in: line or record."""
+
+    @property
+    def form(self) -> str:
+        """The format in words."""
 
     @property
     def digest(self) -> str:
         """SHA-256 in hexadecimal."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileFacts:
+    """One of the captures read, its rows counted in `unit`; `notes` says what its format does not hold."""
+
+    name: str
+    form: str
+    unit: str
+    size: int
+    sha256: str
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +92,7 @@ class NodeFacts:
 class Facts:
     """A whole capture. `lines` and `verdicts` are the terms of the two conservation sums."""
 
-    name: str
-    form: str
-    size: int
-    sha256: str
+    files: tuple[FileFacts, ...]
     start: int | None
     end: int | None
     absolute: bool
@@ -126,18 +143,15 @@ class Summary:
         for table in batch.messages.values():
             self._note_software(table)
 
-    def finish(self, stored: Stored, engine: Engine) -> Facts:
-        """Everything that is known, after the last batch."""
+    def finish(self, stored: Iterable[Stored], engine: Engine) -> Facts:
+        """Everything that is known, after the last batch of the captures `stored`."""
         totals = engine.totals
         counted = self._buses.values()
         start = min((bus.first for bus in counted if bus.first is not None), default=None)
         end = max((bus.last for bus in counted if bus.last is not None), default=None)
         nodes = tuple(self._nodes())
         return Facts(
-            name=stored.name,
-            form="candump text" + (", gzip" if stored.compressed else ""),
-            size=stored.size,
-            sha256=stored.digest,
+            files=tuple(FileFacts(s.name, s.form, s.unit, s.size, s.digest, tuple(s.notes)) for s in stored),
             start=start,
             end=end,
             absolute=start is not None and start >= YEAR_2000,

@@ -5,19 +5,20 @@
 #![forbid(unsafe_code)]
 
 mod held;
+mod reader;
 
 use held::Held;
 
+use crate::buses::{Buses, MAX_BUSES};
 use crate::events::{Event, EventKind, Events};
 use crate::frames::{Frames, ERROR, NO_TIME};
 use crate::line::{self, DropCount, Frame, Line, Reason};
+pub use crate::reader::Counts;
 use crate::simd::{self, Block, Template};
 use crate::stamp::{Kind, Stamps};
 
 /// A longer line is skipped to its end and counted as unreadable.
 pub const MAX_LINE: usize = 65_536;
-/// Interfaces that a capture may have; their index is one byte.
-pub const MAX_BUSES: usize = 255;
 /// Characters of an unreadable line that are quoted.
 const EXCERPT: usize = 80;
 /// What is kept of a line that is too long: enough to see that the excerpt is cut.
@@ -26,26 +27,11 @@ const START: usize = EXCERPT + 1;
 const REMARK: usize = 200;
 const OUT_OF_RANGE: &str = "time stamp out of range";
 
-/// What became of the lines so far: `lines` is the sum of all the others but `dropped`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    pub lines: u64,
-    pub frames: u64,
-    pub error_frames: u64,
-    /// Lines that state a drop count.
-    pub drops: u64,
-    pub comments: u64,
-    pub blank: u64,
-    pub unreadable: u64,
-    /// Frames that the drop counts report as lost.
-    pub dropped: u64,
-}
-
 pub struct Candump {
     /// `None`: only the readable path.
     fast: Option<Box<Block>>,
     template: Template,
-    buses: Vec<String>,
+    buses: Buses,
     counts: Counts,
     stamps: Stamps,
     held: Held,
@@ -75,7 +61,7 @@ impl Candump {
         Candump {
             fast: None,
             template: Template::default(),
-            buses: vec![],
+            buses: Buses::default(),
             counts: Counts::default(),
             stamps: Stamps::default(),
             held: Held::new(),
@@ -118,7 +104,7 @@ impl Candump {
 
     /// Interface names by the index in the `bus` columns, unprintable bytes escaped.
     pub fn buses(&self) -> &[String] {
-        &self.buses
+        self.buses.names()
     }
 
     pub fn counts(&self) -> Counts {
@@ -239,6 +225,7 @@ impl Candump {
                 kind,
                 class,
                 counters,
+                data: frame.data(),
                 text: &text,
             });
             self.counts.error_frames += 1;
@@ -260,6 +247,7 @@ impl Candump {
             kind: EventKind::Drop,
             class: drop.frames,
             counters: None,
+            data: &[],
             text: &line::escape(line.trim_ascii(), REMARK),
         };
         self.held.tables(frames, events).1.push(&event);
@@ -280,6 +268,7 @@ impl Candump {
             kind,
             class: 0,
             counters: None,
+            data: &[],
             text,
         };
         self.held.tables(frames, events).1.push(&event);
@@ -291,19 +280,13 @@ impl Candump {
 
     /// The index of an interface; a new name gets the next one.
     fn bus(&mut self, name: &[u8]) -> Result<u8, Reason> {
-        if let Some(at) = self.buses.iter().position(|bus| bus.as_bytes() == name) {
-            return Ok(at as u8);
+        let (bus, new) = self
+            .buses
+            .index(name)
+            .ok_or_else(|| format!("more than {MAX_BUSES} interfaces"))?;
+        if new {
+            self.template.learn(name, bus);
         }
-        let text = line::escape(name, usize::MAX);
-        if let Some(at) = self.buses.iter().position(|bus| *bus == text) {
-            return Ok(at as u8);
-        }
-        if self.buses.len() == MAX_BUSES {
-            return Err(format!("more than {MAX_BUSES} interfaces").into());
-        }
-        let bus = self.buses.len() as u8;
-        self.template.learn(name, bus);
-        self.buses.push(text);
         Ok(bus)
     }
 }

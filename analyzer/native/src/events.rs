@@ -3,6 +3,8 @@
 
 use std::ops::Range;
 
+use crate::frames::rises;
+
 /// The `kind` column, in the order of `EVENTS` in `analyzer/tables.py`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -25,6 +27,8 @@ pub struct Event<'a> {
     pub class: u32,
     /// Transmit and receive error counters of an error frame that carries them.
     pub counters: Option<(u8, u8)>,
+    /// Data field of an error frame, else empty.
+    pub data: &'a [u8],
     /// UTF-8; what a reader of the capture wants to see. Bounded by the one who writes it.
     pub text: &'a str,
 }
@@ -41,6 +45,9 @@ pub struct Events {
     pub tx_errors: Vec<u8>,
     pub rx_errors: Vec<u8>,
     pub errors_valid: Vec<u8>,
+    /// End of each data field in `data`.
+    pub data_end: Vec<i32>,
+    pub data: Vec<u8>,
     /// End of each text in `text`.
     pub text_end: Vec<i32>,
     pub text: Vec<u8>,
@@ -66,18 +73,48 @@ impl Events {
         self.tx_errors.push(tx);
         self.rx_errors.push(rx);
         self.errors_valid.push(u8::from(event.counters.is_some()));
+        self.data.extend_from_slice(event.data);
+        self.data_end.push(self.data.len() as i32);
         self.text.extend_from_slice(event.text.as_bytes());
         self.text_end.push(self.text.len() as i32);
     }
 
+    /// Whether all columns have as many rows, and ends that lie in their bytes.
+    pub fn fits(&self) -> bool {
+        let rows = self.len();
+        let bytes = [
+            self.bus.len(),
+            self.bus_valid.len(),
+            self.kind.len(),
+            self.tx_errors.len(),
+            self.rx_errors.len(),
+        ];
+        let others = [
+            self.line.len(),
+            self.class.len(),
+            self.errors_valid.len(),
+            self.data_end.len(),
+            self.text_end.len(),
+        ];
+        bytes == [rows; 5]
+            && others == [rows; 5]
+            && rises(&self.data_end, self.data.len())
+            && rises(&self.text_end, self.text.len())
+    }
+
+    pub fn text_of(&self, row: usize) -> String {
+        String::from_utf8_lossy(cell(&self.text_end, &self.text, row)).into_owned()
+    }
+
+    /// The data field of an error frame.
+    pub fn data_of(&self, row: usize) -> &[u8] {
+        cell(&self.data_end, &self.data, row)
+    }
+
     /// Appends some rows of `other`.
     pub fn extend(&mut self, other: &Events, rows: Range<usize>) {
-        let end_of = |row: usize| row.checked_sub(1).map_or(0, |last| other.text_end[last]);
-        let (start, end) = (end_of(rows.start), end_of(rows.end));
-        let moved = self.text.len() as i32 - start;
-        self.text.extend_from_slice(&other.text[start as usize..end as usize]);
-        let ends = &other.text_end[rows.clone()];
-        self.text_end.extend(ends.iter().map(|end| end + moved));
+        extend_bytes(&mut self.data_end, &mut self.data, &other.data_end, &other.data, &rows);
+        extend_bytes(&mut self.text_end, &mut self.text, &other.text_end, &other.text, &rows);
         self.t.extend_from_slice(&other.t[rows.clone()]);
         self.bus.extend_from_slice(&other.bus[rows.clone()]);
         self.bus_valid.extend_from_slice(&other.bus_valid[rows.clone()]);
@@ -88,4 +125,18 @@ impl Events {
         self.rx_errors.extend_from_slice(&other.rx_errors[rows.clone()]);
         self.errors_valid.extend_from_slice(&other.errors_valid[rows]);
     }
+}
+
+/// Appends some cells of a column of byte strings, given by their ends.
+fn extend_bytes(ends: &mut Vec<i32>, bytes: &mut Vec<u8>, other_ends: &[i32], other: &[u8], rows: &Range<usize>) {
+    let end_of = |row: usize| row.checked_sub(1).map_or(0, |last| other_ends[last]);
+    let (start, end) = (end_of(rows.start), end_of(rows.end));
+    let moved = bytes.len() as i32 - start;
+    bytes.extend_from_slice(&other[start as usize..end as usize]);
+    ends.extend(other_ends[rows.clone()].iter().map(|end| end + moved));
+}
+
+fn cell<'a>(ends: &[i32], bytes: &'a [u8], row: usize) -> &'a [u8] {
+    let start = row.checked_sub(1).map_or(0, |last| ends[last]);
+    &bytes[start as usize..ends[row] as usize]
 }

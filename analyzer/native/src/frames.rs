@@ -67,7 +67,34 @@ impl Frames {
         self.offset.push(self.data.len() as i32);
     }
 
+    /// Appends all rows of `other`.
+    pub fn extend(&mut self, other: &Frames) {
+        let start = self.data.len() as i32;
+        self.t.extend_from_slice(&other.t);
+        self.bus.extend_from_slice(&other.bus);
+        self.id.extend_from_slice(&other.id);
+        self.flags.extend_from_slice(&other.flags);
+        self.line.extend_from_slice(&other.line);
+        self.offset.extend(other.offset[1..].iter().map(|end| start + end));
+        self.data.extend_from_slice(&other.data);
+    }
+
+    /// Whether all columns have as many rows, and offsets that lie in the data.
+    pub fn fits(&self) -> bool {
+        let rows = self.len();
+        [self.bus.len(), self.id.len(), self.flags.len(), self.line.len()] == [rows; 4]
+            && self.offset.len() == rows + 1
+            && rises(&self.offset, self.data.len())
+    }
+
     pub fn data_of(&self, row: usize) -> &[u8] {
         &self.data[self.offset[row] as usize..self.offset[row + 1] as usize]
     }
+}
+
+/// Whether places in `size` bytes begin at 0 or later, and none goes backwards or too far.
+pub(crate) fn rises(places: &[i32], size: usize) -> bool {
+    places.first().is_none_or(|&first| first >= 0)
+        && places.windows(2).all(|pair| pair[0] <= pair[1])
+        && places.last().is_none_or(|&last| last as usize <= size)
 }

@@ -1,30 +1,44 @@
 //! The core: bytes to frames, frames to transfers, payloads to columns.
 //!
-//! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) ->
-//! [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`ending`] -> [`trust`] ->
+//! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
+//! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`ending`] -> [`trust`] ->
 //! [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`plan`], [`bits`], [`unpack`] -> [`packets`]. None of them knows Python or does
 //! I/O; `python` is the only file that knows Python, `simd` the only one with `unsafe`.
 
+pub mod binary;
 pub mod bits;
+pub mod buses;
 pub mod candump;
+pub mod dataflash;
+pub mod dronecan_log;
 pub mod ending;
 pub mod events;
 pub mod frames;
 pub mod line;
+pub mod link;
+pub mod mcap;
+pub mod merge;
 pub mod packets;
+pub mod pcap;
+pub mod pcapng;
+pub mod piece;
 pub mod pipeline;
 pub mod plan;
+pub mod proto;
+pub mod reader;
 pub mod reassembly;
 pub mod session;
 pub mod sessions;
 pub mod simd;
 pub mod slot;
+pub mod socketcan;
 pub mod stamp;
 pub mod transfers;
 pub mod trust;
 pub mod unpack;
 pub mod verdict;
 pub mod wire;
+pub mod write;
 
 #[cfg(feature = "python")]
 mod python;

@@ -17,7 +17,7 @@ pub use text::{escape, plain};
 pub type Reason = Cow<'static, str>;
 
 /// More than Linux allows (15), so that names of other systems pass.
-const MAX_NAME: usize = 64;
+pub const MAX_NAME: usize = 64;
 const MAX_CLASSIC: usize = 8;
 /// Flag bits of the kernel's identifier word, as they may stand in 8-digit identifiers.
 const WORD_REMOTE: u32 = 0x4000_0000;
@@ -261,12 +261,12 @@ const NIBBLES: [u8; 256] = {
     values
 };
 
-fn nibble(digit: u8) -> Option<u8> {
+pub(crate) fn nibble(digit: u8) -> Option<u8> {
     let value = NIBBLES[usize::from(digit)];
     (value != NOT_HEX).then_some(value)
 }
 
-fn hex_byte(high: u8, low: u8) -> Option<u8> {
+pub(crate) fn hex_byte(high: u8, low: u8) -> Option<u8> {
     let (high, low) = (NIBBLES[usize::from(high)], NIBBLES[usize::from(low)]);
     (high | low != NOT_HEX).then_some(high << 4 | low)
 }

@@ -1,15 +1,18 @@
-//! Bytes in, tables out: the reader and the reassembly behind one door, without any I/O.
+//! Candump text or the rows of any reader in, tables out: reading and reassembly behind one door, without any I/O.
 #![forbid(unsafe_code)]
 
+use crate::buses::Buses;
 use crate::candump::Candump;
 use crate::events::{Event, EventKind, Events};
 use crate::frames::{Frames, NO_TIME};
+use crate::reader::{Counts, Piece};
 use crate::reassembly::{Reassembler, Resolve, Results};
+use crate::stamp::Stamps;
 
 /// All interfaces silent for longer than this is a gap in the capture.
 const GAP_NS: i64 = 1_000_000_000;
 /// Text is worked through in pieces that stay in the cache between the two passes.
-const PIECE: usize = 128 << 10;
+const TEXT: usize = 128 << 10;
 
 /// One slice of every table.
 #[derive(Debug, Default)]
@@ -25,6 +28,10 @@ pub struct Pipeline {
     frames: Frames,
     events: Events,
     latest: i64,
+    /// What came as rows instead of text.
+    counts: Counts,
+    stamps: Stamps,
+    buses: Buses,
 }
 
 impl Pipeline {
@@ -35,6 +42,9 @@ impl Pipeline {
             frames: Frames::default(),
             events: Events::default(),
             latest: NO_TIME,
+            counts: Counts::default(),
+            stamps: Stamps::default(),
+            buses: Buses::default(),
         }
     }
 
@@ -45,11 +55,44 @@ impl Pipeline {
 
     /// Takes candump text; a line that is not finished waits for more.
     pub fn feed_candump(&mut self, text: &[u8]) {
-        for piece in text.chunks(PIECE) {
+        for piece in text.chunks(TEXT) {
             let first = self.frames.len();
             let mut events = Events::default();
             self.candump.feed(piece, &mut self.frames, &mut events);
             self.run(first, &events);
+        }
+    }
+
+    /// Takes the rows of a reader, records in ascending order. A capture is either text or rows.
+    pub fn feed_rows(&mut self, piece: &Piece) {
+        let first = self.frames.len();
+        self.counts.add(&piece.counts);
+        self.stamps.insert(piece.stamps);
+        self.buses.clone_from(&piece.buses);
+        self.frames.extend(&piece.frames);
+        self.run(first, &piece.events);
+    }
+
+    /// What became of every line and record so far.
+    pub fn counts(&self) -> Counts {
+        let mut counts = self.candump.counts();
+        counts.add(&self.counts);
+        counts
+    }
+
+    /// The kinds of time stamps seen so far.
+    pub fn stamps(&self) -> Stamps {
+        let mut stamps = self.candump.stamps();
+        stamps.insert(self.stamps);
+        stamps
+    }
+
+    /// Interface names by the index in the `bus` columns.
+    pub fn buses(&self) -> &[String] {
+        if self.buses.names().is_empty() {
+            self.candump.buses()
+        } else {
+            self.buses.names()
         }
     }
 
@@ -102,6 +145,7 @@ impl Pipeline {
                     kind: EventKind::Gap,
                     class: 0,
                     counters: None,
+                    data: &[],
                     text: &text,
                 });
             }

@@ -9,6 +9,7 @@ use bytemuck::{cast_slice, Pod};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
+use crate::events::Events;
 use crate::frames::{Frames, NO_TIME};
 use crate::pipeline::Pipeline;
 use crate::reassembly::{Resolve, Settled, TypeName};
@@ -44,6 +45,11 @@ macro_rules! columns {
 }
 
 mod decode;
+mod mcap;
+mod merge;
+mod pieces;
+mod proto;
+mod write;
 
 fn timed(t: &[i64]) -> impl ExactSizeIterator<Item = bool> + '_ {
     t.iter().map(|&t| t != NO_TIME)
@@ -84,6 +90,12 @@ impl Engine {
         self.check()
     }
 
+    /// Takes the rows of a reader; a capture is either text or rows.
+    fn feed_rows(&mut self, py: Python<'_>, piece: &pieces::Piece) -> PyResult<()> {
+        py.detach(|| self.pipeline.feed_rows(&piece.0));
+        self.check()
+    }
+
     /// End of capture.
     fn finish(&mut self, py: Python<'_>) -> PyResult<()> {
         py.detach(|| self.pipeline.finish());
@@ -110,14 +122,7 @@ impl Engine {
         let frames = frame_columns(py, &batch.frames)?;
         put(&frames, "verdict", &batch.results.verdict)?;
         put(&frames, "anomaly", &batch.results.anomaly)?;
-        let e = &batch.events;
-        let events = columns!(py, e, t, bus, line, kind, class, tx_errors, rx_errors, text);
-        put_valid(&events, "t_valid", timed(&e.t))?;
-        put_valid(&events, "bus_valid", e.bus_valid.iter().map(|&v| v != 0))?;
-        put_valid(&events, "tx_errors_valid", e.errors_valid.iter().map(|&v| v != 0))?;
-        put_valid(&events, "rx_errors_valid", e.errors_valid.iter().map(|&v| v != 0))?;
-        let offsets: Vec<i32> = std::iter::once(0).chain(e.text_end.iter().copied()).collect();
-        put(&events, "text_offset", &offsets)?;
+        let events = event_columns(py, &batch.events)?;
         let Settled {
             frame,
             verdict,
@@ -139,7 +144,7 @@ impl Engine {
     /// Interface names by index.
     #[getter]
     fn buses(&self) -> Vec<String> {
-        self.pipeline.candump.buses().to_vec()
+        self.pipeline.buses().to_vec()
     }
 
     /// Frames by verdict, capture-wide; their sum is the number of frames.
@@ -151,23 +156,13 @@ impl Engine {
     /// What became of the lines of the text, capture-wide.
     #[getter]
     fn lines<'py>(&self, py: Python<'py>) -> PyResult<Dict<'py>> {
-        let counts = self.pipeline.candump.counts();
-        let dict = PyDict::new(py);
-        dict.set_item("lines", counts.lines)?;
-        dict.set_item("frames", counts.frames)?;
-        dict.set_item("error_frames", counts.error_frames)?;
-        dict.set_item("drops", counts.drops)?;
-        dict.set_item("dropped_frames", counts.dropped)?;
-        dict.set_item("comments", counts.comments)?;
-        dict.set_item("blank", counts.blank)?;
-        dict.set_item("unreadable", counts.unreadable)?;
-        Ok(dict)
+        pieces::lines(py, &self.pipeline.counts())
     }
 
     /// Bits of the kinds of time stamps seen.
     #[getter]
     fn stamps(&self) -> u8 {
-        self.pipeline.candump.stamps().bits()
+        self.pipeline.stamps().bits()
     }
 }
 
@@ -191,6 +186,19 @@ fn frame_columns<'py>(py: Python<'py>, frames: &Frames) -> PyResult<Dict<'py>> {
     let dict = columns!(py, frames, t, bus, id, flags, line, data);
     put(&dict, "data_offset", &frames.offset)?;
     put_valid(&dict, "t_valid", timed(&frames.t))?;
+    Ok(dict)
+}
+
+fn event_columns<'py>(py: Python<'py>, e: &Events) -> PyResult<Dict<'py>> {
+    let dict = columns!(py, e, t, bus, line, kind, class, tx_errors, rx_errors, data, text);
+    put_valid(&dict, "t_valid", timed(&e.t))?;
+    put_valid(&dict, "bus_valid", e.bus_valid.iter().map(|&v| v != 0))?;
+    put_valid(&dict, "tx_errors_valid", e.errors_valid.iter().map(|&v| v != 0))?;
+    put_valid(&dict, "rx_errors_valid", e.errors_valid.iter().map(|&v| v != 0))?;
+    for (name, ends) in [("data_offset", &e.data_end), ("text_offset", &e.text_end)] {
+        let offsets: Vec<i32> = std::iter::once(0).chain(ends.iter().copied()).collect();
+        put(&dict, name, &offsets)?;
+    }
     Ok(dict)
 }
 
@@ -246,6 +254,17 @@ fn transfer_columns<'py>(py: Python<'py>, rows: &Transfers, types: &[TypeName]) 
 #[pymodule]
 fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<Engine>()?;
+    m.add_class::<merge::Merger>()?;
+    m.add_class::<merge::Fingerprint>()?;
+    m.add_class::<pieces::Piece>()?;
+    m.add_class::<pieces::Rows>()?;
+    m.add_class::<pieces::Reader>()?;
+    m.add_class::<mcap::McapWalk>()?;
+    m.add_class::<write::Messages>()?;
+    m.add_class::<write::Writer>()?;
+    m.add_function(wrap_pyfunction!(mcap::crc32, m)?)?;
+    m.add_function(wrap_pyfunction!(proto::protobuf, m)?)?;
+    m.add_function(wrap_pyfunction!(proto::message_records, m)?)?;
     m.add_class::<decode::Plan>()?;
     m.add_class::<decode::Packets>()
 }

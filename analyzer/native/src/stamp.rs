@@ -89,6 +89,10 @@ impl Stamps {
         self.0
     }
 
+    pub fn from_bits(bits: u8) -> Stamps {
+        Stamps(bits)
+    }
+
     /// The set that says how finely `digits` digits of a fraction resolve time.
     pub fn resolution(digits: usize) -> Stamps {
         if digits > 6 {

@@ -119,14 +119,7 @@ impl Held {
     fn release(&mut self, frames: &mut Frames, events: &mut Events) {
         self.marks = vec![];
         let held = std::mem::take(&mut self.frames);
-        let start = frames.data.len() as i32;
-        frames.t.extend(held.t);
-        frames.bus.extend(held.bus);
-        frames.id.extend(held.id);
-        frames.flags.extend(held.flags);
-        frames.line.extend(held.line);
-        frames.offset.extend(held.offset[1..].iter().map(|end| start + end));
-        frames.data.extend(held.data);
+        frames.extend(&held);
         let held = std::mem::take(&mut self.events);
         events.extend(&held, 0..held.len());
     }

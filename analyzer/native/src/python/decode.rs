@@ -62,7 +62,7 @@ type Unpacked<'py> = (
     Bytes<'py>,
 );
 
-fn aligned<T: Pod>(bytes: &[u8]) -> PyResult<&[T]> {
+pub(super) fn aligned<T: Pod>(bytes: &[u8]) -> PyResult<&[T]> {
     try_cast_slice(bytes).map_err(|error| PyValueError::new_err(error.to_string()))
 }
 

@@ -42,8 +42,8 @@ impl Tables {
         Tables {
             capture,
             events,
-            buses: pipeline.candump.buses().to_vec(),
-            lines: pipeline.candump.counts(),
+            buses: pipeline.buses().to_vec(),
+            lines: pipeline.counts(),
             counts: pipeline.reassembler.counts(),
         }
     }

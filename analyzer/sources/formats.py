@@ -1,0 +1,71 @@
+"""What a capture is: read from its first bytes, then from its name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from analyzer._native import Piece
+    from analyzer.sources import Source
+
+    Read = Callable[[Source, Iterator[bytes]], Iterator[bytes | Piece]]
+
+UTF8_MARK = b"\xef\xbb\xbf"
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A capture format. `module` has its `read(source, chunks)`; None is for what cannot be read.
+
+    `unit` is what its rows are counted in.
+    """
+
+    name: str
+    module: str | None
+    magics: tuple[bytes, ...]
+    suffixes: tuple[str, ...] = ()
+    unit: str = "record"
+
+    def reader(self) -> Read:
+        """The reading function, imported only now: some need heavy packages."""
+        module: Any = import_module(f"analyzer.sources.{self.module}")
+        read: Read = module.read
+        return read
+
+
+CANDUMP = Format("candump text", "candump", (b"(", b"Normal ("), unit="line")
+FORMATS = (
+    Format("MCAP", "mcap", (b"\x89MCAP0\r\n",)),
+    Format("pcapng", "native", (b"\n\r\r\n",)),
+    Format("pcap", "native", tuple(bytes.fromhex(h) for h in ("d4c3b2a1", "a1b2c3d4", "4d3cb2a1", "a1b23c4d"))),
+    Format("ArduPilot dataflash", "native", (b"\xa3\x95",)),
+    Format("pydronecan log", "native", (b"\x34\x29",)),
+    Format("Vector BLF", "python_can", (b"LOGG",)),
+    Format("MDF 4", "python_can", (b"MDF     ", b"UnFinMF ")),
+    Format("Vector ASC", "python_can", (b"date ", b"base hex", b"base dec", b"//"), (".asc",), "line"),
+    Format("PEAK TRC", "python_can", (b";$FILEVE", b";#######"), (".trc",), "line"),
+    Format("python-can CSV", "python_can", (b"timestam",), (".csv",), "line"),
+    Format("xz", None, (b"\xfd7zXZ\0",)),
+    Format("bzip2", None, (b"BZh",)),
+    Format("zip", None, (b"PK\x03\x04",)),
+    Format("UTF-16 text", None, (b"\xff\xfe", b"\xfe\xff")),
+    CANDUMP,
+)
+# As many bytes decide.
+LONGEST = max(len(magic) for form in FORMATS for magic in form.magics)
+_PACKED = (".gz", ".zst", ".zstd")
+
+
+def detect(head: bytes, name: str) -> Format:
+    """The format of a capture that starts with `head`; text that nothing claims is candump's."""
+    for form in FORMATS:
+        if head.startswith(form.magics):
+            return form
+    path = PurePath(name.lower())
+    suffix = PurePath(path.stem).suffix if path.suffix in _PACKED else path.suffix
+    return next((form for form in FORMATS if suffix in form.suffixes), CANDUMP)
