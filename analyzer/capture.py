@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os import PathLike
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,12 +11,11 @@ import pyarrow as pa
 import dissectors
 from analyzer.engine import Engine
 from analyzer.messages import Messages
-from analyzer.sources import Source
+from analyzer.sources.merge import Plan, open_captures
 from analyzer.tables import FRAMES, KINDS, TRANSFERS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from os import PathLike
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from analyzer.engine import Batch, Totals
@@ -25,25 +25,26 @@ if TYPE_CHECKING:
 
 
 class Capture:
-    """One file, decoded on the way through. Iterating gives `Batch` after `Batch`; each iteration reads it anew.
+    """A capture, decoded on the way through. Iterating gives `Batch` after `Batch`; each iteration reads it anew.
 
     Args:
-        path: candump text in any dialect, gzip or not; `-` is standard input.
+        paths: files of any format, packed or not, merged by time; `-` is standard input.
+        plan: names of buses and shifts of clocks.
         dissectors: folders with further data types, before the built-in ones.
 
     Raises:
-        CaptureError: the file cannot be read. Damage behind readable content is in `damage` instead.
+        CaptureError: a file cannot be read. Damage behind readable content is in `damage` instead.
+        MergeError: the captures have no clock in common.
     """
 
-    def __init__(self, path: str | PathLike[str], dissectors_: Sequence[Path] = ()) -> None:
-        self.path = str(path)
+    def __init__(self, paths: Sequence[str], plan: Plan | None = None, dissectors_: Sequence[Path] = ()) -> None:
         self.registry = dissectors.load(dissectors_)
-        self.source = Source(self.path)
+        self.source = open_captures(paths, plan)
         self.engine = Engine(self.registry)
 
     def __iter__(self) -> Iterator[Batch]:
         """Batches in capture order."""
-        self.source = Source(self.path)
+        self.source = self.source.again()
         self.engine = Engine(self.registry)
         yield from self.engine.run(self.source.chunks())
 
@@ -57,27 +58,9 @@ class Capture:
             return _settled(list(self))
         if name in ("transfers", "events"):
             return pa.Table.from_batches([getattr(batch, name) for batch in self])
-        message, packet = self._find(name)
-        wanted = message.table if packet is None else f"{message.table}.{packet}"
+        message, wanted = find_table(self.registry, name)
         pieces = [batch.messages[wanted] for batch in self if wanted in batch.messages]
         return pa.Table.from_batches(pieces or [example(self.registry, message)[wanted].slice(0, 0)])
-
-    def _find(self, name: str) -> tuple[Message, str | None]:
-        """A message, and the packet in it that is meant."""
-        try:
-            return self.registry.resolve(name), None
-        except LookupError:
-            outer, _, packet = name.rpartition(".")
-            try:
-                message = self.registry.resolve(outer)
-            except LookupError:
-                message = None
-            if message is None or message.packets is None:
-                raise
-        known = [kind.name for family in families(self.registry) for kind in family.packets] + ["unrecognized"]
-        if packet not in known:
-            raise LookupError(f"{message.table} has no packet {packet!r} (one of: {', '.join(known)})")
-        return message, packet
 
     @property
     def damage(self) -> CaptureError | None:
@@ -95,9 +78,41 @@ class Capture:
         return self.engine.buses
 
 
-def open_capture(path: str | PathLike[str], dissectors: Sequence[Path] = ()) -> Capture:
-    """Opens a capture; nothing is read before the first batch or table is asked for."""
-    return Capture(path, dissectors)
+def open_capture(
+    path: str | PathLike[str] | Sequence[str | PathLike[str]],
+    dissectors: Sequence[Path] = (),
+    *,
+    buses: Mapping[str, str] | None = None,
+    offsets: Mapping[str, int] | None = None,
+    same_bus: bool = False,
+) -> Capture:
+    """Opens a capture, or several as one; nothing is read before the first batch or table is asked for.
+
+    `buses` gives names: of a capture, of an interface, or of `capture:interface`. `offsets` shifts the clocks of
+    captures, in nanoseconds. With `same_bus` all of them recorded one bus, and what repeats is left out.
+    """
+    paths = [path] if isinstance(path, (str, PathLike)) else path
+    return Capture([str(p) for p in paths], Plan(dict(buses or {}), dict(offsets or {}), same_bus), dissectors)
+
+
+def find_table(registry: Registry, name: str) -> tuple[Message, str]:
+    """The message that is meant, and the table: its own, or that of a packet in it. Raises `LookupError`."""
+    try:
+        message = registry.resolve(name)
+    except LookupError:
+        outer, _, packet = name.rpartition(".")
+        try:
+            carrier: Message | None = registry.resolve(outer)
+        except LookupError:
+            carrier = None
+        if carrier is None or carrier.packets is None:
+            raise
+    else:
+        return message, message.table
+    known = [kind.name for family in families(registry) for kind in family.packets] + ["unrecognized"]
+    if packet not in known:
+        raise LookupError(f"{carrier.table} has no packet {packet!r} (one of: {', '.join(known)})")
+    return carrier, f"{carrier.table}.{packet}"
 
 
 def families(registry: Registry) -> list[PacketFamily]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass
 from datetime import UTC, datetime, time, timedelta
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     import numpy.typing as npt
+    import pyarrow as pa
 
     from analyzer.engine import Batch
 
@@ -24,8 +26,8 @@ if TYPE_CHECKING:
 SECOND = 1_000_000_000
 AROUND = SECOND
 _UNITS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": SECOND, "min": 60 * SECOND, "h": 3600 * SECOND}
-_NEVER = np.iinfo(np.int64).min  # a time that is not there
-_NOTHING = int(np.iinfo(np.int64).max), _NEVER
+NEVER = np.iinfo(np.int64).min  # a time that is not there
+_NOTHING = int(np.iinfo(np.int64).max), NEVER
 # Batches that wait for a point that is still to come; each takes some 30 MB.
 MOST_WAITING = 8
 # A time of day that was over longer than this when the capture starts is the next day's.
@@ -118,8 +120,23 @@ class Window:
         return any(isinstance(limit, Moment) for limit in (self.start, self.stop, self.around)) or self.last is not None
 
 
-class Selection:
-    """Applies a window to batches while they go by.
+class Framed(Protocol):
+    """Something with a slice of the frames table in it."""
+
+    @property
+    def frames(self) -> pa.RecordBatch:
+        """The frames, with their times in column `t`."""
+
+    @property
+    def first_frame(self) -> int:
+        """Number of the first one in the capture, from 0."""
+
+
+F = TypeVar("F", bound=Framed)
+
+
+class Windowed(ABC, Generic[F]):
+    """Applies a window to slices of a capture while they go by.
 
     Args:
         window: what is wanted.
@@ -129,7 +146,7 @@ class Selection:
     `problem` says afterwards why the window does not fit the capture, None if it does.
     """
 
-    def __init__(self, window: Window, again: Callable[[], Iterable[Batch] | None] = lambda: None) -> None:
+    def __init__(self, window: Window, again: Callable[[], Iterable[F] | None] = lambda: None) -> None:
         self.window = window
         self.problem: str | None = None
         self._again = again
@@ -137,11 +154,11 @@ class Selection:
         self._latest: int | None = None
         self._anchor: int | None = None
         self._frames = 0
-        self._waiting: deque[tuple[Batch, int]] = deque()
-        self._dropped = _NEVER
+        self._waiting: deque[tuple[F, int]] = deque()
+        self._dropped = NEVER
 
-    def apply(self, batches: Iterable[Batch]) -> Iterator[tuple[Batch, Rows, int | None]]:
-        """Batches with the transfer rows inside the window, in order of their first frames.
+    def apply(self, batches: Iterable[F]) -> Iterator[tuple[F, Rows, int | None]]:
+        """Batches with the rows inside the window.
 
         The third value is the zero of relative times: the first frame's time, or that of `around`. Batches that are
         surely too early for a window that is found late are left out.
@@ -163,15 +180,14 @@ class Selection:
             self.problem = "the window is too wide for a pipe: save the capture to a file first"
         yield from self._release()
 
-    def _look(self, batch: Batch) -> int:
+    def _look(self, batch: F) -> int:
         """Takes note of the times of a batch; returns the newest one of its frames and transfers."""
-        newest = _NEVER
-        for table, column in ((batch.transfers, "t_end"), (batch.frames, "t")):
-            times = numbers(table.column(column))
-            times = times[times != _NEVER]
+        newest = NEVER
+        for column in self._times(batch):
+            times = column[column != NEVER]
             if times.size:
                 newest = max(newest, int(times.max()))
-        if newest != _NEVER:
+        if newest != NEVER:
             if self._first is None and times.size:
                 self._first = int(times[0])
             self._latest = newest if self._latest is None else max(self._latest, newest)
@@ -179,13 +195,21 @@ class Selection:
         self._find_anchor(batch)
         return newest
 
+    @abstractmethod
+    def _times(self, batch: F) -> tuple[Rows, ...]:
+        """All times of a batch, those of its frames last."""
+
+    @abstractmethod
+    def _pick(self, batch: F) -> tuple[F, Rows, int | None]:
+        """What `apply` gives for a batch."""
+
     def _known(self) -> bool:
         """Whether rows can be picked already. Once batches are lost only a second reading gets them in order."""
         return (
             self.window.last is None and (self.window.around is None or self._anchor is not None) and not self._lost()
         )
 
-    def _find_anchor(self, batch: Batch) -> None:
+    def _find_anchor(self, batch: F) -> None:
         around = self.window.around
         if around is None or self._anchor is not None or self._first is None:
             return
@@ -196,7 +220,7 @@ class Selection:
         elif batch.first_frame <= around - 1 < self._frames:
             self._anchor = batch.frames.column("t").cast("int64")[around - 1 - batch.first_frame].as_py()
 
-    def _hold(self, batch: Batch, newest: int) -> None:
+    def _hold(self, batch: F, newest: int) -> None:
         """Keeps a batch until it is known whether it is wanted; one that is too old stays as the past of the next."""
         self._waiting.append((batch, newest))
         width = self.window.margin if self.window.last is None else self.window.last
@@ -211,9 +235,9 @@ class Selection:
     def _lost(self) -> bool:
         """Whether something was dropped that is inside the window after all."""
         low, _ = self._limits()
-        return self._dropped != _NEVER and (low is None or self._dropped >= low)
+        return self._dropped != NEVER and (low is None or self._dropped >= low)
 
-    def _release(self) -> Iterator[tuple[Batch, Rows, int | None]]:
+    def _release(self) -> Iterator[tuple[F, Rows, int | None]]:
         while self._waiting:
             yield self._pick(self._waiting.popleft()[0])
 
@@ -236,25 +260,8 @@ class Selection:
                 else f"no frame {window.around}: the capture has {self._frames}"
             )
 
-    def _pick(self, batch: Batch) -> tuple[Batch, Rows, int | None]:
-        zero = self._first if self._anchor is None else self._anchor
-        window, transfers = self.window, batch.transfers
-        if not len(transfers):
-            return batch, np.zeros(0, np.int64), zero
-        offsets = np.frombuffer(transfers.column("frame").buffers()[1], np.int32)[: len(transfers) + 1]
-        frames = numbers(transfers.column("frame").values)
-        first, last = frames[offsets[:-1]], frames[offsets[1:] - 1]
-        t, t_end = numbers(transfers.column("t")), numbers(transfers.column("t_end"))
-        keep = np.ones(len(transfers), bool)
-        low, high = self._limits()
-        if low is not None:
-            keep &= (t_end >= low) & (t_end != _NEVER)
-        if high is not None:
-            keep &= (t <= high) & (t != _NEVER)
-        if window.frames is not None:
-            keep &= (last + 1 >= window.frames[0]) & (first + 1 <= window.frames[1])
-        rows = np.flatnonzero(keep)
-        return batch, rows[np.argsort(first[rows], kind="stable")], zero
+    def _zero(self) -> int | None:
+        return self._first if self._anchor is None else self._anchor
 
     def _limits(self) -> tuple[int | None, int | None]:
         """Bounds in nanoseconds; bounds that nothing meets where the times needed are not there."""
@@ -274,3 +281,30 @@ class Selection:
             lows.append(self._anchor - window.margin)
             highs.append(self._anchor + window.margin)
         return max(lows, default=None), min(highs, default=None)
+
+
+class Selection(Windowed["Batch"]):
+    """A window over decoded batches: rows are those of their transfers, in order of the first frames."""
+
+    def _times(self, batch: Batch) -> tuple[Rows, ...]:
+        return numbers(batch.transfers.column("t_end")), numbers(batch.frames.column("t"))
+
+    def _pick(self, batch: Batch) -> tuple[Batch, Rows, int | None]:
+        zero = self._zero()
+        window, transfers = self.window, batch.transfers
+        if not len(transfers):
+            return batch, np.zeros(0, np.int64), zero
+        offsets = np.frombuffer(transfers.column("frame").buffers()[1], np.int32)[: len(transfers) + 1]
+        frames = numbers(transfers.column("frame").values)
+        first, last = frames[offsets[:-1]], frames[offsets[1:] - 1]
+        t, t_end = numbers(transfers.column("t")), numbers(transfers.column("t_end"))
+        keep = np.ones(len(transfers), bool)
+        low, high = self._limits()
+        if low is not None:
+            keep &= (t_end >= low) & (t_end != NEVER)
+        if high is not None:
+            keep &= (t <= high) & (t != NEVER)
+        if window.frames is not None:
+            keep &= (last + 1 >= window.frames[0]) & (first + 1 <= window.frames[1])
+        rows = np.flatnonzero(keep)
+        return batch, rows[np.argsort(first[rows], kind="stable")], zero

@@ -110,7 +110,7 @@ def test_verdicts_are_the_final_ones(decode: Callable[..., Any], monkeypatch: py
     """Cut into many batches, frames of one are settled by a later one."""
     expected = decode(FAULTS.read_bytes()).verdicts
     monkeypatch.setattr("analyzer.engine.BATCH_ROWS", 50)
-    monkeypatch.setattr("analyzer.sources.CHUNK", 2000)
+    monkeypatch.setattr("analyzer.sources.stored.CHUNK", 2000)
     capture = analyzer.open_capture(FAULTS)
     assert sum(len(batch.settled) for batch in capture) > 0
     assert [VERDICTS[code] for code in capture.table("frames").column("verdict").to_pylist()] == expected

@@ -154,7 +154,7 @@ def vendor_words() -> frozenset[str]:
         "reserved",
         "speed",
     }
-    standard = {"hardware_version", "software_version"}  # of GetNodeInfo too
+    standard = {"hardware_version", "software_version", "frame_id"}  # of GetNodeInfo, and of ROS headers, too
     return frozenset(word for word in words if len(word) > 4) - plain - standard
 
 

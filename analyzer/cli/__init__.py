@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from analyzer.cli import streams
 
@@ -27,9 +27,21 @@ not writable, 130 interrupted. Results go to standard output, everything else to
 class Parser(argparse.ArgumentParser):
     """Errors in one line, with the hint that a slip of the fingers deserves."""
 
+    _mixed = False
+
     def print_help(self, file: SupportsWrite[str] | None = None) -> None:
         """The inherited one keeps quiet when it cannot write."""
         (file or sys.stdout).write(self.format_help())
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """A command takes its files and options in any order; the inherited one wants all files side by side."""
+        if self._subparsers is not None or self._mixed:
+            return super().parse_known_args(args, namespace)
+        self._mixed = True  # the other method calls this one, twice
+        try:
+            return self.parse_known_intermixed_args(args, namespace)
+        finally:
+            self._mixed = False
 
     def error(self, message: str) -> NoReturn:
         """One line and exit status 2."""
@@ -48,7 +60,7 @@ class Version(argparse.Action):
 
 def parser() -> Parser:
     """Every command with its options; light enough for `--help`."""
-    from analyzer.cli import decode, info  # noqa: PLC0415 - both are argparse only at this point
+    from analyzer.cli import convert, decode, export, info  # noqa: PLC0415 - all are argparse only at this point
 
     main_parser = Parser(
         prog="tailbyte",
@@ -58,7 +70,7 @@ def parser() -> Parser:
     )
     main_parser.add_argument("--version", action=Version, nargs=0, help="show the version and exit")
     commands = main_parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
-    for command in (decode, info):
+    for command in (decode, info, convert, export):
         command.add(commands)
     return main_parser
 
@@ -95,6 +107,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     try:
         args = parser().parse_args(argv)
+        if "capture" in args and not (args.capture or args.capture_):
+            parser().error(f"{args.command}: which capture? give a file, or - for standard input")
         return int(args.run(args))
     except SystemExit as leave:  # argparse has said what there is to say
         return leave.code if isinstance(leave.code, int) else OK

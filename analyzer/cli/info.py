@@ -32,14 +32,15 @@ def run(args: argparse.Namespace) -> int:
     from analyzer.views.summary import Summary  # noqa: PLC0415
 
     with Session(args) as session:
-        session.source.hashed = True
+        for part in session.source.parts:
+            part.hashed = True
         forced: dict[int, list[str]] = {}
         for node, choice in args.dialect:
             forced.setdefault(node, []).append(choice)
         summary = Summary(session.registry, forced)
         for batch in session.batches():
             summary.add(batch)
-        facts = summary.finish(session.source, session.engine)
+        facts = summary.finish(session.source.parts, session.engine)
         text = render_json(facts) if args.form == "json" else render(facts, everything=args.all)
         sys.stdout.write(text)
     return session.status

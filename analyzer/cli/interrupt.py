@@ -12,10 +12,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from analyzer.sources import Source
+    from analyzer.sources.merge import Merged
 
 
 @contextmanager
-def graceful(reading: Callable[[], Source]) -> Iterator[None]:
+def graceful(reading: Callable[[], Source | Merged]) -> Iterator[None]:
     """The first Ctrl-C stops the source that is being read, a second one raises `KeyboardInterrupt`.
 
     Where SIGINT is ignored (a background job of a shell) it stays so.

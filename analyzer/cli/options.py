@@ -11,18 +11,39 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from analyzer.sources.merge import Plan
     from analyzer.window import Window
     from dissectors import Registry
 
 
 def add_reader(parser: argparse.ArgumentParser) -> None:
-    """The capture and the data types to read it with."""
-    where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument("capture", nargs="?", metavar="CAPTURE", help="candump text, gzip or not; - is standard input")
-    where.add_argument("-r", dest="capture_", metavar="CAPTURE", help="the same, by letter")
+    """The captures, and the data types to read them with."""
+    add_captures(parser)
     parser.add_argument(
         "--dissector", action="append", default=[], metavar="DIR",
         help="folder with further data types (DSDL, profile.toml); repeatable, comes before the built-in ones",
+    )  # fmt: skip
+
+
+def add_captures(parser: argparse.ArgumentParser) -> None:
+    """The captures: files, patterns, standard input, and how several of them become one."""
+    parser.add_argument(
+        "capture", nargs="*", metavar="CAPTURE",
+        help="candump text, MCAP, pcapng, pcap, ArduPilot or pydronecan log, BLF, ASC, TRC, CSV, MF4, packed or not; "
+        "several are merged by time; - is standard input",
+    )  # fmt: skip
+    parser.add_argument(
+        "-r", dest="capture_", action="append", default=[], metavar="CAPTURE", help="the same, by letter"
+    )
+    group = parser.add_argument_group("several captures")
+    group.add_argument(
+        "--bus", action="append", default=[], metavar="NAME=WHAT",
+        help="name the bus of a capture, of an interface or of CAPTURE:INTERFACE; repeatable",
+    )  # fmt: skip
+    group.add_argument("--same-bus", action="store_true", help="all captures recorded one bus: drop what repeats")
+    group.add_argument(
+        "--offset", action="append", default=[], metavar="FILE=+1.5s",
+        help="shift the times of a capture; otherwise found from frames that two captures saw; repeatable",
     )  # fmt: skip
 
 
@@ -106,9 +127,38 @@ def dialect(text: str) -> tuple[int, str]:
     return int(node), choice
 
 
-def capture_name(args: argparse.Namespace) -> str:
-    """The capture, given either way."""
-    return args.capture if args.capture is not None else str(args.capture_)
+def captures(args: argparse.Namespace) -> list[str]:
+    """The captures given either way, patterns resolved. Raises `argparse.ArgumentTypeError` for those that clash."""
+    from glob import glob  # noqa: PLC0415
+
+    names: list[str] = []
+    for given in (*args.capture, *args.capture_):
+        exists = given == "-" or "\0" in given or os.path.lexists(given)
+        names += [given] if exists else sorted(glob(given)) or [given]  # noqa: PTH207 - any pattern, absolute or not
+    if names.count("-") > 1:
+        raise argparse.ArgumentTypeError("standard input can be read only once")
+    if len(names) > 1 and getattr(args, "follow", False):
+        raise argparse.ArgumentTypeError("--follow takes one capture")
+    return names
+
+
+def plan(args: argparse.Namespace) -> Plan:
+    """How several captures become one. Raises `argparse.ArgumentTypeError` with the option and the reason."""
+    from analyzer.sources.merge import Plan, bus_name  # noqa: PLC0415
+
+    names = dict(_checked("--bus", bus_name, text) for text in args.bus)
+    offsets = dict(_checked("--offset", _offset, text) for text in args.offset)
+    return Plan(names, offsets, args.same_bus)
+
+
+def _offset(text: str) -> tuple[str, int]:
+    from analyzer.window import duration  # noqa: PLC0415
+
+    name, equals, shift = text.rpartition("=")
+    sign, size = (shift[:1], shift[1:]) if shift[:1] in "+-" else ("+", shift)
+    if not equals or not name:
+        raise ValueError(f"{text!r} is not FILE=+1.5s")
+    return name, int(sign + "1") * duration(size)
 
 
 def registry(args: argparse.Namespace) -> Registry:
@@ -125,3 +175,17 @@ def colour(args: argparse.Namespace) -> bool:
     if args.color == "auto":
         return sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     return bool(args.color == "always")
+
+
+def refuse_input(args: argparse.Namespace, output: str) -> None:
+    """Raises `ValueError` when a command would write over what it reads."""
+    if same := next((name for name in captures(args) if _is_file(name, output)), None):
+        raise ValueError(f"{output}: is the capture {same} itself")
+
+
+def _is_file(capture: str, output: str) -> bool:
+    """Whether both are one regular file."""
+    try:
+        return capture != "-" and os.path.isfile(output) and os.path.samefile(capture, output)  # noqa: PTH113, PTH121
+    except (OSError, ValueError):  # whoever opens it will say what is wrong
+        return False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from contextlib import AbstractContextManager, ExitStack
 from typing import TYPE_CHECKING, Self
 
@@ -9,15 +10,21 @@ import pyarrow.compute as pc
 
 from analyzer.cli import DAMAGED, INTERRUPTED, OK, USAGE, options, streams
 from analyzer.cli.interrupt import graceful
-from analyzer.engine import Batch, Engine
+from analyzer.engine import LINES, Batch, Engine, Totals
 from analyzer.sources import CaptureError, Source
-from analyzer.tables import EVENTS
+from analyzer.sources.errors import MergeError
+from analyzer.sources.merge import Merged, open_captures
+from analyzer.sources.native import rows
+from analyzer.tables import EVENT_ROWS, EVENTS, wrap
 from dissectors import DsdlError, ProfileError
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterable, Iterator
     from types import TracebackType
+
+    import pyarrow as pa
+
+    from analyzer._native import Piece
 
 # Complaints about single lines before it says only how many there were.
 LINES_SHOWN = 5
@@ -31,13 +38,14 @@ class Session(AbstractContextManager["Session"]):
     """
 
     def __init__(self, args: argparse.Namespace) -> None:
-        self.source = Source(options.capture_name(args), follow=getattr(args, "follow", False))
+        self.source: Source | Merged = Source("")
+        self.totals = Totals(dict.fromkeys(LINES, 0))
         self.transfers = 0
         self.held: list[str] | None = None
         self._args = args
         self._status = OK
         self._complaints = 0
-        self._reading = self.source
+        self._reading: Source | Merged = self.source
         self._cleanup = ExitStack()
 
     @property
@@ -48,8 +56,10 @@ class Session(AbstractContextManager["Session"]):
     def __enter__(self) -> Self:
         """Loads the data types."""
         try:
+            names, plan = options.captures(self._args), options.plan(self._args)
+            self.source = self._reading = open_captures(names, plan, follow=getattr(self._args, "follow", False))
             self.registry = options.registry(self._args)
-        except (DsdlError, ProfileError, OSError) as error:
+        except (argparse.ArgumentTypeError, DsdlError, ProfileError, OSError) as error:
             self.complain(str(error))
             raise SystemExit(USAGE) from None
         self.engine = Engine(self.registry)
@@ -64,7 +74,8 @@ class Session(AbstractContextManager["Session"]):
             self.complain(str(error))
             self._status = DAMAGED
             return True
-        if isinstance(error, (DsdlError, ProfileError)):  # types are compiled when they occur
+        # Types are compiled when they occur, captures are compared when they are opened.
+        if isinstance(error, (DsdlError, ProfileError, MergeError)):
             self.complain(str(error))
             self._status = USAGE
             return True
@@ -73,7 +84,7 @@ class Session(AbstractContextManager["Session"]):
     def batches(self) -> Iterator[Batch]:
         """Every batch of the capture; damage found on the way is reported at its end."""
         for chunk in self.source.chunks():
-            if chunk:
+            if chunk != b"":
                 for batch in self.engine.feed(chunk):
                     yield self._seen(batch)
             else:
@@ -81,12 +92,26 @@ class Session(AbstractContextManager["Session"]):
         yield self._seen(self.engine.finish())
         self._conclude()
 
+    def pieces(self) -> Iterator[Piece]:
+        """The rows of the capture without decoding them; complaints as with `batches`."""
+        for piece in rows(self.source.chunks()):
+            if not isinstance(piece, bytes):
+                for name, count in piece.lines.items():
+                    self.totals.lines[name] = self.totals.lines.get(name, 0) + count
+                if piece.lines["unreadable"]:
+                    self._complain_of(wrap(EVENT_ROWS, piece.columns()[1]))
+                yield piece
+        self._conclude()
+
     def again(self) -> Iterator[Batch] | None:
         """The capture once more, with nothing counted or complained about; None if it exists only once."""
-        if self.source.live:
-            return None
-        self._reading = Source(self.source.name)
-        return Engine(self.registry).run(self._reading.chunks())
+        chunks = self._again()
+        return None if chunks is None else Engine(self.registry).run(chunks)
+
+    def pieces_again(self) -> Iterator[Piece] | None:
+        """The rows once more, in the same way."""
+        chunks = self._again()
+        return None if chunks is None else (piece for piece in rows(chunks) if not isinstance(piece, bytes))
 
     def unhurried(self, texts: Iterable[str]) -> Iterator[str]:
         """The texts; after Ctrl-C no more of them if the capture is there to be read again."""
@@ -115,38 +140,61 @@ class Session(AbstractContextManager["Session"]):
 
     def account(self, shown: int | None) -> None:
         """The sums: every line and every frame, and how many transfers were shown (None: listing was not asked for)."""
-        totals = self.engine.totals
-        lines = totals.lines
-        others = ("error_frames", "drops", "comments", "blank", "unreadable")
-        rest = "".join(f" + {lines[name]} {name.replace('_', ' ')}" for name in others if lines[name])
+        totals = self.totals
         kinds = "".join(f" + {count} {name}" for name, count in totals.verdicts.items() if count and name != "used")
         listed = f"{self.transfers} transfers" if shown is None else f"{shown} of {self.transfers} transfers shown"
-        streams.tell(
-            f"-- {listed}; {lines['lines']} lines = {lines['frames']} frames{rest}; "
-            f"{lines['frames']} frames = {totals.verdicts['used']} used{kinds}\n"
-        )
+        frames = totals.lines["frames"]
+        streams.tell(f"-- {listed}; {self.sum()}; {frames} frames = {totals.verdicts['used']} used{kinds}\n")
+
+    def sum(self) -> str:
+        """What became of every line or record, as a sum."""
+        lines = self.totals.lines
+        others = LINES[2:]
+        rest = "".join(f" + {lines[name]} {name.replace('_', ' ')}" for name in others if lines[name])
+        return f"{lines['lines']} {self._unit()}s = {lines['frames']} frames{rest}"
+
+    def _unit(self) -> str:
+        units = {part.unit for part in self.source.parts}
+        return units.pop() if len(units) == 1 else "record"
+
+    def _again(self) -> Iterator[bytes | Piece] | None:
+        if self.source.live:
+            return None
+        self._reading = self.source.again()
+        return self._reading.chunks()
 
     def _seen(self, batch: Batch) -> Batch:
         self.transfers += len(batch.transfers)
-        unreadable = EVENTS.index("unreadable")
-        if len(batch.events) and self._complaints < LINES_SHOWN:
-            rows = batch.events.filter(pc.equal(batch.events.column("kind"), unreadable)).to_pylist()
-            for row in rows[: LINES_SHOWN - self._complaints]:
-                self.complain(f"{self.source.name}: line {row['line']}: {row['text']}")
-                self._complaints += 1
+        self.totals = self.engine.totals
+        self._complain_of(batch.events)
         return batch
 
+    def _complain_of(self, events: pa.RecordBatch) -> None:
+        if not len(events) or self._complaints >= LINES_SHOWN:
+            return
+        merged = len(self.source.parts) > 1
+        rows_ = events.filter(pc.equal(events.column("kind"), EVENTS.index("unreadable"))).to_pylist()
+        for row in rows_[: LINES_SHOWN - self._complaints]:
+            place = "" if merged else f"{self.source.name}: {self._unit()} {row['line']}: "
+            self.complain(place + row["text"])
+            self._complaints += 1
+
     def _conclude(self) -> None:
-        totals, damage = self.engine.totals, self.source.damage
-        unreadable = totals.lines["unreadable"]
-        empty = totals.lines["lines"] == 0 and damage is None and not self.source.stopped
+        """What is to be said at the end of a capture; the notes of formats come first."""
+        totals, source = self.totals, self.source
+        for part in source.parts:
+            for note in part.notes:
+                self.complain(f"{part.name}: {note}")
+        unreadable, balanced = totals.lines["unreadable"], totals.balanced
+        damages = [part.damage for part in source.parts if part.damage is not None]
+        empty = totals.lines["lines"] == 0 and not damages and not source.stopped
         if unreadable > self._complaints:
-            self.complain(f"{self.source.name}: {unreadable} of {totals.lines['lines']} lines are unreadable")
-        if damage is not None:
+            self.complain(f"{source.name}: {unreadable} of {totals.lines['lines']} {self._unit()}s are unreadable")
+        for damage in damages:
             self.complain(str(damage))
         if empty:
-            self.complain(f"{self.source.name}: empty")
-        if not totals.balanced:
-            self.complain(f"{self.source.name}: lines and frames do not add up: please report this as a bug")
-        if unreadable or damage is not None or empty or not totals.balanced:
+            self.complain(f"{source.name}: empty")
+        if not balanced:
+            self.complain(f"{source.name}: lines and frames do not add up: please report this as a bug")
+        if unreadable or damages or empty or not balanced:
             self._status = DAMAGED

@@ -1,0 +1,83 @@
+//! Frames of one bus that two captures hold: the second sight of a frame is told from a frame that was sent again.
+#![forbid(unsafe_code)]
+
+use std::collections::{HashMap, VecDeque};
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use crate::frames::{RX, TX};
+
+/// Two clocks may differ by this much from one frame to the next; equal DroneCAN frames are further apart.
+const TOLERANCE: i64 = 20_000_000;
+/// How far two clocks may drift apart during a capture.
+const FAR: i64 = 500_000_000;
+/// A bound, should times stand still.
+const MOST: usize = 1 << 16;
+
+#[derive(Default)]
+pub(super) struct Overlaps {
+    /// The capture that recorded a bus first, and whether another one did, too.
+    owners: HashMap<u8, (usize, bool)>,
+    recent: HashMap<u64, VecDeque<Seen>>,
+    order: VecDeque<(i64, u64)>,
+    /// Times of the second capture minus those of the first one, as last seen.
+    skew: HashMap<(usize, usize), i64>,
+}
+
+struct Seen {
+    t: i64,
+    /// The captures that hold it.
+    inputs: Vec<usize>,
+}
+
+impl Overlaps {
+    /// Capture `input` has an interface on this bus.
+    pub(super) fn recorded(&mut self, bus: u8, input: usize) {
+        let owner = self.owners.entry(bus).or_insert((input, false));
+        owner.1 |= owner.0 != input;
+    }
+
+    /// Whether another capture of the bus has shown this frame (identifier, flags, data) already.
+    pub(super) fn repeats(&mut self, bus: u8, input: usize, t: i64, frame: (u32, u16, &[u8])) -> bool {
+        if !self.owners.get(&bus).is_some_and(|owner| owner.1) {
+            return false;
+        }
+        self.forget(t);
+        let key = content(bus, frame);
+        let seen = self.recent.entry(key).or_default();
+        for twin in seen.iter_mut().filter(|twin| !twin.inputs.contains(&input)) {
+            let skew = self.skew.entry((twin.inputs[0], input)).or_insert(0);
+            let off = t.saturating_sub(twin.t).saturating_sub(*skew);
+            if off.saturating_abs() <= TOLERANCE {
+                *skew = (*skew + off / 16).clamp(-FAR, FAR);
+                twin.inputs.push(input);
+                return true;
+            }
+        }
+        let inputs = vec![input];
+        seen.push_back(Seen { t, inputs });
+        self.order.push_back((t, key));
+        false
+    }
+
+    fn forget(&mut self, now: i64) {
+        while let Some(&(t, key)) = self.order.front() {
+            if now.saturating_sub(t) <= FAR + TOLERANCE && self.order.len() < MOST {
+                return;
+            }
+            self.order.pop_front();
+            if let Some(seen) = self.recent.get_mut(&key) {
+                seen.pop_front();
+                if seen.is_empty() {
+                    self.recent.remove(&key);
+                }
+            }
+        }
+    }
+}
+
+/// What makes two records the same frame; the direction is that of the recorder.
+pub(super) fn content(bus: u8, (id, flags, data): (u32, u16, &[u8])) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    (bus, id, flags & !(RX | TX), data).hash(&mut hasher);
+    hasher.finish()
+}
