@@ -1,0 +1,143 @@
+//! ArduPilot's dataflash log (`.bin`): records of two mark bytes, a type, and fields that `FMT` records describe.
+//!
+//! `CANF` and `CAFD` records hold the frames that ArduPilot's CAN logging received and sent, without saying which;
+//! every other sound record counts as `other`. Behind a damaged record, the next is where mark bytes and a type that
+//! the log has described come together. Bytes that are all 0x00 or all 0xFF up to the end are the unwritten rest of a
+//! medium, not damage.
+#![forbid(unsafe_code)]
+
+mod layout;
+
+use crate::binary::{Binary, Format, Order, Start, Step};
+use crate::frames::{MAX_DATA, NO_TIME};
+use crate::line::Reason;
+use crate::reader::Rows;
+use crate::socketcan::{fd_length, Frame};
+use crate::stamp::Stamps;
+
+use layout::{Fields, Kind, Layout};
+
+/// Dataflash logs to rows.
+pub type Dataflash = Binary<DataflashFormat>;
+
+const MARK: [u8; 2] = [0xA3, 0x95];
+const HEADER: usize = 3;
+const DESCRIPTION: u8 = 128;
+const DESCRIPTION_LENGTH: usize = 89;
+
+pub struct DataflashFormat {
+    /// What the log has said so far of each type.
+    layouts: Vec<Option<Layout>>,
+    /// The index in the rows by the log's number of a bus.
+    buses: [Option<u8>; 256],
+}
+
+impl Default for DataflashFormat {
+    fn default() -> Self {
+        let mut layouts = vec![None; 256];
+        layouts[usize::from(DESCRIPTION)] = Some(Layout {
+            length: DESCRIPTION_LENGTH,
+            kind: Kind::Other,
+        });
+        DataflashFormat {
+            layouts,
+            buses: [None; 256],
+        }
+    }
+}
+
+impl Format for DataflashFormat {
+    const NAME: &'static str = "dataflash log";
+    const PADDED: bool = true;
+
+    fn record(&mut self, bytes: &[u8], _: bool, rows: &mut Rows) -> Step {
+        if !bytes.starts_with(&MARK[..bytes.len().min(MARK.len())]) {
+            return Step::Damaged("no record".into());
+        }
+        let Some([_, _, kind]) = bytes.first_chunk() else {
+            return Step::Need(HEADER);
+        };
+        let Some(layout) = &self.layouts[usize::from(*kind)] else {
+            return Step::Damaged(format!("record of unknown type {kind}").into());
+        };
+        let length = layout.length;
+        let Some(record) = bytes.get(..length) else {
+            return Step::Need(length);
+        };
+        let read = match &layout.kind {
+            _ if *kind == DESCRIPTION => self.description(&record[HEADER..]).map(|()| rows.other(1)),
+            Kind::Other => {
+                rows.other(1);
+                Ok(())
+            }
+            Kind::Frame(fields) => frame(record, fields, &mut self.buses, rows),
+            Kind::Unclear(reason) => Err(reason.clone()),
+        };
+        if let Err(reason) = read {
+            rows.unreadable(NO_TIME, None, &reason);
+        }
+        Step::Used(length)
+    }
+
+    fn starts(&self, bytes: &[u8], _: bool) -> Start {
+        if !bytes.starts_with(&MARK[..bytes.len().min(MARK.len())]) {
+            return Start::Not;
+        }
+        match bytes.first_chunk() {
+            None => Start::Need(HEADER),
+            Some([_, _, kind]) if self.layouts[usize::from(*kind)].is_some() => Start::Here,
+            Some(_) => Start::Not,
+        }
+    }
+}
+
+impl DataflashFormat {
+    /// Takes the description of a type.
+    fn description(&mut self, body: &[u8]) -> Result<(), Reason> {
+        let (kind, layout) = Layout::read(body);
+        if kind == DESCRIPTION {
+            return Ok(());
+        }
+        if layout.length < HEADER {
+            return Err(format!("record type {kind} of {} bytes", layout.length).into());
+        }
+        let problem = match &layout.kind {
+            Kind::Unclear(reason) => Err(reason.clone()),
+            _ => Ok(()),
+        };
+        self.layouts[usize::from(kind)] = Some(layout);
+        problem
+    }
+}
+
+fn frame(record: &[u8], fields: &Fields, buses: &mut [Option<u8>; 256], rows: &mut Rows) -> Result<(), Reason> {
+    let order = Order::Little;
+    let micros = i64::try_from(order.u64(record, fields.time)).ok();
+    let t = micros
+        .and_then(|us| us.checked_mul(1000))
+        .ok_or("time stamp out of range")?;
+    let (word, code, number) = (order.u32(record, fields.id), record[fields.code], record[fields.bus]);
+    let mut data = [0; MAX_DATA];
+    let mut held = 0;
+    for column in &fields.data {
+        data[held..held + column.len()].copy_from_slice(&record[column.clone()]);
+        held += column.len();
+    }
+    let data = &data[..held];
+    let frame = if fields.fd {
+        let length = fd_length(code).ok_or_else(|| format!("length code {code}"))?;
+        let data = data
+            .get(..length)
+            .ok_or_else(|| format!("less than its {length} bytes of data"))?;
+        Frame::fd(word, 0, data)?
+    } else {
+        Frame::classic(word, code, data)?
+    };
+    let bus = &mut buses[usize::from(number)];
+    *bus = bus.or_else(|| rows.bus(format!("can{number}").as_bytes()));
+    let bus = bus.ok_or_else(Rows::too_many_buses)?;
+    rows.stamp(Stamps::ZERO);
+    rows.stamp(Stamps::MICROSECONDS);
+    frame.push(t, bus, rows);
+    Ok(())
+}

@@ -1,0 +1,89 @@
+//! The readers of binary formats, and the laws that hold for whatever they are given.
+
+use _native::dataflash::Dataflash;
+use _native::dronecan_log::DronecanLog;
+use _native::frames::{DLC_SHIFT, ERROR, EXTENDED};
+use _native::pcap::Pcap;
+use _native::pcapng::Pcapng;
+use _native::reader::{Damage, Piece, Reader, Rows};
+
+pub const FORMS: [&str; 4] = ["pcap", "pcapng", "dataflash", "dronecan"];
+
+/// All rows of an input, and what ended the reading early.
+pub type All = (Piece, Option<Damage>);
+
+pub fn reader(form: &str) -> Box<dyn Reader> {
+    match form {
+        "pcap" => Box::new(Pcap::default()),
+        "pcapng" => Box::new(Pcapng::default()),
+        "dataflash" => Box::new(Dataflash::default()),
+        _ => Box::new(DronecanLog::default()),
+    }
+}
+
+/// Reads bytes in chunks of these sizes, over and over, and hands rows over behind each chunk.
+pub fn read_cut(form: &str, bytes: &[u8], sizes: &[usize]) -> All {
+    let (mut reader, mut rows, mut all) = (reader(form), Rows::default(), Piece::default());
+    let (mut rest, mut sizes) = (bytes, sizes.iter().cycle());
+    while !rest.is_empty() {
+        let size = sizes.next().map_or(rest.len(), |size| (*size).clamp(1, rest.len()));
+        let (chunk, behind) = rest.split_at(size);
+        reader.feed(chunk, &mut rows);
+        add(&mut all, &rows.take());
+        rest = behind;
+    }
+    reader.finish(&mut rows);
+    add(&mut all, &rows.take());
+    (all, reader.damage().cloned())
+}
+
+fn add(all: &mut Piece, piece: &Piece) {
+    all.frames.extend(&piece.frames);
+    all.events.extend(&piece.events, 0..piece.events.len());
+    all.counts.add(&piece.counts);
+    all.stamps.insert(piece.stamps);
+    all.buses = piece.buses.clone();
+}
+
+/// Reads bytes as a whole and checks that every record is accounted for and every row can be.
+pub fn read(form: &str, bytes: &[u8]) -> All {
+    let (all, damage) = read_cut(form, bytes, &[]);
+    let (frames, events, counts) = (&all.frames, &all.events, &all.counts);
+    let of_events = counts.error_frames + counts.drops + counts.comments + counts.unreadable;
+    assert_eq!(counts.lines, counts.frames + of_events + counts.other);
+    assert_eq!((counts.frames, of_events), (frames.len() as u64, events.len() as u64));
+    let mut lines = [&frames.line[..], &events.line[..]].concat();
+    for rows in [&frames.line, &events.line] {
+        assert!(rows.windows(2).all(|two| two[0] < two[1]), "record numbers ascend");
+    }
+    lines.sort_unstable();
+    assert!(lines.windows(2).all(|two| two[0] < two[1]), "one row a record");
+    assert!(lines.iter().all(|line| (1..=counts.lines).contains(&u64::from(*line))));
+    let buses = all.buses.names().len();
+    assert!(frames.bus.iter().all(|bus| usize::from(*bus) < buses));
+    for row in 0..frames.len() {
+        let (id, flags, data) = (frames.id[row], frames.flags[row], frames.data_of(row));
+        assert!(id <= if flags & EXTENDED != 0 { 0x1FFF_FFFF } else { 0x7FF });
+        assert!(flags & ERROR == 0 && flags >> DLC_SHIFT <= 15 && data.len() <= 64);
+    }
+    assert!(events.text.iter().all(|byte| *byte == b' ' || byte.is_ascii_graphic()));
+    assert!(damage.as_ref().is_none_or(|damage| damage.at < bytes.len() as u64));
+    (all, damage)
+}
+
+/// Checks that another way to cut the input gives the same.
+pub fn check(form: &str, bytes: &[u8], sizes: &[usize]) -> All {
+    let (whole, cut) = (read(form, bytes), read_cut(form, bytes, sizes));
+    let parts = |(piece, damage): &All| {
+        let Piece {
+            frames,
+            events,
+            counts,
+            stamps,
+            buses,
+        } = piece.clone();
+        (frames, events, counts, stamps, buses, damage.clone())
+    };
+    assert_eq!(parts(&whole), parts(&cut), "{form} in chunks of {sizes:?}");
+    whole
+}
