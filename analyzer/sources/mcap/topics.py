@@ -1,0 +1,47 @@
+"""What a topic says of a channel's frames: the bus, and whether they were sent or received."""
+
+from __future__ import annotations
+
+TX, RX = 64, 128  # bits of the flags of a frame
+
+_SENT = frozenset({"to_can_bus", "to_can_bus_fd"})
+_RECEIVED = frozenset({"from_can_bus", "from_can_bus_fd"})
+# Either direction of one bus.
+_DIRECTIONS = _SENT | _RECEIVED | {"rx", "tx", "received", "sent", "receive", "send", "in", "out"}
+_GENERIC = _DIRECTIONS | {
+    *("can", "canbus", "can_bus", "can_raw", "canfd", "can_fd", "fd", "bus", "socketcan", "raw", "data"),
+    *("frame", "frames", "can_frame", "can_frames", "msg", "msgs", "message", "messages"),
+}
+FALLBACK = "can"
+
+
+def direction(topic: str) -> int:
+    """The flag bit that the last part of the topic stands for, else 0."""
+    last = _parts(topic)[-1:]
+    return TX if _SENT.intersection(last) else RX if _RECEIVED.intersection(last) else 0
+
+
+class Names:
+    """Names of buses by topic, in the order of the channels.
+
+    A name is the topic without the parts that any topic may have: `/can0/rx` is `can0`, `/truck/can1/frames` is
+    `truck/can1`, `/can/raw` is `can`. Topics that differ only in the direction share a bus; if two others come to the
+    same name, the second keeps the whole of its topic.
+    """
+
+    def __init__(self) -> None:
+        self._taken: dict[str, tuple[str, ...]] = {}
+
+    def bus(self, topic: str) -> str:
+        """The name for a channel."""
+        parts = _parts(topic)
+        own = tuple(part for part in parts if part.lower() not in _DIRECTIONS)
+        name = "/".join(part for part in own if part.lower() not in _GENERIC) or FALLBACK
+        if self._taken.setdefault(name, own) != own:
+            name = "/".join(own or parts) or FALLBACK
+            self._taken.setdefault(name, own)
+        return name
+
+
+def _parts(topic: str) -> list[str]:
+    return [part for part in topic.split("/") if part]
