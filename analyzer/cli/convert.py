@@ -1,0 +1,138 @@
+"""`tailbyte convert`: captures as candump text, MCAP or pcapng, whole or cut, and what the new format cannot hold."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from analyzer.cli import DAMAGED, INTERRUPTED, USAGE, options, streams
+from analyzer.sinks import COMPRESSIONS, FORMS, form_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from analyzer._native import Piece
+    from analyzer.cli.session import Session
+    from analyzer.window import Window
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the command and its options."""
+    parser = commands.add_parser(
+        "convert",
+        help="captures as candump text, MCAP or pcapng",
+        usage="%(prog)s [options] CAPTURE... OUT",
+        description=__doc__,
+    )
+    options.add_captures(parser)
+    parser.add_argument(
+        "-o", "-w", dest="output", metavar="OUT", help="the output, else the last argument; - is standard output"
+    )
+    parser.add_argument(
+        "-F", "--format", dest="form", choices=FORMS,
+        help="default: what the name says: .log .txt .candump, .mcap, .pcapng, with .gz or .zst behind it",
+    )  # fmt: skip
+    parser.add_argument("--compression", choices=COMPRESSIONS, help="of MCAP chunks; default: zstd")
+    options.add_window(parser)
+    parser.set_defaults(run=run, dissector=[])
+
+
+def run(args: argparse.Namespace) -> int:
+    """Reads the captures once and writes them anew; the output is there whole or not at all."""
+    from analyzer.cli.session import Session  # noqa: PLC0415
+    from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
+
+    try:
+        if args.output is None:
+            args.output = args.capture.pop() if args.capture else ""
+        form, packing = _form(args)
+        window = options.window(args)
+    except (argparse.ArgumentTypeError, ValueError) as error:
+        streams.complain(str(error), "tailbyte convert")
+        return USAGE
+    with Session(args) as session:
+        try:
+            _convert(args, session, window, form, packing)
+        except TargetError as error:
+            session.complain(str(error))
+            return DAMAGED
+        except _NotInCaptureError as error:
+            session.reject(str(error))
+    return session.status
+
+
+class _NotInCaptureError(Exception):
+    """The window asks for what the capture does not have."""
+
+
+def _form(args: argparse.Namespace) -> tuple[str, str]:
+    """Format and packing of the output. Raises `ValueError` for arguments that do not go together."""
+    output = args.output
+    if args.stop in FORMS:
+        raise ValueError(f"--to is a time: did you mean -F {args.stop}")
+    if not args.capture and not args.capture_:
+        raise ValueError("a capture and an output are needed: tailbyte convert CAPTURE OUT")
+    named, packing = form_of(output)
+    form: str = args.form or named
+    if output == "-" and not args.form:
+        raise ValueError("- says no format: give -F candump, mcap or pcapng")
+    if not form:
+        raise ValueError(f"{output}: the name says no format: give -F candump, mcap or pcapng")
+    if args.compression is not None and form != "mcap":
+        raise ValueError("--compression is for MCAP")
+    if output == "-" and form != "candump" and sys.stdout.isatty():
+        raise ValueError(f"{form} is nothing for a terminal")
+    options.refuse_input(args, output)
+    return form, packing
+
+
+def _convert(args: argparse.Namespace, session: Session, window: Window, form: str, packing: str) -> None:
+    from analyzer.cli.progress import Progress  # noqa: PLC0415
+    from analyzer.sinks import open_sink  # noqa: PLC0415
+    from analyzer.sinks.atomic import Target  # noqa: PLC0415
+    from analyzer.sinks.packed import packed  # noqa: PLC0415
+
+    inside = 0
+    shown = args.output == "-" and sys.stdout.isatty()
+    with Target(args.output) as target, packed(target.file, packing) as file:
+        with Progress(session.source, wanted=not shown) as progress:
+            session.held = [] if progress.active else None
+            sink = open_sink(form, file, compression=args.compression or "zstd")
+            for piece in progress.over(_pieces(session, window)):
+                inside += piece.frames
+                sink.write(piece)
+                _go_on(session)
+        sink.close()
+        _go_on(session)
+    session.release()
+    outside = session.totals.lines["frames"] - inside
+    streams.tell(
+        f"-- {sink.frames} frames written to {target.name}"
+        + (f", {outside} outside the window" if outside else "")
+        + f"; {session.sum()}\n"
+    )
+    if lost := "; ".join(f"{words} ({count})" for words, count in sink.lost.items()):
+        streams.tell(f"-- {form} cannot hold: {lost}\n")
+
+
+def _pieces(session: Session, window: Window) -> Iterator[Piece]:
+    """The rows inside the window. Raises when there is no use in going on."""
+    from analyzer.window import Window  # noqa: PLC0415
+
+    pieces = session.pieces()
+    if window != Window():
+        from analyzer.cut import FrameSelection  # noqa: PLC0415
+
+        selection = FrameSelection(window, session.pieces_again)
+        yield from selection.cut(pieces)
+        if selection.problem is not None:
+            raise _NotInCaptureError(selection.problem)
+        return
+    yield from pieces
+
+
+def _go_on(session: Session) -> None:
+    """Raises `KeyboardInterrupt` after Ctrl-C: a part of a file is no conversion. A pipe ends with it."""
+    if session.status == INTERRUPTED and not session.source.live:
+        raise KeyboardInterrupt

@@ -1,0 +1,103 @@
+"""A bar on the terminal for work that takes a while, gone without a trace at its end."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Protocol, Self, TypeVar
+
+from analyzer.cli import streams
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+# Seconds before the first drawing, and between two of them.
+PATIENCE, PAUSE = 0.5, 0.1
+_BAR = 30
+_WIPE = "\r\x1b[K"
+_Part = TypeVar("_Part")
+
+
+class Reading(Protocol):
+    """What is read: `size` bytes of `length` so far; the length of a pipe is unknown."""
+
+    @property
+    def size(self) -> int:
+        """Bytes read."""
+
+    @property
+    def length(self) -> int | None:
+        """All bytes there are."""
+
+
+class Progress(AbstractContextManager["Progress"]):
+    """Shows how far `reading` has come, if standard error is a terminal and the work lasts; else does nothing.
+
+    `active` says whether it may draw: whatever else goes to the terminal is then better held back until the block ends.
+    """
+
+    def __init__(self, reading: Reading, *, wanted: bool = True, clock: Callable[[], float] = time.monotonic) -> None:
+        self.active = wanted and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+        self._reading, self._clock = reading, clock
+        self._drawn = False
+
+    def __enter__(self) -> Self:
+        """Time counts from here."""
+        self._start = self._clock()
+        self._next = self._start + PATIENCE
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Wipes the line."""
+        if self._drawn:
+            streams.tell(_WIPE)
+
+    def over(self, parts: Iterable[_Part]) -> Iterator[_Part]:
+        """The parts of the work, one step each."""
+        for part in parts:
+            self.step()
+            yield part
+
+    def step(self) -> None:
+        """A part of the work is done; draws at most ten times a second."""
+        if self.active and (now := self._clock()) >= self._next:
+            self._next = now + PAUSE
+            self._drawn = True
+            streams.tell(_WIPE + line(self._reading, now - self._start, _width()))
+
+
+def line(reading: Reading, seconds: float, width: int) -> str:
+    """The bar, at most `width` characters: share, rate and time left, or bytes and rate of what has no known length."""
+    rate = reading.size / max(seconds, 1e-9)
+    if not reading.length:
+        text = f"{_bytes(reading.size)}  {_bytes(rate)}/s"
+    else:
+        share = min(reading.size / reading.length, 1.0)
+        bar = "#" * round(share * _BAR)
+        text = f"{share:4.0%} [{bar:.<{_BAR}}] {_bytes(rate)}/s"
+        if rate:
+            text += f"  {_clock((reading.length - reading.size) / rate)} left"
+    return text[: max(width - 1, 0)]
+
+
+def _width() -> int:
+    try:
+        return os.get_terminal_size(sys.stderr.fileno()).columns or 80
+    except (OSError, ValueError):
+        return 80
+
+
+def _bytes(count: float) -> str:
+    for unit in ("B", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.0f} {unit}"
+        count /= 1000
+    return f"{count:.1f} GB"
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(max(round(seconds), 0), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

@@ -1,0 +1,144 @@
+//! Rows back to the bytes of a capture, frames and events in the order of their records.
+//!
+//! What a format cannot hold is counted, in words ([`Account`]), and never passed over in silence.
+#![forbid(unsafe_code)]
+
+pub mod candump;
+pub mod mcap;
+pub mod pcapng;
+pub mod records;
+
+use crate::events::{EventKind, Events};
+use crate::piece::Piece;
+
+/// Data bytes of a classic frame.
+const MAX_CLASSIC: usize = 8;
+/// Flag bits of the kernel's identifier word.
+const WORD_EXTENDED: u32 = 1 << 31;
+const WORD_REMOTE: u32 = 1 << 30;
+const WORD_ERROR: u32 = 1 << 29;
+
+/// A format that is written row by row.
+pub trait Writer: Send + Sync {
+    /// Appends what stands before all rows.
+    fn start(&self, _out: &mut Vec<u8>) {}
+    /// Appends the rows of a piece.
+    fn write(&mut self, piece: &Piece, out: &mut Vec<u8>);
+    /// What was written so far, and what could not be.
+    fn account(&self) -> &Account;
+}
+
+/// What a format may be unable to hold. Unreadable records are nobody's to write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Loss {
+    Comment,
+    LongFrame,
+    LongError,
+    NoTime,
+    EarlyTime,
+    EventTime,
+    RawCode,
+    RateSwitch,
+    ErrorState,
+    DropCount,
+    DropBus,
+    Name,
+}
+
+const WORDS: [&str; 12] = [
+    "comments",
+    "classic frames of more than 8 bytes",
+    "error frames of more than 8 bytes",
+    "absent times, written as 0",
+    "times before 1970",
+    "times of comments and drop counts",
+    "raw length codes",
+    "bit rate switches",
+    "error states of senders",
+    "drop counts, written as receive overflows",
+    "interfaces of drop counts",
+    "interface names, changed to fit",
+];
+
+/// How many frames are written, and how often which loss occurred.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Account {
+    pub frames: u64,
+    lost: [u64; WORDS.len()],
+}
+
+impl Account {
+    pub fn add(&mut self, what: Loss) {
+        self.lost[what as usize] += 1;
+    }
+
+    /// Words and counts of what was lost at all.
+    pub fn lost(&self) -> impl Iterator<Item = (&'static str, u64)> + '_ {
+        WORDS.into_iter().zip(self.lost).filter(|(_, count)| *count > 0)
+    }
+}
+
+/// A row number in one of the two tables of a piece.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Row {
+    Frame(usize),
+    Event(usize),
+}
+
+/// Walks the rows of a piece in the order of their records.
+pub struct InOrder<'a> {
+    piece: &'a Piece,
+    frame: usize,
+    event: usize,
+}
+
+impl<'a> InOrder<'a> {
+    pub fn new(piece: &'a Piece) -> Self {
+        InOrder {
+            piece,
+            frame: 0,
+            event: 0,
+        }
+    }
+}
+
+impl Iterator for InOrder<'_> {
+    type Item = Row;
+
+    fn next(&mut self) -> Option<Row> {
+        let frame = self.piece.frames.line.get(self.frame);
+        let event_first = match (self.piece.events.line.get(self.event), frame) {
+            (None, None) => return None,
+            (None, Some(_)) => false,
+            (Some(_), None) => true,
+            (Some(event), Some(frame)) => event < frame,
+        };
+        let row = if event_first {
+            self.event += 1;
+            Row::Event(self.event - 1)
+        } else {
+            self.frame += 1;
+            Row::Frame(self.frame - 1)
+        };
+        Some(row)
+    }
+}
+
+/// The name by the index in a `bus` column.
+fn name(piece: &Piece, bus: u8) -> &str {
+    piece.buses.names().get(usize::from(bus)).map_or("", String::as_str)
+}
+
+/// The interface of an event, if it has one.
+fn bus_of(events: &Events, row: usize) -> Option<u8> {
+    (events.bus_valid[row] != 0).then_some(events.bus[row])
+}
+
+/// What an event is; a gap reads as a comment.
+fn kind_of(events: &Events, row: usize) -> EventKind {
+    [EventKind::ErrorFrame, EventKind::Drop, EventKind::Unreadable]
+        .into_iter()
+        .find(|kind| *kind as u8 == events.kind[row])
+        .unwrap_or(EventKind::Comment)
+}

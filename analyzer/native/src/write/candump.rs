@@ -1,0 +1,230 @@
+//! Candump's log form (`candump -L`), in the dialect that [`crate::line`] reads back.
+#![forbid(unsafe_code)]
+
+use super::{bus_of, kind_of, Account, InOrder, Loss, Row, Writer, MAX_CLASSIC, WORD_ERROR};
+use crate::events::EventKind;
+use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, NO_TIME, REMOTE, RX, TX};
+use crate::line::{self, escape, Line, MAX_NAME};
+use crate::piece::Piece;
+
+const SECOND: i64 = 1_000_000_000;
+const MICROSECOND: i64 = 1_000;
+/// Seconds are filled up to this many digits.
+const SECOND_DIGITS: usize = 10;
+const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
+/// Both digits of each byte.
+const HEX: [[u8; 2]; 256] = {
+    let mut pairs = [[0; 2]; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        pairs[byte] = [DIGITS[byte >> 4], DIGITS[byte & 15]];
+        byte += 1;
+    }
+    pairs
+};
+
+/// Lines of text; fractions have 6 digits, and 9 from the first piece on that needs them.
+#[derive(Default)]
+pub struct Candump {
+    /// Names as they are written, by bus.
+    names: Vec<Vec<u8>>,
+    fine: bool,
+    /// Frames that the drop counts report as lost.
+    dropped: u64,
+    account: Account,
+}
+
+impl Writer for Candump {
+    fn write(&mut self, piece: &Piece, out: &mut Vec<u8>) {
+        self.learn(piece.buses.names());
+        let mut times = piece.frames.t.iter().chain(&piece.events.t);
+        self.fine = self.fine || times.any(|&t| t != NO_TIME && t % MICROSECOND != 0);
+        out.reserve(56 * piece.frames.len() + piece.frames.data.len());
+        for row in InOrder::new(piece) {
+            match row {
+                Row::Frame(row) => self.frame(piece, row, out),
+                Row::Event(row) => self.event(piece, row, out),
+            }
+        }
+    }
+
+    fn account(&self) -> &Account {
+        &self.account
+    }
+}
+
+impl Candump {
+    fn learn(&mut self, names: &[String]) {
+        for name in &names[self.names.len().min(names.len())..] {
+            let mut fit = fitting(name.as_bytes());
+            for number in 2_u32.. {
+                if !self.names.contains(&fit) {
+                    break;
+                }
+                let end = format!("_{number}");
+                fit.truncate(fit.len().min(MAX_NAME - end.len()));
+                fit.extend_from_slice(end.as_bytes());
+            }
+            if fit != name.as_bytes() {
+                self.account.add(Loss::Name);
+            }
+            self.names.push(fit);
+        }
+    }
+
+    fn frame(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
+        let (frames, data) = (&piece.frames, piece.frames.data_of(row));
+        let (id, flags) = (frames.id[row], frames.flags[row]);
+        let code = (flags >> DLC_SHIFT) as u8 & 15;
+        self.account.frames += 1;
+        self.start(frames.t[row], frames.bus[row], out);
+        if flags & EXTENDED != 0 {
+            hex(&id.to_be_bytes(), out);
+        } else {
+            out.extend([
+                DIGITS[id as usize >> 8 & 15],
+                DIGITS[id as usize >> 4 & 15],
+                DIGITS[id as usize & 15],
+            ]);
+        }
+        out.push(b'#');
+        if flags & FD != 0 {
+            let marks = usize::from(flags & BRS != 0) | usize::from(flags & ESI != 0) << 1;
+            out.extend([b'#', DIGITS[marks]]);
+            hex(data, out);
+        } else if flags & REMOTE != 0 {
+            out.push(b'R');
+            match code {
+                0 => {}
+                1..=8 => out.push(DIGITS[usize::from(code)]),
+                _ => out.extend([b'8', b'_', DIGITS[usize::from(code)]]),
+            }
+        } else {
+            hex(data, out);
+            match code {
+                0..=8 => {}
+                _ if data.len() == MAX_CLASSIC => out.extend([b'_', DIGITS[usize::from(code)]]),
+                _ => self.account.add(Loss::RawCode),
+            }
+        }
+        if flags & TX != 0 {
+            out.extend(b" T");
+        } else if flags & RX != 0 {
+            out.extend(b" R");
+        }
+        out.push(b'\n');
+    }
+
+    fn event(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
+        let events = &piece.events;
+        match kind_of(events, row) {
+            EventKind::ErrorFrame => {
+                self.start(events.t[row], events.bus[row], out);
+                hex(&(events.class[row] | WORD_ERROR).to_be_bytes(), out);
+                out.push(b'#');
+                hex(events.data_of(row), out);
+                out.push(b'\n');
+                return;
+            }
+            EventKind::Unreadable => return,
+            EventKind::Drop => self.drop_count(piece, row, out),
+            EventKind::Comment | EventKind::Gap => {
+                let text = events.text_of(row);
+                if !text.starts_with(['#', ';']) {
+                    out.extend(b"# ");
+                }
+                out.extend(escape(text.as_bytes(), usize::MAX).as_bytes());
+                out.push(b'\n');
+            }
+        }
+        if events.t[row] != NO_TIME {
+            self.account.add(Loss::EventTime);
+        }
+    }
+
+    /// The capture's own line if it was one, else one with the sum so far.
+    fn drop_count(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
+        let (events, frames) = (&piece.events, piece.events.class[row]);
+        self.dropped += u64::from(frames);
+        let bus = bus_of(events, row).and_then(|bus| self.names.get(usize::from(bus)));
+        let plain = |name: &&Vec<u8>| ***name != *b"any" && !name.iter().any(|b| b"',".contains(b));
+        let name = bus.filter(plain).map_or(&b"any"[..], Vec::as_slice);
+        if bus.is_some() && name == b"any" {
+            self.account.add(Loss::DropBus);
+        }
+        let says_the_same = |text: &[u8]| match line::read(text) {
+            Ok(Line::Drop(drop)) => drop.frames == frames && drop.name.unwrap_or(b"any") == name,
+            _ => false,
+        };
+        let text = events.text_of(row);
+        if says_the_same(text.as_bytes()) {
+            out.extend(text.as_bytes());
+        } else {
+            out.extend(b"DROPCOUNT: dropped ");
+            number(frames.into(), 1, out);
+            out.extend(if frames == 1 {
+                &b" CAN frame on '"[..]
+            } else {
+                b" CAN frames on '"
+            });
+            out.extend(name);
+            out.extend(b"' socket (total drops ");
+            number(self.dropped, 1, out);
+            out.push(b')');
+        }
+        out.push(b'\n');
+    }
+
+    /// Stamp and interface. A line without a stamp is one without a time.
+    fn start(&mut self, t: i64, bus: u8, out: &mut Vec<u8>) {
+        if t >= 0 {
+            out.push(b'(');
+            number((t / SECOND) as u64, SECOND_DIGITS, out);
+            out.push(b'.');
+            if self.fine {
+                number((t % SECOND) as u64, 9, out);
+            } else {
+                number((t % SECOND / MICROSECOND) as u64, 6, out);
+            }
+            out.extend(b") ");
+        } else if t != NO_TIME {
+            self.account.add(Loss::EarlyTime);
+        }
+        out.extend(self.names.get(usize::from(bus)).map_or(&b"can"[..], Vec::as_slice));
+        out.push(b' ');
+    }
+}
+
+/// A name that is one word of a line, and not the start of another kind of line.
+fn fitting(name: &[u8]) -> Vec<u8> {
+    let mut fit: Vec<u8> = name
+        .iter()
+        .take(MAX_NAME)
+        .map(|&b| if b.is_ascii_graphic() && b != b'#' { b } else { b'_' })
+        .collect();
+    match fit.as_mut_slice() {
+        [] => fit.extend(b"can"),
+        [first @ (b'(' | b';'), ..] => *first = b'_',
+        [b'D', b'R', b'O', b'P', b'C', b'O', b'U', b'N', b'T', colon @ b':', ..] => *colon = b'_',
+        _ => {}
+    }
+    fit
+}
+
+fn hex(data: &[u8], out: &mut Vec<u8>) {
+    for &byte in data {
+        out.extend(HEX[usize::from(byte)]);
+    }
+}
+
+/// Decimal digits, filled up with zeros to `width`.
+fn number(mut value: u64, width: usize, out: &mut Vec<u8>) {
+    let mut digits = [b'0'; 20];
+    let mut at = digits.len();
+    while value > 0 || digits.len() - at < width {
+        at -= 1;
+        digits[at] = b'0' + (value % 10) as u8;
+        value /= 10;
+    }
+    out.extend_from_slice(&digits[at..]);
+}

@@ -1,0 +1,297 @@
+//! MCAP message records as ROS 2 has them: `can_msgs/msg/Frame` for classic frames, `ros2_socketcan_msgs/msg/FdFrame`
+//! for CAN FD, both in little-endian CDR. Chunks, channels and the summary are the business of the caller.
+#![forbid(unsafe_code)]
+
+use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row, MAX_CLASSIC};
+use crate::events::EventKind;
+use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, NO_TIME, REMOTE, RX, TX};
+use crate::piece::Piece;
+
+pub(super) const MESSAGE: u8 = 5;
+const MESSAGE_INDEX: u8 = 7;
+const SECOND: i64 = 1_000_000_000;
+/// Places in a message record: its length, sequence number, both times, and the stamp in its data.
+const LENGTH: usize = 1;
+const SEQUENCE: usize = 11;
+const LOG_TIME: usize = 15;
+const PUBLISH_TIME: usize = 23;
+const DATA: usize = 31;
+const STAMP: usize = DATA + 4;
+/// Bytes of a record in front of what its length counts.
+const PREFIX: usize = 9;
+/// Plain CDR, little endian.
+const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+/// An error frame that says what a drop count says, but for the number: class "controller", receive overflow.
+const CONTROLLER: u32 = 4;
+const OVERFLOW: [u8; 8] = [0, 1, 0, 0, 0, 0, 0, 0];
+
+/// Whether a frame was received or sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Direction {
+    Unknown = 0,
+    Received = 1,
+    Sent = 2,
+}
+
+/// Messages of one bus, direction and type; its ID is its place in [`Messages::channels`] plus 1.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    pub bus: String,
+    pub direction: Direction,
+    pub fd: bool,
+    /// Messages so far, in all chunks.
+    pub messages: u64,
+    /// What all its records start with; times and lengths are filled in.
+    start: Vec<u8>,
+    /// Time and place of each message in the open chunk.
+    index: Vec<u8>,
+}
+
+/// What a chunk holds, taken from [`Messages`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Chunk {
+    pub messages: Vec<u8>,
+    /// Channel ID, message index record, and number of messages of the channels that occur.
+    pub indexes: Vec<(u16, Vec<u8>, u64)>,
+    /// First and last time.
+    pub span: (u64, u64),
+}
+
+/// The messages of the chunk that is open.
+#[derive(Default)]
+pub struct Messages {
+    channels: Vec<Channel>,
+    /// Channel IDs by bus, direction and CAN FD; 0 is none.
+    known: Vec<u16>,
+    out: Vec<u8>,
+    span: Option<(u64, u64)>,
+    /// The last time and bus: drop counts may have none.
+    last: (i64, u8),
+    account: Account,
+}
+
+/// What a message says.
+struct Can<'a> {
+    t: i64,
+    bus: u8,
+    direction: Direction,
+    id: u32,
+    /// Remote, extended, error.
+    flags: [bool; 3],
+    length: u8,
+    data: &'a [u8],
+}
+
+impl Messages {
+    /// Appends rows of a piece, from row `start` on in the order of its records, until `limit` bytes are waiting.
+    /// Returns the row to go on with, `None` at the end of the piece.
+    pub fn add(&mut self, piece: &Piece, start: usize, limit: usize) -> Option<usize> {
+        for (at, row) in InOrder::new(piece).enumerate().skip(start) {
+            if self.out.len() >= limit {
+                return Some(at);
+            }
+            match row {
+                Row::Frame(row) => self.frame(piece, row),
+                Row::Event(row) => self.event(piece, row),
+            }
+        }
+        None
+    }
+
+    /// Bytes that wait for [`Messages::take`].
+    pub fn waiting(&self) -> usize {
+        self.out.len()
+    }
+
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    pub fn account(&self) -> &Account {
+        &self.account
+    }
+
+    /// The messages since the last call, which will stand behind `before` further bytes in their chunk; `None` if there
+    /// are none.
+    pub fn take(&mut self, before: u64) -> Option<Chunk> {
+        let span = self.span.take()?;
+        let mut indexes = vec![];
+        for (channel, id) in self.channels.iter_mut().zip(1..) {
+            if channel.index.is_empty() {
+                continue;
+            }
+            let size = channel.index.len();
+            let record = index_record(id, &mut channel.index, before);
+            indexes.push((id, record, size as u64 / 16));
+        }
+        let room = self.out.capacity();
+        Some(Chunk {
+            messages: std::mem::replace(&mut self.out, Vec::with_capacity(room)),
+            indexes,
+            span,
+        })
+    }
+
+    fn frame(&mut self, piece: &Piece, row: usize) {
+        let (frames, data) = (&piece.frames, piece.frames.data_of(row));
+        let (flags, code) = (frames.flags[row], (frames.flags[row] >> DLC_SHIFT) as u8 & 15);
+        let (fd, remote) = (flags & FD != 0, flags & (FD | REMOTE) == REMOTE);
+        if !fd && data.len() > MAX_CLASSIC {
+            return self.account.add(Loss::LongFrame);
+        }
+        self.account.frames += 1;
+        if !fd && usize::from(code) > MAX_CLASSIC {
+            self.account.add(Loss::RawCode);
+        }
+        if fd && flags & BRS != 0 {
+            self.account.add(Loss::RateSwitch);
+        }
+        if fd && flags & ESI != 0 {
+            self.account.add(Loss::ErrorState);
+        }
+        let can = Can {
+            t: frames.t[row],
+            bus: frames.bus[row],
+            direction: match flags & (TX | RX) {
+                0 => Direction::Unknown,
+                RX => Direction::Received,
+                _ => Direction::Sent,
+            },
+            id: frames.id[row],
+            flags: [remote, flags & EXTENDED != 0, false],
+            length: if remote {
+                code.min(MAX_CLASSIC as u8)
+            } else {
+                data.len() as u8
+            },
+            data,
+        };
+        self.message(piece, fd, &can);
+    }
+
+    /// Error frames are what the interface received.
+    fn event(&mut self, piece: &Piece, row: usize) {
+        let (events, data) = (&piece.events, piece.events.data_of(row));
+        let (t, bus) = (events.t[row], events.bus[row]);
+        let (t, bus, id, data) = match kind_of(events, row) {
+            EventKind::ErrorFrame if data.len() > MAX_CLASSIC => return self.account.add(Loss::LongError),
+            EventKind::ErrorFrame => (t, bus, events.class[row], data),
+            EventKind::Drop => {
+                self.account.add(Loss::DropCount);
+                let t = if t == NO_TIME { self.last.0 } else { t };
+                let bus = bus_of(events, row).unwrap_or(self.last.1);
+                (t, bus, CONTROLLER, &OVERFLOW[..])
+            }
+            EventKind::Unreadable => return,
+            EventKind::Comment | EventKind::Gap => return self.account.add(Loss::Comment),
+        };
+        let can = Can {
+            t,
+            bus,
+            direction: Direction::Received,
+            id,
+            flags: [false, false, true],
+            length: data.len() as u8,
+            data,
+        };
+        self.message(piece, false, &can);
+    }
+
+    fn message(&mut self, piece: &Piece, fd: bool, can: &Can<'_>) {
+        let time = self.time(can.t);
+        self.last = (can.t, can.bus);
+        let id = self.channel(piece, can.bus, can.direction, fd);
+        let channel = &mut self.channels[usize::from(id) - 1];
+        let start = self.out.len();
+        channel.index.extend_from_slice(&time.to_le_bytes());
+        channel.index.extend_from_slice(&(start as u64).to_le_bytes());
+        self.out.extend_from_slice(&channel.start);
+        self.out.extend_from_slice(&can.id.to_le_bytes());
+        if fd {
+            let [_, extended, error] = can.flags.map(u8::from);
+            let tail = [extended, error, can.length, 0, can.length, 0, 0, 0]; // a byte to align the count
+            self.out.extend_from_slice(&tail);
+            self.out.extend_from_slice(can.data);
+        } else {
+            let [remote, extended, error] = can.flags.map(u8::from);
+            let mut tail = [remote, extended, error, can.length, 0, 0, 0, 0, 0, 0, 0, 0];
+            tail[4..4 + can.data.len()].copy_from_slice(can.data);
+            self.out.extend_from_slice(&tail);
+        }
+        let record = &mut self.out[start..];
+        let length = (record.len() - PREFIX) as u64;
+        record[LENGTH..PREFIX].copy_from_slice(&length.to_le_bytes());
+        record[SEQUENCE..LOG_TIME].copy_from_slice(&(channel.messages as u32).to_le_bytes());
+        record[LOG_TIME..PUBLISH_TIME].copy_from_slice(&time.to_le_bytes());
+        record[PUBLISH_TIME..DATA].copy_from_slice(&time.to_le_bytes());
+        // Beyond the signed seconds of ROS the stamp is left out, and the log time holds alone.
+        if let Ok(seconds) = i32::try_from(time as i64 / SECOND) {
+            record[STAMP..STAMP + 4].copy_from_slice(&seconds.to_le_bytes());
+            record[STAMP + 4..STAMP + 8].copy_from_slice(&((time as i64 % SECOND) as u32).to_le_bytes());
+        }
+        channel.messages += 1;
+        let (first, last) = self.span.unwrap_or((time, time));
+        self.span = Some((first.min(time), last.max(time)));
+    }
+
+    fn time(&mut self, t: i64) -> u64 {
+        u64::try_from(t).unwrap_or_else(|_| {
+            self.account
+                .add(if t == NO_TIME { Loss::NoTime } else { Loss::EarlyTime });
+            0
+        })
+    }
+
+    fn channel(&mut self, piece: &Piece, bus: u8, direction: Direction, fd: bool) -> u16 {
+        let key = usize::from(bus) << 3 | (direction as usize) << 1 | usize::from(fd);
+        if self.known.len() <= key {
+            self.known.resize(key + 1, 0);
+        }
+        if self.known[key] == 0 {
+            let (id, name) = (self.channels.len() as u16 + 1, name(piece, bus));
+            self.known[key] = id;
+            self.channels.push(Channel {
+                bus: name.to_owned(),
+                direction,
+                fd,
+                messages: 0,
+                start: beginning(id, name.as_bytes()),
+                index: vec![],
+            });
+        }
+        self.known[key]
+    }
+}
+
+/// A message index record; `index` holds time and place of each message and is emptied. The messages will stand behind
+/// `before` further bytes in their chunk.
+pub(super) fn index_record(channel: u16, index: &mut Vec<u8>, before: u64) -> Vec<u8> {
+    for place in index.chunks_exact_mut(16).map(|entry| &mut entry[8..]) {
+        let moved = u64::from_le_bytes([
+            place[0], place[1], place[2], place[3], place[4], place[5], place[6], place[7],
+        ]);
+        place.copy_from_slice(&(moved + before).to_le_bytes());
+    }
+    let size = index.len();
+    let mut record = Vec::with_capacity(PREFIX + 6 + size);
+    record.push(MESSAGE_INDEX);
+    record.extend((size as u64 + 6).to_le_bytes());
+    record.extend(channel.to_le_bytes());
+    record.extend((size as u32).to_le_bytes());
+    record.append(index);
+    record
+}
+
+/// A message record up to the identifier.
+fn beginning(channel: u16, name: &[u8]) -> Vec<u8> {
+    let mut start = vec![0; STAMP + 8];
+    start[0] = MESSAGE;
+    start[PREFIX..SEQUENCE].copy_from_slice(&channel.to_le_bytes());
+    start[DATA..STAMP].copy_from_slice(&ENCAPSULATION);
+    start.extend((name.len() as u32 + 1).to_le_bytes());
+    start.extend(name);
+    start.push(0);
+    start.resize(DATA + (start.len() - DATA).next_multiple_of(4), 0);
+    start
+}

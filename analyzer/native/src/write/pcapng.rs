@@ -1,0 +1,264 @@
+//! pcapng with one section: packets of `LINKTYPE_CAN_SOCKETCAN`, each interface described where it first appears.
+#![forbid(unsafe_code)]
+
+use super::{
+    bus_of, kind_of, name, Account, InOrder, Loss, Row, Writer, MAX_CLASSIC, WORD_ERROR, WORD_EXTENDED, WORD_REMOTE,
+};
+use crate::events::EventKind;
+use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_DATA, NO_TIME, REMOTE, RX, TX};
+use crate::piece::Piece;
+
+const SECTION: u32 = 0x0A0D_0D0A;
+const INTERFACE: u32 = 1;
+const STATISTICS: u32 = 5;
+const PACKET: u32 = 6;
+const LINK_CAN: u16 = 227;
+/// Options: of a section, an interface, a packet, statistics.
+const APPLICATION: u16 = 4;
+const INTERFACE_NAME: u16 = 2;
+const RESOLUTION: u16 = 9;
+const PACKET_FLAGS: u16 = 2;
+const DROPPED: u16 = 5;
+/// Values of `PACKET_FLAGS`.
+const INBOUND: u32 = 1;
+const OUTBOUND: u32 = 2;
+/// Stamps count nanoseconds: 10 to this negative power of a second.
+const NANOSECONDS: u8 = 9;
+/// Bits of the flags byte of `struct canfd_frame`.
+const FLAG_BRS: u8 = 1;
+const FLAG_ESI: u8 = 2;
+const FLAG_FD: u8 = 4;
+
+/// Blocks in the byte order of most machines, little endian.
+#[derive(Default)]
+pub struct Pcapng {
+    /// Number of the interface in the file, by bus.
+    numbers: Vec<Option<u32>>,
+    /// Frames lost so far, by number of the interface.
+    dropped: Vec<u64>,
+    /// The last time: drop counts may have none, statistics need one.
+    last: u64,
+    account: Account,
+}
+
+/// What a packet says of one frame.
+struct Packet<'a> {
+    t: i64,
+    interface: u32,
+    word: u32,
+    /// Length of the data, or of the data that a remote frame asks for.
+    length: u8,
+    marks: u8,
+    raw: u8,
+    /// Bytes that the kernel's structure has for data.
+    room: usize,
+    data: &'a [u8],
+    direction: u32,
+}
+
+impl Writer for Pcapng {
+    fn start(&self, out: &mut Vec<u8>) {
+        block(SECTION, out, |out| {
+            out.extend(0x1A2B_3C4D_u32.to_le_bytes());
+            out.extend([1, 0, 0, 0]); // version 1.0
+            out.extend((-1_i64).to_le_bytes()); // length not stated
+            option(APPLICATION, b"tailbyte", out);
+            option(0, &[], out);
+        });
+    }
+
+    fn write(&mut self, piece: &Piece, out: &mut Vec<u8>) {
+        out.reserve(64 * piece.frames.len() + piece.frames.data.len());
+        for row in InOrder::new(piece) {
+            match row {
+                Row::Frame(row) => self.frame(piece, row, out),
+                Row::Event(row) => self.event(piece, row, out),
+            }
+        }
+    }
+
+    fn account(&self) -> &Account {
+        &self.account
+    }
+}
+
+impl Pcapng {
+    fn frame(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
+        let (frames, data) = (&piece.frames, piece.frames.data_of(row));
+        let (id, flags) = (frames.id[row], frames.flags[row]);
+        let set = |bit, value: u8| if flags & bit != 0 { value } else { 0 };
+        let is_fd = flags & FD != 0;
+        if !is_fd && data.len() > MAX_CLASSIC {
+            return self.account.add(Loss::LongFrame);
+        }
+        self.account.frames += 1;
+        let code = (flags >> DLC_SHIFT) as u8 & 15;
+        let length = match flags & (FD | REMOTE) {
+            REMOTE => code.min(MAX_CLASSIC as u8),
+            _ => data.len() as u8,
+        };
+        let raw = if !is_fd && usize::from(code) > MAX_CLASSIC {
+            code
+        } else {
+            0
+        };
+        if raw != 0 && usize::from(length) != MAX_CLASSIC {
+            self.account.add(Loss::RawCode);
+        }
+        let packet = Packet {
+            t: frames.t[row],
+            interface: self.interface(piece, frames.bus[row], out),
+            word: id
+                | if flags & EXTENDED != 0 { WORD_EXTENDED } else { 0 }
+                | if flags & (REMOTE | FD) == REMOTE {
+                    WORD_REMOTE
+                } else {
+                    0
+                },
+            length,
+            marks: if is_fd {
+                FLAG_FD | set(BRS, FLAG_BRS) | set(ESI, FLAG_ESI)
+            } else {
+                0
+            },
+            raw: if usize::from(length) == MAX_CLASSIC { raw } else { 0 },
+            room: if is_fd { MAX_DATA } else { MAX_CLASSIC },
+            data,
+            direction: match flags & (TX | RX) {
+                0 => 0,
+                RX => INBOUND,
+                _ => OUTBOUND,
+            },
+        };
+        self.packet(&packet, out);
+    }
+
+    fn event(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
+        let (events, data) = (&piece.events, piece.events.data_of(row));
+        match kind_of(events, row) {
+            EventKind::ErrorFrame if data.len() > MAX_CLASSIC => self.account.add(Loss::LongError),
+            EventKind::ErrorFrame => {
+                let packet = Packet {
+                    t: events.t[row],
+                    interface: self.interface(piece, events.bus[row], out),
+                    word: events.class[row] | WORD_ERROR,
+                    length: data.len() as u8,
+                    marks: 0,
+                    raw: 0,
+                    room: MAX_CLASSIC,
+                    data,
+                    direction: 0,
+                };
+                self.packet(&packet, out);
+            }
+            EventKind::Drop => self.drop_count(piece, row, out),
+            EventKind::Unreadable => {}
+            EventKind::Comment | EventKind::Gap => self.account.add(Loss::Comment),
+        }
+    }
+
+    fn packet(&mut self, packet: &Packet<'_>, out: &mut Vec<u8>) {
+        let stamp = self.stamp(packet.t);
+        let size = 8 + packet.room as u32;
+        let mut head = [0; 36];
+        head[..4].copy_from_slice(&packet.interface.to_le_bytes());
+        head[4..8].copy_from_slice(&((stamp >> 32) as u32).to_le_bytes());
+        head[8..12].copy_from_slice(&(stamp as u32).to_le_bytes());
+        head[12..16].copy_from_slice(&size.to_le_bytes());
+        head[16..20].copy_from_slice(&size.to_le_bytes());
+        head[20..24].copy_from_slice(&packet.word.to_be_bytes());
+        head[24..28].copy_from_slice(&[packet.length, packet.marks, 0, packet.raw]);
+        block(PACKET, out, |out| {
+            out.extend_from_slice(&head[..28]);
+            let mut data = [0; MAX_DATA];
+            data[..packet.data.len()].copy_from_slice(packet.data);
+            out.extend_from_slice(&data[..packet.room]);
+            if packet.direction != 0 {
+                option(PACKET_FLAGS, &packet.direction.to_le_bytes(), out);
+                option(0, &[], out);
+            }
+        });
+    }
+
+    /// Statistics count from the start of the capture. A count without an interface goes to the first one.
+    fn drop_count(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
+        let events = &piece.events;
+        let interface = if let Some(bus) = bus_of(events, row) {
+            self.interface(piece, bus, out)
+        } else {
+            self.account.add(Loss::DropBus);
+            if self.dropped.is_empty() {
+                self.describe(b"any", out);
+            }
+            0
+        };
+        let stamp = match events.t[row] {
+            NO_TIME => self.last,
+            t => self.stamp(t),
+        };
+        let dropped = &mut self.dropped[interface as usize];
+        *dropped += u64::from(events.class[row]);
+        let dropped = dropped.to_le_bytes();
+        block(STATISTICS, out, |out| {
+            out.extend(interface.to_le_bytes());
+            out.extend(((stamp >> 32) as u32).to_le_bytes());
+            out.extend((stamp as u32).to_le_bytes());
+            option(DROPPED, &dropped, out);
+            option(0, &[], out);
+        });
+    }
+
+    /// The number of an interface, which is described now if it was not before.
+    fn interface(&mut self, piece: &Piece, bus: u8, out: &mut Vec<u8>) -> u32 {
+        let at = usize::from(bus);
+        if self.numbers.len() <= at {
+            self.numbers.resize(at + 1, None);
+        }
+        if let Some(number) = self.numbers[at] {
+            return number;
+        }
+        let number = self.describe(name(piece, bus).as_bytes(), out);
+        self.numbers[at] = Some(number);
+        number
+    }
+
+    fn describe(&mut self, name: &[u8], out: &mut Vec<u8>) -> u32 {
+        block(INTERFACE, out, |out| {
+            out.extend(LINK_CAN.to_le_bytes());
+            out.extend([0; 6]); // reserved; packets of any size
+            option(INTERFACE_NAME, name, out);
+            option(RESOLUTION, &[NANOSECONDS], out);
+            option(0, &[], out);
+        });
+        self.dropped.push(0);
+        self.dropped.len() as u32 - 1
+    }
+
+    fn stamp(&mut self, t: i64) -> u64 {
+        if let Ok(stamp) = u64::try_from(t) {
+            self.last = stamp;
+            return stamp;
+        }
+        self.account
+            .add(if t == NO_TIME { Loss::NoTime } else { Loss::EarlyTime });
+        0
+    }
+}
+
+/// A block around what `body` appends, which comes in whole words.
+fn block(kind: u32, out: &mut Vec<u8>, body: impl FnOnce(&mut Vec<u8>)) {
+    let start = out.len();
+    out.extend_from_slice(&kind.to_le_bytes());
+    out.extend_from_slice(&[0; 4]);
+    body(out);
+    let length = ((out.len() - start + 4) as u32).to_le_bytes();
+    out[start + 4..start + 8].copy_from_slice(&length);
+    out.extend_from_slice(&length);
+}
+
+fn option(code: u16, value: &[u8], out: &mut Vec<u8>) {
+    out.extend_from_slice(&code.to_le_bytes());
+    out.extend_from_slice(&(value.len() as u16).to_le_bytes());
+    out.extend_from_slice(value);
+    out.resize(out.len() + value.len().next_multiple_of(4) - value.len(), 0);
+}

@@ -1,0 +1,184 @@
+//! Whatever legible lines say is written so that it reads the same again: valid lines, and valid lines damaged.
+
+use _native::candump::Candump;
+use _native::frames::{BRS, DLC_SHIFT, ERROR, ESI, FD, REMOTE};
+use _native::mcap::{Kind, Layout, Stop, Walk, Wire};
+use _native::pcapng::Pcapng;
+use _native::reader::{Piece, Reader, Rows};
+use _native::write::mcap::Messages;
+use _native::write::{candump, pcapng, Writer};
+
+const LINES: [&str; 16] = [
+    "(1700000000.000180) can0 05040601#A63500000000009C R",
+    "(1700000000.000000181) vcan-1 123#1122 T",
+    "can0 7FF#",
+    "(0000000001.5) can0 123##1112233",
+    "(1700000000.000200) can0 12345678##3",
+    "(1700000000.000200) can0 123#R",
+    "(1700000000.000200) can0 123#R8_F T",
+    "(1700000000.000200) can0 123#1122334455667788_B",
+    "(1700000000.000200) can1 20000004#000C000000006087",
+    "DROPCOUNT: dropped 5 CAN frames on 'can0' socket (total drops 12)",
+    "# a comment",
+    "(1700000000.000200) can0 123#112233445566778899AA",
+    "(000.000000)  can0  05040601   [8]  A6 35 00 00 00 00 00 9C",
+    "(2020-12-19 12:04:45.485261)  can0  20000088   [8]  00 00 04 19 00 00 07 07   ERRORFRAME",
+    "",
+    "can0  123  [3] remote request",
+];
+
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, limit: usize) -> usize {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % limit
+    }
+
+    /// Some of the lines; `damage` bytes of them are something else.
+    fn log(&mut self, damage: usize) -> Vec<u8> {
+        let lines = (0..self.below(20)).map(|_| LINES[self.below(LINES.len())].to_owned() + "\n");
+        let mut log = lines.collect::<String>().into_bytes();
+        for _ in 0..damage.min(log.len()) {
+            let at = self.below(log.len());
+            log[at] = [b'0', b'9', b'F', b' ', b'#', b'(', b'_', b'R', b'\n', b'\'', 0x1B, 0xFF][self.below(12)];
+        }
+        log
+    }
+}
+
+fn read(mut reader: impl Reader, bytes: &[u8]) -> Piece {
+    let mut rows = Rows::default();
+    reader.feed(bytes, &mut rows);
+    reader.finish(&mut rows);
+    assert_eq!(reader.damage(), None);
+    rows.take()
+}
+
+fn write(mut writer: impl Writer, piece: &Piece) -> Vec<u8> {
+    let mut out = vec![];
+    writer.start(&mut out);
+    writer.write(piece, &mut out);
+    out
+}
+
+/// Frames and error frames in the order of their records, with names: time, name, identifier, flags, data.
+fn frames(piece: &Piece) -> Vec<(i64, String, u32, u16, Vec<u8>)> {
+    let name = |bus: u8| piece.buses.names()[usize::from(bus)].clone();
+    let (frames, events) = (&piece.frames, &piece.events);
+    let mut all: Vec<_> = (0..frames.len())
+        .map(|row| {
+            let what = (frames.id[row], frames.flags[row], frames.data_of(row).to_vec());
+            (frames.line[row], frames.t[row], name(frames.bus[row]), what)
+        })
+        .collect();
+    all.extend((0..events.len()).filter(|&row| events.kind[row] == 0).map(|row| {
+        let what = (events.class[row], ERROR, events.data_of(row).to_vec());
+        (events.line[row], events.t[row], name(events.bus[row]), what)
+    }));
+    all.sort();
+    all.into_iter()
+        .map(|(_, t, name, (id, flags, data))| (t, name, id, flags, data))
+        .collect()
+}
+
+/// The same without what neither pcapng nor MCAP holds.
+fn classic(piece: &Piece) -> Vec<(i64, String, u32, u16, Vec<u8>)> {
+    let mut all = frames(piece);
+    all.retain(|(_, _, _, flags, data)| flags & FD != 0 || data.len() <= 8);
+    for (t, ..) in &mut all {
+        *t = (*t).max(0);
+    }
+    all
+}
+
+#[test]
+fn text_reads_the_same_again() {
+    let mut random = Random(1);
+    for round in 0..4000 {
+        let log = random.log(round % 4);
+        let piece = read(Candump::new(), &log);
+        let out = write(candump::Candump::default(), &piece);
+        let again = read(Candump::new(), &out);
+        let shown = String::from_utf8_lossy(&log);
+        assert_eq!(frames(&again).len(), frames(&piece).len(), "{shown}");
+        assert_eq!(
+            (again.counts.unreadable, again.counts.dropped),
+            (0, piece.counts.dropped),
+            "{shown}"
+        );
+        assert_eq!(again.counts.comments, piece.counts.comments, "{shown}");
+        for (new, old) in frames(&again).into_iter().zip(frames(&piece)) {
+            assert_eq!((new.2, new.3, new.4), (old.2, old.3, old.4), "{shown}");
+            assert_eq!(new.0, if old.0 < 0 { i64::MIN } else { old.0 }, "{shown}");
+        }
+        assert_eq!(write(candump::Candump::default(), &again), out, "{shown}");
+    }
+}
+
+#[test]
+fn packets_read_the_same_again() {
+    let mut random = Random(2);
+    for round in 0..4000 {
+        let log = random.log(round % 4);
+        let piece = read(Candump::new(), &log);
+        let again = read(Pcapng::default(), &write(pcapng::Pcapng::default(), &piece));
+        let shown = String::from_utf8_lossy(&log);
+        let mut wanted = classic(&piece);
+        for (.., flags, _) in wanted.iter_mut().filter(|(.., flags, _)| flags & ERROR != 0) {
+            *flags = ERROR;
+        }
+        assert_eq!(classic(&again), wanted, "{shown}");
+        assert_eq!(again.counts.dropped, piece.counts.dropped, "{shown}");
+    }
+}
+
+#[test]
+fn messages_read_the_same_again() {
+    let mut random = Random(3);
+    for round in 0..4000 {
+        let log = random.log(round % 4);
+        let piece = read(Candump::new(), &log);
+        let (mut messages, mut walk) = (Messages::default(), Walk::default());
+        let (mut at, limit) = (Some(0), 1 + random.below(500));
+        while let Some(start) = at {
+            at = messages.add(&piece, start, limit);
+            let Some(chunk) = messages.take(0) else { continue };
+            for (id, channel) in (1..).zip(messages.channels()) {
+                let kind = if channel.fd { Kind::SocketCanFd } else { Kind::CanMsgs };
+                walk.channel(id, &channel.bus, Layout::ros(Wire::Cdr, kind));
+                walk.mark(id, if channel.fd { FD } else { 0 });
+            }
+            assert_eq!(
+                walk.walk(&chunk.messages, 0, usize::MAX),
+                (chunk.messages.len(), Stop::End)
+            );
+            let indexed: u64 = chunk.indexes.iter().map(|(.., count)| count).sum();
+            assert!(indexed > 0 && chunk.messages.len() < limit + 300);
+        }
+        let again = walk.take();
+        let shown = String::from_utf8_lossy(&log);
+        let mut wanted = classic(&piece);
+        for (.., flags, _) in &mut wanted {
+            let code = if *flags & REMOTE == 0 {
+                0
+            } else {
+                (*flags >> DLC_SHIFT).min(8)
+            };
+            *flags = (*flags & 0xF & !(BRS | ESI)) | code << DLC_SHIFT;
+        }
+        let mut found = classic(&again);
+        let overflows = |row: &(i64, String, u32, u16, Vec<u8>)| row.3 == ERROR && row.4 == [0, 1, 0, 0, 0, 0, 0, 0];
+        found.retain(|row| !overflows(row));
+        for (.., flags, _) in &mut found {
+            *flags &= !(0xF0);
+        }
+        wanted.retain(|row| !overflows(row));
+        assert_eq!(found, wanted, "{shown}");
+        let (faults, drops) = (again.counts.error_frames, piece.counts.drops);
+        assert!(faults >= drops && again.counts.unreadable == 0, "{shown}");
+    }
+}

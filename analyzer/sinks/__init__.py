@@ -1,0 +1,56 @@
+"""Where captures go: pieces of rows to the bytes of a format, one file a format.
+
+A sink counts in words what its format cannot hold; nothing is left out in silence.
+"""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+from typing import TYPE_CHECKING, BinaryIO, Protocol
+
+if TYPE_CHECKING:
+    from analyzer._native import Piece
+
+FORMS = ("candump", "mcap", "pcapng")
+COMPRESSIONS = ("none", "lz4", "zstd")
+_SUFFIXES = {".candump": "candump", ".log": "candump", ".txt": "candump", ".mcap": "mcap", ".pcapng": "pcapng"}
+_PACKINGS = {".gz": "gzip", ".zst": "zstd"}
+
+
+class Sink(Protocol):
+    """Takes a capture piece by piece."""
+
+    @property
+    def frames(self) -> int:
+        """Frames written so far."""
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """What the format could not hold so far, in words, and how often."""
+
+    def write(self, piece: Piece) -> None:
+        """Writes the rows of a piece; it may hold some back."""
+
+    def flush(self) -> None:
+        """Writes what is held back, so that a reader finds it even if nothing follows."""
+
+    def close(self) -> None:
+        """Writes the end of the capture. The file stays open."""
+
+
+def form_of(path: str) -> tuple[str, str]:
+    """The format that a file name asks for, and the packing around it; empty where it asks for none."""
+    name = PurePath(path.lower())
+    packing = _PACKINGS.get(name.suffix, "")
+    return _SUFFIXES.get(PurePath(name.stem).suffix if packing else name.suffix, ""), packing
+
+
+def open_sink(form: str, file: BinaryIO, *, compression: str = "zstd") -> Sink:
+    """A sink of one of `FORMS` that writes to `file`; `compression` (one of `COMPRESSIONS`) is for MCAP chunks."""
+    if form == "mcap":
+        from analyzer.sinks.mcap import McapSink  # noqa: PLC0415 - the mcap package takes its time
+
+        return McapSink(file, compression)
+    from analyzer.sinks.plain import PlainSink  # noqa: PLC0415
+
+    return PlainSink(form, file)

@@ -1,0 +1,108 @@
+"""Every decoded table of a capture, in the shape that `portable` gives it, to files of one format."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.capture import example, find_table
+from analyzer.sinks import portable
+from analyzer.sinks.late import LateFrames
+from analyzer.sinks.tables import Tables
+from analyzer.tables import EVENT_ROWS, FRAMES, TRANSFERS, empty
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterator, Mapping
+    from typing import BinaryIO
+
+    from analyzer.sinks.part import Part
+    from dissectors import Registry
+
+BASIC = ("frames", "transfers", "events")
+
+
+def resolve(registry: Registry, name: str) -> str:
+    """The table that a person means. Raises `LookupError`."""
+    return name if name in BASIC else find_table(registry, name)[1]
+
+
+class TableExport:
+    """Takes the parts of a capture one after the other.
+
+    Frames, transfers and events have a file even without rows, and so has every table that was asked for by name.
+
+    Args:
+        form: a key of `tables.SUFFIXES`.
+        make: makes the file of a table.
+        registry: the types the capture is decoded with.
+        wanted: names of tables as `resolve` gives them; all if empty.
+        folder: where frames wait for their verdicts.
+        about: what is known of the capture, for the metadata of the files.
+    """
+
+    def __init__(
+        self, form: str, make: Callable[[str], BinaryIO], registry: Registry, wanted: Collection[str],
+        folder: str | None, about: Mapping[str, str],
+    ) -> None:  # fmt: skip
+        self._tables = Tables(form, make, about)
+        self._registry = registry
+        self._wanted = wanted
+        self._frames = LateFrames(folder) if self._wants("frames") else None
+        self._buses: tuple[str, ...] = ()
+
+    def add(self, part: Part) -> None:
+        """Rows of every table."""
+        self._buses = part.buses
+        if self._frames is not None:
+            self._frames.add(part.frames, part.frame_rows)
+            self._frames.settle(part.settled)
+        if self._wants("transfers"):
+            rows = portable.transfers(part.transfers, part.transfer_rows, part.buses, self._registry)
+            self._tables.add("transfers", rows)
+        if self._wants("events"):
+            self._tables.add("events", portable.events(part.events, part.buses))
+        for name, table in part.messages.items():
+            if self._wants(name):
+                self._tables.add(name, portable.messages(table, part.buses))
+
+    def finish(self) -> Iterator[None]:
+        """Writes what had to wait for the end, in steps."""
+        if self._frames is not None:
+            for frames, rows in self._frames.replay():
+                self._tables.add("frames", portable.frames(frames, rows, self._buses))
+                yield
+        self._complete()
+        self._tables.close({"tailbyte.buses": json.dumps(self._buses)})
+
+    def close(self) -> None:
+        """Gives back what it holds; what is not finished stays unfinished."""
+        self._tables.abandon()
+        if self._frames is not None:
+            self._frames.close()
+
+    @property
+    def rows(self) -> dict[str, int]:
+        """The tables written, and how many rows each has."""
+        return self._tables.rows
+
+    def _complete(self) -> None:
+        """Tables without rows get their columns."""
+        none = np.zeros(0, np.uint64)
+        for name in self._wanted or BASIC:
+            if name in self._tables.rows:
+                continue
+            if name == "frames":
+                rows = portable.frames(empty(FRAMES), none, ())
+            elif name == "transfers":
+                rows = portable.transfers(empty(TRANSFERS), none, (), self._registry)
+            elif name == "events":
+                rows = portable.events(empty(EVENT_ROWS), ())
+            else:
+                message, _ = find_table(self._registry, name)
+                rows = portable.messages(example(self._registry, message)[name].slice(0, 0), ())
+            self._tables.add(name, rows)
+
+    def _wants(self, name: str) -> bool:
+        return not self._wanted or name in self._wanted

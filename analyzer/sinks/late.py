@@ -1,0 +1,98 @@
+"""Frames whose verdicts may still change, kept on the disk until the capture has ended."""
+
+from __future__ import annotations
+
+import tempfile
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+
+from analyzer.sinks.atomic import TargetError
+from analyzer.tables import FRAMES, numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from typing import IO
+
+    import numpy.typing as npt
+
+    Numbers = npt.NDArray[Any]
+
+_ROWS = "frame"
+_STORED = FRAMES.append(pa.field(_ROWS, pa.uint64()))
+_IN_MEMORY = 1 << 25
+
+
+class LateFrames:
+    """Takes frames as they come and gives them back in the same order, with their final verdicts.
+
+    An identifier may prove to be DroneCAN hours after its first frame, so frames cannot be written for good before the
+    end. They wait in a nameless temporary file, some 15 bytes a frame; what is settled late, a few frames of each
+    identifier, waits in memory.
+
+    Args:
+        folder: where the temporary file is made; None is where the system has them.
+    """
+
+    def __init__(self, folder: str | None) -> None:
+        self._file: IO[bytes] = tempfile.SpooledTemporaryFile(_IN_MEMORY, dir=folder)  # noqa: SIM115 - see close
+        self._label = "temporary file" + (f" in {folder}" if folder else "")
+        options = pa.ipc.IpcWriteOptions(compression="lz4")
+        self._writer = pa.ipc.new_stream(self._file, _STORED, options=options)
+        self._settled: list[pa.RecordBatch] = []
+
+    def add(self, frames: pa.RecordBatch, rows: Numbers) -> None:
+        """Frames with their numbers, from 0. Raises `TargetError` when there is no room."""
+        if len(frames):
+            stored = pa.RecordBatch.from_arrays([*frames.columns, pa.array(rows)], schema=_STORED)
+            try:
+                self._writer.write_batch(stored)
+            except OSError as error:
+                raise TargetError(self._label, error) from None
+
+    def settle(self, settled: pa.RecordBatch) -> None:
+        """Verdicts of frames that came before."""
+        if len(settled):
+            self._settled.append(settled)
+
+    def replay(self) -> Iterator[tuple[pa.RecordBatch, Numbers]]:
+        """The frames once more, with their numbers."""
+        try:
+            self._writer.close()
+            self._file.seek(0)
+        except OSError as error:
+            raise TargetError(self._label, error) from None
+        late = _Late(self._settled)
+        for stored in pa.ipc.open_stream(self._file):
+            rows = numbers(stored.column(_ROWS))
+            yield late.corrected(stored.select(FRAMES.names).cast(FRAMES), rows), rows
+
+    def close(self) -> None:
+        """Gives the room back."""
+        self._file.close()
+
+
+class _Late:
+    """All late verdicts, by frame number; of several for one frame the last one holds, anomalies add up."""
+
+    def __init__(self, settled: Sequence[pa.RecordBatch]) -> None:
+        table = pa.Table.from_batches(settled).combine_chunks() if settled else None
+        columns = [np.zeros(0, np.uint64)] * 3 if table is None else [c.to_numpy() for c in table.columns]
+        order = np.argsort(columns[0], kind="stable")
+        self._frame, self._verdict, self._anomaly = (column[order] for column in columns)
+
+    def corrected(self, frames: pa.RecordBatch, rows: Numbers) -> pa.RecordBatch:
+        low, high = np.searchsorted(self._frame, [rows[0], rows[-1] + np.uint64(1)])
+        some = slice(int(low), int(high))
+        at = np.searchsorted(rows, self._frame[some])
+        there = rows[at.clip(max=len(rows) - 1)] == self._frame[some]
+        if not there.any():
+            return frames
+        verdict, anomaly = (numbers(frames.column(name)).copy() for name in ("verdict", "anomaly"))
+        verdict[at[there]] = self._verdict[some][there]
+        np.bitwise_or.at(anomaly, at[there], self._anomaly[some][there])
+        for name, values in (("verdict", verdict), ("anomaly", anomaly)):
+            k = FRAMES.get_field_index(name)
+            frames = frames.set_column(k, FRAMES.field(k), pa.array(values))
+        return frames

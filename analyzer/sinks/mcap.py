@@ -1,0 +1,86 @@
+"""CAN frames in MCAP as ROS 2 records them: a topic for each bus and direction. Messages are formatted natively."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, BinaryIO
+
+from analyzer._native import Messages
+from analyzer.sinks.mcap_file import McapFile
+from analyzer.sinks.schemas import FD_FRAME, FRAME
+
+if TYPE_CHECKING:
+    from analyzer._native import Piece
+
+# Bytes of messages that fill a chunk.
+CHUNK = 1 << 20
+# Topics by direction: unknown, received, sent.
+_TOPICS = ("can", "from_can_bus", "to_can_bus")
+
+
+class McapSink:
+    """Writes MCAP to a file that is open and need not be seekable. `compression` is none, lz4 or zstd."""
+
+    def __init__(self, file: BinaryIO, compression: str = "zstd") -> None:
+        self.container = McapFile(file, compression)
+        self._messages = Messages()
+        self._channels = 0
+        self._topics: dict[str, str] = {}
+
+    @property
+    def frames(self) -> int:
+        """Frames written so far, those of the open chunk too."""
+        return self._messages.frames
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """What the format could not hold so far, in words, and how often."""
+        return self._messages.lost
+
+    def write(self, piece: Piece) -> None:
+        """Writes the rows of a piece; those of the last chunk wait until it is full."""
+        row: int | None = 0
+        while row is not None:
+            row = self._messages.add(piece, row, CHUNK)
+            if self._messages.waiting >= CHUNK:
+                self.close_chunk()
+
+    def flush(self) -> None:
+        """Closes the open chunk and hands everything to the system."""
+        self.close_chunk()
+        self.container.flush()
+
+    def close(self) -> None:
+        """Writes the summary, the end of the file. It stays open."""
+        self.close_chunk()
+        self.container.close()
+
+    def close_chunk(self) -> None:
+        """Writes the chunk that is open, if it holds anything."""
+        self._add_channels()
+        taken = self._messages.take(len(self.container.head()))
+        if taken is not None:
+            self.container.chunk(taken)
+
+    def topic(self, bus: str) -> str:
+        """The bus as a part of a topic: letters, digits and underscores, no digit first, no two alike."""
+        if bus not in self._topics:
+            part = re.sub(r"[^A-Za-z0-9_]", "_", bus) or "can"
+            part = f"bus_{part}" if part[0].isdigit() else part
+            taken, number, name = self._topics.values(), 1, part
+            while name in taken:
+                number += 1
+                name = f"{part}_{number}"
+            self._topics[bus] = name
+        return self._topics[bus]
+
+    def _add_channels(self) -> None:
+        """Schemas and channels that messages of the open chunk are the first to use."""
+        for bus, direction, fd in self._messages.channels(self._channels):
+            definition = FD_FRAME if fd else FRAME
+            schema = self.container.schema(definition.name, "ros2msg", definition.text.encode())
+            self._channels += 1
+            topic = f"/{self.topic(bus)}/{_TOPICS[direction]}{'_fd' if fd else ''}"
+            # A topic may not have the name as it is. Our reader takes it for a sign that classic frames are apart.
+            about = {"bus": bus or "can"} | ({"frames": "CAN FD"} if fd else {})
+            self.container.channel(self._channels, topic, "cdr", schema, about)

@@ -1,0 +1,39 @@
+"""Formats without a trailer, candump text and pcapng: the native writer's bytes, as they come."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, BinaryIO
+
+from analyzer._native import Writer
+
+if TYPE_CHECKING:
+    from analyzer._native import Piece
+
+
+class PlainSink:
+    """Writes `candump` or `pcapng` to a file that is open."""
+
+    def __init__(self, form: str, file: BinaryIO) -> None:
+        self._writer, self._file = Writer(form), file
+        file.write(self._writer.start())
+
+    @property
+    def frames(self) -> int:
+        """Frames written so far."""
+        return self._writer.frames
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """What the format could not hold so far, in words, and how often."""
+        return self._writer.lost
+
+    def write(self, piece: Piece) -> None:
+        """Writes the rows of a piece."""
+        self._file.write(self._writer.write(piece))
+
+    def flush(self) -> None:
+        """Hands everything to the system."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """There is nothing to add."""

@@ -1,0 +1,213 @@
+"""The tables as other tools want them: texts instead of codes, names instead of indexes, row numbers as columns.
+
+Everything else keeps the name, type and metadata that it has in `analyzer.tables` and `analyzer.columns`. Frame numbers
+count from 1, as everywhere that people see them; transfers count from 0, as the messages refer to them.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from analyzer.tables import (
+    BRS,
+    ESI,
+    EVENTS,
+    EXTENDED,
+    FD,
+    FRAME_ANOMALIES,
+    KINDS,
+    REMOTE,
+    RX,
+    STATUSES,
+    TRANSFER_ANOMALIES,
+    TX,
+    VERDICTS,
+    numbers,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    import numpy.typing as npt
+
+    from dissectors import Registry
+
+    Column = tuple[pa.Field, pa.Array]
+    Numbers = npt.NDArray[Any]
+
+_BITS = {"extended": EXTENDED, "remote": REMOTE, "fd": FD, "brs": BRS, "esi": ESI}
+
+
+def frames(table: pa.RecordBatch, rows: Numbers, buses: Sequence[str]) -> pa.RecordBatch:
+    """Frames with their numbers (`rows`, from 0); flags as columns of their own, verdict and anomaly in words."""
+    flags = numbers(table.column("flags"))
+    sent, received = flags & TX != 0, flags & RX != 0
+    way = pa.array(sent.astype(np.uint8), mask=~(sent | received))
+    out = [_column("frame", pa.array(rows + np.uint64(1)), "number, from 1"), *_columns(table, buses)]
+    extra = [_column(name, pa.array(flags & bit != 0), "a bit of flags") for name, bit in _BITS.items()]
+    extra.append(_column("direction", _texts(way, ("rx", "tx")), "received or sent; null when not recorded"))
+    at = 1 + table.schema.get_field_index("flags") + 1
+    out[at:at] = extra
+    return _batch(
+        _in_words(out, {"verdict": VERDICTS}, {"anomaly": FRAME_ANOMALIES}),
+        table.schema.metadata,
+    )
+
+
+def transfers(table: pa.RecordBatch, rows: Numbers, buses: Sequence[str], registry: Registry) -> pa.RecordBatch:
+    """Transfers with their numbers (`rows`, from 0), the names of their types and the numbers of their frames."""
+    out = [_column("transfer", pa.array(rows), "number, from 0"), *_columns(table, buses)]
+    names = [field.name for field, _ in out]
+    of = names.index("frame")
+    inner = out[of][1]
+    counted = pa.Array.from_buffers(
+        inner.type, len(inner), inner.buffers()[:2], offset=inner.offset,
+        children=[pc.add(inner.values, pa.scalar(1, inner.type.value_type))],
+    )  # fmt: skip
+    out[of] = _column("frames", counted, "numbers of its frames, from 1")
+    out.insert(names.index("kind") + 1, _column("type", _types(table, registry), "data type; null when unknown"))
+    return _batch(
+        _in_words(out, {"kind": KINDS, "status": STATUSES}, {"anomaly": TRANSFER_ANOMALIES}),
+        table.schema.metadata,
+    )
+
+
+def events(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
+    """Events, their kind in words."""
+    return _batch(_in_words(_columns(table, buses), {"kind": EVENTS}, {}), table.schema.metadata)
+
+
+def messages(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
+    """Messages or packets; behind each number that has names stands `<field>.text`.
+
+    A member of a union that holds nothing is true where it was sent. A field that is called like one of the columns in
+    front of it, such as `src`, is `<field>.field`.
+    """
+    out: list[Column] = []
+    present, taken = set(table.schema.names), set[str]()
+    for field, array in _columns(table, buses):
+        whole = _solid(array)
+        name = field.name if field.name not in taken else f"{field.name}.field"
+        taken.add(name)
+        out.append((field.with_type(whole.type).with_name(name), whole))
+        names = _names(field)
+        if names and f"{field.name}.text" not in present:
+            about = {k: v for k, v in field.metadata.items() if k in (b"clause", b"tentative")}
+            text = _named(array, names)
+            out.append((pa.field(f"{field.name}.text", text.type, metadata=about), text))
+    return _batch(out, table.schema.metadata)
+
+
+def context(table: pa.RecordBatch, name: str) -> pa.Array:
+    """`transfer`, `t`, `bus` or `src` of a message or packet, whatever its own fields are called."""
+    return table.column(table.schema.names.index(name))
+
+
+def _columns(table: pa.RecordBatch, buses: Sequence[str]) -> list[Column]:
+    out = list(zip(table.schema, table.columns, strict=True))
+    at = table.schema.names.index("bus")
+    out[at] = _column("bus", _texts(out[at][1], buses), "interface name")
+    return out
+
+
+def _in_words(
+    columns: Iterable[Column], codes: dict[str, Sequence[str]], bits: dict[str, Sequence[str]]
+) -> list[Column]:
+    out = []
+    for field, array in columns:
+        if field.name in codes:
+            out.append(_column(field.name, _texts(array, codes[field.name]), "in words"))
+        elif field.name in bits:
+            out.append(_column(field.name, _set_bits(array, bits[field.name]), "in words, joined by commas; or null"))
+        else:
+            out.append((field, array))
+    return out
+
+
+def _column(name: str, array: pa.Array, about: str) -> Column:
+    return pa.field(name, array.type, metadata={"about": about}), array
+
+
+def _batch(columns: Sequence[Column], about: Any) -> pa.RecordBatch:
+    schema = pa.schema([field for field, _ in columns], metadata=about)
+    return pa.RecordBatch.from_arrays([array for _, array in columns], schema=schema)
+
+
+def _texts(codes: pa.Array, texts: Sequence[str]) -> pa.Array:
+    return pa.DictionaryArray.from_arrays(codes, pa.array(texts, pa.string()))
+
+
+def _set_bits(array: pa.Array, names: Sequence[str]) -> pa.Array:
+    bits = numbers(array)
+    some = np.flatnonzero(bits)
+    found, inverse = np.unique(bits[some], return_inverse=True)
+    codes = np.zeros(len(bits), np.int32)
+    codes[some] = inverse
+    texts = [", ".join(name for k, name in enumerate(names) if value >> k & 1) for value in found.tolist()]
+    return _texts(pa.array(codes, mask=bits == 0), texts)
+
+
+def _types(table: pa.RecordBatch, registry: Registry) -> pa.Array:
+    codes = numbers(table.column("variant")).astype(np.int64) << 24
+    codes |= numbers(table.column("kind")).astype(np.int64) << 16
+    codes |= numbers(table.column("type_id"))
+    found, inverse = np.unique(codes, return_inverse=True)
+    known = [registry.message(code >> 16 & 0xFF, code & 0xFFFF, code >> 24) for code in found.tolist()]
+    missing = np.array([message is None for message in known], bool)
+    texts = ["" if message is None else message.name for message in known]
+    return _texts(pa.array(inverse.astype(np.int32), mask=missing[inverse]), texts)
+
+
+def _names(field: pa.Field) -> dict[int, str]:
+    """The names of an enumeration; one name alone, such as "no change", makes none."""
+    if not pa.types.is_integer(field.type) or b"enum" not in (field.metadata or {}):
+        return {}
+    return _enumeration(field.metadata[b"enum"])
+
+
+@lru_cache(maxsize=1024)
+def _enumeration(text: bytes) -> dict[int, str]:
+    names = {int(code): name for code, name in json.loads(text).items()}
+    return names if len(set(names.values())) > 1 else {}
+
+
+def _named(array: pa.Array, names: dict[int, str]) -> pa.Array:
+    codes = sorted(names)
+    values = numbers(array).astype(np.int64)
+    at = np.searchsorted(codes, values).clip(max=len(codes) - 1)
+    nameless = np.asarray(codes)[at] != values
+    if array.null_count:
+        nameless |= np.asarray(array.is_null())
+    return _texts(pa.array(at.astype(np.int16), mask=nameless), [names[code] for code in codes])
+
+
+@lru_cache(maxsize=1024)
+def _hollow(kind: pa.DataType) -> bool:
+    """Whether it holds structures without members, which most formats cannot."""
+    if pa.types.is_list(kind):
+        return _hollow(kind.value_type)
+    if not pa.types.is_struct(kind):
+        return False
+    return kind.num_fields == 0 or any(_hollow(kind.field(k).type) for k in range(kind.num_fields))
+
+
+def _solid(array: pa.Array) -> pa.Array:
+    """The same without hollow structures: a flag takes their place."""
+    kind = array.type
+    if not _hollow(kind):
+        return array
+    if pa.types.is_list(kind):
+        inner = _solid(array.values)
+        buffers = array.buffers()[:2]
+        return pa.Array.from_buffers(pa.list_(inner.type), len(array), buffers, offset=array.offset, children=[inner])
+    missing = pc.is_null(array)
+    if kind.num_fields == 0:
+        return pc.if_else(missing, pa.scalar(None, pa.bool_()), pa.scalar(True))
+    inner = [_solid(array.field(k)) for k in range(kind.num_fields)]
+    return pa.StructArray.from_arrays(inner, [kind.field(k).name for k in range(kind.num_fields)], mask=missing)

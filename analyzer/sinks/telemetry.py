@@ -1,0 +1,207 @@
+"""MCAP with decoded telemetry that Foxglove and Rerun open: a topic for each message type and node, raw frames beside.
+
+`/can0/node_23/<table>` holds Protocol Buffers messages with the columns of that table; `/can0/from_can_bus` and its
+neighbours hold the frames as `sinks.mcap` writes them, and `/can0/events` error frames, drops and what was unreadable
+as `foxglove.Log`. Log time is the time of a transfer's first frame, 0 in a capture without times. An unreadable line,
+which has no time of its own, stands at that of the frame in front of it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from analyzer import _native
+from analyzer.sinks import portable
+from analyzer.sinks.mcap import CHUNK, McapSink
+from analyzer.sinks.telemetry_rows import encode
+from analyzer.sinks.telemetry_schema import Schema, log_schema, schema
+from analyzer.tables import EVENTS, numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+    import numpy.typing as npt
+
+    from analyzer.sinks.part import Part
+
+    Encoded = tuple[bytes, bytes, bytes, bytes]
+
+# IDs of channels below it belong to raw frames: 3 directions and 2 kinds for each of 255 buses.
+_FIRST_CHANNEL = 2048
+# IDs have 16 bits. What nodes beyond this many channels send goes to one topic a type, `/others/<table>`.
+MOST_CHANNELS = 60_000
+_NO_TIME = int(np.iinfo(np.int64).min)
+_SECOND = 1_000_000_000
+_INFO, _WARNING, _ERROR = 2, 3, 4
+_LEVELS = {"error frame": _ERROR, "drop": _ERROR, "gap": _WARNING, "unreadable": _WARNING, "comment": _INFO}
+# How the native core hands over frames and events, and Arrow does not.
+_FILLED = {"t": _NO_TIME, "bus": 0, "tx_errors": 0, "rx_errors": 0}
+
+
+class TelemetryExport:
+    """Takes the parts of a capture one after the other.
+
+    Args:
+        file: takes the bytes.
+        wanted: names of tables, `frames` and `events` among them; all if empty.
+        about: what is known of the capture.
+
+    `frames` and `messages` count what was written so far.
+    """
+
+    def __init__(self, file: BinaryIO, wanted: Collection[str], about: Mapping[str, str]) -> None:
+        self._sink = McapSink(file)
+        self._wanted = wanted
+        self._about = about
+        self._schemas: dict[str, Schema] = {}
+        self._channels: dict[tuple[str, str, int], int] = {}
+        self._latest = 0
+        self.frames = self.messages = 0
+
+    def add(self, part: Part) -> None:
+        """Rows of every table; they are in the file afterwards."""
+        if self._wants("frames"):
+            self._sink.write(_piece(part))
+            self.frames += len(part.frames)
+            self._sink.close_chunk()
+        tables = [self._messages(name, table, part.buses) for name, table in part.messages.items() if self._wants(name)]
+        if self._wants("events") and len(part.events):
+            tables.append(self._events(part))
+        head = self._sink.container.head()
+        for chunk in _native.message_records(tables, len(head), CHUNK):
+            self._sink.container.chunk(chunk)
+            self.messages += sum(count for *_, count in chunk[1])
+
+    def finish(self) -> None:
+        """Writes the end of the file."""
+        self._sink.close_chunk()
+        self._sink.container.metadata("tailbyte", self._about)
+        self._sink.close()
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """What raw frames could not hold, in words, and how often."""
+        return self._sink.lost if self._wants("frames") else {}
+
+    def _messages(self, name: str, table: pa.RecordBatch, buses: tuple[str, ...]) -> Encoded:
+        rows = portable.messages(table, buses)
+        if name not in self._schemas:
+            self._schemas[name] = schema(name, rows.schema)
+        bus, src = (numbers(portable.context(table, c)).astype(np.int64) for c in ("bus", "src"))
+        found, inverse = np.unique(bus << 8 | src, return_inverse=True)
+        about = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()} | _units(rows.schema)
+        of = [self._channel(name, buses[key >> 8], key & 0xFF, about) for key in found.tolist()]
+        times = _times(portable.context(table, "t"))
+        ends, data = encode(rows, self._schemas[name].columns)
+        return np.array(of, np.uint16)[inverse].tobytes(), times.tobytes(), ends, data
+
+    def _channel(self, name: str, bus: str, node: int, about: Mapping[str, str]) -> int:
+        key, of = (name, bus, node), self._schemas[name]
+        if key in self._channels:
+            return self._channels[key]
+        if len(self._channels) < MOST_CHANNELS:
+            self._open(key, f"/{self._sink.topic(bus)}/node_{node}/{name}", of, {"node": str(node), **about})
+            return self._channels[key]
+        others = name, "", -1
+        if others not in self._channels:
+            self._open(others, f"/others/{name}", of, about)
+        return self._channels[others]
+
+    def _open(self, key: tuple[str, str, int], topic: str, of: Schema, about: Mapping[str, str]) -> None:
+        container = self._sink.container
+        number = _FIRST_CHANNEL + len(self._channels)
+        bus = {"bus": key[1]} if key[1] else {}
+        container.channel(
+            number, topic, "protobuf", container.schema(of.name, "protobuf", of.descriptors), {**bus, **about}
+        )
+        self._channels[key] = number
+
+    def _events(self, part: Part) -> Encoded:
+        table = part.events
+        times, own = self._event_times(part), table.column("t")
+        bus = [None if k is None else part.buses[k] for k in table.column("bus").to_pylist()]
+        channels = [self._events_channel(name or "") for name in bus]
+        kinds = [EVENTS[kind] for kind in numbers(table.column("kind")).tolist()]
+        lines = numbers(table.column("line")).tolist()
+        texts = table.column("text").to_pylist()
+        counts = numbers(table.column("class")).tolist()
+        said = [_said(*row) for row in zip(kinds, lines, texts, counts, strict=True)]
+        stamp = pa.StructArray.from_arrays(
+            [pa.array(times // _SECOND, pa.uint64()), pa.array(times % _SECOND, pa.uint32())],
+            names=["seconds", "nanos"], mask=pc.is_null(own),
+        )  # fmt: skip
+        log = pa.RecordBatch.from_pydict(
+            {
+                "timestamp": stamp,
+                "level": pa.array([_LEVELS[kind] for kind in kinds], pa.uint8()),
+                "message": pa.array(said, pa.string()),
+                "name": pa.array(bus, pa.string()),
+                "file": pa.array([self._about.get("tailbyte.capture", "")] * len(table), pa.string()),
+            }
+        )
+        ends, data = encode(log, self._schemas["events"].columns)
+        return np.array(channels, np.uint16).tobytes(), times.tobytes(), ends, data
+
+    def _event_times(self, part: Part) -> npt.NDArray[Any]:
+        """What has no time of its own gets that of the frame in front of it in the capture."""
+        frames, events = part.frames, part.events
+        times, known = _times(events.column("t")), _times(frames.column("t"))
+        missing = np.asarray(events.column("t").is_null())
+        before = np.searchsorted(numbers(frames.column("line")), numbers(events.column("line"))[missing])
+        near = known if len(known) else np.array([self._latest])
+        times[missing] = near[np.maximum(before - 1, 0)]
+        self._latest = int(max(near[-1], self._latest))
+        return times
+
+    def _events_channel(self, bus: str) -> int:
+        self._schemas.setdefault("events", log_schema())
+        key = "events", bus, 0
+        if key not in self._channels:
+            topic = f"/{self._sink.topic(bus)}/events" if bus else "/events"
+            self._open(key, topic, self._schemas["events"], {})
+        return self._channels[key]
+
+    def _wants(self, name: str) -> bool:
+        return not self._wanted or name in self._wanted
+
+
+def _units(columns: pa.Schema) -> dict[str, str]:
+    return {f"unit.{f.name}": f.metadata[b"unit"].decode() for f in columns if b"unit" in (f.metadata or {})}
+
+
+def _said(kind: str, line: int, text: str, count: int) -> str:
+    number = f" of {count} frames" if kind == "drop" and count else ""
+    return f"{kind}{number} (record {line})" + (f": {text}" if text else "")
+
+
+def _times(column: pa.Array) -> npt.NDArray[Any]:
+    """Nanoseconds from 1970 on; 0 where there is no time, or an earlier one."""
+    return np.where(np.asarray(column.is_null()), 0, np.maximum(numbers(column), 0))
+
+
+def _piece(part: Part) -> _native.Piece:
+    """Frames, error frames and drops as they came from the reader; the other events are only told."""
+    kinds = numbers(part.events.column("kind"))
+    rows = np.flatnonzero(np.isin(kinds, [EVENTS.index("error frame"), EVENTS.index("drop")]))
+    events = part.events.take(pa.array(rows))
+    return _native.Piece.of(_buffers(part.frames), _buffers(events), list(part.buses))
+
+
+def _buffers(table: pa.RecordBatch) -> dict[str, bytes]:
+    out = {}
+    for name, column in zip(table.schema.names, table.columns, strict=True):
+        if name in _FILLED:
+            missing = np.asarray(column.is_null())
+            out[f"{name}_valid"] = (~missing).astype(np.uint8).tobytes()
+            out[name] = np.where(missing, _FILLED[name], numbers(column)).astype(numbers(column).dtype).tobytes()
+        elif pa.types.is_binary(column.type) or pa.types.is_string(column.type):
+            _, offsets, data = column.buffers()
+            out[f"{name}_offset"] = offsets.slice(0, 4 * (len(column) + 1)).to_pybytes() or bytes(4)
+            out[name] = b"" if data is None else data.to_pybytes()
+        else:
+            out[name] = numbers(column).tobytes()
+    return out

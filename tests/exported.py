@@ -1,0 +1,181 @@
+"""What an export must hold, worked out cell by cell from `Capture.table`, and readers that give plain rows back."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from analyzer.tables import EVENTS, FRAME_ANOMALIES, KINDS, STATUSES, TRANSFER_ANOMALIES, VERDICTS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import analyzer
+
+    Row = dict[str, Any]
+
+BITS = {"extended": 1, "remote": 2, "fd": 8, "brs": 16, "esi": 32}
+
+
+def plain(table: pa.Table) -> list[Row]:
+    """Rows with times and durations as integer nanoseconds, texts as text."""
+    columns = {}
+    for field, column in zip(table.schema, table.columns, strict=True):
+        timed = pa.types.is_timestamp(field.type) or pa.types.is_duration(field.type)
+        columns[field.name] = (column.cast(pa.int64()) if timed else column).to_pylist()
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def names_of(capture: analyzer.Capture) -> list[str]:
+    """All tables of a capture."""
+    return ["frames", "transfers", "events", *dict.fromkeys(name for batch in capture for name in batch.messages)]
+
+
+def expected(capture: analyzer.Capture, name: str) -> list[Row]:
+    """Rows as every export has them, keys in order."""
+    table = capture.table(name)
+    make = {"frames": _frame, "transfers": _transfer, "events": _event}.get(name, _message(table.schema))
+    return [
+        make(number, row | {"bus": None if row["bus"] is None else capture.buses[row["bus"]]}, capture)
+        for number, row in enumerate(plain(table))
+    ]
+
+
+def _words(bits: int, names: tuple[str, ...]) -> str | None:
+    return ", ".join(name for k, name in enumerate(names) if bits >> k & 1) or None
+
+
+def _after(row: Row, key: str, more: Row) -> Row:
+    out: Row = {}
+    for name, value in row.items():
+        out[name] = value
+        out |= more if name == key else {}
+    return out
+
+
+def _frame(number: int, row: Row, _: object) -> Row:
+    flags = row["flags"]
+    way = "tx" if flags & 64 else "rx" if flags & 128 else None
+    more = {name: bool(flags & bit) for name, bit in BITS.items()} | {"direction": way}
+    texts = {"verdict": VERDICTS[row["verdict"]], "anomaly": _words(row["anomaly"], FRAME_ANOMALIES)}
+    return {"frame": number + 1} | _after(row, "flags", more) | texts
+
+
+def _transfer(number: int, row: Row, capture: analyzer.Capture) -> Row:
+    message = capture.registry.message(row["kind"], row["type_id"], row["variant"])
+    row = _after(row, "kind", {"type": None if message is None else message.name})
+    row |= {"kind": KINDS[row["kind"]], "status": STATUSES[row["status"]]}
+    row["anomaly"] = _words(row["anomaly"], TRANSFER_ANOMALIES)
+    frames = {"frames": [frame + 1 for frame in row["frame"]]}
+    row = {name: value for name, value in _after(row, "frame", frames).items() if name != "frame"}
+    return {"transfer": number} | row
+
+
+def _event(_: int, row: Row, __: object) -> Row:
+    return row | {"kind": EVENTS[row["kind"]]}
+
+
+def _message(schema: pa.Schema) -> Any:
+    enums = {}
+    for field in schema:
+        texts = {int(k): v for k, v in json.loads((field.metadata or {}).get(b"enum", b"{}")).items()}
+        if len(set(texts.values())) > 1 and pa.types.is_integer(field.type):
+            enums[field.name] = texts
+
+    def make(_: int, row: Row, __: object) -> Row:
+        row = {name: _flagged(value, schema.field(name).type) for name, value in row.items()}
+        for name, texts in enums.items():
+            row = _after(row, name, {f"{name}.text": texts.get(row[name])})
+        return row
+
+    return make
+
+
+def _flagged(value: Any, kind: pa.DataType) -> Any:
+    """A structure without members is a flag."""
+    if value is None or not pa.types.is_nested(kind):
+        return value
+    if pa.types.is_list(kind):
+        return [_flagged(cell, kind.value_type) for cell in value]
+    if kind.num_fields == 0:
+        return True
+    return {kind.field(k).name: _flagged(value[kind.field(k).name], kind.field(k).type) for k in range(kind.num_fields)}
+
+
+def same(left: Any, right: Any) -> bool:
+    """Equal, NaN included."""
+    if isinstance(left, float) and isinstance(right, float):
+        return left == right or (math.isnan(left) and math.isnan(right))
+    if isinstance(left, list) and isinstance(right, list):
+        return len(left) == len(right) and all(map(same, left, right))
+    if isinstance(left, dict) and isinstance(right, dict):
+        return list(left) == list(right) and all(same(left[key], right[key]) for key in left)
+    return type(left) is type(right) and left == right
+
+
+def read(path: Path) -> pa.Table:
+    """A Parquet or Arrow file."""
+    if path.suffix == ".parquet":
+        return pq.read_table(path)
+    with pa.ipc.open_file(path) as reader:
+        return reader.read_all()
+
+
+def read_csv(path: Path) -> Iterator[dict[str, str]]:
+    with path.open(newline="") as file:
+        yield from csv.DictReader(file)
+
+
+def as_csv(row: Row, schema: pa.Schema) -> Row:
+    """How a row reads in CSV: texts; of numbers that are not whole, the nearest value of their type."""
+    out: Row = {}
+    for name, value in row.items():
+        kind = schema.field(name).type if name in schema.names else None
+        if kind is not None and pa.types.is_timestamp(kind):
+            out[f"{name}_ns"] = "" if value is None else str(value)
+            out[name] = "" if value is None else _iso(value)
+        elif kind is not None and pa.types.is_duration(kind):
+            out[f"{name}_ns"] = "" if value is None else str(value)
+        elif value is None:
+            out[name] = ""
+        elif isinstance(value, bool):
+            out[name] = str(value).lower()
+        elif isinstance(value, bytes):
+            out[name] = value.hex().upper()
+        elif isinstance(value, str):
+            out[name] = re.sub(r"^(?=[=+\-@\t\r\n])", "'", value)
+        else:
+            out[name] = value
+    return out
+
+
+def csv_cell(text: str, like: Any) -> Any:
+    """A CSV cell as the kind of value that stands beside it."""
+    if isinstance(like, list | dict):
+        return _as(json.loads(text), like)
+    if isinstance(like, float):
+        return _as(text, like)
+    return int(text) if isinstance(like, int) else text
+
+
+def _as(value: Any, like: Any) -> Any:
+    if isinstance(like, float):
+        number = float(value)  # of single precision the shortest text is written
+        return like if np.float32(number) == np.float32(like) and np.float32(like) == like else number
+    if isinstance(like, list) and len(like) == len(value):
+        return [_as(*pair) for pair in zip(value, like, strict=True)]
+    if isinstance(like, dict) and list(like) == list(value):
+        return {key: _as(cell, like[key]) for key, cell in value.items()}
+    return value
+
+
+def _iso(ns: int) -> str:
+    return str(np.datetime64(ns, "ns")).replace("T", " ")

@@ -1,0 +1,81 @@
+"""The bar: on a terminal only, not for short work, gone at the end."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+import pytest
+
+from analyzer.cli.progress import PATIENCE, Progress, line
+
+
+@dataclass
+class Reading:
+    size: int = 0
+    length: int | None = None
+
+
+class Terminal:
+    def __init__(self, is_terminal: bool = True) -> None:
+        self.text, self.is_terminal = "", is_terminal
+
+    def isatty(self) -> bool:
+        return self.is_terminal
+
+    def fileno(self) -> int:
+        raise OSError
+
+    def write(self, text: str) -> None:
+        self.text += text
+
+    def flush(self) -> None:
+        pass
+
+
+def shown(monkeypatch: pytest.MonkeyPatch, *, terminal: bool = True, wanted: bool = True, seconds: float = 10) -> str:
+    """What a work of 100 steps writes."""
+    stderr, now, reading = Terminal(terminal), 0.0, Reading(0, 100)
+    monkeypatch.setattr(sys, "stderr", stderr)
+    monkeypatch.setenv("TERM", "xterm")
+    with Progress(reading, wanted=wanted, clock=lambda: now) as progress:
+        assert progress.active == (terminal and wanted)
+        for part in progress.over(range(100)):
+            now += seconds / 100
+            reading.size = part + 1
+    return stderr.text
+
+
+def test_long_work_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = shown(monkeypatch).split("\r\x1b[K")
+    assert drawn[0] == drawn[-1] == ""
+    assert len(drawn) == 2 + 95
+    assert drawn[1].startswith("  5% [##............................] 10 B/s")
+    assert drawn[-2].endswith("0:00 left")
+    assert "\n" not in "".join(drawn)
+
+
+def test_at_most_ten_times_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert shown(monkeypatch, seconds=1).count("%") == 5
+
+
+@pytest.mark.parametrize(("terminal", "wanted", "seconds"), [(False, True, 10), (True, False, 10), (True, True, 0.4)])
+def test_nothing_at_all(monkeypatch: pytest.MonkeyPatch, terminal: bool, wanted: bool, seconds: float) -> None:
+    assert seconds > PATIENCE or seconds == 0.4
+    assert shown(monkeypatch, terminal=terminal, wanted=wanted, seconds=seconds) == ""
+
+
+def test_a_dumb_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setenv("TERM", "dumb")
+    assert not Progress(Reading()).active
+
+
+def test_the_line() -> None:
+    assert line(Reading(250, 1000), 0.001, 80) == " 25% [########......................] 250 kB/s  0:00 left"
+    assert line(Reading(1_000_000, 5_000_000_000), 1, 80).endswith("1 MB/s  1:23:19 left")
+    assert line(Reading(0, 1000), 1, 80) == "  0% [..............................] 0 B/s"
+    assert line(Reading(3_000, 1000), 1, 80).startswith("100% [##############################] 3 kB/s")
+    assert line(Reading(2_500_000_000), 5, 80) == "2.5 GB  500 MB/s"
+    assert line(Reading(0, 0), 5, 80) == "0 B  0 B/s"
+    assert line(Reading(2_500_000_000), 5, 7) == "2.5 GB"
