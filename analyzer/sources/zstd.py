@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import zstandard
 
 from analyzer.sources.errors import UnpackError
+from analyzer.sources.unpack import unpack
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -32,13 +33,7 @@ def decompress(pieces: Iterable[bytes]) -> Iterator[bytes]:
 
     An empty piece (nothing new yet) is passed on. Raises `UnpackError` behind everything that was sound.
     """
-    stream = _Stream()
-    for piece in pieces:
-        if piece:
-            yield from stream.feed(piece)
-        else:
-            yield b""
-    yield from stream.end()
+    return unpack(pieces, _Stream())
 
 
 class _Stream:

@@ -13,9 +13,18 @@ pub const RX: u16 = 1 << 7;
 /// Bits 8..=11: the length code of a remote frame, or a raw code above 8 of a classic data frame.
 pub const DLC_SHIFT: u32 = 8;
 
+/// Flag bits of the kernel's identifier word, and what they leave for the identifier.
+pub const WORD_EXTENDED: u32 = 1 << 31;
+pub const WORD_REMOTE: u32 = 1 << 30;
+pub const WORD_ERROR: u32 = 1 << 29;
+pub const ID_MASK: u32 = WORD_ERROR - 1;
+/// The highest identifier of 11 bits.
+pub const MAX_STANDARD: u32 = 0x7FF;
+
 /// The time of a frame whose capture recorded none.
 pub const NO_TIME: i64 = i64::MIN;
-/// The longest data field there is (CAN FD).
+/// The longest data field of a classic frame, and of any (CAN FD).
+pub const MAX_CLASSIC: usize = 8;
 pub const MAX_DATA: usize = 64;
 
 /// Columns of the `frames` table. Row `i` owns `data[offset[i]..offset[i + 1]]`.

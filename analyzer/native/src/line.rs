@@ -7,7 +7,10 @@ mod text;
 
 use std::borrow::Cow;
 
-use crate::frames::{BRS, DLC_SHIFT, ERROR, ESI, EXTENDED, FD, MAX_DATA, REMOTE, RX, TX};
+use crate::frames::{
+    BRS, DLC_SHIFT, ERROR, ESI, EXTENDED, FD, ID_MASK, MAX_CLASSIC, MAX_DATA, MAX_STANDARD, REMOTE, RX, TX, WORD_ERROR,
+    WORD_REMOTE,
+};
 use crate::stamp::Stamp;
 
 pub use errors::describe as describe_error;
@@ -18,11 +21,6 @@ pub type Reason = Cow<'static, str>;
 
 /// More than Linux allows (15), so that names of other systems pass.
 pub const MAX_NAME: usize = 64;
-const MAX_CLASSIC: usize = 8;
-/// Flag bits of the kernel's identifier word, as they may stand in 8-digit identifiers.
-const WORD_REMOTE: u32 = 0x4000_0000;
-const WORD_ERROR: u32 = 0x2000_0000;
-const ID_MASK: u32 = 0x1FFF_FFFF;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Line<'a> {
@@ -216,7 +214,7 @@ fn identifier(text: &[u8]) -> Result<(u32, u16), Reason> {
         .try_fold(0, |word, &b| Some(word << 4 | u32::from(nibble(b)?)));
     let word = word.filter(|_| !text.is_empty()).ok_or("no identifier")?;
     if text.len() <= 3 {
-        return if word <= 0x7FF {
+        return if word <= MAX_STANDARD {
             Ok((word, 0))
         } else {
             Err("standard identifier above 7FF".into())

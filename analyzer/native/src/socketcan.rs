@@ -2,25 +2,22 @@
 #![forbid(unsafe_code)]
 
 use crate::binary::Order;
-use crate::frames::{BRS, DLC_SHIFT, ERROR, ESI, EXTENDED, FD, REMOTE};
+use crate::frames::{
+    BRS, DLC_SHIFT, ERROR, ESI, EXTENDED, FD, ID_MASK, MAX_STANDARD, REMOTE, WORD_ERROR, WORD_EXTENDED, WORD_REMOTE,
+};
 use crate::line::Reason;
 use crate::reader::Rows;
 
 /// Bytes of `struct canfd_frame`.
 pub const LONGEST: usize = 72;
 
-const WORD_EXTENDED: u32 = 1 << 31;
-const WORD_REMOTE: u32 = 1 << 30;
-const WORD_ERROR: u32 = 1 << 29;
-const ID_MASK: u32 = WORD_ERROR - 1;
-const STANDARD_MASK: u32 = 0x7FF;
 /// Bits of the flags byte of `struct canfd_frame`, and of the length byte of CAN XL.
 const FLAG_BRS: u8 = 1;
 const FLAG_ESI: u8 = 2;
 const FLAG_FD: u8 = 4;
 const FLAG_XL: u8 = 0x80;
-const MAX_CLASSIC: u8 = 8;
 const MAX_CODE: u8 = 15;
+const MAX_CLASSIC: u8 = crate::frames::MAX_CLASSIC as u8;
 /// Data bytes by the length code of a CAN FD frame.
 const FD_LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
@@ -131,7 +128,7 @@ pub fn identifier(word: u32) -> Result<(u32, u16), Reason> {
     let remote = if word & WORD_REMOTE != 0 { REMOTE } else { 0 };
     if word & WORD_EXTENDED != 0 {
         Ok((id, remote | EXTENDED))
-    } else if id <= STANDARD_MASK {
+    } else if id <= MAX_STANDARD {
         Ok((id, remote))
     } else {
         Err("standard identifier above 7FF".into())

@@ -11,13 +11,6 @@ pub mod records;
 use crate::events::{EventKind, Events};
 use crate::piece::Piece;
 
-/// Data bytes of a classic frame.
-const MAX_CLASSIC: usize = 8;
-/// Flag bits of the kernel's identifier word.
-const WORD_EXTENDED: u32 = 1 << 31;
-const WORD_REMOTE: u32 = 1 << 30;
-const WORD_ERROR: u32 = 1 << 29;
-
 /// A format that is written row by row.
 pub trait Writer: Send + Sync {
     /// Appends what stands before all rows.

@@ -1,16 +1,11 @@
 //! The fields of a message to a frame: identifier words, flags and lengths mean here what they mean in candump text.
 #![forbid(unsafe_code)]
 
-use crate::frames::{DLC_SHIFT, EXTENDED, FD, MAX_DATA, REMOTE};
+use crate::frames::{
+    DLC_SHIFT, EXTENDED, FD, ID_MASK, MAX_CLASSIC, MAX_DATA, MAX_STANDARD, REMOTE, WORD_ERROR, WORD_EXTENDED,
+    WORD_REMOTE,
+};
 use crate::line::Reason;
-
-/// Flag bits of the kernel's identifier word.
-const WORD_EXTENDED: u32 = 0x8000_0000;
-pub(super) const WORD_REMOTE: u32 = 0x4000_0000;
-const WORD_ERROR: u32 = 0x2000_0000;
-const ID_MASK: u32 = 0x1FFF_FFFF;
-const MAX_STANDARD: u32 = 0x7FF;
-pub(super) const MAX_CLASSIC: usize = 8;
 
 /// What a message says.
 pub(super) struct Can<'a> {

@@ -3,9 +3,9 @@
 
 use std::collections::HashSet;
 
-use super::can::{Can, MAX_CLASSIC};
+use super::can::Can;
 use super::Layout;
-use crate::frames::FD;
+use crate::frames::{FD, MAX_CLASSIC};
 use crate::line::Reason;
 use crate::reader::Rows;
 

@@ -1,16 +1,15 @@
 //! What a message of a described layout holds, field by field, whatever it is written in.
 #![forbid(unsafe_code)]
 
-use super::can::{within, Can, MAX_CLASSIC, WORD_REMOTE};
+use super::can::{within, Can};
 use super::decimal::Decimal;
 use super::role::Role;
 use super::value::{flag, identifier, integer, time, Value};
 use super::{bytes, Message, OUT_OF_RANGE};
-use crate::frames::{BRS, ESI, MAX_DATA, RX, TX};
+use crate::frames::{BRS, ESI, MAX_CLASSIC, MAX_DATA, RX, TX, WORD_REMOTE};
 use crate::line::Reason;
+use crate::socketcan::fd_length;
 
-/// Lengths of CAN FD that have codes of their own, from code 9 on.
-const FD_LENGTHS: [usize; 7] = [12, 16, 20, 24, 32, 48, 64];
 /// Bytes of a name that are looked at.
 const MAX_NAME: usize = 256;
 
@@ -191,9 +190,8 @@ impl Found {
             return Ok((&[], stated));
         }
         let length = usize::from(stated);
-        if stated <= 15 && length > MAX_CLASSIC && held.len() != length {
+        if let Some(meant) = fd_length(stated).filter(|_| length > MAX_CLASSIC && held.len() != length) {
             // A code: of a CAN FD frame for a longer field, of a classic one for all 8 bytes.
-            let meant = FD_LENGTHS[length - 9];
             if fd && (held.len() == meant || length != 12) {
                 return Ok((held.get(..meant).ok_or_else(|| says(meant, held.len()))?, 0));
             }

@@ -1,9 +1,9 @@
 //! ROS messages: fields in the order of their definition, aligned (CDR) or packed (ROS 1).
 #![forbid(unsafe_code)]
 
-use super::can::{within, Can, MAX_CLASSIC};
+use super::can::{within, Can};
 use super::{Kind, Message, Wire, OUT_OF_RANGE};
-use crate::frames::MAX_DATA;
+use crate::frames::{MAX_CLASSIC, MAX_DATA};
 use crate::line::Reason;
 
 const SECOND: u32 = 1_000_000_000;

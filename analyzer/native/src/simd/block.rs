@@ -1,10 +1,9 @@
 //! Rows on their way into `Frames`: fixed columns, so that a row costs stores and no growth checks.
 #![forbid(unsafe_code)]
 
-use crate::frames::Frames;
+use crate::frames::{Frames, MAX_CLASSIC};
 
 pub(super) const ROWS: usize = 512;
-const MAX_CLASSIC: usize = 8;
 
 /// One decoded line.
 #[derive(Clone, Copy, Debug)]

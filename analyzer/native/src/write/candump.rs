@@ -1,9 +1,9 @@
 //! Candump's log form (`candump -L`), in the dialect that [`crate::line`] reads back.
 #![forbid(unsafe_code)]
 
-use super::{bus_of, kind_of, Account, InOrder, Loss, Row, Writer, MAX_CLASSIC, WORD_ERROR};
+use super::{bus_of, kind_of, Account, InOrder, Loss, Row, Writer};
 use crate::events::EventKind;
-use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, NO_TIME, REMOTE, RX, TX};
+use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, NO_TIME, REMOTE, RX, TX, WORD_ERROR};
 use crate::line::{self, escape, Line, MAX_NAME};
 use crate::piece::Piece;
 

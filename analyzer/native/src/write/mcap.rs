@@ -2,9 +2,9 @@
 //! for CAN FD, both in little-endian CDR. Chunks, channels and the summary are the business of the caller.
 #![forbid(unsafe_code)]
 
-use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row, MAX_CLASSIC};
+use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row};
 use crate::events::EventKind;
-use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, NO_TIME, REMOTE, RX, TX};
+use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, NO_TIME, REMOTE, RX, TX};
 use crate::piece::Piece;
 
 pub(super) const MESSAGE: u8 = 5;

@@ -1,11 +1,12 @@
 //! pcapng with one section: packets of `LINKTYPE_CAN_SOCKETCAN`, each interface described where it first appears.
 #![forbid(unsafe_code)]
 
-use super::{
-    bus_of, kind_of, name, Account, InOrder, Loss, Row, Writer, MAX_CLASSIC, WORD_ERROR, WORD_EXTENDED, WORD_REMOTE,
-};
+use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row, Writer};
 use crate::events::EventKind;
-use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_DATA, NO_TIME, REMOTE, RX, TX};
+use crate::frames::{
+    BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, MAX_DATA, NO_TIME, REMOTE, RX, TX, WORD_ERROR, WORD_EXTENDED,
+    WORD_REMOTE,
+};
 use crate::piece::Piece;
 
 const SECTION: u32 = 0x0A0D_0D0A;
