@@ -223,5 +223,10 @@ class Messages:
 
 
 def _batch(columns: list[tuple[pa.Field, pa.Array]], about: dict[str, str]) -> pa.RecordBatch:
-    schema = pa.schema([f for f, _ in columns], metadata=about)
+    """A field that is called like a column in front of it, such as `src`, becomes `src.field`."""
+    fields: dict[str, pa.Field] = {}
+    for column, _ in columns:
+        own = column if column.name not in fields else column.with_name(f"{column.name}.field")
+        fields[own.name] = own
+    schema = pa.schema(fields.values(), metadata=about)
     return pa.RecordBatch.from_arrays([array for _, array in columns], schema=schema)

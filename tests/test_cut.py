@@ -92,6 +92,19 @@ def test_windows_of_numbers(first: int, last: int, size: int) -> None:
     assert events == [event for event in ALL_EVENTS if first <= before(event) + 1 <= last]
 
 
+def test_an_event_without_a_time_belongs_to_the_frame_before() -> None:
+    """Or to the first one, if it stands in front of all."""
+    reader = Reader("candump")
+    reader.feed(b"# a\n(1.000000) can0 123#00\n# b\n(2.000000) can0 123#01\n# c\n(3.000000) can0 123#02\n# d\n")
+    reader.finish()
+    whole = reader.take()
+    for low, high, numbers, texts in (("0.5", "1.5", [4], "c"), ("0", "1", [2, 4], "abc"), ("1", "2", [4, 6], "cd")):
+        window = Window(start=Moment.parse(low), stop=Moment.parse(high))
+        frames, events = table(FrameSelection(window).cut([whole]))
+        assert [line for line, *_ in frames] == numbers
+        assert "".join(text[-1] for *_, text in events) == texts
+
+
 def test_a_capture_that_can_be_read_once_may_be_too_long() -> None:
     selection = FrameSelection(Window(last=3_000_000_000))
     assert list(selection.cut(pieces(300))) == []

@@ -151,3 +151,21 @@ def test_a_folder_with_a_mistake_is_refused(folder: Path) -> None:
     (folder / "acme" / "pump" / "20777.Pump.uavcan").write_text("uint3 state\nuint99 pressure\n")
     with pytest.raises(dissectors.DsdlError, match="99"):
         dissectors.load([folder])
+
+
+def test_a_field_may_be_called_like_a_column_of_every_message(tmp_path: Path, command: Callable[..., Any]) -> None:
+    (tmp_path / "acme").mkdir()
+    (tmp_path / "acme" / "20900.Pump.uavcan").write_text("uint8 t\nuint8 bus\nuint8 transfer\nuint8 trusted\n")
+    log = tmp_path / "pump.log"
+    log.write_text("".join(f"(1700000000.{k:06d}) can0 1051A407#01020304{0xC0 | k:02X}\n" for k in range(3)))
+    sent = {"t": 1, "bus": 2, "transfer": 3, "trusted": 4}
+    table = open_capture(log, [tmp_path / "acme"]).table("acme.Pump")
+    assert table.column("transfer").to_pylist() == [0, 1, 2]
+    assert {name: table.column(f"{name}.field").to_pylist() for name in sent} == {n: [v] * 3 for n, v in sent.items()}
+    status, out, _ = command("decode", log, "--dissector", tmp_path / "acme", "-T", "jsonl")
+    assert status == 0
+    assert [json.loads(line)["fields"] for line in out.splitlines()] == [sent] * 3
+    wanted = [word for name in sent for word in ("-e", f"Pump.{name}")]
+    assert command("decode", log, "--dissector", tmp_path / "acme", "-T", "fields", *wanted)[1] == "1\t2\t3\t4\n" * 3
+    assert "transfer: 3" in command("decode", log, "--dissector", tmp_path / "acme", "-V")[1]
+    assert command("info", log, "--dissector", tmp_path / "acme")[0] == 0

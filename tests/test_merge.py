@@ -222,6 +222,14 @@ def test_an_offset_that_is_given_counts(tmp_path: Path) -> None:
     assert [t for t, *_ in got] == [t - START for t, *_ in frames]
 
 
+def test_a_capture_follows_the_one_that_was_shifted(tmp_path: Path) -> None:
+    frames = flight(14)
+    second = [(t - 10**12, bus, data) for t, bus, data in frames[100:]]
+    got, lines, source = merge(tmp_path, text(frames[:300]), text(second), plan=Plan(offsets={"0.log": 7 * 10**9}))
+    assert got == [(t + 7 * 10**9, bus, data) for t, bus, data in frames]
+    assert (lines["repeated"], source.found) == (200, {1: (10**12 + 7 * 10**9, 200)})
+
+
 def test_clocks_without_a_relation_are_refused(tmp_path: Path) -> None:
     relative = [(t - START, bus, data) for t, bus, data in flight(10)]
     for contents in ([flight(11), relative], [relative, flight(11)]):
@@ -246,6 +254,7 @@ def test_clocks_without_a_relation_are_refused(tmp_path: Path) -> None:
         ({"0.log:can1": "x"}, {"can0", "x", "can1", "can2"}),
         ({"0.log": "left", "0.log:can1": "x"}, {"left", "x", "can1", "can2"}),
         ({"0.log": "left", "1.log": "right"}, {"left", "right"}),
+        ({"0.log": "left", "can1": "x"}, {"left", "x", "can2"}),
         ({"nowhere": "x"}, {"can0", "can1", "can2"}),
     ],
 )

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from analyzer.cli import DAMAGED, INTERRUPTED, USAGE, options, streams
+from analyzer.cli import INTERRUPTED, USAGE, options, streams
 from analyzer.sinks import COMPRESSIONS, FORMS, form_of
 
 if TYPE_CHECKING:
@@ -41,7 +41,6 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(args: argparse.Namespace) -> int:
     """Reads the captures once and writes them anew; the output is there whole or not at all."""
     from analyzer.cli.session import Session  # noqa: PLC0415
-    from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
 
     try:
         if args.output is None:
@@ -52,18 +51,8 @@ def run(args: argparse.Namespace) -> int:
         streams.complain(str(error), "tailbyte convert")
         return USAGE
     with Session(args) as session:
-        try:
-            _convert(args, session, window, form, packing)
-        except TargetError as error:
-            session.complain(str(error))
-            return DAMAGED
-        except _NotInCaptureError as error:
-            session.reject(str(error))
+        _convert(args, session, window, form, packing)
     return session.status
-
-
-class _NotInCaptureError(Exception):
-    """The window asks for what the capture does not have."""
 
 
 def _form(args: argparse.Namespace) -> tuple[str, str]:
@@ -126,8 +115,7 @@ def _pieces(session: Session, window: Window) -> Iterator[Piece]:
 
         selection = FrameSelection(window, session.pieces_again)
         yield from selection.cut(pieces)
-        if selection.problem is not None:
-            raise _NotInCaptureError(selection.problem)
+        session.require(selection.problem)
         return
     yield from pieces
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from analyzer.cli import DAMAGED, INTERRUPTED, USAGE, options, streams
+from analyzer.cli import INTERRUPTED, USAGE, options, streams
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -83,7 +83,6 @@ def goal(output: str, form: str | None, tables: Sequence[str]) -> Goal:
 def run(args: argparse.Namespace) -> int:
     """Reads the captures once and writes their tables; the output is there whole or not at all."""
     from analyzer.cli.session import Session  # noqa: PLC0415
-    from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
     from analyzer.sinks.export import resolve  # noqa: PLC0415
     from analyzer.sinks.part import PartSelection  # noqa: PLC0415
 
@@ -98,18 +97,8 @@ def run(args: argparse.Namespace) -> int:
         except (argparse.ArgumentTypeError, LookupError, ValueError) as error:
             return _usage(str(error))
         selection = PartSelection(window, session.again)
-        try:
-            (_telemetry if wanted.form == "mcap" else _tables)(wanted, session, selection)
-        except TargetError as error:
-            session.complain(str(error))
-            return DAMAGED
-        except _NotInCaptureError as error:
-            session.reject(str(error))
+        (_telemetry if wanted.form == "mcap" else _tables)(wanted, session, selection)
     return session.status
-
-
-class _NotInCaptureError(Exception):
-    """The window asks for what the capture does not have."""
 
 
 def _tables(goal: Goal, session: Session, selection: PartSelection) -> None:
@@ -166,8 +155,7 @@ def _parts(session: Session, selection: PartSelection) -> Iterator[Part]:
         yield part
         _go_on(session)
     _go_on(session)
-    if selection.problem is not None:
-        raise _NotInCaptureError(selection.problem)
+    session.require(selection.problem)
 
 
 def _scratch(output: str) -> str | None:

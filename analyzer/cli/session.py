@@ -11,6 +11,7 @@ import pyarrow.compute as pc
 from analyzer.cli import DAMAGED, INTERRUPTED, OK, USAGE, options, streams
 from analyzer.cli.interrupt import graceful
 from analyzer.engine import LINES, Batch, Engine, Totals
+from analyzer.sinks.atomic import TargetError
 from analyzer.sources import CaptureError, Source
 from analyzer.sources.errors import MergeError
 from analyzer.sources.merge import Merged, open_captures
@@ -28,6 +29,10 @@ if TYPE_CHECKING:
 
 # Complaints about single lines before it says only how many there were.
 LINES_SHOWN = 5
+
+
+class _NotInCaptureError(Exception):
+    """What was asked for is not in this capture; says what it does not have."""
 
 
 class Session(AbstractContextManager["Session"]):
@@ -67,10 +72,13 @@ class Session(AbstractContextManager["Session"]):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> bool:
-        """A capture that cannot be opened is a status, not a failure of the program."""
+        """A capture that cannot be opened, or an output that cannot be written, is a status, not a failure."""
         self._cleanup.close()
         self.release()
-        if isinstance(error, CaptureError):
+        if isinstance(error, _NotInCaptureError):
+            self.reject(str(error))
+            return True
+        if isinstance(error, (CaptureError, TargetError)):
             self.complain(str(error))
             self._status = DAMAGED
             return True
@@ -137,6 +145,11 @@ class Session(AbstractContextManager["Session"]):
         """What was asked for does not go with this capture."""
         self.complain(f"{self.source.name}: {reason}")
         self._status = self._status or USAGE
+
+    def require(self, problem: str | None) -> None:
+        """Ends the session if the capture does not have what was asked for, for this reason."""
+        if problem is not None:
+            raise _NotInCaptureError(problem)
 
     def account(self, shown: int | None) -> None:
         """The sums: every line and every frame, and how many transfers were shown (None: listing was not asked for)."""

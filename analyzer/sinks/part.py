@@ -9,7 +9,6 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.cut import rows_inside
-from analyzer.sinks.portable import context
 from analyzer.tables import numbers
 from analyzer.window import Selection
 
@@ -64,7 +63,7 @@ def _messages(batch: Batch, transfers: Numbers) -> Iterator[tuple[str, pa.Record
     wanted = np.zeros(len(batch.transfers), bool)
     wanted[transfers] = True
     for name, table in batch.messages.items():
-        of = (numbers(context(table, "transfer")) - np.uint64(batch.first_transfer)).astype(np.int64)
+        of = (numbers(table.column("transfer")) - np.uint64(batch.first_transfer)).astype(np.int64)
         rows = np.flatnonzero(wanted[of])
         if rows.size:
             yield name, _taken(table, rows)

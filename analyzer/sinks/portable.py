@@ -86,27 +86,19 @@ def events(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
 def messages(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
     """Messages or packets; behind each number that has names stands `<field>.text`.
 
-    A member of a union that holds nothing is true where it was sent. A field that is called like one of the columns in
-    front of it, such as `src`, is `<field>.field`.
+    A member of a union that holds nothing is true where it was sent.
     """
     out: list[Column] = []
-    present, taken = set(table.schema.names), set[str]()
+    present = set(table.schema.names)
     for field, array in _columns(table, buses):
         whole = _solid(array)
-        name = field.name if field.name not in taken else f"{field.name}.field"
-        taken.add(name)
-        out.append((field.with_type(whole.type).with_name(name), whole))
+        out.append((field.with_type(whole.type), whole))
         names = _names(field)
         if names and f"{field.name}.text" not in present:
             about = {k: v for k, v in field.metadata.items() if k in (b"clause", b"tentative")}
             text = _named(array, names)
             out.append((pa.field(f"{field.name}.text", text.type, metadata=about), text))
     return _batch(out, table.schema.metadata)
-
-
-def context(table: pa.RecordBatch, name: str) -> pa.Array:
-    """`transfer`, `t`, `bus` or `src` of a message or packet, whatever its own fields are called."""
-    return table.column(table.schema.names.index(name))
 
 
 def _columns(table: pa.RecordBatch, buses: Sequence[str]) -> list[Column]:

@@ -91,11 +91,11 @@ class TelemetryExport:
         rows = portable.messages(table, buses)
         if name not in self._schemas:
             self._schemas[name] = schema(name, rows.schema)
-        bus, src = (numbers(portable.context(table, c)).astype(np.int64) for c in ("bus", "src"))
+        bus, src = (numbers(table.column(c)).astype(np.int64) for c in ("bus", "src"))
         found, inverse = np.unique(bus << 8 | src, return_inverse=True)
         about = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()} | _units(rows.schema)
         of = [self._channel(name, buses[key >> 8], key & 0xFF, about) for key in found.tolist()]
-        times = _times(portable.context(table, "t"))
+        times = _times(table.column("t"))
         ends, data = encode(rows, self._schemas[name].columns)
         return np.array(of, np.uint16)[inverse].tobytes(), times.tobytes(), ends, data
 

@@ -38,7 +38,7 @@ def field_objects(part: Part, *, physical: bool) -> list[dict[str, Any]]:
 
 def _field(part: Part, of: Message | Packet, name: str, kind: Type, *, physical: bool) -> list[Any]:
     note = of.notes.get(name)
-    values = pylist(part.table.column(name))
+    values = pylist(part.table.column(part.own(name)))
     if note is not None and physical and note.text:
         return pylist(part.table.column(f"{name}.text"))
     raw = _unscaled(values, kind, note.scale) if note is not None and note.scale is not None else values

@@ -56,7 +56,7 @@ def cells(part: Part, column: str) -> list[Any]:
     """
     names = part.table.schema.names
     if column in names:
-        return pylist(part.table.column(column))
+        return pylist(part.table.column(part.own(column)))
     outer, dot, last = column.rpartition(".")
     if not dot:
         raise KeyError(column)

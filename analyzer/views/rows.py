@@ -35,6 +35,11 @@ class Part:
     table: pa.RecordBatch
     at: list[int]
 
+    def own(self, field: str) -> str:
+        """The column of a field: another one if it is called like a column that every message has."""
+        other = f"{field}.field"
+        return other if other in self.table.schema.names else field
+
 
 class Rows:
     """Some transfers of a batch, column by column.
