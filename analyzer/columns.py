@@ -99,7 +99,8 @@ def scaled(array: pa.Array, scale: Fraction, offset: Fraction | int = 0) -> pa.A
 
 def linear(raw: npt.NDArray[Any], scale: Fraction, offset: Fraction | int = 0) -> npt.NDArray[np.float64]:
     """Raw * scale + offset; multiplied first, so that hundredths come out as the nearest float."""
-    values: npt.NDArray[np.float64] = np.multiply(raw, float(scale.numerator), dtype=np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
+        values: npt.NDArray[np.float64] = np.multiply(raw, float(scale.numerator), dtype=np.float64)
     if scale.denominator != 1:
         values /= scale.denominator
     if offset:

@@ -24,6 +24,7 @@ from analyzer.sources.python_can.messages import (
     EXTENDED,
     FD,
     REMOTE,
+    RX,
     TX,
     Unreadable,
     from_float,
@@ -115,7 +116,7 @@ class _Columns:
         self._t = memoryview(cells["t"]).cast("q")
         self._offset = memoryview(cells["data_offset"]).cast("i")
         self.id = memoryview(cells["id" if "id" in cells else "class"]).cast("I")
-        self.flags = memoryview(cells.get("flags", b"")).cast("H")
+        self.flags = memoryview(cells["flags"]).cast("H")
 
     def common(self, row: int) -> dict[str, Any]:
         """What frames and error frames both have."""
@@ -145,7 +146,13 @@ def _frame(frames: _Columns, row: int) -> Message:
 
 
 def _error_frame(events: _Columns, row: int) -> Message:
-    return Message(arbitration_id=events.id[row], is_extended_id=False, is_error_frame=True, **events.common(row))
+    return Message(
+        arbitration_id=events.id[row],
+        is_extended_id=False,
+        is_error_frame=True,
+        is_rx=not events.flags[row] & TX,
+        **events.common(row),
+    )
 
 
 class _Writer(BinaryIOMessageWriter):
@@ -207,8 +214,8 @@ class _Writer(BinaryIOMessageWriter):
                 self._sink.close()
             finally:
                 super().stop()
-            for what, count in self._sink.lost.items():
-                _log.warning("%s: %d %s", self._name, count, what)
+            if lost := "; ".join(f"{what} ({count})" for what, count in self._sink.lost.items()):
+                _log.warning("%s: the format cannot hold: %s", self._name, lost)
 
 
 class McapWriter(_Writer):
@@ -238,7 +245,8 @@ def _add(rows: Rows, message: Message) -> None:
     try:
         t = from_float(message.timestamp)
         if message.is_error_frame:
-            store_error(rows, t, bus, message.arbitration_id or BUS_ERROR, bytes(message.data))
+            flags = RX if message.is_rx else TX
+            store_error(rows, t, bus, message.arbitration_id or BUS_ERROR, bytes(message.data), flags)
         else:
             size = message.dlc if message.is_fd else min(8, message.dlc)
             code = 0 if message.is_fd else message.dlc

@@ -140,6 +140,7 @@ EVENT_ROWS = pa.schema([
     _field("line", pa.uint32(), "line or record of the capture, from 1"),
     _field("kind", pa.uint8(), "index into EVENTS"),
     _field("class", pa.uint32(), "error class bits (linux/can/error.h), or the number of frames dropped"),
+    _field("flags", pa.uint16(), "bits TX, RX of an error frame"),
     _field("tx_errors", pa.uint8(), "transmit error counter"),
     _field("rx_errors", pa.uint8(), "receive error counter"),
     _field("data", pa.binary(), "data field of an error frame, else empty"),

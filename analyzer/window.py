@@ -28,8 +28,8 @@ AROUND = SECOND
 _UNITS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": SECOND, "min": 60 * SECOND, "h": 3600 * SECOND}
 NEVER = np.iinfo(np.int64).min  # a time that is not there
 _NOTHING = int(np.iinfo(np.int64).max), NEVER
-# Batches that wait for a point that is still to come; each takes some 30 MB.
-MOST_WAITING = 8
+# Frames that wait, in their batches, for a point that is still to come; each takes some 230 bytes.
+MOST_WAITING = 1 << 20
 # A time of day that was over longer than this when the capture starts is the next day's.
 _ROUNDED = 3600 * SECOND
 # A bare number below this counts seconds from the first frame, above it seconds since 1970.
@@ -141,7 +141,7 @@ class Windowed(ABC, Generic[F]):
     Args:
         window: what is wanted.
         again: gives the batches once more, or None where that is impossible. Needed when more is wanted from before a
-            point that is found late (the end, a frame) than `MOST_WAITING` batches hold.
+            point that is found late (the end, a frame) than `MOST_WAITING` frames.
 
     `problem` says afterwards why the window does not fit the capture, None if it does.
     """
@@ -155,6 +155,7 @@ class Windowed(ABC, Generic[F]):
         self._anchor: int | None = None
         self._frames = 0
         self._waiting: deque[tuple[F, int]] = deque()
+        self._held = 0
         self._dropped = NEVER
 
     def apply(self, batches: Iterable[F]) -> Iterator[tuple[F, Rows, int | None]]:
@@ -223,12 +224,14 @@ class Windowed(ABC, Generic[F]):
     def _hold(self, batch: F, newest: int) -> None:
         """Keeps a batch until it is known whether it is wanted; one that is too old stays as the past of the next."""
         self._waiting.append((batch, newest))
+        self._held += len(batch.frames)
         width = self.window.margin if self.window.last is None else self.window.last
         while len(self._waiting) > 2:
             recent = self._latest is not None and self._waiting[1][1] >= self._latest - width
-            if recent and len(self._waiting) <= MOST_WAITING:
+            if recent and self._held <= MOST_WAITING:
                 return
-            _, time_ = self._waiting.popleft()
+            old, time_ = self._waiting.popleft()
+            self._held -= len(old.frames)
             if recent:
                 self._dropped = max(self._dropped, time_)
 
@@ -253,11 +256,11 @@ class Windowed(ABC, Generic[F]):
         elif isinstance(window.around, Moment) and self._first is not None:
             self._anchor = window.around.at(self._first)
         elif window.around is not None and self._anchor is None:
-            there = not isinstance(window.around, Moment) and window.around <= self._frames
+            wanted = 1 if isinstance(window.around, Moment) else window.around
             self.problem = (
-                f"frame {window.around} has no time: --around cannot tell what is near"
-                if there
-                else f"no frame {window.around}: the capture has {self._frames}"
+                f"frame {wanted} has no time: --around cannot tell what is near"
+                if wanted <= self._frames
+                else f"no frame {wanted}: the capture has {self._frames}"
             )
 
     def _zero(self) -> int | None:

@@ -38,12 +38,13 @@ class Frame:
 
 @dataclass(frozen=True)
 class Fault:
-    """An error frame."""
+    """An error frame; `flags` is TX, RX, or 0 where its direction is not known."""
 
     t: int | None = 1_700_000_000_000_190_000
     bus: str = "can0"
     error: int = 4
     data: bytes = bytes(8)
+    flags: int = 0
 
 
 Record = Frame | Fault
@@ -54,7 +55,7 @@ def piece(records: Iterable[Record], made: Rows | None = None) -> Piece:
     made = Rows() if made is None else made
     for record in records:
         if isinstance(record, Fault):
-            made.error_frame(record.t, record.bus, record.error, record.data)
+            made.error_frame(record.t, record.bus, record.error, record.data, record.flags)
         else:
             made.frame(record.t, record.bus, record.id, record.flags | record.code << 8, record.data)
     return made.take()
@@ -62,7 +63,7 @@ def piece(records: Iterable[Record], made: Rows | None = None) -> Piece:
 
 def text(log: str | bytes) -> list[Piece]:
     """What candump text says, which may be more than `Record`s can."""
-    return [part for part in rows([log if isinstance(log, bytes) else log.encode()]) if isinstance(part, Piece)]
+    return [part for part in rows(iter([log if isinstance(log, bytes) else log.encode()])) if isinstance(part, Piece)]
 
 
 def records(pieces: Iterable[Piece]) -> list[Record]:
@@ -74,7 +75,7 @@ def records(pieces: Iterable[Piece]) -> list[Record]:
             frame = Frame(row["t"], part.buses[row["bus"]], row["id"], row["flags"] & 0xFF, row["data"])
             found.append((row["line"], replace(frame, code=row["flags"] >> 8)))
         found += [
-            (row["line"], Fault(row["t"], part.buses[row["bus"]], row["class"], row["data"]))
+            (row["line"], Fault(row["t"], part.buses[row["bus"]], row["class"], row["data"], row["flags"]))
             for row in plain(events)
             if EVENTS[row["kind"]] == "error frame"
         ]
@@ -126,6 +127,7 @@ def read(form: str, data: bytes, folder: Path) -> list[Piece]:
 TIMES = st.one_of(st.integers(0, 2**63 - 1), st.integers(0, 2**41).map(lambda us: us * 1000))
 BUSES = st.sampled_from(["can0", "can1", "can", "vcan-1", "slcan_long_name", "0", "a.b/c", "PCAN:USB'1,x", "any"])
 IDS = st.one_of(st.tuples(st.integers(0, 0x7FF), st.just(0)), st.tuples(st.integers(0, 0x1FFF_FFFF), st.just(EXTENDED)))
+DIRECTIONS = st.sampled_from([0, TX, RX])
 BODIES = st.one_of(
     st.tuples(st.just(0), st.binary(max_size=8), st.just(0)),
     st.tuples(st.just(0), st.binary(min_size=8, max_size=8), st.integers(9, 15)),
@@ -142,9 +144,11 @@ BODIES = st.one_of(
 def frames(draw: st.DrawFn) -> Frame:
     id_, extended = draw(IDS)
     kind, data, code = draw(BODIES)
-    flags = extended | kind | draw(st.sampled_from([0, TX, RX]))
+    flags = extended | kind | draw(DIRECTIONS)
     return Frame(draw(st.one_of(TIMES, st.none())), draw(BUSES), id_, flags, data, code)
 
 
-FAULTS = st.builds(Fault, st.one_of(TIMES, st.none()), BUSES, st.integers(0, 0x1FFF_FFFF), st.binary(max_size=8))
+FAULTS = st.builds(
+    Fault, st.one_of(TIMES, st.none()), BUSES, st.integers(0, 0x1FFF_FFFF), st.binary(max_size=8), DIRECTIONS
+)
 CAPTURES = st.lists(st.one_of(frames(), FAULTS), max_size=30)

@@ -6,6 +6,7 @@ import gzip
 import io
 import os
 import resource
+import signal
 import subprocess
 import sys
 from itertools import pairwise
@@ -164,7 +165,7 @@ def test_what_is_refused(
     ("window", "kept"),
     [
         (["--frames", "3-5"], [2, 3, 4]), (["--from", "0.0055"], [6, 7, 8, 9]), (["--to", "0.0015"], [0, 1]),
-        (["--last", "2ms"], [7, 8, 9]), (["--around", "5±1ms"], [3, 4, 5]), (["--frames", "20-"], []),
+        (["--last", "2ms"], [7, 8, 9]), (["--around", "5±1ms"], [3, 4, 5]),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -177,6 +178,37 @@ def test_windows(
     assert (status, frames_of(out)) == (0, [whole[row] for row in kept])
     told = f"-- {len(kept)} frames written to {out}, {10 - len(kept)} outside the window; 10 lines = 10 frames\n"
     assert err == told
+
+
+@pytest.mark.parametrize("window", [["--frames", "20-"], ["--from", "5"], ["--from", "0.005", "--to", "0.0045"]])
+def test_a_window_with_nothing_inside_leaves_the_output_alone(
+    command: Command, small: Path, tmp_path: Path, window: list[str]
+) -> None:
+    out = tmp_path / "out.mcap"
+    out.write_text("old")
+    status, _, err = command("convert", small, out, *window)
+    assert (status, err, out.read_text()) == (2, f"tailbyte: {small}: nothing is inside the window\n", "old")
+    assert [path.name for path in tmp_path.iterdir() if path.suffix == ".part"] == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_signals_that_end_it_leave_nothing_behind(small: Path, tmp_path: Path, number: int) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    live = Live("convert", "-", folder / "out.mcap")
+    live.send(small.read_bytes())
+    wait_until(live.taken)
+    assert len(list(folder.iterdir())) == 1  # the unfinished file
+    live.process.send_signal(number)
+    status, shown, err = live.end()
+    assert (status, shown, err, list(folder.iterdir())) == (128 + number, b"", b"", [])
+
+
+def test_a_name_for_nothing_is_no_conversion(command: Command, small: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.mcap"
+    status, _, err = command("convert", small, out, "--bus", "x=can9")
+    assert (status, out.exists()) == (2, False)
+    assert err == f"tailbyte: {small}: --bus x=can9: no such capture or interface (there is can0)\n"
 
 
 def test_a_window_far_back_in_a_long_file(command: Command, large: Path, tmp_path: Path) -> None:
@@ -297,7 +329,8 @@ def test_ctrl_c_while_a_file_is_read(large: Path, tmp_path: Path, suffix: str, o
         out.write_bytes(old)
     command = [sys.executable, "-c", INTERRUPTED + CODE, "convert", str(large), str(out)]
     done = subprocess.run(command, env=environment(), capture_output=True, timeout=LIMIT, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (130, b"", b"")
+    told = b"tailbyte: interrupted, nothing is written\n"
+    assert (done.returncode, done.stdout, done.stderr) == (130, b"", told)
     assert [path.read_bytes() for path in folder.iterdir()] == ([] if old is None else [old])
 
 

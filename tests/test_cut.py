@@ -11,6 +11,7 @@ from command import CAPTURES
 from analyzer._native import Reader
 from analyzer.cut import FrameSelection, slices
 from analyzer.engine import LINES, Totals
+from analyzer.sources.native import WORTH, rows
 from analyzer.tables import EVENTS, raw_times
 from analyzer.window import Moment, Window
 
@@ -105,10 +106,22 @@ def test_an_event_without_a_time_belongs_to_the_frame_before() -> None:
         assert "".join(text[-1] for *_, text in events) == texts
 
 
-def test_a_capture_that_can_be_read_once_may_be_too_long() -> None:
+def test_a_capture_that_can_be_read_once_may_be_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("analyzer.window.MOST_WAITING", 500)
     selection = FrameSelection(Window(last=3_000_000_000))
     assert list(selection.cut(pieces(300))) == []
     assert selection.problem == "the window is too wide for a pipe: save the capture to a file first"
+
+
+@pytest.mark.parametrize("size", [100, 4096])
+def test_what_a_pipe_gives_little_by_little_is_gathered(size: int) -> None:
+    chunks = [TEXT[at : at + size] for at in range(0, len(TEXT), size)] * 20
+    got = list(rows(iter(chunks)))
+    assert all(isinstance(piece, bytes) or piece.frames >= WORTH - 300 for piece in got[:-1])
+    assert sum(piece.frames for piece in got) == 20 * len(FRAMES)
+    # Whenever nothing new has come, nothing waits any longer.
+    got = list(rows(iter([*chunks[:3], b"", chunks[3], b""])))
+    assert [piece if isinstance(piece, bytes) else piece.frames > 0 for piece in got[:-1]] == [True, b"", True, b""]
 
 
 def test_picking_rows() -> None:

@@ -167,6 +167,12 @@ def test_frames_that_were_sent_again_stay(tmp_path: Path) -> None:
     assert (len(got), lines["repeated"], {bus for _, bus, _ in got}) == (40, 40, {"can0"})
 
 
+def test_many_equal_frames_at_one_time(tmp_path: Path) -> None:
+    frames = [(START, "can0", 7)] * 100_000
+    got, lines, _ = merge(tmp_path, text(frames), text(frames), text(frames[:50_000]))
+    assert (len(got), lines["repeated"]) == (100_000, 150_000)
+
+
 def test_three_captures_of_one_bus(tmp_path: Path) -> None:
     frames = flight(2)
     got, lines, _ = merge(tmp_path, text(frames), text(frames[50:]), text(frames[:350]))
@@ -325,6 +331,22 @@ def test_windows_read_merged_captures_again(tmp_path: Path, command: Command) ->
     assert "times shifted by -1000.000000 s, as 2000 common frames show" in err
     last = [t for t, *_ in frames if t >= frames[-1][0] - 10**9]
     assert len(out.splitlines()) == len(last)
+
+
+def test_an_empty_capture_is_said(tmp_path: Path, command: Command) -> None:
+    empty = tmp_path / "empty.log"
+    empty.touch()
+    status, _, err = command("decode", "-q", HOVER, empty)
+    assert (status, err.splitlines()[0]) == (3, f"tailbyte: {empty}: empty")
+
+
+@pytest.mark.parametrize(
+    ("what", "named"), [("can9", "can9"), ("hover.log:can1", "hover.log:can1"), ("b=c", "b=c"), ("x.log", "x.log")]
+)
+def test_a_name_for_nothing_is_refused(command: Command, what: str, named: str) -> None:
+    status, _, err = command("decode", "-q", HOVER, "--bus", f"left={what}")
+    assert status == 2
+    assert f"--bus left={named}: no such capture or interface (there is can0)" in err
 
 
 def test_sources_have_one_interface() -> None:

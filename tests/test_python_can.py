@@ -27,7 +27,7 @@ SAMPLE: list[Record] = [
     Frame(T0, "can0", 0x05040601, EXTENDED | RX, bytes.fromhex("A63500000000009C")),
     Frame(T0 + 180 * US, "can1", 0x123, TX, b""),
     Frame(T0 + 2_787 * US, "can0", 0x7FF, REMOTE | RX, b"", 5),
-    Fault(T0 + 3_000 * US, "can1", 4, bytes([0, 4, 0, 0, 0, 0, 0, 0])),
+    Fault(T0 + 3_000 * US, "can1", 4, bytes([0, 4, 0, 0, 0, 0, 0, 0]), TX),
     Frame(T0 + 1_000_000 * US, "can0", 0x1FFFFFFF, EXTENDED | FD | BRS | ESI | TX, bytes(range(64))),
     Frame(T0 + 1_000_001 * US, "can3", 0, FD | RX, b""),
 ]
@@ -41,7 +41,8 @@ def kept(suffix: str, record: Record, start: int) -> Record | None:
             return None
         known = suffix in (".csv", ".blf")
         bus = "can0" if suffix == ".csv" else record.bus
-        return Fault(t, bus, record.error if known else BUS_ERROR, record.data if known else b"")
+        way = record.flags if suffix == ".mf4" else 0
+        return Fault(t, bus, record.error if known else BUS_ERROR, record.data if known else b"", way)
     if suffix == ".trc" and record.flags & (FD | REMOTE):
         return None
     if suffix == ".csv":

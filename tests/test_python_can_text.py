@@ -36,6 +36,7 @@ def test_asc_of_other_programs() -> None:
         "   0.0206 1 J1939TP FEE3p 6 0 0 - Rx d 10 00",
         "   0.030000 1  7F              Rx   r",
         "   0.030001 2  ErrorFrame",
+        "   0.030002 CANFD   2 Tx   ErrorFrame",
         "   0.040000123 CANFD   1 Rx         2A  speed 1 1 9 12 00 01 02 03 04 05 06 07 08 09 0A 0B  1 1 0 0 0 0 0 0",
     )
     pieces, source = read(".asc", data)
@@ -44,6 +45,7 @@ def test_asc_of_other_programs() -> None:
         Frame(20_100_000, "can0", 0x123, TX, b"\xff"),
         Frame(30 * MS, "can0", 0x7F, RX | REMOTE),
         Fault(30_001_000, "can1", BUS_ERROR, b""),
+        Fault(30_002_000, "can1", BUS_ERROR, b"", TX),
         Frame(40_000_123, "can0", 0x2A, FD | BRS | ESI | RX, bytes(range(12))),
     ]
     assert total(pieces, "comments") == 2
@@ -145,11 +147,13 @@ def test_trc_with_can_fd_and_error_frames() -> None:
         ),
         "2 2.0 FE 2 0123 Tx - 1 FF",
         "3 3.0 ER 2 - Rx - 5 04 00 02 00 00",
+        "4 4.0 ER 2 - Tx - 5 04 00 02 00 00",
     )
     assert frames(".trc", data) == [
         Frame(START + MS, "can1", 0x123, FD | RX, bytes(range(12))),
         Frame(START + 2 * MS, "can1", 0x123, FD | BRS | ESI | TX, b"\xff"),
-        Fault(START + 3 * MS, "can1", BUS_ERROR, b""),
+        Fault(START + 3 * MS, "can1", BUS_ERROR, b"", RX),
+        Fault(START + 4 * MS, "can1", BUS_ERROR, b"", TX),
     ]
 
 

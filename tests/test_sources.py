@@ -8,10 +8,12 @@ import random
 from typing import TYPE_CHECKING
 
 import pytest
+import zstandard
 from command import HOVER
 
 from analyzer.sources import CaptureError, Source
 from analyzer.sources.errors import UnpackError
+from analyzer.sources.formats import detect
 from analyzer.sources.inflate import inflate
 
 if TYPE_CHECKING:
@@ -145,6 +147,35 @@ def test_what_is_not_read_is_named(tmp_path: Path, head: bytes, what: str, packe
     where = "byte 0 of the unpacked data" if packed else "byte 0"
     with pytest.raises(CaptureError, match=rf": {where}: looks like {what}, which is not read$"):
         read(tmp_path / "log", gzip.compress(data) if packed else data)
+
+
+@pytest.mark.parametrize(
+    ("head", "name", "form"),
+    [
+        (b"\x89MC", "x", "MCAP"),
+        (b"\n\r\r", "x", "pcapng"),
+        (b"MDF", "x", "MDF 4"),
+        (b"\x89", "x.mcap", "MCAP"),
+        (b"\x88MCAP0\r\n", "x.MCAP.gz", "MCAP"),
+        (b"garbage!", "x.blf", "Vector BLF"),
+        (b"garbage!", "x.pcapng.zst", "pcapng"),
+        (b"(1.0) can0 1#", "x.mcap", "candump text"),
+        (b"; a note", "x.asc", "Vector ASC"),
+        (b"date Sat", "x.log", "Vector ASC"),
+        (b"  can0  1", "x.bin", "candump text"),
+        (b"(", "x", "candump text"),
+        (b"", "x", "candump text"),
+    ],
+)
+def test_what_a_capture_is_is_read_from_its_start_then_from_its_name(head: bytes, name: str, form: str) -> None:
+    assert detect(head, name).name == form
+
+
+def test_zstd_that_begins_with_a_frame_to_skip(tmp_path: Path) -> None:
+    packed = zstandard.compress(TEXT)
+    for head in (b"\x50\x2a\x4d\x18\x04\0\0\0abcd", b"\x5f\x2a\x4d\x18\0\0\0\0"):
+        out, source = read(tmp_path / "log", head + packed)
+        assert (out, source.packing, source.damage) == (TEXT, "zstd", None)
 
 
 def test_gzip_inside_gzip_is_refused(tmp_path: Path) -> None:

@@ -148,7 +148,7 @@ def test_a_wide_window_is_read_twice_rather_than_kept(
     kept = Shown(steady, *args)
     assert steady.readings == 1
     assert len(kept.frames) >= 31
-    monkeypatch.setattr(windows, "MOST_WAITING", 2)
+    monkeypatch.setattr(windows, "MOST_WAITING", 15)
     again = Shown(steady, *args)
     assert (again.frames, again.zeros, again.problem) == (kept.frames, kept.zeros, None)
     assert steady.readings == 3
@@ -159,7 +159,7 @@ def test_a_wide_window_is_read_twice_rather_than_kept(
 
 
 def test_a_narrow_window_keeps_no_more_than_it_needs(steady: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(windows, "MOST_WAITING", 4)
+    monkeypatch.setattr(windows, "MOST_WAITING", 40)
     got = Shown(steady, "--last", "50ms")
     assert got.frames == list(range(95, 101))
     assert got.most_waiting <= 3

@@ -39,7 +39,12 @@ def message(record: Record) -> can.Message:
     common = {"timestamp": (record.t or 0) / 10**9, "channel": int(record.bus.removeprefix("can"))}
     if isinstance(record, Fault):
         return can.Message(
-            arbitration_id=record.error, is_extended_id=False, is_error_frame=True, data=record.data, **common
+            arbitration_id=record.error,
+            is_extended_id=False,
+            is_error_frame=True,
+            is_rx=not record.flags & TX,
+            data=record.data,
+            **common,
         )
     fd = bool(record.flags & FD)
     return can.Message(

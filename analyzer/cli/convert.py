@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from analyzer.cli import INTERRUPTED, USAGE, options, streams
+from analyzer.cli import USAGE, options, streams
 from analyzer.sinks import COMPRESSIONS, FORMS, form_of
 
 if TYPE_CHECKING:
@@ -66,6 +66,10 @@ def _form(args: argparse.Namespace) -> tuple[str, str]:
     form: str = args.form or named
     if output == "-" and not args.form:
         raise ValueError("- says no format: give -F candump, mcap or pcapng")
+    if not form and not output:
+        raise ValueError("the output has no name")
+    if named and form != named:
+        raise ValueError(f"{output}: the name says {named}, -F says {form}")
     if not form:
         raise ValueError(f"{output}: the name says no format: give -F candump, mcap or pcapng")
     if args.compression is not None and form != "mcap":
@@ -81,23 +85,27 @@ def _convert(args: argparse.Namespace, session: Session, window: Window, form: s
     from analyzer.sinks import open_sink  # noqa: PLC0415
     from analyzer.sinks.atomic import Target  # noqa: PLC0415
     from analyzer.sinks.packed import packed  # noqa: PLC0415
+    from analyzer.views.terminal import escape  # noqa: PLC0415
+    from analyzer.window import Window  # noqa: PLC0415
 
-    inside = 0
+    inside = frames = 0
     shown = args.output == "-" and sys.stdout.isatty()
     with Target(args.output) as target, packed(target.file, packing) as file:
         with Progress(session.source, wanted=not shown) as progress:
             session.held = [] if progress.active else None
             sink = open_sink(form, file, compression=args.compression or "zstd")
             for piece in progress.over(_pieces(session, window)):
-                inside += piece.frames
+                inside += sum(piece.lines[kind] for kind in ("frames", "error_frames", "drops", "comments"))
+                frames += piece.frames
                 sink.write(piece)
-                _go_on(session)
+                session.go_on()
+        session.require(None if inside or window == Window() else "nothing is inside the window")
         sink.close()
-        _go_on(session)
+        session.go_on()
     session.release()
-    outside = session.totals.lines["frames"] - inside
+    outside = session.totals.lines["frames"] - frames
     streams.tell(
-        f"-- {sink.frames} frames written to {target.name}"
+        f"-- {sink.frames} frames written to {escape(target.name)}"
         + (f", {outside} outside the window" if outside else "")
         + f"; {session.sum()}\n"
     )
@@ -106,7 +114,7 @@ def _convert(args: argparse.Namespace, session: Session, window: Window, form: s
 
 
 def _pieces(session: Session, window: Window) -> Iterator[Piece]:
-    """The rows inside the window. Raises when there is no use in going on."""
+    """The rows inside the window. Ends the session when there is no use in going on."""
     from analyzer.window import Window  # noqa: PLC0415
 
     pieces = session.pieces()
@@ -118,9 +126,3 @@ def _pieces(session: Session, window: Window) -> Iterator[Piece]:
         session.require(selection.problem)
         return
     yield from pieces
-
-
-def _go_on(session: Session) -> None:
-    """Raises `KeyboardInterrupt` after Ctrl-C: a part of a file is no conversion. A pipe ends with it."""
-    if session.status == INTERRUPTED and not session.source.live:
-        raise KeyboardInterrupt

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from analyzer.cli import INTERRUPTED, USAGE, options, streams
+from analyzer.cli import USAGE, options, streams
+from analyzer.cli.goal import FORMS, goal
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
     from contextlib import AbstractContextManager
 
+    from analyzer.cli.goal import Goal
     from analyzer.cli.progress import Progress
     from analyzer.cli.session import Session
     from analyzer.sinks.atomic import Target, TargetFolder
-    from analyzer.sinks.part import Part, PartSelection
+    from analyzer.sinks.part import Part
+    from analyzer.window import Window
 
-_FORMS = ("parquet", "arrow", "csv", "mcap")
 _STALE_SHOWN = 3
 
 
@@ -38,7 +38,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         help="a folder, which gets a file for each table, or FILE.mcap; with one --table also a file of that table",
     )  # fmt: skip
     parser.add_argument(
-        "-F", "--format", dest="form", choices=_FORMS, help="default: what the name of the output says, else parquet"
+        "-F", "--format", dest="form", choices=FORMS, help="default: what the name of the output says, else parquet"
     )
     parser.add_argument(
         "--table", action="append", default=[], metavar="NAME",
@@ -48,97 +48,120 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser.set_defaults(run=run)
 
 
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """What is written and where: `tables` by name, all if there are none; `folder` means a file for each."""
-
-    form: str
-    path: str
-    folder: bool
-    tables: tuple[str, ...]
-
-
-def goal(output: str, form: str | None, tables: Sequence[str]) -> Goal:
-    """What the arguments ask for. Raises `ValueError` when they do not go together."""
-    suffix = Path(output).suffix.lower()[1:]
-    named = suffix if suffix in _FORMS else None
-    into = output.endswith("/") or Path(output).is_dir()
-    if form is None and output == "-":
-        raise ValueError("- says no format: give -F parquet, arrow, csv or mcap")
-    if form is not None and named not in (None, form) and not into:
-        raise ValueError(f"-o {output} and -F {form} contradict each other")
-    form = form or named or "parquet"
-    if output == "-" and form != "csv" and sys.stdout.isatty():
-        raise ValueError(f"{form} is nothing for a terminal")
-    if form == "mcap":
-        if "transfers" in tables:
-            raise ValueError("MCAP holds messages, frames and events, but no table of transfers")
-        return Goal(form, output, folder=False, tables=tuple(tables))
-    folder = into or (named is None and output != "-")
-    if not folder and len(tables) != 1:
-        raise ValueError(f"{output}: one file holds one table: choose it with --table NAME, or give a folder")
-    return Goal(form, output, folder, tuple(tables))
+class _InputError(Exception):
+    """A table would be written over a capture."""
 
 
 def run(args: argparse.Namespace) -> int:
     """Reads the captures once and writes their tables; the output is there whole or not at all."""
     from analyzer.cli.session import Session  # noqa: PLC0415
-    from analyzer.sinks.export import resolve  # noqa: PLC0415
-    from analyzer.sinks.part import PartSelection  # noqa: PLC0415
+    from analyzer.sinks.export import BASIC, resolve  # noqa: PLC0415
 
     with Session(args) as session:
         try:
-            if args.stop in _FORMS:
+            if args.stop in FORMS:
                 return _usage(f"--to is a time: did you mean -F {args.stop}")
             window = options.window(args)
-            options.refuse_input(args, args.output)
             tables = dict.fromkeys(resolve(session.registry, name) for name in args.table)
             wanted = goal(args.output, args.form, tuple(tables))
+            options.refuse_input(args, args.output)
+            for name in (tables or BASIC) if wanted.folder else ():
+                options.refuse_input(args, _file(wanted, name))
         except (argparse.ArgumentTypeError, LookupError, ValueError) as error:
             return _usage(str(error))
-        selection = PartSelection(window, session.again)
-        (_telemetry if wanted.form == "mcap" else _tables)(wanted, session, selection)
+        reading = _Reading(session, window)
+        try:
+            (_telemetry if wanted.form == "mcap" else _tables)(wanted, args, session, reading)
+        except _InputError as error:
+            return _usage(str(error))
     return session.status
 
 
-def _tables(goal: Goal, session: Session, selection: PartSelection) -> None:
+class _Reading:
+    """The capture part by part, with what is inside the window counted."""
+
+    def __init__(self, session: Session, window: Window) -> None:
+        self._session, self._window = session, window
+        self._frames = self._transfers = self._events = 0
+
+    def parts(self) -> Iterator[Part]:
+        """What is inside the window. Ends the session when there is no use in going on."""
+        from analyzer.sinks.part import PartSelection  # noqa: PLC0415
+        from analyzer.window import Window  # noqa: PLC0415
+
+        selection = PartSelection(self._window, self._session.again)
+        for part in selection.parts(self._session.batches()):
+            self._frames += len(part.frames)
+            self._transfers += len(part.transfers)
+            self._events += len(part.events)
+            yield part
+            self._session.go_on()
+        self._session.go_on()
+        self._session.require(selection.problem)
+        found = self._frames or self._transfers or self._events
+        self._session.require(None if found or self._window == Window() else "nothing is inside the window")
+
+    @property
+    def outside(self) -> str:
+        """What of the capture was left out, in words."""
+        frames = self._session.totals.lines["frames"] - self._frames
+        transfers = self._session.transfers - self._transfers
+        return f", {frames} frames and {transfers} transfers outside the window" if frames or transfers else ""
+
+
+def _tables(goal: Goal, args: argparse.Namespace, session: Session, reading: _Reading) -> None:
     from analyzer.sinks.atomic import Target, TargetFolder  # noqa: PLC0415
     from analyzer.sinks.export import TableExport  # noqa: PLC0415
-    from analyzer.sinks.tables import SUFFIXES  # noqa: PLC0415
 
     place: AbstractContextManager[Target | TargetFolder] = TargetFolder(goal.path) if goal.folder else Target(goal.path)
     with place as target:
 
         def make(name: str) -> BinaryIO:
-            return target.open(name + SUFFIXES[goal.form]) if isinstance(target, TargetFolder) else target.file
+            if not isinstance(target, TargetFolder):
+                return target.file
+            path = _file(goal, name)
+            try:  # which tables there are is known only now
+                options.refuse_input(args, path)
+            except ValueError as error:
+                raise _InputError(str(error)) from None
+            return target.open(Path(path).name)
 
         export = TableExport(goal.form, make, session.registry, goal.tables, _scratch(goal.path), _about(session))
         with closing(export), _progress(session) as progress:
-            for part in progress.over(_parts(session, selection)):
+            for part in progress.over(reading.parts()):
                 export.add(part)
-            for _ in progress.over(export.finish()):
-                _go_on(session)
-        _go_on(session)
+            for _ in progress.over(export.finish(), "writing frames"):
+                session.go_on()
+        session.go_on()
     tables = "1 table" if len(export.rows) == 1 else f"{len(export.rows)} tables"
-    _account(session, f"{tables} with {sum(export.rows.values())} rows", target.name)
+    _account(session, f"{tables} with {sum(export.rows.values())} rows", target.name, reading.outside)
     if goal.folder:
-        _say_stale(session, goal, {name + SUFFIXES[goal.form] for name in export.rows})
+        _say_stale(session, goal, {Path(_file(goal, name)).name for name in export.rows})
 
 
-def _telemetry(goal: Goal, session: Session, selection: PartSelection) -> None:
+def _telemetry(goal: Goal, _: argparse.Namespace, session: Session, reading: _Reading) -> None:
     from analyzer.sinks.atomic import Target  # noqa: PLC0415
     from analyzer.sinks.telemetry import TelemetryExport  # noqa: PLC0415
 
     with Target(goal.path) as target:
         export = TelemetryExport(target.file, goal.tables, _about(session))
         with _progress(session) as progress:
-            for part in progress.over(_parts(session, selection)):
+            for part in progress.over(reading.parts()):
                 export.add(part)
         export.finish()
-        _go_on(session)
-    _account(session, f"{export.messages} messages and {export.frames} frames", target.name)
+        session.go_on()
+    events = f", {export.events} events" if export.events else ""
+    what = f"{export.messages} messages{events} and {export.frames} frames"
+    _account(session, what, target.name, reading.outside)
     if lost := "; ".join(f"{words} ({count})" for words, count in export.lost.items()):
         streams.tell(f"-- frames in MCAP cannot hold: {lost}\n")
+
+
+def _file(goal: Goal, table: str) -> str:
+    """The file of a table in the folder."""
+    from analyzer.sinks.tables import SUFFIXES  # noqa: PLC0415
+
+    return str(Path(goal.path, table + SUFFIXES[goal.form]))
 
 
 def _progress(session: Session) -> Progress:
@@ -149,15 +172,6 @@ def _progress(session: Session) -> Progress:
     return progress
 
 
-def _parts(session: Session, selection: PartSelection) -> Iterator[Part]:
-    """What is inside the window. Raises when there is no use in going on."""
-    for part in selection.parts(session.batches()):
-        yield part
-        _go_on(session)
-    _go_on(session)
-    session.require(selection.problem)
-
-
 def _scratch(output: str) -> str | None:
     """Where there is room for temporary files if there is room for the output; None leaves it to the system."""
     path = Path(output)
@@ -166,15 +180,11 @@ def _scratch(output: str) -> str | None:
     return output if path.is_dir() else str(path.parent) if not path.exists() or path.is_file() else None
 
 
-def _go_on(session: Session) -> None:
-    """Raises `KeyboardInterrupt` after Ctrl-C: a part of a file is no export. A pipe ends with it."""
-    if session.status == INTERRUPTED and not session.source.live:
-        raise KeyboardInterrupt
+def _account(session: Session, what: str, where: str, outside: str) -> None:
+    from analyzer.views.terminal import escape  # noqa: PLC0415
 
-
-def _account(session: Session, what: str, where: str) -> None:
     session.release()
-    streams.tell(f"-- {what} written to {where}\n")
+    streams.tell(f"-- {what} written to {escape(where)}{outside}\n")
     session.account(None)
 
 

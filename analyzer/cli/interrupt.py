@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from analyzer.sources import StopReading
 
@@ -15,11 +15,15 @@ if TYPE_CHECKING:
     from analyzer.sources.merge import Merged
 
 
+_ENDING = (signal.SIGTERM, signal.SIGHUP) if hasattr(signal, "SIGHUP") else (signal.SIGTERM,)
+
+
 @contextmanager
 def graceful(reading: Callable[[], Source | Merged]) -> Iterator[None]:
     """The first Ctrl-C stops the source that is being read, a second one raises `KeyboardInterrupt`.
 
-    Where SIGINT is ignored (a background job of a shell) it stays so.
+    SIGTERM and SIGHUP end the program at once, but not without cleaning up: as `SystemExit` with 128 + signal. Where a
+    signal is ignored (a background job of a shell) it stays so.
     """
 
     def stop(*_: object) -> None:
@@ -30,16 +34,20 @@ def graceful(reading: Callable[[], Source | Merged]) -> Iterator[None]:
         if source.waits:
             raise StopReading
 
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:
-        yield
-        return
+    def leave(number: int, _: object) -> None:
+        raise SystemExit(128 + number)
+
+    before: dict[int, Any] = {}
     try:
-        signal.signal(signal.SIGINT, stop)
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            before[signal.SIGINT] = signal.signal(signal.SIGINT, stop)
+        for number in _ENDING:
+            if signal.getsignal(number) is signal.SIG_DFL:
+                before[number] = signal.signal(number, leave)
     except ValueError:  # not the main thread: signals are somebody else's
-        yield
-        return
+        pass
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for kept, usual in before.items():
+            signal.signal(kept, usual)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import stat
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -178,14 +179,16 @@ def colour(args: argparse.Namespace) -> bool:
 
 
 def refuse_input(args: argparse.Namespace, output: str) -> None:
-    """Raises `ValueError` when a command would write over what it reads."""
+    """Raises `ValueError` when a command would write over what it reads, or read on what it writes."""
     if same := next((name for name in captures(args) if _is_file(name, output)), None):
-        raise ValueError(f"{output}: is the capture {same} itself")
+        shown = "standard output" if output == "-" else output
+        raise ValueError(f"{shown}: is " + ("standard input itself" if same == "-" else f"the capture {same} itself"))
 
 
 def _is_file(capture: str, output: str) -> bool:
-    """Whether both are one regular file."""
+    """Whether both are one regular file; `-` is what the shell made standard input or output."""
     try:
-        return capture != "-" and os.path.isfile(output) and os.path.samefile(capture, output)  # noqa: PTH113, PTH121
+        read, written = (os.stat(number if name == "-" else name) for number, name in enumerate((capture, output)))  # noqa: PTH116
+        return stat.S_ISREG(written.st_mode) and os.path.samestat(read, written)
     except (OSError, ValueError):  # whoever opens it will say what is wrong
         return False

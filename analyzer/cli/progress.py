@@ -54,32 +54,47 @@ class Progress(AbstractContextManager["Progress"]):
         if self._drawn:
             streams.tell(_WIPE)
 
-    def over(self, parts: Iterable[_Part]) -> Iterator[_Part]:
-        """The parts of the work, one step each."""
+    def over(self, parts: Iterable[_Part], label: str = "") -> Iterator[_Part]:
+        """The parts of the work, one step each; `label` says what is done if that is not reading any more."""
         for part in parts:
-            self.step()
+            self.step(label)
             yield part
 
-    def step(self) -> None:
+    def step(self, label: str = "") -> None:
         """A part of the work is done; draws at most ten times a second."""
         if self.active and (now := self._clock()) >= self._next:
             self._next = now + PAUSE
             self._drawn = True
-            streams.tell(_WIPE + line(self._reading, now - self._start, _width()))
+            seconds, width = now - self._start, _width()
+            text = labelled(label, seconds, width) if label else line(self._reading, seconds, width)
+            streams.tell(_WIPE + text)
 
 
 def line(reading: Reading, seconds: float, width: int) -> str:
-    """The bar, at most `width` characters: share, rate and time left, or bytes and rate of what has no known length."""
+    """The bar: share, rate and time left, or bytes and rate of what has no known length.
+
+    It has less than `width` characters: parts for which there is no room are left out, the bar itself first.
+    """
     rate = reading.size / max(seconds, 1e-9)
+    speed = f"{_bytes(rate)}/s"
     if not reading.length:
-        text = f"{_bytes(reading.size)}  {_bytes(rate)}/s"
-    else:
-        share = min(reading.size / reading.length, 1.0)
-        bar = "#" * round(share * _BAR)
-        text = f"{share:4.0%} [{bar:.<{_BAR}}] {_bytes(rate)}/s"
-        if rate:
-            text += f"  {_clock((reading.length - reading.size) / rate)} left"
-    return text[: max(width - 1, 0)]
+        read = _bytes(reading.size)
+        return _longest(width, f"{read}  {speed}", read)
+    done = min(reading.size / reading.length, 1.0)
+    share = f"{done:4.0%}"
+    bar = f"[{'#' * round(done * _BAR):.<{_BAR}}]"
+    left = f"  {_clock((reading.length - reading.size) / rate)} left" if rate else ""
+    return _longest(width, f"{share} {bar} {speed}{left}", f"{share} {speed}{left}", f"{share}{left}", share)
+
+
+def labelled(label: str, seconds: float, width: int) -> str:
+    """Work whose end is not known: what is done, and the time since the beginning."""
+    return _longest(width, f"{label}  {_clock(seconds)}", label)
+
+
+def _longest(width: int, *texts: str) -> str:
+    """The first text that leaves a column free."""
+    return next((text for text in texts if len(text) < width), "")
 
 
 def _width() -> int:

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 LINES_SHOWN = 5
 
 
-class _NotInCaptureError(Exception):
-    """What was asked for is not in this capture; says what it does not have."""
+class _RejectedError(Exception):
+    """It has been said what the capture does not have."""
 
 
 class Session(AbstractContextManager["Session"]):
@@ -75,8 +75,7 @@ class Session(AbstractContextManager["Session"]):
         """A capture that cannot be opened, or an output that cannot be written, is a status, not a failure."""
         self._cleanup.close()
         self.release()
-        if isinstance(error, _NotInCaptureError):
-            self.reject(str(error))
+        if isinstance(error, _RejectedError):
             return True
         if isinstance(error, (CaptureError, TargetError)):
             self.complain(str(error))
@@ -149,7 +148,19 @@ class Session(AbstractContextManager["Session"]):
     def require(self, problem: str | None) -> None:
         """Ends the session if the capture does not have what was asked for, for this reason."""
         if problem is not None:
-            raise _NotInCaptureError(problem)
+            self.reject(problem)
+            raise _RejectedError
+
+    def go_on(self) -> None:
+        """For output that is there whole or not at all: ends the session once that has become impossible.
+
+        After Ctrl-C a part of a file is no result; what a pipe has delivered exists only once, and is one.
+        """
+        if self._status == USAGE:
+            raise _RejectedError
+        if self.status == INTERRUPTED and not self.source.live:
+            self.complain("interrupted, nothing is written")
+            raise KeyboardInterrupt
 
     def account(self, shown: int | None) -> None:
         """The sums: every line and every frame, and how many transfers were shown (None: listing was not asked for)."""
@@ -200,14 +211,17 @@ class Session(AbstractContextManager["Session"]):
                 self.complain(f"{part.name}: {note}")
         unreadable, balanced = totals.lines["unreadable"], totals.balanced
         damages = [part.damage for part in source.parts if part.damage is not None]
-        empty = totals.lines["lines"] == 0 and not damages and not source.stopped
+        nothing = totals.lines["lines"] == 0 and not damages
+        empty = [] if source.stopped else source.empty if isinstance(source, Merged) else [source.name] * nothing
         if unreadable > self._complaints:
             self.complain(f"{source.name}: {unreadable} of {totals.lines['lines']} {self._unit()}s are unreadable")
         for damage in damages:
             self.complain(str(damage))
-        if empty:
-            self.complain(f"{source.name}: empty")
+        for name in empty:
+            self.complain(f"{name}: empty")
         if not balanced:
             self.complain(f"{source.name}: lines and frames do not add up: please report this as a bug")
         if unreadable or damages or empty or not balanced:
             self._status = DAMAGED
+        if isinstance(source, Merged) and source.problem is not None:
+            self.reject(source.problem)

@@ -1,6 +1,7 @@
 """CSV files (RFC 4180) for spreadsheets and scripts.
 
-A time is two columns: `<name>_ns`, exact, and `<name>` to read (UTC). Bytes are hexadecimal, lists and structures JSON.
+A time is two columns: `<name>_ns`, exact, and `<name>` to read (UTC); a field that has that name already becomes
+`<name>_ns.field`. Bytes are hexadecimal, lists and structures JSON.
 Text that a spreadsheet would take for a formula gets an apostrophe in front.
 """
 
@@ -44,10 +45,11 @@ class CsvFile:
 
 
 def _flat(table: pa.Table) -> pa.Table:
-    columns = [
-        pair for field, chunked in zip(table.schema, table.columns, strict=True) for pair in _cells(field, chunked)
-    ]
-    return pa.Table.from_arrays([column for _, column in columns], names=[name for name, _ in columns])
+    columns: dict[str, pa.ChunkedArray] = {}
+    for field, chunked in zip(table.schema, table.columns, strict=True):
+        for name, cells in _cells(field, chunked):
+            columns[f"{name}.field" if name in columns else name] = cells
+    return pa.Table.from_arrays(list(columns.values()), names=list(columns))
 
 
 def _cells(field: pa.Field, chunked: pa.ChunkedArray) -> Iterator[tuple[str, pa.ChunkedArray]]:

@@ -1,4 +1,8 @@
-"""CAN frames in MCAP as ROS 2 records them: a topic for each bus and direction. Messages are formatted natively."""
+"""CAN frames in MCAP as ROS 2 records them: a topic for each bus and direction. Messages are formatted natively.
+
+Frames without a time have topics of their own, such as `/can0/untimed/can`, whose metadata says so: every message has a
+log time, and a reader cannot tell one that was made up.
+"""
 
 from __future__ import annotations
 
@@ -76,11 +80,12 @@ class McapSink:
 
     def _add_channels(self) -> None:
         """Schemas and channels that messages of the open chunk are the first to use."""
-        for bus, direction, fd in self._messages.channels(self._channels):
+        for bus, direction, fd, timed in self._messages.channels(self._channels):
             definition = FD_FRAME if fd else FRAME
             schema = self.container.schema(definition.name, "ros2msg", definition.text.encode())
             self._channels += 1
-            topic = f"/{self.topic(bus)}/{_TOPICS[direction]}{'_fd' if fd else ''}"
-            # A topic may not have the name as it is. Our reader takes it for a sign that classic frames are apart.
-            about = {"bus": bus or "can"} | ({"frames": "CAN FD"} if fd else {})
-            self.container.channel(self._channels, topic, "cdr", schema, about)
+            parts = [self.topic(bus), *([] if timed else ["untimed"]), _TOPICS[direction] + ("_fd" if fd else "")]
+            # A topic may not have the name as it is. Our reader takes it for a sign that classic frames are apart, and
+            # believes no time of a channel that has none.
+            about = {"bus": bus or "can"} | ({"frames": "CAN FD"} if fd else {}) | ({} if timed else {"times": "none"})
+            self.container.channel(self._channels, "/" + "/".join(parts), "cdr", schema, about)

@@ -50,7 +50,7 @@ class TelemetryExport:
         wanted: names of tables, `frames` and `events` among them; all if empty.
         about: what is known of the capture.
 
-    `frames` and `messages` count what was written so far.
+    `frames`, `messages` (of the topics of nodes) and `events` count what was written so far.
     """
 
     def __init__(self, file: BinaryIO, wanted: Collection[str], about: Mapping[str, str]) -> None:
@@ -60,7 +60,7 @@ class TelemetryExport:
         self._schemas: dict[str, Schema] = {}
         self._channels: dict[tuple[str, str, int], int] = {}
         self._latest = 0
-        self.frames = self.messages = 0
+        self.frames = self.messages = self.events = 0
 
     def add(self, part: Part) -> None:
         """Rows of every table; they are in the file afterwards."""
@@ -68,13 +68,15 @@ class TelemetryExport:
             self._sink.write(_piece(part))
             self.frames += len(part.frames)
             self._sink.close_chunk()
-        tables = [self._messages(name, table, part.buses) for name, table in part.messages.items() if self._wants(name)]
+        wanted = {name: table for name, table in part.messages.items() if self._wants(name)}
+        tables = [self._messages(name, table, part.buses) for name, table in wanted.items()]
+        self.messages += sum(map(len, wanted.values()))
         if self._wants("events") and len(part.events):
             tables.append(self._events(part))
+            self.events += len(part.events)
         head = self._sink.container.head()
         for chunk in _native.message_records(tables, len(head), CHUNK):
             self._sink.container.chunk(chunk)
-            self.messages += sum(count for *_, count in chunk[1])
 
     def finish(self) -> None:
         """Writes the end of the file."""

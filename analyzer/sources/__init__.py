@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from analyzer._native import Piece
 
 GZIP, ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+_SKIPPED = b"\x2a\x4d\x18"
 _HEAD = max(LONGEST, len(ZSTD))
 
 
@@ -77,7 +78,7 @@ class Source(Stored):
             if not piece:
                 yield b""
         chunks = chain([head], chunks)
-        packing = "gzip" if head.startswith(GZIP) else "zstd" if head.startswith(ZSTD) else ""
+        packing = "gzip" if head.startswith(GZIP) else "zstd" if _is_zstd(head) else ""
         place = f"byte 0{' of the unpacked data' if self.packing else ''}"
         if packing and self.packing:
             raise CaptureError(self.name, place, f"looks like {packing} once more")
@@ -98,3 +99,8 @@ class Source(Stored):
             yield from unpack(chunks)
         except UnpackError as error:
             self.damaged(f"byte {error.place}", error.reason)
+
+
+def _is_zstd(head: bytes) -> bool:
+    """Whether it begins with a frame of zstd, or with one to skip, as parallel compressors write."""
+    return head.startswith(ZSTD) or (head[1:4] == _SKIPPED and 0x50 <= head[0] <= 0x5F)

@@ -40,13 +40,18 @@ class Format:
 
 CANDUMP = Format("candump text", "candump", (b"(", b"Normal ("), unit="line")
 FORMATS = (
-    Format("MCAP", "mcap", (b"\x89MCAP0\r\n",)),
-    Format("pcapng", "native", (b"\n\r\r\n",)),
-    Format("pcap", "native", tuple(bytes.fromhex(h) for h in ("d4c3b2a1", "a1b2c3d4", "4d3cb2a1", "a1b23c4d"))),
+    Format("MCAP", "mcap", (b"\x89MCAP0\r\n",), (".mcap",)),
+    Format("pcapng", "native", (b"\n\r\r\n",), (".pcapng",)),
+    Format(
+        "pcap",
+        "native",
+        tuple(bytes.fromhex(word) for word in ("d4c3b2a1", "a1b2c3d4", "4d3cb2a1", "a1b23c4d")),
+        (".pcap",),
+    ),
     Format("ArduPilot dataflash", "native", (b"\xa3\x95",)),
     Format("pydronecan log", "native", (b"\x34\x29",)),
-    Format("Vector BLF", "python_can", (b"LOGG",)),
-    Format("MDF 4", "python_can", (b"MDF     ", b"UnFinMF ")),
+    Format("Vector BLF", "python_can", (b"LOGG",), (".blf",)),
+    Format("MDF 4", "python_can", (b"MDF     ", b"UnFinMF "), (".mf4",)),
     Format("Vector ASC", "python_can", (b"date ", b"base hex", b"base dec", b"//"), (".asc",), "line"),
     Format("PEAK TRC", "python_can", (b";$FILEVE", b";#######"), (".trc",), "line"),
     Format("python-can CSV", "python_can", (b"timestam",), (".csv",), "line"),
@@ -58,13 +63,19 @@ FORMATS = (
 )
 # As many bytes decide.
 LONGEST = max(len(magic) for form in FORMATS for magic in form.magics)
+# Of a magic that is cut off, as many bytes tell.
+_TELLING = 3
 _PACKED = (".gz", ".zst", ".zstd")
 
 
 def detect(head: bytes, name: str) -> Format:
-    """The format of a capture that starts with `head`; text that nothing claims is candump's."""
+    """The format of a capture that starts with `head`; text that nothing claims is candump's.
+
+    A capture that is over before its magic is whole still shows what it was to become.
+    """
     for form in FORMATS:
-        if head.startswith(form.magics):
+        cut = len(head) >= _TELLING and any(magic.startswith(head) for magic in form.magics)
+        if cut or head.startswith(form.magics):
             return form
     path = PurePath(name.lower())
     suffix = PurePath(path.stem).suffix if path.suffix in _PACKED else path.suffix

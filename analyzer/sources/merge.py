@@ -50,6 +50,9 @@ class Merged:
         self.plan = plan
         self.found = found
         self._stopped = False
+        # By capture: names of its interfaces so far, and how many records it has had.
+        self._seen: list[list[str]] = []
+        self._rows: list[int] = []
 
     @property
     def name(self) -> str:
@@ -100,6 +103,7 @@ class Merged:
     def chunks(self) -> Iterator[bytes | Piece]:
         """Pieces of the merged rows. Raises `MergeError`, and `CaptureError` when a capture cannot be opened."""
         merger = Merger(self._entries(), self.plan.same_bus)
+        self._seen, self._rows = [[] for _ in self.parts], [0] * len(self.parts)
         streams = [rows(part.chunks()) for part in self.parts]
         while (index := merger.awaited) is not None:
             piece = next(streams[index], None)
@@ -110,7 +114,28 @@ class Merged:
                 merger.finish(index)
             else:
                 merger.push(index, piece, self._label(self.parts[index]))
+                self._seen[index] = piece.buses
+                self._rows[index] += piece.lines["lines"]
             yield merger.take()
+
+    @property
+    def problem(self) -> str | None:
+        """After the reading: what was asked for and is not in these captures."""
+        interfaces = sorted({name for names in self._seen for name in names})
+        for where, name in self.plan.names.items():
+            capture, _, interface = where.rpartition(":")
+            inside = [
+                names for part, names in zip(self.parts, self._seen, strict=True) if is_capture(capture, part.name)
+            ]
+            whole = any(is_capture(where, part.name) for part in self.parts)
+            if not (whole or where in interfaces or any(interface in names for names in inside)):
+                return f"--bus {name}={where}: no such capture or interface (there is {', '.join(interfaces)})"
+        return None
+
+    @property
+    def empty(self) -> list[str]:
+        """After the reading: the captures without a single record."""
+        return [part.name for part, rows_ in zip(self.parts, self._rows, strict=True) if not rows_ and not part.damage]
 
     def _label(self, part: Source) -> str:
         return f"{part.name}: {part.unit}" if len(self.parts) > 1 else ""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from itertools import chain
+from typing import TYPE_CHECKING, cast
 
 from analyzer._native import Reader
 
@@ -12,6 +13,8 @@ if TYPE_CHECKING:
     from analyzer._native import Piece
     from analyzer.sources import Source
 
+# Rows of a piece, at least.
+WORTH = 1 << 14
 _READERS = {
     "candump text": "candump",
     "pcap": "pcap",
@@ -22,18 +25,9 @@ _READERS = {
 
 
 def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-    """A piece of rows for each chunk."""
+    """Pieces of rows, in the sizes of `gathered`."""
     reader = Reader(_READERS[source.format.name])
-    for chunk in chunks:
-        if not chunk:
-            yield b""
-            continue
-        reader.feed(chunk)
-        yield reader.take()
-        if reader.damage is not None:
-            break
-    reader.finish()
-    yield reader.take()
+    yield from gathered(reader, chunks)
     if reader.damage is not None:
         at, reason = reader.damage
         source.damaged(f"byte {at}{' of the unpacked data' if source.packing else ''}", reason)
@@ -41,14 +35,28 @@ def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
 
 def rows(chunks: Iterable[bytes | Piece]) -> Iterator[bytes | Piece]:
     """What a source gives as rows throughout: candump text is parsed here; an empty text stays what it is."""
-    text: Reader | None = None
+    stream = iter(chunks)
+    for chunk in stream:
+        if isinstance(chunk, bytes) and chunk:
+            # A capture that begins as text is text to its end.
+            yield from gathered(Reader("candump"), chain([chunk], cast("Iterator[bytes]", stream)))
+            return
+        yield chunk
+
+
+def gathered(reader: Reader, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
+    """Feeds the reader; a pipe gives little at a time, so rows wait until a piece is worth handing over.
+
+    An empty chunk says that nothing new has come yet: then nothing waits any longer.
+    """
     for chunk in chunks:
-        if not isinstance(chunk, bytes) or not chunk:
-            yield chunk
-            continue
-        text = text or Reader("candump")
-        text.feed(chunk)
-        yield text.take()
-    if text is not None:
-        text.finish()
-        yield text.take()
+        if chunk:
+            reader.feed(chunk)
+        if reader.waiting >= WORTH or (reader.waiting and not chunk):
+            yield reader.take()
+        if not chunk:
+            yield b""
+        if reader.damage is not None:
+            break
+    reader.finish()
+    yield reader.take()

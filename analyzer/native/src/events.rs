@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use crate::frames::rises;
+use crate::frames::{rises, RX, TX};
 
 /// The `kind` column, in the order of `EVENTS` in `analyzer/tables.py`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +25,8 @@ pub struct Event<'a> {
     pub kind: EventKind,
     /// Error class bits of an error frame, number of frames of a drop count, else 0.
     pub class: u32,
+    /// Of an error frame whether it was sent or received: bits `TX` and `RX` of [`crate::frames`], no others are kept.
+    pub flags: u16,
     /// Transmit and receive error counters of an error frame that carries them.
     pub counters: Option<(u8, u8)>,
     /// Data field of an error frame, else empty.
@@ -42,6 +44,7 @@ pub struct Events {
     pub line: Vec<u32>,
     pub kind: Vec<u8>,
     pub class: Vec<u32>,
+    pub flags: Vec<u16>,
     pub tx_errors: Vec<u8>,
     pub rx_errors: Vec<u8>,
     pub errors_valid: Vec<u8>,
@@ -69,6 +72,7 @@ impl Events {
         self.line.push(u32::try_from(event.line).unwrap_or(u32::MAX));
         self.kind.push(event.kind as u8);
         self.class.push(event.class);
+        self.flags.push(event.flags & (TX | RX));
         let (tx, rx) = event.counters.unwrap_or((0, 0));
         self.tx_errors.push(tx);
         self.rx_errors.push(rx);
@@ -92,12 +96,13 @@ impl Events {
         let others = [
             self.line.len(),
             self.class.len(),
+            self.flags.len(),
             self.errors_valid.len(),
             self.data_end.len(),
             self.text_end.len(),
         ];
         bytes == [rows; 5]
-            && others == [rows; 5]
+            && others == [rows; 6]
             && rises(&self.data_end, self.data.len())
             && rises(&self.text_end, self.text.len())
     }
@@ -121,6 +126,7 @@ impl Events {
         self.line.extend_from_slice(&other.line[rows.clone()]);
         self.kind.extend_from_slice(&other.kind[rows.clone()]);
         self.class.extend_from_slice(&other.class[rows.clone()]);
+        self.flags.extend_from_slice(&other.flags[rows.clone()]);
         self.tx_errors.extend_from_slice(&other.tx_errors[rows.clone()]);
         self.rx_errors.extend_from_slice(&other.rx_errors[rows.clone()]);
         self.errors_valid.extend_from_slice(&other.errors_valid[rows]);

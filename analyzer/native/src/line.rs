@@ -137,6 +137,10 @@ fn leading_stamp(line: &[u8]) -> Result<(Option<Stamp>, &[u8]), Reason> {
 }
 
 /// `044#2A366C2BBA`, `1F040A05##5112233`, `123#R8_9`, `123#1122334455667788_B`, each with or without ` R` or ` T`.
+///
+/// The digit behind `##` is the flags of the kernel's `struct canfd_frame`. Bit 0 is the bit rate switch, bit 1 the error
+/// state. Bit 2 (`CANFD_FDF`, of newer kernels) says what `##` says already; bit 3 is reserved and without a meaning.
+/// Neither is kept: such a line is written again with the first two bits alone.
 fn log_form(frame: &mut Frame, id: &[u8], body: &[u8], words: &mut Words) -> Result<(), Reason> {
     (frame.id, frame.flags) = identifier(id)?;
     match body {

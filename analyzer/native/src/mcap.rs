@@ -86,6 +86,15 @@ pub struct Walk {
     pub log_times: u64,
     /// Frames and error frames with the time that their message states.
     pub header_times: u64,
+    /// Frames and error frames of channels without times.
+    pub absent_times: u64,
+}
+
+/// Who says when a frame was on the bus.
+enum Clock {
+    Message,
+    Recorder,
+    Nobody,
 }
 
 impl Walk {
@@ -104,6 +113,13 @@ impl Walk {
     pub fn mark(&mut self, id: u16, flags: u16) {
         if let Some(Some(channel)) = self.channels.get_mut(usize::from(id)) {
             channel.flags = flags;
+        }
+    }
+
+    /// Says that nothing in the messages of an announced channel is a time: neither their stamps nor the log time.
+    pub fn untimed(&mut self, id: u16) {
+        if let Some(Some(channel)) = self.channels.get_mut(usize::from(id)) {
+            channel.timed = false;
         }
     }
 
@@ -169,8 +185,9 @@ impl Walk {
         let mut log_time = [0; 8];
         log_time.copy_from_slice(&header[6..14]);
         match channel.add(data, u64::from_le_bytes(log_time), &mut self.found, &mut self.rows) {
-            Ok(true) => self.header_times += 1,
-            Ok(false) => self.log_times += 1,
+            Ok(Clock::Message) => self.header_times += 1,
+            Ok(Clock::Recorder) => self.log_times += 1,
+            Ok(Clock::Nobody) => self.absent_times += 1,
             Err(reason) => {
                 let text = format!("message {} of channel {id}: {reason}", channel.messages);
                 self.rows.unreadable(NO_TIME, None, &text);
@@ -181,8 +198,8 @@ impl Walk {
 }
 
 impl Channel {
-    /// Adds the row of a message; true when its time is its own.
-    fn add(&mut self, data: &[u8], log_time: u64, found: &mut Found, rows: &mut Rows) -> Result<bool, Reason> {
+    /// Adds the row of a message.
+    fn add(&mut self, data: &[u8], log_time: u64, found: &mut Found, rows: &mut Rows) -> Result<Clock, Reason> {
         let mut message = match &self.layout.0 {
             Read::Ros(wire, kind) => ros::read(*wire, *kind, data)?,
             Read::Json(fields) => {
@@ -200,25 +217,24 @@ impl Channel {
             message.can.fd = self.is_fd(&message.can);
         }
         let row = message.can.row()?;
-        let t = match message.stamp {
-            Some(t) => t,
-            None => i64::try_from(log_time).map_err(|_| OUT_OF_RANGE)?,
+        let (t, clock) = match message.stamp {
+            _ if !self.timed => (NO_TIME, Clock::Nobody),
+            Some(t) => (t, Clock::Message),
+            None => (i64::try_from(log_time).map_err(|_| OUT_OF_RANGE)?, Clock::Recorder),
         };
         let bus = self.names.bus(message.name, rows)?;
-        rows.stamp(Stamps::ABSOLUTE);
-        rows.stamp(Stamps::NANOSECONDS);
-        match row {
-            Row::Frame { id, flags, data } => {
-                let flags = flags
-                    | if flags & (TX | RX) == 0 {
-                        self.flags & (TX | RX)
-                    } else {
-                        0
-                    };
-                rows.frame(t, bus, id, flags, data);
-            }
-            Row::Error { class, data } => rows.error_frame(t, bus, class, data),
+        if self.timed {
+            rows.stamp(Stamps::ABSOLUTE);
+            rows.stamp(Stamps::NANOSECONDS);
         }
-        Ok(message.stamp.is_some())
+        let directed = |flags: u16| match flags & (TX | RX) {
+            0 => flags | self.flags & (TX | RX),
+            _ => flags,
+        };
+        match row {
+            Row::Frame { id, flags, data } => rows.frame(t, bus, id, directed(flags), data),
+            Row::Error { class, flags, data } => rows.error_frame(t, bus, class, directed(flags), data),
+        }
+        Ok(clock)
     }
 }

@@ -15,6 +15,7 @@ use crate::reader::Rows;
 use crate::stamp::Stamps;
 
 use interface::Interface;
+pub(crate) use interface::NO_STAMPS;
 use options::Options;
 
 /// pcapng data to rows.
@@ -195,7 +196,7 @@ impl PcapngFormat {
             None => NO_TIME,
             Some(stamp) => {
                 let far = (NO_TIME, Reason::from("time stamp out of range"));
-                interface.clock.time(stamp).ok_or(far)?
+                interface.time(stamp).ok_or(far)?
             }
         };
         let captured = packet.bytes.len();
@@ -218,7 +219,7 @@ impl PcapngFormat {
         };
         if t != NO_TIME {
             rows.stamp(Stamps::ABSOLUTE);
-            rows.stamp(interface.clock.resolution());
+            rows.stamp(interface.resolution());
         }
         frame.push(t, bus, rows);
         Ok(())
@@ -242,7 +243,7 @@ impl PcapngFormat {
             return Ok(());
         }
         interface.dropped = all;
-        let t = interface.clock.time(stamp(body, order)).unwrap_or(NO_TIME);
+        let t = interface.time(stamp(body, order)).unwrap_or(NO_TIME);
         let bus = interface.bus(rows);
         let text = format!("{by_interface} frames dropped by the interface, {by_system} by the system so far");
         rows.drops(t, bus, u32::try_from(new).unwrap_or(u32::MAX), &text);

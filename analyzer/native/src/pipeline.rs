@@ -144,6 +144,7 @@ impl Pipeline {
                     line: line.into(),
                     kind: EventKind::Gap,
                     class: 0,
+                    flags: 0,
                     counters: None,
                     data: &[],
                     text: &text,

@@ -190,7 +190,7 @@ fn frame_columns<'py>(py: Python<'py>, frames: &Frames) -> PyResult<Dict<'py>> {
 }
 
 fn event_columns<'py>(py: Python<'py>, e: &Events) -> PyResult<Dict<'py>> {
-    let dict = columns!(py, e, t, bus, line, kind, class, tx_errors, rx_errors, data, text);
+    let dict = columns!(py, e, t, bus, line, kind, class, flags, tx_errors, rx_errors, data, text);
     put_valid(&dict, "t_valid", timed(&e.t))?;
     put_valid(&dict, "bus_valid", e.bus_valid.iter().map(|&v| v != 0))?;
     put_valid(&dict, "tx_errors_valid", e.errors_valid.iter().map(|&v| v != 0))?;

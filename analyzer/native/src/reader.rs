@@ -127,10 +127,14 @@ impl Rows {
         self.piece.frames.push(t, bus, id, flags, line, data);
     }
 
-    /// An error frame: the class bits of `linux/can/error.h` and up to 8 bytes of data.
-    pub fn error_frame(&mut self, t: i64, bus: u8, class: u32, data: &[u8]) {
+    /// An error frame: the class bits of `linux/can/error.h`, whether it was sent or received (flag bits of
+    /// [`crate::frames`], the others are ignored), and up to 8 bytes of data.
+    pub fn error_frame(&mut self, t: i64, bus: u8, class: u32, flags: u16, data: &[u8]) {
         let (text, counters) = describe_error(class, data);
         self.piece.counts.error_frames += 1;
+        if t == NO_TIME {
+            self.piece.stamps.insert(Stamps::NONE);
+        }
         let (line, kind) = (self.next(), EventKind::ErrorFrame);
         let bus = Some(bus);
         self.piece.events.push(&Event {
@@ -139,6 +143,7 @@ impl Rows {
             line,
             kind,
             class,
+            flags,
             counters,
             data,
             text: &text,
@@ -182,13 +187,14 @@ impl Rows {
     }
 
     fn event(&mut self, t: i64, bus: Option<u8>, kind: EventKind, class: u32, text: &str) {
-        let (line, counters, data) = (self.next(), None, &[][..]);
+        let (line, flags, counters, data) = (self.next(), 0, None, &[][..]);
         self.piece.events.push(&Event {
             t,
             bus,
             line,
             kind,
             class,
+            flags,
             counters,
             data,
             text,

@@ -109,7 +109,7 @@ impl<'a> Frame<'a> {
     /// Makes its row.
     pub fn push(&self, t: i64, bus: u8, rows: &mut Rows) {
         if self.flags & ERROR != 0 {
-            rows.error_frame(t, bus, self.id, self.data);
+            rows.error_frame(t, bus, self.id, self.flags, self.data);
         } else {
             rows.frame(t, bus, self.id, self.flags, self.data);
         }

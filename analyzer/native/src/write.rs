@@ -9,6 +9,7 @@ pub mod pcapng;
 pub mod records;
 
 use crate::events::{EventKind, Events};
+use crate::frames::NO_TIME;
 use crate::piece::Piece;
 
 /// A format that is written row by row.
@@ -28,7 +29,6 @@ pub enum Loss {
     Comment,
     LongFrame,
     LongError,
-    NoTime,
     EarlyTime,
     EventTime,
     RawCode,
@@ -39,11 +39,10 @@ pub enum Loss {
     Name,
 }
 
-const WORDS: [&str; 12] = [
+const WORDS: [&str; 11] = [
     "comments",
     "classic frames of more than 8 bytes",
     "error frames of more than 8 bytes",
-    "absent times, written as 0",
     "times before 1970",
     "times of comments and drop counts",
     "raw length codes",
@@ -69,6 +68,40 @@ impl Account {
     /// Words and counts of what was lost at all.
     pub fn lost(&self) -> impl Iterator<Item = (&'static str, u64)> + '_ {
         WORDS.into_iter().zip(self.lost).filter(|(_, count)| *count > 0)
+    }
+}
+
+/// Stamps for formats in which every record has one. A record without a time, which is marked as such, gets that of the
+/// one before it: other programs see a file that begins and ends when its capture did.
+#[derive(Default)]
+struct Stamper {
+    last: Option<u64>,
+}
+
+impl Stamper {
+    /// In front of the first time that one is used, if the piece has any.
+    fn look_ahead(&mut self, piece: &Piece) {
+        if self.last.is_none() {
+            let mut times = piece.frames.t.iter().chain(&piece.events.t);
+            self.last = times.find_map(|&t| u64::try_from(t).ok());
+        }
+    }
+
+    /// The last time so far, for a count that has none; [`NO_TIME`] if there was none at all.
+    fn last(&self) -> i64 {
+        self.last.map_or(NO_TIME, |stamp| stamp as i64)
+    }
+
+    fn stamp(&mut self, t: i64, account: &mut Account) -> u64 {
+        if let Ok(stamp) = u64::try_from(t) {
+            self.last = Some(stamp);
+            return stamp;
+        }
+        if t == NO_TIME {
+            return self.last.unwrap_or(0);
+        }
+        account.add(Loss::EarlyTime);
+        0
     }
 }
 

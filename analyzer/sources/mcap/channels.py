@@ -77,10 +77,10 @@ class Channels:
         if layout is None:
             self._ignore(channel, schema)
         else:
-            # Our own files say which bus it is, and keep CAN FD apart from classic frames.
+            # Our own files say which bus it is, and keep apart CAN FD and frames without a time.
             bus = channel.metadata.get("bus") or self._names.bus(channel.topic)
             flags = topics.direction(channel.topic) | (_FD if channel.metadata.get("frames") == "CAN FD" else 0)
-            self._walk.channel(number, bus, layout, flags)
+            self._walk.channel(number, bus, layout, flags, timed=channel.metadata.get("times") != "none")
         self._settled.add(number)
         return True
 
@@ -127,9 +127,9 @@ class Channels:
         if text not in self.notes:
             self.notes.append(text)
 
-    def summary(self, header_times: int, log_times: int) -> list[str]:
+    def summary(self, header_times: int, log_times: int, absent_times: int) -> list[str]:
         """What is to be said of the channels and of the times of their frames, in short clauses."""
-        if self._settled and not (header_times or log_times) and not self.notes:
+        if self._settled and not (header_times or log_times or absent_times) and not self.notes:
             return [f"no channel with CAN frames among {len(self._settled)}"]
         stamp = (
             "header.stamp" if not self.others else "the message's own" if not self.headers else "header.stamp or own"

@@ -126,4 +126,4 @@ class Contents:
 
     def notes(self) -> list[str]:
         """What is to be said of the channels and of times."""
-        return self.channels.summary(self.walk.header_times, self.walk.log_times)
+        return self.channels.summary(self.walk.header_times, self.walk.log_times, self.walk.absent_times)

@@ -15,6 +15,8 @@ from analyzer.sources.python_can.messages import (
     FROM_START,
     MICROSECONDS,
     NANOSECONDS,
+    RX,
+    TX,
     Unreadable,
     bus_name,
     channel,
@@ -102,10 +104,11 @@ class _Asc:
         digits = len(line.partition(".")[2].partition(" ")[0])
         rows.stamp((DELTA if self._relative else FROM_START) | (NANOSECONDS if digits > 6 else MICROSECONDS))
         bus = bus_name(channel(message, 0) + 1)
-        if message.is_error_frame:
-            store_error(rows, t, bus)
-            return
         cells = line.split()
+        if message.is_error_frame:
+            directed = cells[1].upper() == "CANFD"
+            store_error(rows, t, bus, flags=(RX if message.is_rx else TX) if directed else 0)
+            return
         message.is_fd, message.is_remote_frame = _kind(message)
         size = message.dlc if message.is_fd else min(8, message.dlc)
         if "dec" not in self.header[0] and any(len(byte) != 2 for byte in _data(cells)[:size]):

@@ -14,6 +14,8 @@ from analyzer.sources.errors import CaptureError
 from analyzer.sources.python_can.messages import (
     ABSOLUTE,
     MICROSECONDS,
+    RX,
+    TX,
     Unreadable,
     channel,
     from_float,
@@ -102,7 +104,7 @@ def _add(rows: Rows, message: Message) -> None:
     rows.stamp(ABSOLUTE | MICROSECONDS)
     bus = f"can{channel(message, 0)}"
     if message.is_error_frame:
-        store_error(rows, t, bus)
+        store_error(rows, t, bus, flags=RX if message.is_rx else TX)
         return
     size = len(message.data)
     code = message.dlc if message.is_remote_frame else min(size, 8)

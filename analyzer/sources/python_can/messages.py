@@ -65,10 +65,10 @@ def store(rows: Rows, message: Message, t: int, bus: str, *, code: int, size: in
         raise Unreadable(str(error)) from None
 
 
-def store_error(rows: Rows, t: int, bus: str, class_: int = BUS_ERROR, data: bytes = b"") -> None:
-    """Adds an error frame. Raises `Unreadable` for one bus too many."""
+def store_error(rows: Rows, t: int, bus: str, class_: int = BUS_ERROR, data: bytes = b"", flags: int = 0) -> None:
+    """Adds an error frame; `flags` is TX or RX where the format says so. Raises `Unreadable` for one bus too many."""
     try:
-        rows.error_frame(t, bus, class_, data)
+        rows.error_frame(t, bus, class_, data, flags)
     except ValueError as error:
         raise Unreadable(str(error)) from None
 

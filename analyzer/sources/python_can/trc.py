@@ -16,6 +16,8 @@ from analyzer.sources.python_can.messages import (
     FROM_START,
     MICROSECONDS,
     NANOSECONDS,
+    RX,
+    TX,
     Unreadable,
     bus_name,
     channel,
@@ -85,7 +87,8 @@ class _Trc:
         rows.stamp((FROM_START if self._start is None else DATE) | (NANOSECONDS if digits > 3 else MICROSECONDS))
         if message.is_error_frame:
             number = cells.get("B", "1")
-            store_error(rows, t, bus_name(int(number) if number.isdigit() else 1))
+            flags = {"Rx": RX, "Tx": TX}.get(cells.get("d", ""), 0)
+            store_error(rows, t, bus_name(int(number) if number.isdigit() else 1), flags=flags)
             return
         code = message.dlc
         size = dlc2len(code) if message.is_fd else min(8, code)

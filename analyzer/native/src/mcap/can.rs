@@ -25,7 +25,7 @@ pub(super) struct Can<'a> {
 
 pub(super) enum Row<'a> {
     Frame { id: u32, flags: u16, data: &'a [u8] },
-    Error { class: u32, data: &'a [u8] },
+    Error { class: u32, flags: u16, data: &'a [u8] },
 }
 
 impl<'a> Can<'a> {
@@ -35,7 +35,8 @@ impl<'a> Can<'a> {
         let (id, mut data) = (self.id & ID_MASK, self.data);
         if self.error || self.id & WORD_ERROR != 0 {
             within(data.len(), MAX_CLASSIC)?;
-            return Ok(Row::Error { class: id, data });
+            let flags = self.marks;
+            return Ok(Row::Error { class: id, flags, data });
         }
         within(data.len(), MAX_DATA)?;
         let mut flags = self.marks | if self.fd { FD } else { 0 };

@@ -19,6 +19,8 @@ pub(super) struct Channel {
     pub names: Names,
     /// Direction of all frames that do not state theirs; [`FD`] if all are CAN FD.
     pub flags: u16,
+    /// Whether its messages, or the recorder, state times.
+    pub timed: bool,
     /// Identifiers that have had more data than a classic frame holds.
     long: HashSet<u32>,
     /// Messages so far.
@@ -33,6 +35,7 @@ impl Channel {
             layout,
             names,
             flags: 0,
+            timed: true,
             long: HashSet::new(),
             messages,
         }

@@ -11,22 +11,27 @@ const TOLERANCE: i64 = 20_000_000;
 /// How far two clocks may drift apart during a capture.
 const FAR: i64 = 500_000_000;
 /// A bound, should times stand still.
-const MOST: usize = 1 << 16;
+const MOST: usize = 1 << 20;
 
 #[derive(Default)]
 pub(super) struct Overlaps {
     /// The capture that recorded a bus first, and whether another one did, too.
     owners: HashMap<u8, (usize, bool)>,
-    recent: HashMap<u64, VecDeque<Seen>>,
+    recent: HashMap<u64, Twins>,
     order: VecDeque<(i64, u64)>,
     /// Times of the second capture minus those of the first one, as last seen.
     skew: HashMap<(usize, usize), i64>,
 }
 
-struct Seen {
-    t: i64,
-    /// The captures that hold it.
-    inputs: Vec<usize>,
+/// Frames of one content: times, and the captures that showed them first.
+#[derive(Default)]
+struct Twins {
+    seen: VecDeque<(i64, usize)>,
+    /// Frames forgotten in front of `seen`.
+    gone: usize,
+    /// By capture, the number of the first frame that it may still show again: what lies before is matched, its own, or
+    /// too long ago.
+    open: Vec<(usize, usize)>,
 }
 
 impl Overlaps {
@@ -43,18 +48,11 @@ impl Overlaps {
         }
         self.forget(t);
         let key = content(bus, frame);
-        let seen = self.recent.entry(key).or_default();
-        for twin in seen.iter_mut().filter(|twin| !twin.inputs.contains(&input)) {
-            let skew = self.skew.entry((twin.inputs[0], input)).or_insert(0);
-            let off = t.saturating_sub(twin.t).saturating_sub(*skew);
-            if off.saturating_abs() <= TOLERANCE {
-                *skew = (*skew + off / 16).clamp(-FAR, FAR);
-                twin.inputs.push(input);
-                return true;
-            }
+        let twins = self.recent.entry(key).or_default();
+        if twins.shown_again(input, t, &mut self.skew) {
+            return true;
         }
-        let inputs = vec![input];
-        seen.push_back(Seen { t, inputs });
+        twins.seen.push_back((t, input));
         self.order.push_back((t, key));
         false
     }
@@ -65,13 +63,39 @@ impl Overlaps {
                 return;
             }
             self.order.pop_front();
-            if let Some(seen) = self.recent.get_mut(&key) {
-                seen.pop_front();
-                if seen.is_empty() {
+            if let Some(twins) = self.recent.get_mut(&key) {
+                twins.seen.pop_front();
+                twins.gone += 1;
+                if twins.seen.is_empty() {
                     self.recent.remove(&key);
                 }
             }
         }
+    }
+}
+
+impl Twins {
+    /// Whether a frame of `input` is one of these; each of them is looked at once for each capture.
+    fn shown_again(&mut self, input: usize, t: i64, skew: &mut HashMap<(usize, usize), i64>) -> bool {
+        let at = self.open.iter().position(|(of, _)| *of == input).unwrap_or_else(|| {
+            self.open.push((input, 0));
+            self.open.len() - 1
+        });
+        let open = &mut self.open[at].1;
+        *open = (*open).max(self.gone);
+        while let Some(&(earlier, owner)) = self.seen.get(*open - self.gone) {
+            let skew = skew.entry((owner, input)).or_insert(0);
+            let off = t.saturating_sub(earlier).saturating_sub(*skew);
+            if owner != input && off < -TOLERANCE {
+                return false;
+            }
+            *open += 1;
+            if owner != input && off <= TOLERANCE {
+                *skew = (*skew + off / 16).clamp(-FAR, FAR);
+                return true;
+            }
+        }
+        false
     }
 }
 

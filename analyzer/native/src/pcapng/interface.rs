@@ -12,14 +12,21 @@ const SECOND: u64 = 1_000_000_000;
 /// Longer names are cut.
 const MAX_NAME: usize = 64;
 const NAME: u16 = 2;
+const DESCRIPTION: u16 = 3;
 const RESOLUTION: u16 = 9;
 const OFFSET: u16 = 14;
+
+/// The description of an interface whose packets have stamps only because the format wants them: captures without times
+/// are written so. Packets without stamps ("simple" ones) would not do, as all of them belong to the first interface.
+pub const NO_STAMPS: &[u8] = b"tailbyte: no time stamps";
 
 #[derive(Default)]
 pub struct Interface {
     /// `None`: it carries no CAN frames, or its description is lost.
     pub link: Option<Link>,
-    pub clock: Clock,
+    clock: Clock,
+    /// Its stamps say nothing.
+    untimed: bool,
     /// Bytes captured of a packet at most.
     pub limit: usize,
     /// Packets that the statistics so far call lost.
@@ -46,6 +53,7 @@ impl Interface {
         for (code, value) in options {
             match (code, value) {
                 (NAME, [_, ..]) => interface.name = trimmed(value).to_vec(),
+                (DESCRIPTION, _) => interface.untimed = trimmed(value) == NO_STAMPS,
                 (RESOLUTION, [exponent, ..]) => interface.clock.unit = Unit::of(*exponent),
                 (OFFSET, [_, _, _, _, _, _, _, _]) => interface.clock.offset = order.u64(value, 0) as i64,
                 _ => {}
@@ -66,6 +74,20 @@ impl Interface {
         self.unknown
     }
 
+    /// The time of a stamp, [`NO_TIME`] if stamps say nothing here; `None` if it is out of range.
+    pub fn time(&self, stamp: u64) -> Option<i64> {
+        if self.untimed {
+            Some(NO_TIME)
+        } else {
+            self.clock.time(stamp)
+        }
+    }
+
+    /// How finely stamps resolve time.
+    pub fn resolution(&self) -> Stamps {
+        self.clock.resolution()
+    }
+
     /// The index in the rows; `None` when there are too many.
     pub fn bus(&mut self, rows: &mut Rows) -> Option<u8> {
         self.bus = self.bus.or_else(|| rows.bus(&self.name));
@@ -81,7 +103,7 @@ fn trimmed(name: &[u8]) -> &[u8] {
 
 /// How the time stamps of an interface count.
 #[derive(Clone, Copy, Default)]
-pub struct Clock {
+struct Clock {
     unit: Unit,
     /// Seconds that stamps count from.
     offset: i64,
@@ -119,7 +141,7 @@ impl Unit {
 
 impl Clock {
     /// Nanoseconds, those of finer stamps cut; `None` if they do not fit 64 bits.
-    pub fn time(self, stamp: u64) -> Option<i64> {
+    fn time(self, stamp: u64) -> Option<i64> {
         let ns = match self.unit {
             Unit::Of(factor) => u128::from(stamp) * u128::from(factor),
             Unit::Part(divisor) => u128::from(stamp.checked_div(divisor).unwrap_or(0)),
@@ -129,8 +151,7 @@ impl Clock {
         i64::try_from(ns).ok().filter(|ns| *ns != NO_TIME)
     }
 
-    /// How finely stamps resolve time.
-    pub fn resolution(self) -> Stamps {
+    fn resolution(self) -> Stamps {
         match self.unit {
             Unit::Of(1000..) | Unit::Binary(..20) => Stamps::MICROSECONDS,
             _ => Stamps::NANOSECONDS,

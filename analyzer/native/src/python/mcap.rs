@@ -23,13 +23,17 @@ impl McapWalk {
     }
 
     /// Says what the messages of a channel look like, again for a change. `bus` names the interface of messages that
-    /// name none, `flags` marks frames that do not state their direction. Raises `ValueError` for a bad layout.
-    #[pyo3(signature = (id, bus, layout, flags = 0))]
-    fn channel(&mut self, id: u16, bus: &str, layout: &Bound<'_, PyTuple>, flags: u16) -> PyResult<()> {
+    /// name none, `flags` marks frames that do not state their direction; without `timed` no frame has a time, whatever
+    /// the stamps of its message are. Raises `ValueError` for a bad layout.
+    #[pyo3(signature = (id, bus, layout, flags = 0, timed = true))]
+    fn channel(&mut self, id: u16, bus: &str, layout: &Bound<'_, PyTuple>, flags: u16, timed: bool) -> PyResult<()> {
         let layout =
             read_layout(layout).map_err(|error| PyValueError::new_err(error.value(layout.py()).to_string()))?;
         self.0.channel(id, bus, layout);
         self.0.mark(id, flags);
+        if !timed {
+            self.0.untimed(id);
+        }
         Ok(())
     }
 
@@ -78,6 +82,12 @@ impl McapWalk {
     #[getter]
     fn log_times(&self) -> u64 {
         self.0.log_times
+    }
+
+    /// Frames and error frames of channels without times.
+    #[getter]
+    fn absent_times(&self) -> u64 {
+        self.0.absent_times
     }
 
     /// Frames and error frames with the time that their message states.

@@ -103,6 +103,7 @@ fn events_of(columns: &Columns) -> PyResult<Events> {
         line: column(columns, "line")?,
         kind: column(columns, "kind")?,
         class: column(columns, "class")?,
+        flags: column(columns, "flags")?,
         tx_errors: column(columns, "tx_errors")?,
         rx_errors: column(columns, "rx_errors")?,
         errors_valid: column(columns, "tx_errors_valid")?,
@@ -132,10 +133,11 @@ impl Rows {
         Ok(())
     }
 
-    /// An error frame with its class bits. Raises `ValueError` when there are too many buses.
-    fn error_frame(&mut self, t: Option<i64>, bus: &str, class_: u32, data: &[u8]) -> PyResult<()> {
+    /// An error frame with its class bits; of `flags` TX and RX count. Raises `ValueError` when there are too many buses.
+    #[pyo3(signature = (t, bus, class_, data, flags = 0))]
+    fn error_frame(&mut self, t: Option<i64>, bus: &str, class_: u32, data: &[u8], flags: u16) -> PyResult<()> {
         let bus = self.bus(bus)?;
-        self.0.error_frame(t.unwrap_or(NO_TIME), bus, class_, data);
+        self.0.error_frame(t.unwrap_or(NO_TIME), bus, class_, flags, data);
         Ok(())
     }
 

@@ -77,11 +77,12 @@ impl Messages {
         self.0.waiting()
     }
 
-    /// Bus, direction (0 unknown, 1 received, 2 sent) and whether CAN FD, from channel `first` (counted from 0) on.
-    fn channels(&self, first: usize) -> Vec<(String, u8, bool)> {
+    /// Bus, direction (0 unknown, 1 received, 2 sent), whether CAN FD and whether there are times, from channel `first`
+    /// (counted from 0) on.
+    fn channels(&self, first: usize) -> Vec<(String, u8, bool, bool)> {
         let channels = self.0.channels().iter().skip(first);
         channels
-            .map(|channel| (channel.bus.clone(), channel.direction as u8, channel.fd))
+            .map(|one| (one.bus.clone(), one.direction as u8, one.fd, one.timed))
             .collect()
     }
 

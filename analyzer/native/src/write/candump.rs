@@ -107,12 +107,7 @@ impl Candump {
                 _ => self.account.add(Loss::RawCode),
             }
         }
-        if flags & TX != 0 {
-            out.extend(b" T");
-        } else if flags & RX != 0 {
-            out.extend(b" R");
-        }
-        out.push(b'\n');
+        end(flags, out);
     }
 
     fn event(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
@@ -123,7 +118,7 @@ impl Candump {
                 hex(&(events.class[row] | WORD_ERROR).to_be_bytes(), out);
                 out.push(b'#');
                 hex(events.data_of(row), out);
-                out.push(b'\n');
+                end(events.flags[row], out);
                 return;
             }
             EventKind::Unreadable => return,
@@ -193,6 +188,16 @@ impl Candump {
         out.extend(self.names.get(usize::from(bus)).map_or(&b"can"[..], Vec::as_slice));
         out.push(b' ');
     }
+}
+
+/// The direction, if it is known, and the end of the line.
+fn end(flags: u16, out: &mut Vec<u8>) {
+    if flags & TX != 0 {
+        out.extend(b" T");
+    } else if flags & RX != 0 {
+        out.extend(b" R");
+    }
+    out.push(b'\n');
 }
 
 /// A name that is one word of a line, and not the start of another kind of line.

@@ -2,7 +2,7 @@
 //! for CAN FD, both in little-endian CDR. Chunks, channels and the summary are the business of the caller.
 #![forbid(unsafe_code)]
 
-use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row};
+use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row, Stamper};
 use crate::events::EventKind;
 use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, NO_TIME, REMOTE, RX, TX};
 use crate::piece::Piece;
@@ -34,12 +34,24 @@ pub enum Direction {
     Sent = 2,
 }
 
-/// Messages of one bus, direction and type; its ID is its place in [`Messages::channels`] plus 1.
+impl Direction {
+    fn of(flags: u16) -> Direction {
+        match flags & (TX | RX) {
+            0 => Direction::Unknown,
+            RX => Direction::Received,
+            _ => Direction::Sent,
+        }
+    }
+}
+
+/// Messages of one bus, direction and type, with times or without; its ID is its place in [`Messages::channels`] plus 1.
 #[derive(Clone, Debug)]
 pub struct Channel {
     pub bus: String,
     pub direction: Direction,
     pub fd: bool,
+    /// Without times there is no stamp in the messages, and the log time is that of the message before.
+    pub timed: bool,
     /// Messages so far, in all chunks.
     pub messages: u64,
     /// What all its records start with; times and lengths are filled in.
@@ -62,12 +74,13 @@ pub struct Chunk {
 #[derive(Default)]
 pub struct Messages {
     channels: Vec<Channel>,
-    /// Channel IDs by bus, direction and CAN FD; 0 is none.
+    /// Channel IDs by bus, lack of times, direction and CAN FD; 0 is none.
     known: Vec<u16>,
     out: Vec<u8>,
     span: Option<(u64, u64)>,
-    /// The last time and bus: drop counts may have none.
-    last: (i64, u8),
+    /// Of the last row: drop counts may have neither a time nor a bus.
+    stamper: Stamper,
+    bus: u8,
     account: Account,
 }
 
@@ -87,6 +100,7 @@ impl Messages {
     /// Appends rows of a piece, from row `start` on in the order of its records, until `limit` bytes are waiting.
     /// Returns the row to go on with, `None` at the end of the piece.
     pub fn add(&mut self, piece: &Piece, start: usize, limit: usize) -> Option<usize> {
+        self.stamper.look_ahead(piece);
         for (at, row) in InOrder::new(piece).enumerate().skip(start) {
             if self.out.len() >= limit {
                 return Some(at);
@@ -153,11 +167,7 @@ impl Messages {
         let can = Can {
             t: frames.t[row],
             bus: frames.bus[row],
-            direction: match flags & (TX | RX) {
-                0 => Direction::Unknown,
-                RX => Direction::Received,
-                _ => Direction::Sent,
-            },
+            direction: Direction::of(flags),
             id: frames.id[row],
             flags: [remote, flags & EXTENDED != 0, false],
             length: if remote {
@@ -170,7 +180,6 @@ impl Messages {
         self.message(piece, fd, &can);
     }
 
-    /// Error frames are what the interface received.
     fn event(&mut self, piece: &Piece, row: usize) {
         let (events, data) = (&piece.events, piece.events.data_of(row));
         let (t, bus) = (events.t[row], events.bus[row]);
@@ -179,8 +188,8 @@ impl Messages {
             EventKind::ErrorFrame => (t, bus, events.class[row], data),
             EventKind::Drop => {
                 self.account.add(Loss::DropCount);
-                let t = if t == NO_TIME { self.last.0 } else { t };
-                let bus = bus_of(events, row).unwrap_or(self.last.1);
+                let t = if t == NO_TIME { self.stamper.last() } else { t };
+                let bus = bus_of(events, row).unwrap_or(self.bus);
                 (t, bus, CONTROLLER, &OVERFLOW[..])
             }
             EventKind::Unreadable => return,
@@ -189,7 +198,7 @@ impl Messages {
         let can = Can {
             t,
             bus,
-            direction: Direction::Received,
+            direction: Direction::of(events.flags[row]),
             id,
             flags: [false, false, true],
             length: data.len() as u8,
@@ -199,9 +208,9 @@ impl Messages {
     }
 
     fn message(&mut self, piece: &Piece, fd: bool, can: &Can<'_>) {
-        let time = self.time(can.t);
-        self.last = (can.t, can.bus);
-        let id = self.channel(piece, can.bus, can.direction, fd);
+        let time = self.stamper.stamp(can.t, &mut self.account);
+        self.bus = can.bus;
+        let id = self.channel(piece, can, fd);
         let channel = &mut self.channels[usize::from(id) - 1];
         let start = self.out.len();
         channel.index.extend_from_slice(&time.to_le_bytes());
@@ -226,7 +235,7 @@ impl Messages {
         record[LOG_TIME..PUBLISH_TIME].copy_from_slice(&time.to_le_bytes());
         record[PUBLISH_TIME..DATA].copy_from_slice(&time.to_le_bytes());
         // Beyond the signed seconds of ROS the stamp is left out, and the log time holds alone.
-        if let Ok(seconds) = i32::try_from(time as i64 / SECOND) {
+        if let (true, Ok(seconds)) = (channel.timed, i32::try_from(time as i64 / SECOND)) {
             record[STAMP..STAMP + 4].copy_from_slice(&seconds.to_le_bytes());
             record[STAMP + 4..STAMP + 8].copy_from_slice(&((time as i64 % SECOND) as u32).to_le_bytes());
         }
@@ -235,26 +244,20 @@ impl Messages {
         self.span = Some((first.min(time), last.max(time)));
     }
 
-    fn time(&mut self, t: i64) -> u64 {
-        u64::try_from(t).unwrap_or_else(|_| {
-            self.account
-                .add(if t == NO_TIME { Loss::NoTime } else { Loss::EarlyTime });
-            0
-        })
-    }
-
-    fn channel(&mut self, piece: &Piece, bus: u8, direction: Direction, fd: bool) -> u16 {
-        let key = usize::from(bus) << 3 | (direction as usize) << 1 | usize::from(fd);
+    fn channel(&mut self, piece: &Piece, can: &Can<'_>, fd: bool) -> u16 {
+        let (timed, direction) = (can.t != NO_TIME, can.direction);
+        let key = usize::from(can.bus) << 4 | usize::from(!timed) << 3 | (direction as usize) << 1 | usize::from(fd);
         if self.known.len() <= key {
             self.known.resize(key + 1, 0);
         }
         if self.known[key] == 0 {
-            let (id, name) = (self.channels.len() as u16 + 1, name(piece, bus));
+            let (id, name) = (self.channels.len() as u16 + 1, name(piece, can.bus));
             self.known[key] = id;
             self.channels.push(Channel {
                 bus: name.to_owned(),
                 direction,
                 fd,
+                timed,
                 messages: 0,
                 start: beginning(id, name.as_bytes()),
                 index: vec![],

@@ -1,12 +1,14 @@
 //! pcapng with one section: packets of `LINKTYPE_CAN_SOCKETCAN`, each interface described where it first appears.
+//! Packets without times are those of a second interface of the same name, whose description says so ([`NO_STAMPS`]).
 #![forbid(unsafe_code)]
 
-use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row, Writer};
+use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row, Stamper, Writer};
 use crate::events::EventKind;
 use crate::frames::{
     BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, MAX_DATA, NO_TIME, REMOTE, RX, TX, WORD_ERROR, WORD_EXTENDED,
     WORD_REMOTE,
 };
+use crate::pcapng::NO_STAMPS;
 use crate::piece::Piece;
 
 const SECTION: u32 = 0x0A0D_0D0A;
@@ -17,6 +19,7 @@ const LINK_CAN: u16 = 227;
 /// Options: of a section, an interface, a packet, statistics.
 const APPLICATION: u16 = 4;
 const INTERFACE_NAME: u16 = 2;
+const DESCRIPTION: u16 = 3;
 const RESOLUTION: u16 = 9;
 const PACKET_FLAGS: u16 = 2;
 const DROPPED: u16 = 5;
@@ -33,13 +36,18 @@ const FLAG_FD: u8 = 4;
 /// Blocks in the byte order of most machines, little endian.
 #[derive(Default)]
 pub struct Pcapng {
-    /// Number of the interface in the file, by bus.
-    numbers: Vec<Option<u32>>,
-    /// Frames lost so far, by number of the interface.
-    dropped: Vec<u64>,
-    /// The last time: drop counts may have none, statistics need one.
-    last: u64,
+    /// Numbers of the interfaces in the file by bus: the one without times, and the one with.
+    numbers: Vec<[Option<u32>; 2]>,
+    /// By number.
+    interfaces: Vec<Described>,
+    stamper: Stamper,
     account: Account,
+}
+
+struct Described {
+    timed: bool,
+    /// Frames lost so far.
+    dropped: u64,
 }
 
 /// What a packet says of one frame.
@@ -69,6 +77,7 @@ impl Writer for Pcapng {
     }
 
     fn write(&mut self, piece: &Piece, out: &mut Vec<u8>) {
+        self.stamper.look_ahead(piece);
         out.reserve(64 * piece.frames.len() + piece.frames.data.len());
         for row in InOrder::new(piece) {
             match row {
@@ -108,7 +117,7 @@ impl Pcapng {
         }
         let packet = Packet {
             t: frames.t[row],
-            interface: self.interface(piece, frames.bus[row], out),
+            interface: self.interface(piece, frames.bus[row], frames.t[row], out),
             word: id
                 | if flags & EXTENDED != 0 { WORD_EXTENDED } else { 0 }
                 | if flags & (REMOTE | FD) == REMOTE {
@@ -125,11 +134,7 @@ impl Pcapng {
             raw: if usize::from(length) == MAX_CLASSIC { raw } else { 0 },
             room: if is_fd { MAX_DATA } else { MAX_CLASSIC },
             data,
-            direction: match flags & (TX | RX) {
-                0 => 0,
-                RX => INBOUND,
-                _ => OUTBOUND,
-            },
+            direction: direction(flags),
         };
         self.packet(&packet, out);
     }
@@ -141,14 +146,14 @@ impl Pcapng {
             EventKind::ErrorFrame => {
                 let packet = Packet {
                     t: events.t[row],
-                    interface: self.interface(piece, events.bus[row], out),
+                    interface: self.interface(piece, events.bus[row], events.t[row], out),
                     word: events.class[row] | WORD_ERROR,
                     length: data.len() as u8,
                     marks: 0,
                     raw: 0,
                     room: MAX_CLASSIC,
                     data,
-                    direction: 0,
+                    direction: direction(events.flags[row]),
                 };
                 self.packet(&packet, out);
             }
@@ -159,7 +164,7 @@ impl Pcapng {
     }
 
     fn packet(&mut self, packet: &Packet<'_>, out: &mut Vec<u8>) {
-        let stamp = self.stamp(packet.t);
+        let stamp = self.stamper.stamp(packet.t, &mut self.account);
         let size = 8 + packet.room as u32;
         let mut head = [0; 36];
         head[..4].copy_from_slice(&packet.interface.to_le_bytes());
@@ -181,23 +186,24 @@ impl Pcapng {
         });
     }
 
-    /// Statistics count from the start of the capture. A count without an interface goes to the first one.
+    /// Statistics count from the start of the capture. A count without a time gets that of the record before, one without
+    /// an interface goes to the first one.
     fn drop_count(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
         let events = &piece.events;
+        let t = match events.t[row] {
+            NO_TIME => self.stamper.last(),
+            t => t,
+        };
         let interface = if let Some(bus) = bus_of(events, row) {
-            self.interface(piece, bus, out)
+            self.interface(piece, bus, t, out)
         } else {
             self.account.add(Loss::DropBus);
-            if self.dropped.is_empty() {
-                self.describe(b"any", out);
-            }
-            0
+            let timed = t != NO_TIME;
+            let first = self.interfaces.iter().position(|one| one.timed == timed);
+            first.map_or_else(|| self.describe(b"any", timed, out), |first| first as u32)
         };
-        let stamp = match events.t[row] {
-            NO_TIME => self.last,
-            t => self.stamp(t),
-        };
-        let dropped = &mut self.dropped[interface as usize];
+        let stamp = self.stamper.stamp(t, &mut self.account);
+        let dropped = &mut self.interfaces[interface as usize].dropped;
         *dropped += u64::from(events.class[row]);
         let dropped = dropped.to_le_bytes();
         block(STATISTICS, out, |out| {
@@ -209,40 +215,42 @@ impl Pcapng {
         });
     }
 
-    /// The number of an interface, which is described now if it was not before.
-    fn interface(&mut self, piece: &Piece, bus: u8, out: &mut Vec<u8>) -> u32 {
-        let at = usize::from(bus);
+    /// The number of the interface for a row of this time, which is described now if it was not before.
+    fn interface(&mut self, piece: &Piece, bus: u8, t: i64, out: &mut Vec<u8>) -> u32 {
+        let (at, timed) = (usize::from(bus), t != NO_TIME);
         if self.numbers.len() <= at {
-            self.numbers.resize(at + 1, None);
+            self.numbers.resize(at + 1, [None; 2]);
         }
-        if let Some(number) = self.numbers[at] {
+        if let Some(number) = self.numbers[at][usize::from(timed)] {
             return number;
         }
-        let number = self.describe(name(piece, bus).as_bytes(), out);
-        self.numbers[at] = Some(number);
+        let number = self.describe(name(piece, bus).as_bytes(), timed, out);
+        self.numbers[at][usize::from(timed)] = Some(number);
         number
     }
 
-    fn describe(&mut self, name: &[u8], out: &mut Vec<u8>) -> u32 {
+    fn describe(&mut self, name: &[u8], timed: bool, out: &mut Vec<u8>) -> u32 {
         block(INTERFACE, out, |out| {
             out.extend(LINK_CAN.to_le_bytes());
             out.extend([0; 6]); // reserved; packets of any size
             option(INTERFACE_NAME, name, out);
+            if !timed {
+                option(DESCRIPTION, NO_STAMPS, out);
+            }
             option(RESOLUTION, &[NANOSECONDS], out);
             option(0, &[], out);
         });
-        self.dropped.push(0);
-        self.dropped.len() as u32 - 1
+        self.interfaces.push(Described { timed, dropped: 0 });
+        self.interfaces.len() as u32 - 1
     }
+}
 
-    fn stamp(&mut self, t: i64) -> u64 {
-        if let Ok(stamp) = u64::try_from(t) {
-            self.last = stamp;
-            return stamp;
-        }
-        self.account
-            .add(if t == NO_TIME { Loss::NoTime } else { Loss::EarlyTime });
-        0
+/// The value of `PACKET_FLAGS`; 0 if the direction is not known.
+fn direction(flags: u16) -> u32 {
+    match flags & (TX | RX) {
+        0 => 0,
+        RX => INBOUND,
+        _ => OUTBOUND,
     }
 }
 
