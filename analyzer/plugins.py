@@ -122,7 +122,7 @@ class _Columns:
         """What frames and error frames both have."""
         valid = self.cells["t_valid"]
         return {
-            "timestamp": self._t[row] / 10**9 if valid is None or valid[row] else 0.0,
+            "timestamp": self._t[row] / 10**9 if valid is None or valid[row >> 3] >> (row & 7) & 1 else 0.0,
             "channel": self._buses[self.cells["bus"][row]],
             "data": bytearray(self.cells["data"][self._offset[row] : self._offset[row + 1]]),
         }

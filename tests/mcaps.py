@@ -195,6 +195,11 @@ class Layout:
     write: Callable[[Frame], bytes]
 
 
+def proto(write: Callable[[Frame], bytes], **types: dict[str, tuple[int, str]]) -> Layout:
+    """Messages of the first of these types, all in the package `p`."""
+    return Layout(f"p.{next(iter(types))}", "protobuf", descriptors("p", **types), "protobuf", write)
+
+
 LAYOUTS = {
     "can_msgs": Layout("can_msgs/msg/Frame", "ros2msg", (FIELDS["Frame"] + STAMP2).encode(), "cdr", classic(header2)),
     "idl": Layout("can_msgs/msg/Frame", "ros2idl", IDL.encode(), "cdr", classic(header2)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import gzip
 import os
 import resource
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 import encode
 import pyarrow.parquet as pq
 import pytest
-from command import CAPTURES, HOVER, commands, environment, log, run, start, wait_until
+from command import CAPTURES, HOVER, START, commands, environment, log, run, start, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -225,3 +226,18 @@ def test_fields_that_are_called_like_other_columns(command: Main, tmp_path: Path
         assert pq.read_table(target, columns=["src.field"]).to_pydict() == {"src.field": [0, 1]}
         assert len(set(names)) == len(names)
         assert set(names) > {"src", "src.field", "t.field", "bus.field", "transfer.field", "trusted.field"}
+
+
+def test_a_field_that_is_called_like_the_nanoseconds(command: Main, tmp_path: Path) -> None:
+    (tmp_path / "acme").mkdir()
+    (tmp_path / "acme/1030.Pump.uavcan").write_text("uint8 t_ns\nuint8 t\n")
+    (tmp_path / "a.log").write_bytes(log(commands(0, 1_000_000)))
+    target = tmp_path / "pump.csv"
+    args = ("--table", "acme.Pump", "--dissector", tmp_path / "acme")
+    assert command("export", tmp_path / "a.log", "-o", target, *args)[0] == 0
+    with target.open(newline="") as file:
+        names, first, second = csv.reader(file)
+    assert len(set(names)) == len(names)
+    assert names[1:3] == ["t_ns", "t"]
+    assert names[-2:] == ["t_ns.field", "t.field"]
+    assert (first[1], first[-2], second[-2]) == (str(START), "0", "1")

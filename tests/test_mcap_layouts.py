@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import base64
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from mcap_runs import Got, from_pieces
-from mcaps import EXTENDED, FD, Builder, Frame, Layout, descriptors, pb
+from mcaps import EXTENDED, FD, Builder, Frame, Layout, descriptors, pb, proto
 
 from analyzer.sources.mcap import descriptor, idl, protobuf, ros
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 ROW = Frame(1_700_000_000_123_456_789, 0x123, bytes.fromhex("A6350000"), "can7", 0)
 BRS, TX = 16, 64
@@ -86,10 +83,10 @@ def test_json_that_is_none_does_not_decide() -> None:
     builder = Builder()
     good, bad = in_json({"id": 5, "data": [1]}), Layout("", "", b"", "json", lambda _: b"{")
     for layout in (bad, good):
-        builder.add("/x", layout, ROW)
+        builder.add("/can5", layout, ROW)
     got = from_pieces([builder.bytes()])
-    assert [(frame.id, frame.bus) for frame in got.frames] == [(5, "x")]
-    assert got.lines["unreadable"] == 1
+    assert [(frame.id, frame.bus) for frame in got.frames] == [(5, "can5")]
+    assert got.texts == ["message of channel 1: not JSON"]
 
 
 @pytest.mark.parametrize(
@@ -98,10 +95,6 @@ def test_json_that_is_none_does_not_decide() -> None:
 def test_json_that_is_no_frame(value: Any) -> None:
     got = read(in_json(value))
     assert (got.frames, got.lines["other"], got.lines["unreadable"]) == ([], 1, 0)
-
-
-def proto(write: Callable[[Frame], bytes], **types: dict[str, tuple[int, str]]) -> Layout:
-    return Layout(f"p.{next(iter(types))}", "protobuf", descriptors("p", **types), "protobuf", write)
 
 
 PROTOS = {
@@ -131,7 +124,10 @@ PROTOS = {
 def test_protobuf_by_names(name: str) -> None:
     got = read(PROTOS[name][0])
     assert got.frames == [ROW]
-    assert got.notes == ["time is log_time"]
+    assert got.notes == [
+        "protobuf without a flag for extended frames: ids above 0x7FF are taken as extended",
+        "time is log_time",
+    ]
 
 
 def test_protobuf_that_is_no_frame() -> None:
@@ -151,10 +147,10 @@ def test_protobuf_that_is_no_frame() -> None:
 def test_descriptors_that_never_end() -> None:
     """Messages that hold themselves, and damaged ones."""
     data = descriptors("p", A={"a": (1, "p.A"), "b": (2, "p.A"), "c": (3, "p.A"), "d": (4, "p.A")})
-    assert protobuf.layout_of("p.A", data) == (None, False)
+    assert protobuf.layout_of("p.A", data, named=True) == (None, "")
     for at in range(len(data)):
         for bad in (data[:at], data[:at] + bytes([data[at] ^ 0x55]) + data[at + 1 :]):
-            protobuf.layout_of("p.A", bad)
+            protobuf.layout_of("p.A", bad, named=True)
     deep = b""
     for _ in range(200):
         deep = pb((1, "M"), (3, deep))

@@ -137,6 +137,16 @@ def test_packets_without_time_and_drops() -> None:
     assert result.events == [("drop", "12 frames dropped by the interface, 0 by the system so far")]
 
 
+def test_an_interface_without_a_name_shares_none() -> None:
+    section = Section("<")
+    section.interface(CAN, (2, b"can1"))
+    section.interface()
+    frames = [Frame(START, bus, number, 0, b"") for number, bus in enumerate(("can1", "interface1"))]
+    for index, frame in enumerate(frames):
+        section.packet(index, START // 1000, packet(frame))
+    assert read("pcapng", section.out).frames == frames
+
+
 def captures() -> dict[str, bytes]:
     frames = [Frame(START, "can0", at, 1, bytes([at] * 8)) for at in range(1, 9)]
     section = Section(">")
@@ -175,5 +185,10 @@ def test_a_wrong_byte_costs_one_packet(form: str) -> None:
 def test_no_capture_of_can() -> None:
     result = read("pcap", pcap([], link=COOKED)[:20] + struct.pack("<I", ETHERNET) + bytes(100))
     assert (result.damage, result.lines["lines"]) == ((0, "link type 1 carries no CAN frames"), 0)
+    section = Section("<")
+    section.interface(ETHERNET)
+    section.packet(0, 1, b"an ethernet frame")
+    result = read("pcapng", section.out)
+    assert (result.damage, result.lines["other"]) == ((0, "link type 1 carries no CAN frames"), 3)
     assert read("pcapng", b"\n\r\r\n" + bytes(100)).damage == (0, "not pcapng data")
     assert read("pcap", b"").damage is None

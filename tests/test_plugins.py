@@ -159,9 +159,9 @@ def test_error_frames_and_names_of_buses(suffix: str, tmp_path: Path) -> None:
 def test_any_capture_can_be_read(tmp_path: Path) -> None:
     """The suffix finds the reader; the content says what it is. Frames without a time have 0."""
     path = tmp_path / "log.pcap"
-    path.write_text("can0 123#AB\n")
-    (one,) = can.LogReader(path)
-    assert (one.timestamp, one.arbitration_id, bytes(one.data)) == (0.0, 0x123, b"\xab")
+    path.write_text("".join(f"{'(1.500000) ' if n % 3 == 0 else ''}can0 123#{n:02X}\n" for n in range(40)))
+    got = [(frame.timestamp, frame.arbitration_id, frame.data[0]) for frame in can.LogReader(path)]
+    assert got == [(1.5 if n % 3 == 0 else 0.0, 0x123, n) for n in range(40)]
     path.write_bytes(b"\xfd7zXZ\0")
     with can.LogReader(path) as reader, pytest.raises(analyzer.CaptureError, match="looks like xz"):
         list(reader)

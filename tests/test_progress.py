@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from analyzer.cli.progress import PATIENCE, Progress, line
+from analyzer.cli.progress import PATIENCE, Progress, labelled, line
 
 
 @dataclass
@@ -79,3 +79,30 @@ def test_the_line() -> None:
     assert line(Reading(2_500_000_000), 5, 80) == "2.5 GB  500 MB/s"
     assert line(Reading(0, 0), 5, 80) == "0 B  0 B/s"
     assert line(Reading(2_500_000_000), 5, 7) == "2.5 GB"
+
+
+def test_a_narrow_line_loses_whole_parts() -> None:
+    reading = Reading(250, 1000)
+    texts = [line(reading, 1, width) for width in range(80)]
+    assert list(dict.fromkeys(texts)) == [
+        "",
+        " 25%",
+        " 25%  0:03 left",
+        " 25% 250 B/s  0:03 left",
+        " 25% [########......................] 250 B/s  0:03 left",
+    ]
+    assert all(len(text) < max(width, 1) for width, text in enumerate(texts))
+    assert {line(Reading(2500), 1, width) for width in range(80)} == {"", "2 kB", "2 kB  2 kB/s"}
+
+
+def test_work_without_a_measure(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert [labelled("writing", 75, width) for width in (80, 14, 13, 8, 7)] == [
+        "writing  1:15", "writing  1:15", "writing", "writing", "",
+    ]  # fmt: skip
+    stderr, now = Terminal(), 0.0
+    monkeypatch.setattr(sys, "stderr", stderr)
+    monkeypatch.setenv("TERM", "xterm")
+    with Progress(Reading(100, 100), clock=lambda: now) as progress:
+        for part in progress.over(range(3), "writing"):
+            now = 10 * (part + 1.0)
+    assert stderr.text == "\r\x1b[Kwriting  0:10\r\x1b[Kwriting  0:20\r\x1b[K"

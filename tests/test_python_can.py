@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import gzip
+import io
+import resource
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 import zstandard
@@ -15,8 +18,10 @@ from with_can import FD_LENGTHS, TEXT, WRITERS, frames, read, total, written
 from analyzer._native import Piece
 from analyzer.sources import CaptureError, Source
 from analyzer.sources.formats import detect
+from analyzer.sources.python_can import mdf
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 T0 = 1_700_000_000_000_000_000
@@ -139,6 +144,79 @@ def test_mdf_without_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
         read(".mf4", b"MDF     4.10")
 
 
+NO_MDF = "capture.mf4: damaged, or not of the kinds of MDF 4 that asammdf reads"
+
+
 def test_what_is_no_mdf_is_refused() -> None:
-    with pytest.raises(CaptureError, match=r"^capture.mf4: not read by asammdf \(.*\)$"):
-        read(".mf4", b"MDF     4.10" + bytes(500))
+    """In words of our own, whatever asammdf trips over."""
+    data = written(".mf4", SAMPLE)
+    for bad in (b"MDF     4.10" + bytes(500), data[:3000], data[:100] + bytes(2000) + data[2100:], data[:64]):
+        with pytest.raises(CaptureError) as caught:
+            read(".mf4", bad)
+        assert str(caught.value) == NO_MDF
+
+
+def test_a_packed_mdf_that_ends_early_says_where(tmp_path: Path) -> None:
+    path = tmp_path / "x.mf4.gz"
+    data = gzip.compress(written(".mf4", SAMPLE))[:-900]
+    path.write_bytes(data)
+    with pytest.raises(CaptureError) as caught:
+        list(Source(str(path)).chunks())
+    assert str(caught.value) == f"{path}: byte {len(data)}: gzip data ends early"
+
+
+def test_no_room_for_the_temporary_file_of_mdf(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def full() -> Iterator[bytes]:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 12, limits[1]))
+        yield data
+
+    data = written(".mf4", SAMPLE)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    source = Source("capture.mf4")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        with pytest.raises(CaptureError, match=rf"^capture.mf4: temporary file {tmp_path}/\w+.mf4: File too large$"):
+            list(mdf.read(source, full()))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
+    with pytest.raises(
+        CaptureError, match=rf"^capture.mf4: temporary file {tmp_path}/gone: No such file or directory$"
+    ):
+        list(mdf.read(source, iter([data])))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_temporary_file_of_mdf_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("analyzer.sources.python_can.mdf._LARGEST", 2 << 30)
+    data, seen = bytes(1 << 30), []
+
+    def chunks() -> Iterator[bytes]:
+        for part in (b"", b"", data, data, b"MDF", data):
+            seen.append(len(part))
+            yield part
+
+    monkeypatch.setattr("analyzer.sources.python_can.mdf.NamedTemporaryFile", lambda **_: Discarded())
+    with pytest.raises(CaptureError, match=r"^capture.mf4: MDF 4 of more than 2 GiB is not read$"):
+        list(mdf.read(Source("capture.mf4"), chunks()))
+    assert len(seen) == 5
+
+
+class Discarded(io.BytesIO):
+    """A file that keeps nothing."""
+
+    name = "/nowhere"
+
+    def write(self, data: Any) -> int:
+        return len(data)
+
+
+def test_ctrl_c_while_mdf_is_unpacked() -> None:
+    source = Source("capture.mf4")
+
+    def chunks() -> Iterator[bytes]:
+        yield written(".mf4", SAMPLE)[:3000]
+        source.stopped = True
+
+    assert list(mdf.read(source, chunks())) == []
+    assert source.damage is None

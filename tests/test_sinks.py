@@ -24,13 +24,16 @@ from recorded import (
     Record,
     events,
     piece,
+    plain,
     read,
     records,
     text,
     written,
 )
 
+from analyzer.cut import RECORDED
 from analyzer.sinks import FORMS, form_of
+from analyzer.tables import EVENT_ROWS, STAMPS, wrap
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -154,10 +157,49 @@ def test_long_error_frames() -> None:
 
 def test_times_before_1970(tmp_path: Path) -> None:
     capture = [Frame(t=-1), Fault(t=-(2**62))]
-    for form, t in (("candump", None), ("pcapng", 0), ("mcap", 0)):
+    for form in FORMS:
         data, sink = written(form, [piece(capture)])
         assert sink.lost == {"times before 1970": 2}
-        assert [record.t for record in records(read(form, data, tmp_path))] == [t, t]
+        assert [record.t for record in records(read(form, data, tmp_path))] == [None, None]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_capture_without_times_has_none_afterwards(form: str, tmp_path: Path) -> None:
+    log = "DROPCOUNT: dropped 1 CAN frame on 'can0' socket (total drops 1)\ncan0 123#11\ncan1 20000004# T\n"
+    data, sink = written(form, text(log))
+    assert all("time" not in what for what in sink.lost)
+    pieces = read(form, data, tmp_path)
+    assert {STAMPS[bit] for part in pieces for bit in range(8) if part.stamps >> bit & 1} == {"none"}
+    rows = [row for part in pieces for form, cells in zip((RECORDED, EVENT_ROWS), part.columns(), strict=True)
+            for row in plain(wrap(form, cells))]  # fmt: skip
+    assert [row["t"] for row in rows] == [None] * 3
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_only_the_frames_without_a_time_have_none(form: str, tmp_path: Path) -> None:
+    """A drop count has that of its neighbour, in all formats that know times of drop counts."""
+    drop = "DROPCOUNT: dropped 1 CAN frame on 'can0' socket (total drops 1)"
+    log = f"can0 1#\n{drop}\n(0.0) can0 2#\ncan0 3#\n(2.0) can0 4#\n"
+    pieces = read(form, written(form, text(log))[0], tmp_path)
+    frames = [record for record in records(pieces) if isinstance(record, Frame)]
+    assert [(frame.id, frame.t) for frame in frames] == [(1, None), (2, 0), (3, None), (4, 2 * 10**9)]
+    assert {part.stamps & 17 for part in pieces if part.frames} == {17}  # absolute and none
+    drops = [row["t"] for part in pieces for row in plain(wrap(EVENT_ROWS, part.columns()[1]))]
+    assert drops == [None if form == "candump" else 0]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_bus_without_a_name_is_one_bus(form: str, tmp_path: Path) -> None:
+    """With times or without."""
+    data, _ = written(form, [piece([Frame(1, ""), Frame(None, ""), Frame(2)])])
+    assert [record.bus for record in records(read(form, data, tmp_path))] == ["can", "can", "can0"]
+
+
+def test_the_flag_digit_of_candump_has_two_bits_with_a_meaning() -> None:
+    for digit in range(16):
+        (frame,) = records(text(f"can0 123##{digit:X}AB\n"))
+        assert frame == Frame(None, flags=FD | BRS * (digit & 1) | ESI * (digit >> 1 & 1), data=b"\xab")
+        assert written("candump", [piece([frame])])[0] == f"can0 123##{digit & 3}AB\n".encode()
 
 
 def lines(*times: int) -> list[str]:

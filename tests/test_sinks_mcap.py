@@ -100,10 +100,11 @@ def test_the_messages() -> None:
         Frame(NS + 2, "can0", 0x7FF, FD | BRS | ESI | RX, bytes(range(12))),
         Frame(NS + 3, "a/b", 0, REMOTE, b"", 5),
         Fault(NS + 4, "can0", 0x204, b"\x00\x0c"),
+        Fault(NS + 5, "can0", 4, b"", TX),
         Frame(None, "can0", 1, 0, b""),
         Frame(2**31 * 10**9 + 5, "can0", 1, TX | FD, b""),
     ]
-    stamps = [(1_700_000_000, 123_456_789 + k) for k in range(5)]
+    stamps = [(1_700_000_000, 123_456_789 + k) for k in range(6)]
     classic: dict[str, Any] = {"is_rtr": False, "is_extended": False, "is_error": False}
     flexible: dict[str, Any] = {"is_extended": False, "is_error": False}
     assert messages(written("mcap", [piece(capture)])[0]) == [
@@ -115,12 +116,32 @@ def test_the_messages() -> None:
          "data": bytes(range(12))}),
         ("/a_b/can", NS + 3, {"stamp": stamps[3], "bus": "a/b", "id": 0, **classic, "is_rtr": True, "dlc": 5,
          "data": bytes(8)}),
-        ("/can0/from_can_bus", NS + 4, {"stamp": stamps[4], "bus": "can0", "id": 0x204, **classic, "is_error": True,
+        ("/can0/can", NS + 4, {"stamp": stamps[4], "bus": "can0", "id": 0x204, **classic, "is_error": True,
          "dlc": 2, "data": b"\x00\x0c\0\0\0\0\0\0"}),
-        ("/can0/can", 0, {"stamp": (0, 0), "bus": "can0", "id": 1, **classic, "dlc": 0, "data": bytes(8)}),
+        ("/can0/to_can_bus", NS + 5, {"stamp": stamps[5], "bus": "can0", "id": 4, **classic, "is_error": True,
+         "dlc": 0, "data": bytes(8)}),
+        ("/can0/untimed/can", NS + 5, {"stamp": (0, 0), "bus": "can0", "id": 1, **classic, "dlc": 0,
+         "data": bytes(8)}),
         ("/can0/to_can_bus_fd", 2**31 * 10**9 + 5, {"stamp": (0, 0), "bus": "can0", "id": 1, **flexible, "len": 0,
          "data": b""}),
     ]  # fmt: skip
+
+
+def test_frames_without_a_time_have_channels_that_say_so() -> None:
+    """Their log time is none of theirs: the first one that there is, or the last one before them."""
+    capture = [Fault(None), Frame(NS, "a/b", flags=RX), Frame(None, "a/b", flags=RX | FD), Frame(NS + 9)]
+    data, _ = written("mcap", [piece(capture)])
+    summary = make_reader(io.BytesIO(data)).get_summary()
+    assert {channel.topic: channel.metadata for channel in summary.channels.values()} == {
+        "/can0/untimed/can": {"bus": "can0", "times": "none"},
+        "/a_b/from_can_bus": {"bus": "a/b"},
+        "/a_b/untimed/from_can_bus_fd": {"bus": "a/b", "frames": "CAN FD", "times": "none"},
+        "/can0/can": {"bus": "can0"},
+    }
+    assert [(t, fields["stamp"]) for _, t, fields in messages(data)] == [
+        (NS, (0, 0)), (NS, divmod(NS, 10**9)), (NS, (0, 0)), (NS + 9, divmod(NS + 9, 10**9)),
+    ]  # fmt: skip
+    assert (summary.statistics.message_start_time, summary.statistics.message_end_time) == (NS, NS + 9)
 
 
 def test_the_definitions_are_complete() -> None:

@@ -61,7 +61,7 @@ def test_the_blocks() -> None:
         Frame(NS + 3, "can0", 0, REMOTE, b"", 5),
         Frame(NS + 4, "can0", 0, REMOTE | EXTENDED, b"", 11),
         Frame(NS + 5, "can0", 0, 0, bytes(8), 15),
-        Fault(NS + 6, "can0", 0x204, b"\x00\x0c"),
+        Fault(NS + 6, "can0", 0x204, b"\x00\x0c", TX),
     ]
     (section, head), *rest = blocks(written("pcapng", [piece(capture)])[0])
     assert (section, head[:16]) == (0x0A0D0D0A, struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1))
@@ -73,7 +73,7 @@ def test_the_blocks() -> None:
     packets = [packet(body) for kind, body in rest if kind == 6]
     assert [t for _, t, _, _ in packets] == [NS + k for k in range(7)]
     assert [interface for interface, *_ in packets] == [0, 1, 0, 0, 0, 0, 0]
-    assert [found for *_, found in packets] == [{2: b"\x01\0\0\0"}, {2: b"\x02\0\0\0"}, {}, {}, {}, {}, {}]
+    assert [found.get(2, b"\0")[0] for *_, found in packets] == [1, 2, 0, 0, 0, 0, 2]
     heads = [(0x123, 2, 0, 0), (0x81234567, 8, 0, 0), (0x7FF, 12, 7, 0), (0x40000000, 5, 0, 0), (0xC0000000, 8, 0, 11),
              (0, 8, 0, 15), (0x20000204, 2, 0, 0)]  # fmt: skip
     assert [struct.unpack(">IBBxB", data[:8]) for _, _, data, _ in packets] == heads
@@ -97,6 +97,18 @@ def test_the_structure_of_any_capture(capture: list[Record]) -> None:
     assert [names[interface] for interface, *_ in packets] == [record.bus for record in capture]
 
 
+def test_packets_without_a_time_are_those_of_an_interface_that_says_so() -> None:
+    """Their stamps are none of theirs: the first one that there is, or the last one before them."""
+    capture = [Fault(None), Frame(NS), Frame(None, flags=RX), Frame(NS + 9), Frame(None)]
+    _, *rest = blocks(written("pcapng", [piece(capture)])[0])
+    assert [kind for kind, _ in rest] == [1, 6, 1, 6, 6, 6, 6]
+    assert [options(body[8:]) for kind, body in rest if kind == 1] == [
+        {2: b"can0", 3: b"tailbyte: no time stamps", 9: b"\x09"}, {2: b"can0", 9: b"\x09"},
+    ]  # fmt: skip
+    packets = [packet(body) for kind, body in rest if kind == 6]
+    assert [(interface, t) for interface, t, *_ in packets] == [(0, NS), (1, NS), (0, NS), (1, NS + 9), (0, NS + 9)]
+
+
 def test_drop_counts_are_sums_of_an_interface() -> None:
     log = (
         "DROPCOUNT: dropped 3 CAN frames on 'can1' socket (total drops 3)\n(7.5) can0 123#\n"
@@ -108,7 +120,7 @@ def test_drop_counts_are_sums_of_an_interface() -> None:
     statistics = [(struct.unpack_from("<III", body), options(body[12:])) for kind, body in found if kind == 5]
     late = divmod(7_500_000_000, 2**32)
     assert statistics == [
-        ((0, 0, 0), {5: struct.pack("<Q", 3)}),
+        ((0, *late), {5: struct.pack("<Q", 3)}),
         ((0, *late), {5: struct.pack("<Q", 7)}),
         ((0, *late), {5: struct.pack("<Q", 8)}),
     ]
@@ -119,7 +131,8 @@ def test_an_empty_capture_is_a_section() -> None:
 
 
 FIELDS = {
-    "t": "frame.time_epoch", "bus": "frame.interface_name", "direction": "frame.packet_flags_direction", "id": "can.id",
+    "t": "frame.time_epoch", "bus": "frame.interface_name", "about": "frame.interface_description",
+    "direction": "frame.packet_flags_direction", "id": "can.id",
     "extended": "can.flags.xtd", "remote": "can.flags.rtr", "error": "can.flags.err", "length": "can.len",
     "brs": "canfd.flags.brs", "esi": "canfd.flags.esi", "data": "data.data",
 }  # fmt: skip
@@ -134,7 +147,8 @@ def test_tshark_reads_it(tmp_path: Path) -> None:
         Frame(NS + 2, "can0", 0x7FF, FD | BRS, bytes(range(12))),
         Frame(NS + 3, "can0", 0x7FF, FD | ESI, bytes(range(64))),
         Frame(NS + 4, "can0", 0x55, REMOTE, b"", 5),
-        Fault(NS + 5, "can0", 4, bytes(8)),
+        Fault(NS + 5, "can0", 4, bytes(8), RX),
+        Frame(None, "vcan-1", 0x123, TX, b"\x01"),
     ]
     path.write_bytes(written("pcapng", [piece(capture)])[0])
     asked = [word for field in FIELDS.values() for word in ("-e", field)]
@@ -143,9 +157,10 @@ def test_tshark_reads_it(tmp_path: Path) -> None:
         capture_output=True, timeout=LIMIT, check=True, text=True,
     )  # fmt: skip
     shown: list[dict[str, Any]] = [dict(zip(FIELDS, row.split(";"), strict=True)) for row in done.stdout.splitlines()]
-    assert [row["t"] for row in shown] == [f"1700000000.{123456789 + row}" for row in range(6)]
+    assert [row["t"] for row in shown] == [f"1700000000.{123456789 + row}" for row in (*range(6), 5)]
     assert [row["bus"] for row in shown] == [record.bus for record in capture]
-    assert [int(row["direction"] or "0", 16) for row in shown] == [1, 2, 0, 0, 0, 0]
+    assert [int(row["direction"] or "0", 16) for row in shown] == [1, 2, 0, 0, 0, 1, 2]
+    assert [row["about"] for row in shown] == [""] * 6 + ["tailbyte: no time stamps"]
     frames = list(zip(shown, capture, strict=True))[:5]
     for row, frame in frames:
         assert isinstance(frame, Frame)

@@ -71,7 +71,10 @@ def run(args: argparse.Namespace) -> int:
             return _usage(str(error))
         reading = _Reading(session, window)
         try:
-            (_telemetry if wanted.form == "mcap" else _tables)(wanted, args, session, reading)
+            if wanted.form == "mcap":
+                _telemetry(wanted, session, reading)
+            else:
+                _tables(wanted, args, session, reading)
         except _InputError as error:
             return _usage(str(error))
     return session.status
@@ -139,7 +142,7 @@ def _tables(goal: Goal, args: argparse.Namespace, session: Session, reading: _Re
         _say_stale(session, goal, {Path(_file(goal, name)).name for name in export.rows})
 
 
-def _telemetry(goal: Goal, _: argparse.Namespace, session: Session, reading: _Reading) -> None:
+def _telemetry(goal: Goal, session: Session, reading: _Reading) -> None:
     from analyzer.sinks.atomic import Target  # noqa: PLC0415
     from analyzer.sinks.telemetry import TelemetryExport  # noqa: PLC0415
 

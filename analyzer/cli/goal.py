@@ -65,6 +65,6 @@ def _check_suffix(output: str, *, free: bool) -> None:
     """What no format is called is hardly meant as a folder. Raises `ValueError`; `free` allows all but packed ones."""
     suffix = _suffix(output)
     if suffix in _PACKED:
-        raise ValueError(f"{output}: an export is not packed afterwards: leave .{suffix} away, or end it in / (a folder)")
+        raise ValueError(f"{output}: an export is not packed: leave .{suffix} away, or end it in / for a folder")
     if suffix and not free:
-        raise ValueError(f"{output}: no format is called .{suffix}: parquet, arrow, csv, mcap, or end it in / (a folder)")
+        raise ValueError(f"{output}: no format is called .{suffix}: parquet, arrow, csv, mcap; a folder ends in /")

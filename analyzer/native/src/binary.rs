@@ -41,6 +41,10 @@ pub trait Format: Default + Send + Sync {
     fn record(&mut self, bytes: &[u8], at_end: bool, rows: &mut Rows) -> Step;
     /// Says whether a sound record starts in front of `bytes`.
     fn starts(&self, bytes: &[u8], at_end: bool) -> Start;
+    /// Why a capture that was read to its end can have no frames, if so.
+    fn lacks(&self) -> Option<String> {
+        None
+    }
 }
 
 /// The push parser of a format.
@@ -89,7 +93,11 @@ impl<F: Format> Reader for Binary<F> {
 
     fn finish(&mut self, rows: &mut Rows) {
         self.go_on(true, rows);
-        let Some(lost) = self.lost.take() else { return };
+        let Some(lost) = self.lost.take() else {
+            let lacks = self.format.lacks().map(|reason| Damage { at: 0, reason });
+            self.damage = self.damage.take().or(lacks);
+            return;
+        };
         if F::PADDED && matches!(lost.filler, Some(0x00 | 0xFF)) {
             return;
         }

@@ -93,6 +93,11 @@ impl Numbered {
     }
 }
 
+/// The reason why there are no frames to read.
+pub fn without_can(number: u16) -> String {
+    format!("link type {number} carries no CAN frames")
+}
+
 /// The reason why a packet cannot be read, or that it was captured in part, if so.
 pub fn reason(reason: Reason, captured: usize, original: usize) -> Reason {
     if captured < original {

@@ -10,11 +10,13 @@ mod can;
 mod channel;
 mod decimal;
 mod found;
+mod held;
 mod json;
 mod layout;
 mod protobuf;
 mod role;
 mod ros;
+mod texts;
 mod tree;
 mod value;
 
@@ -29,6 +31,7 @@ use crate::stamp::Stamps;
 use can::Row;
 use channel::Channel;
 use found::Found;
+use held::Held;
 use layout::Read;
 
 const MESSAGE: u8 = 5;
@@ -79,8 +82,13 @@ pub struct Walk {
     pub asks: bool,
     /// Where the last message began that the last walk took.
     pub last: usize,
+    /// The one message of a channel that is neither announced nor ignored which is `other`.
+    passed: Option<u16>,
     /// The fields of the message at hand.
     found: Found,
+    held: Held,
+    /// Channels and fields (`data`, `id`) whose text was read as hex, and as decimal, though no message showed it.
+    pub assumed: Vec<(u16, &'static str)>,
     pub rows: Rows,
     /// Frames and error frames with the recorder's time, for want of their own.
     pub log_times: u64,
@@ -101,6 +109,7 @@ impl Walk {
     /// Says what the messages of a channel look like; `bus` names the interface of those that name none.
     pub fn channel(&mut self, id: u16, bus: &str, layout: Layout) {
         let at = usize::from(id);
+        self.forget(at);
         if self.channels.len() <= at {
             self.channels.resize_with(at + 1, || None);
         }
@@ -130,9 +139,22 @@ impl Walk {
             self.ignored.resize(at + 1, false);
         }
         self.ignored[at] = true;
+        self.forget(at);
         if let Some(channel) = self.channels.get_mut(at) {
             *channel = None;
         }
+    }
+
+    /// A channel means something else from here on: messages of it may wait.
+    fn forget(&mut self, at: usize) {
+        if self.channels.get(at).is_some_and(Option::is_some) {
+            self.finish();
+        }
+    }
+
+    /// The next message of this channel, which is neither announced nor ignored, is `other`.
+    pub fn pass(&mut self, id: u16) {
+        self.passed = Some(id);
     }
 
     /// Takes the message records from `start` on, until `limit` rows wait (at most [`MAX_WAITING`]). Returns where it
@@ -174,12 +196,29 @@ impl Walk {
 
     /// False if it is not taken.
     fn message(&mut self, record: &[u8]) -> bool {
-        let (header, data) = record.split_at(HEADER);
-        let id = u16::from_le_bytes([header[0], header[1]]);
-        let Some(Some(channel)) = self.channels.get_mut(usize::from(id)) else {
-            let taken = !self.asks || self.ignored.get(usize::from(id)) == Some(&true);
-            self.rows.other(u64::from(taken));
+        let id = channel_of(record);
+        let Some(Some(channel)) = self.channels.get(usize::from(id)) else {
+            let ignored = || self.ignored.get(usize::from(id)) == Some(&true);
+            let taken = !self.asks || self.passed.take_if(|passed| *passed == id).is_some() || ignored();
+            if taken {
+                self.other(1);
+            }
             return taken;
+        };
+        if channel.is_open() || !self.held.is_empty() {
+            self.wait(id, record);
+        } else {
+            self.add(record);
+        }
+        true
+    }
+
+    /// Adds the row of a message of an announced channel.
+    fn add(&mut self, record: &[u8]) {
+        let (header, data) = record.split_at(HEADER);
+        let id = channel_of(record);
+        let Some(Some(channel)) = self.channels.get_mut(usize::from(id)) else {
+            return;
         };
         channel.messages += 1;
         let mut log_time = [0; 8];
@@ -193,8 +232,11 @@ impl Walk {
                 self.rows.unreadable(NO_TIME, None, &text);
             }
         }
-        true
     }
+}
+
+fn channel_of(record: &[u8]) -> u16 {
+    u16::from_le_bytes([record[0], record[1]])
 }
 
 impl Channel {
@@ -205,11 +247,13 @@ impl Channel {
             Read::Json(fields) => {
                 found.clear();
                 json::read(fields, data, found)?;
+                found.decode(self.id.coding, self.data.coding)?;
                 found.message()?
             }
             Read::Protobuf(fields, defaults) => {
                 found.clear();
                 protobuf::read(fields, defaults, data, found)?;
+                found.decode(self.id.coding, self.data.coding)?;
                 found.message()?
             }
         };

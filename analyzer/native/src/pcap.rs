@@ -167,7 +167,7 @@ impl PcapFormat {
         // The upper half says how long the frame check sequences are.
         let number = order.u32(bytes, 20) as u16;
         let Some(link) = Link::of(number) else {
-            return Step::Stop(format!("link type {number} carries no CAN frames").into());
+            return Step::Stop(link::without_can(number).into());
         };
         self.file = Some(File { order, link, unit });
         Step::Used(FILE_HEADER)

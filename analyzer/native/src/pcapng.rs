@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod interface;
+mod names;
 mod options;
 
 use crate::binary::{Binary, Format, Order, Start, Step};
@@ -16,6 +17,7 @@ use crate::stamp::Stamps;
 
 use interface::Interface;
 pub(crate) use interface::NO_STAMPS;
+use names::Names;
 use options::Options;
 
 /// pcapng data to rows.
@@ -62,7 +64,21 @@ pub struct PcapngFormat {
     /// The first section has begun.
     begun: bool,
     interfaces: Vec<Interface>,
+    /// Of those interfaces.
+    names: Names,
     numbered: Numbered,
+    links: Links,
+}
+
+/// The link types of all interfaces so far.
+#[derive(Default)]
+struct Links {
+    /// There may be frames: an interface carries CAN, or something cannot be read.
+    can: bool,
+    /// The first one that does not carry CAN.
+    other: Option<u16>,
+    /// That is not the only one.
+    several: bool,
 }
 
 /// A packet as its block has it.
@@ -104,9 +120,10 @@ impl Format for PcapngFormat {
         }
         if kind == SECTION {
             (self.order, self.begun) = (order, true);
-            self.interfaces.clear();
+            self.next_section();
         }
         if let Err((t, reason)) = self.block(kind, &bytes[8..length - 4], rows) {
+            self.links.can = true;
             rows.unreadable(t, None, &reason);
         }
         Step::Used(length)
@@ -130,6 +147,29 @@ impl Format for PcapngFormat {
             Start::Not
         }
     }
+
+    fn lacks(&self) -> Option<String> {
+        self.links.lack()
+    }
+}
+
+impl Links {
+    fn add(&mut self, number: u16, interface: &Interface) {
+        if interface.link.is_some() {
+            self.can = true;
+        } else {
+            self.several |= *self.other.get_or_insert(number) != number;
+        }
+    }
+
+    /// Why there can be no frame, if so.
+    fn lack(&self) -> Option<String> {
+        match self.other {
+            Some(_) if self.can => None,
+            Some(_) if self.several => Some("no interface carries CAN frames".into()),
+            number => number.map(link::without_can),
+        }
+    }
 }
 
 impl PcapngFormat {
@@ -149,11 +189,17 @@ impl PcapngFormat {
     /// A block whose end is unknown. Interfaces are numbered by their blocks: those behind it keep their numbers.
     fn damaged(&mut self, kind: u32, reason: Reason) -> Step {
         match kind {
-            SECTION => self.interfaces.clear(),
+            SECTION => self.next_section(),
             INTERFACE if self.interfaces.len() < MAX_INTERFACES => self.interfaces.push(Interface::unknown()),
             _ => {}
         }
+        self.links.can = true;
         Step::Damaged(reason)
+    }
+
+    fn next_section(&mut self) {
+        self.interfaces.clear();
+        self.names = Names::default();
     }
 
     fn block(&mut self, kind: u32, body: &[u8], rows: &mut Rows) -> Result<(), (i64, Reason)> {
@@ -165,7 +211,10 @@ impl PcapngFormat {
                 if index == MAX_INTERFACES {
                     return Err((NO_TIME, format!("more than {MAX_INTERFACES} interfaces").into()));
                 }
-                let interface = Interface::read(body, order, index);
+                let interface = Interface::read(body, order, index, &mut self.names);
+                if let Some(interface) = &interface {
+                    self.links.add(order.u16(body, 0), interface);
+                }
                 let read = interface.is_some().then(|| rows.other(1));
                 self.interfaces.push(interface.unwrap_or_else(Interface::unknown));
                 return read.ok_or_else(|| short("interface description"));
@@ -208,7 +257,7 @@ impl PcapngFormat {
         };
         let bus = match number {
             Some(number) => self.numbered.bus(number, rows),
-            None => interface.bus(rows),
+            None => interface.bus(&mut self.names, rows),
         };
         let bus = bus.ok_or_else(|| (t, Rows::too_many_buses().into()))?;
         let flags = Options::new(packet.options, self.order).find(|(code, _)| *code == PACKET_FLAGS);
@@ -244,7 +293,7 @@ impl PcapngFormat {
         }
         interface.dropped = all;
         let t = interface.time(stamp(body, order)).unwrap_or(NO_TIME);
-        let bus = interface.bus(rows);
+        let bus = interface.bus(&mut self.names, rows);
         let text = format!("{by_interface} frames dropped by the interface, {by_system} by the system so far");
         rows.drops(t, bus, u32::try_from(new).unwrap_or(u32::MAX), &text);
         Ok(())

@@ -71,14 +71,20 @@ impl Account {
     }
 }
 
-/// Stamps for formats in which every record has one. A record without a time, which is marked as such, gets that of the
-/// one before it: other programs see a file that begins and ends when its capture did.
+/// Stamps for formats in which every record has one, and none is before 1970. A record whose time is missing or earlier
+/// is marked as one without, and gets the stamp of the one before it: other programs see a file that begins and ends when
+/// its capture did.
 #[derive(Default)]
 struct Stamper {
     last: Option<u64>,
 }
 
 impl Stamper {
+    /// Whether the stamp of a row is its time.
+    fn holds(t: i64) -> bool {
+        t >= 0
+    }
+
     /// In front of the first time that one is used, if the piece has any.
     fn look_ahead(&mut self, piece: &Piece) {
         if self.last.is_none() {
@@ -97,11 +103,10 @@ impl Stamper {
             self.last = Some(stamp);
             return stamp;
         }
-        if t == NO_TIME {
-            return self.last.unwrap_or(0);
+        if t != NO_TIME {
+            account.add(Loss::EarlyTime);
         }
-        account.add(Loss::EarlyTime);
-        0
+        self.last.unwrap_or(0)
     }
 }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, Any
 
 from mcap.records import Channel, Schema
@@ -20,14 +19,19 @@ _ROS = {
     "ros1": ("ros1", "ros1", ("ros1msg", "")),
 }
 _FD = 8  # bit of the flags of a frame
-_CAN = re.compile(r"(?<![a-z])can(?![a-z])|can_?(?:frame|fd|msg|message|raw)", re.IGNORECASE)
+# Messages that a channel of JSON without a description may have in front of the first frame.
+_PATIENCE = 64
+_ASSUMED = {
+    "data": "data in text taken as hex, though it may be base64",
+    "id": "identifiers in text taken as decimal, though they may be hex",
+}
 
 
 class Channels:
     """All schemas and channels so far.
 
     A channel that is announced to the walk is settled: as one with CAN frames, or as one to ignore. JSON is settled by
-    its first message, a channel without its schema when that turns up.
+    its first messages, a channel without its schema when that turns up.
     """
 
     def __init__(self, walk: McapWalk) -> None:
@@ -36,7 +40,13 @@ class Channels:
         self._walk = walk
         self._schemas: dict[int, Schema] = {}
         self._settled: set[int] = set()
-        self._ignored: set[str] = set()
+        # Those with CAN frames.
+        self._frames: set[int] = set()
+        # Messages of those that are not settled yet, and what is to be said of them.
+        self._passed: dict[int, int] = {}
+        self._said: dict[int, str] = {}
+        # Those of JSON whose schema alone does not tell the layout.
+        self._vague: set[int] = set()
         self._parsed: dict[int, Any] = {}
         self._names = topics.Names()
         self.headers = self.others = 0  # channels with a header.stamp, with a stamp of another name
@@ -51,6 +61,7 @@ class Channels:
             return
         self.known[channel.id] = channel
         self._settled.discard(channel.id)
+        self._vague.discard(channel.id)
         if channel.message_encoding != "json":
             self.settle(channel.id, b"")
 
@@ -63,74 +74,126 @@ class Channels:
                 self.channel(one)
 
     def settle(self, number: int, message: bytes) -> bool:
-        """Announces a channel, if that can be done now; `message` is its first one."""
+        """Announces a channel, if that can be done now; `message` is its next one."""
         channel = self.known.get(number)
         if channel is None:
             return False
         schema = self._schemas.get(channel.schema_id)
         if schema is None and channel.schema_id:
             return False
-        layout = self._layout(channel, schema, message)
-        json = channel.message_encoding == "json" and len(message) <= jsons.LONGEST
-        if layout is None and json and jsons.parsed(message) is None:
-            return False  # a damaged message shows nothing of the others
-        if layout is None:
-            self._ignore(channel, schema)
-        else:
-            # Our own files say which bus it is, and keep apart CAN FD and frames without a time.
-            bus = channel.metadata.get("bus") or self._names.bus(channel.topic)
-            flags = topics.direction(channel.topic) | (_FD if channel.metadata.get("frames") == "CAN FD" else 0)
-            self._walk.channel(number, bus, layout, flags, timed=channel.metadata.get("times") != "none")
-        self._settled.add(number)
+        if channel.message_encoding == "json":
+            return self._settle_json(channel, schema, message)
+        layout, said = self._layout(channel, schema)
+        self._announce(channel, schema, layout, said)
         return True
 
-    def _layout(self, channel: Channel, schema: Schema | None, message: bytes) -> tuple[str, Any] | None:
+    def refusal(self, number: int) -> str:
+        """Why a message of this channel was not taken, in words."""
+        channel = self.known.get(number)
+        described = channel and (channel.schema_id in self._schemas or not channel.schema_id)
+        return "not JSON" if described else "nothing says what it holds"
+
+    def _settle_json(self, channel: Channel, schema: Schema | None, message: bytes) -> bool:
+        """By the schema and the message; without a schema, the first messages may be none of frames."""
+        described, value, damaged = self._described(schema), None, False
+        try:
+            value = jsons.parsed(message)
+        except ValueError:
+            damaged = len(message) <= jsons.LONGEST
+        if damaged and channel.id in self._vague:
+            return False
+        layout, said = jsons.layout_of(described, value, named=_named(channel, schema))
+        if damaged and layout is None:
+            self._vague.add(channel.id)  # the message shows nothing of the others
+            return False
+        passed = self._passed.get(channel.id, 0)
+        if layout is not None:
+            self._said.pop(channel.id, None)
+            if passed:
+                self._note(f"{self._title(channel)}: messages before the first frame left out: {passed}")
+        elif passed < _PATIENCE and not jsons.describes(described):
+            self._passed[channel.id] = passed + 1
+            self._said[channel.id] = said or self._said.get(channel.id, "")
+            self._walk.pass_one(channel.id)
+            return True
+        self._passed.pop(channel.id, None)
+        self._announce(channel, schema, layout, said or self._said.pop(channel.id, ""))
+        return True
+
+    def _described(self, schema: Schema | None) -> Any:
+        if schema is None or schema.encoding != "jsonschema":
+            return None
+        if schema.id not in self._parsed:
+            try:
+                self._parsed[schema.id] = jsons.parsed(schema.data)
+            except ValueError:
+                self._parsed[schema.id] = None
+        return self._parsed[schema.id]
+
+    def _layout(self, channel: Channel, schema: Schema | None) -> tuple[tuple[str, Any] | None, str]:
+        """The layout, or what is to be said of a channel without."""
         form = channel.message_encoding
         if form in _ROS and schema is not None:
             wire, flavour, encodings = _ROS[form]
             found = ros.layout_of(schema.name, schema.encoding, schema.data, flavour)
             if found and schema.encoding in encodings:
-                self.headers += 1
-                return wire, found
+                return (wire, found), ""
         elif form == "protobuf" and schema is not None:
-            layout, lists = protobuf.layout_of(schema.name, schema.data)
-            if lists:
-                self._note(f"{_title(channel, schema)} holds lists of frames, which are not read")
-            return self._timed(layout)
-        elif form == "json":
-            return self._json(schema, message)
-        return None
+            return protobuf.layout_of(schema.name, schema.data, named=_named(channel, schema))
+        return None, ""
 
-    def _json(self, schema: Schema | None, message: bytes) -> tuple[str, Any] | None:
-        described = None
-        if schema is not None and schema.encoding == "jsonschema":
-            described = self._parsed.setdefault(schema.id, jsons.parsed(schema.data))
-        layout = jsons.layout_of(described, jsons.parsed(message))
-        if layout and "extended" not in {role for role, _ in layout[1]}:
-            self._note("JSON without a flag for extended frames: ids above 0x7FF are taken as extended")
-        return self._timed(layout)
-
-    def _timed(self, layout: tuple[str, Any] | None) -> tuple[str, Any] | None:
-        """Counts a channel whose frames state their time, by the name of the field."""
-        if layout and any(field[0].startswith(("stamp", "sec")) for field in layout[1]):
-            self.others += 1
-        return layout
-
-    def _ignore(self, channel: Channel, schema: Schema | None) -> None:
+    def _announce(self, channel: Channel, schema: Schema | None, layout: tuple[str, Any] | None, said: str) -> None:
+        """Settles a channel: with its layout, else as one to ignore, of which something may be said."""
+        self._settled.add(channel.id)
+        if layout is not None:
+            # Our own files say which bus it is, and keep apart CAN FD and frames without a time.
+            bus = channel.metadata.get("bus") or self._names.bus(channel.topic)
+            flags = topics.direction(channel.topic) | (_FD if channel.metadata.get("frames") == "CAN FD" else 0)
+            try:
+                self._walk.channel(channel.id, bus, layout, flags, timed=channel.metadata.get("times") != "none")
+            except ValueError:
+                said = "cannot be read: its layout cannot be used"
+            else:
+                self._announced(channel, layout)
+                return
         self._walk.ignore(channel.id)
-        title = _title(channel, schema)
-        self._ignored.add(title)
-        if schema is not None and (_CAN.search(schema.name) or ros.can_name(schema.name)):
-            self._note(f"{title} looks like CAN, its layout is not known")
+        if said:
+            self._note(f"{self._title(channel)} {said}")
+        elif schema is not None and topics.says_can(schema.name):
+            self._note(f"{self._title(channel)} looks like CAN, its layout is not known")
+
+    def _announced(self, channel: Channel, layout: tuple[str, Any]) -> None:
+        self._frames.add(channel.id)
+        form, fields = layout
+        if form in _ROS:
+            self.headers += 1
+            return
+        roles = {field[0] for field in fields}
+        if any(role.startswith(("stamp", "sec")) for role in roles):
+            self.others += 1
+        if "extended" not in roles:
+            name = "JSON" if form == "json" else form
+            self._note(f"{name} without a flag for extended frames: ids above 0x7FF are taken as extended")
+
+    def _title(self, channel: Channel) -> str:
+        """Topic and type, short and printable."""
+        schema = self._schemas.get(channel.schema_id)
+        name = f"{channel.topic} ({schema.name})" if schema and schema.name else channel.topic
+        return ascii(name[:100])[1:-1]
 
     def _note(self, text: str) -> None:
         if text not in self.notes:
             self.notes.append(text)
 
-    def summary(self, header_times: int, log_times: int, absent_times: int) -> list[str]:
+    def summary(self, header_times: int, log_times: int) -> list[str]:
         """What is to be said of the channels and of the times of their frames, in short clauses."""
-        if self._settled and not (header_times or log_times or absent_times) and not self.notes:
-            return [f"no channel with CAN frames among {len(self._settled)}"]
+        for number, said in self._said.items():
+            if said:
+                self._note(f"{self._title(self.known[number])} {said}")
+        for number, what in self._walk.assumed:
+            self._note(f"{self._title(self.known[number])}: {_ASSUMED[what]}")
+        if (count := len(self._settled) + len(self._passed)) and not self._frames and not self.notes:
+            return [f"no channel with CAN frames among {count}"]
         stamp = (
             "header.stamp" if not self.others else "the message's own" if not self.headers else "header.stamp or own"
         )
@@ -141,7 +204,6 @@ class Channels:
         return self.notes
 
 
-def _title(channel: Channel, schema: Schema | None) -> str:
-    """Topic and type, short and printable."""
-    name = f"{channel.topic} ({schema.name})" if schema and schema.name else channel.topic
-    return ascii(name[:100])[1:-1]
+def _named(channel: Channel, schema: Schema | None) -> bool:
+    """Whether the topic or the type says CAN."""
+    return topics.says_can(channel.topic) or (schema is not None and topics.says_can(schema.name))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from dataclasses import dataclass
+from io import BytesIO
 from typing import TYPE_CHECKING
 
 import lz4.frame
@@ -13,11 +15,13 @@ from analyzer._native import crc32
 from analyzer.sources.mcap.records import LIMIT
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
 _FIELDS = struct.Struct("<QQQII")
-# Unpacking what may be damaged goes in steps, to have what stands before the damage.
+# Unpacking what may be damaged goes in steps, to have what stands before the damage; so does what takes long, to stop
+# when that is asked for.
 _STEP_IN, _STEP_OUT = 1 << 12, 1 << 17
+_AT_ONCE = 1 << 24
 _ERRORS = (zstandard.ZstdError, RuntimeError, MemoryError, EOFError)
 
 
@@ -45,24 +49,41 @@ class Chunk:
             return f"would unpack to {self.size} bytes"
         return ""
 
-    def records(self, stored: bytes) -> tuple[bytes, str]:
-        """The records, never more than declared, and what is wrong with them in words."""
+    def records(self, stored: bytes, stopped: Callable[[], bool]) -> tuple[bytes, str]:
+        """The records, never more than declared, and what is wrong with them in words; no matter what once stopped."""
         unpack, steps = _UNPACK[self.compression]
-        try:
-            data = unpack(stored, self.size)
-        except _ERRORS:
-            return b"".join(steps(stored, self.size)), "cannot be unpacked"
+        data = None
+        if self.size <= _AT_ONCE or not self.compression:
+            with suppress(*_ERRORS):
+                data = unpack(stored, self.size)
+        if data is None:
+            data, sound = _joined(steps(stored, self.size + 1), stopped)
+            if not sound:
+                return data, "cannot be unpacked"
         if self.compression and len(data) != self.size:
             return data, "unpacks to a size that it does not declare"
         if self.crc and crc32(data) != self.crc:
             return data, "checksum wrong"
         return data, ""
 
-    def beginning(self, stored: bytes) -> tuple[bytes, str]:
+    def beginning(self, stored: bytes, stopped: Callable[[], bool]) -> tuple[bytes, str]:
         """The same for a chunk whose end is missing: the checksum counts if nothing of the records is."""
-        data = b"".join(_UNPACK[self.compression][1](stored, self.size))
+        data, _ = _joined(_UNPACK[self.compression][1](stored, self.size), stopped)
         whole = len(data) == self.size
         return data, "checksum wrong" if whole and self.crc and crc32(data) != self.crc else ""
+
+
+def _joined(parts: Iterable[bytes], stopped: Callable[[], bool]) -> tuple[bytes, bool]:
+    """What the steps give, and whether all of them are sound; less once stopped."""
+    out = BytesIO()
+    try:
+        for part in parts:
+            out.write(part)
+            if stopped():
+                break
+    except _ERRORS:
+        return out.getvalue(), False
+    return out.getvalue(), True
 
 
 def _zstd(stored: bytes, size: int) -> bytes:
@@ -90,35 +111,35 @@ def _lz4(stored: bytes, size: int) -> bytes:
 
 def _zstd_steps(stored: bytes, size: int) -> Iterator[bytes]:
     reader = zstandard.ZstdDecompressor().stream_reader(stored, read_across_frames=True)
-    try:
-        while size and (part := reader.read(min(_STEP_OUT, size))):
-            size -= len(part)
-            yield part
-    except _ERRORS:
-        return
+    while size and (part := reader.read(min(_STEP_OUT, size))):
+        size -= len(part)
+        yield part
 
 
 def _lz4_steps(stored: bytes, size: int) -> Iterator[bytes]:
     frame = lz4.frame.LZ4FrameDecompressor()
-    try:
-        for at in range(0, len(stored), _STEP_IN):
-            piece = stored[at : at + _STEP_IN]
-            while size and not frame.eof:
-                part = frame.decompress(piece, max_length=min(_STEP_OUT, size))
-                size -= len(part)
-                yield part
-                if frame.needs_input or not part:
+    for at in range(0, len(stored), _STEP_IN):
+        piece = stored[at : at + _STEP_IN]
+        while size:
+            part = frame.decompress(piece, max_length=min(_STEP_OUT, size))
+            size -= len(part)
+            yield part
+            if frame.eof:
+                piece = frame.unused_data or b""
+                frame = lz4.frame.LZ4FrameDecompressor()
+                if not piece:
                     break
+            elif frame.needs_input or not part:
+                break
+            else:
                 piece = b""
-    except _ERRORS:
-        return
 
 
 def _plain_steps(stored: bytes, size: int) -> Iterator[bytes]:
     yield stored[:size]
 
 
-# At once, and in steps that come through if the data is damaged behind them.
+# At once, and in steps: those in front of damage are there before it raises.
 _UNPACK: dict[str, tuple[Callable[[bytes, int], bytes], Callable[[bytes, int], Iterator[bytes]]]] = {
     "": (lambda stored, _: stored, _plain_steps),
     "zstd": (_zstd, _zstd_steps),

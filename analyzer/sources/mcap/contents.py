@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mcap.opcode import Opcode
+from mcap.records import Schema
 
 from analyzer._native import McapWalk
 from analyzer.sources.mcap import summary
 from analyzer.sources.mcap.channels import Channels
+from analyzer.sources.mcap.effort import Effort
 from analyzer.sources.mcap.records import (
     DEFINITIONS,
     HEAD,
@@ -17,12 +19,15 @@ from analyzer.sources.mcap.records import (
     PREFIX,
     definition,
     definitions,
-    find,
     whole,
 )
+from analyzer.sources.mcap.search import Found, Result, find
+from analyzer.sources.mcap.summary import Counts
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator
+    from collections.abc import Generator, Iterable, Iterator
+
+    from mcap.records import Channel
 
     from analyzer._native import Piece
     from analyzer.sources import Source
@@ -32,6 +37,11 @@ if TYPE_CHECKING:
 _ROWS = 1 << 17
 # Why the native walk stopped.
 _END, _FULL, _UNKNOWN = 0, 4, 5
+# Steps of an `Effort`: a record, a definition, a message of no known channel, a round of a search; bytes that one step
+# searches, or reads of a schema, or of such a message.
+_RECORD, _DEFINITION, _MESSAGE, _ROUND = 4, 16, 8, 16
+_SEARCHED, _DESCRIBED, _SEEN = 64, 8, 64
+_ABSURD = "more work than a file of this size is worth"
 
 
 class Contents:
@@ -42,23 +52,63 @@ class Contents:
         self.channels = Channels(self.walk)
         # Whether anything was damaged.
         self.hurt = False
+        self.effort = Effort()
         self._source = source
         self._recalled = False
+        # Bytes of the schemas that no channel has yet.
+        self._sizes: dict[int, int] = {}
+        # Rows and other records that were taken, those of them that are no messages, chunks.
+        self._records = self._extra = self._chunks = 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether the reading was stopped on purpose, and what comes no longer matters."""
+        return self._source.stopped and not self._source.live
+
+    @property
+    def counts(self) -> Counts:
+        """What was found, up to the last piece."""
+        return Counts(self._records - self._extra, self._chunks)
 
     def unreadable(self, text: str) -> None:
-        """Something damaged, in short words."""
+        """Something damaged that is no message, in short words."""
         self.hurt = True
+        self._extra += 1
         self.walk.unreadable(text)
+
+    def take(self) -> Piece:
+        """All rows since the last piece."""
+        piece = self.walk.take()
+        self._records += piece.lines["lines"]
+        return piece
 
     def define(self, name: str, opcode: int, body: bytes) -> None:
         """Takes a schema or a channel."""
         if (found := definition(opcode, body)) is None:
             self.unreadable(f"{name}: damaged {'schema' if opcode == Opcode.SCHEMA else 'channel'}, skipped")
-        else:
-            self.channels.take([found])
+        elif not self._define([found]):
+            self.unreadable(f"{name}: {_ABSURD}, skipped")
 
-    def messages(self, data: bytes, at: int) -> Generator[Piece, None, tuple[int, int, int]]:
-        """Takes messages up to something else. Gives where that stands, the last message, why it stopped."""
+    def _define(self, found: Iterable[Schema | Channel], *, only_new: bool = False) -> bool:
+        """Takes definitions; false if they are more work than there may be.
+
+        The first channel of a schema makes it be read.
+        """
+        for one in found:
+            if isinstance(one, Schema):
+                self._sizes.setdefault(one.id, len(one.data))
+            elif self.channels.known.get(one.id) != one:
+                size = self._sizes.pop(one.schema_id, 0)
+                if not self.effort.spend(_DEFINITION + size // _DESCRIBED):
+                    return False
+            self.channels.take([one], only_new=only_new)
+        return True
+
+    def messages(self, data: bytes, at: int, *, limited: bool = False) -> Generator[Piece, None, tuple[int, int, int]]:
+        """Takes messages up to something else. Gives where that stands, the last message, why it stopped.
+
+        Where `limited`, a message of no known channel stops it when nothing more of the effort is left.
+        """
         last = at
         while True:
             start = at
@@ -66,11 +116,12 @@ class Contents:
             if at > start:
                 last = self.walk.last
             if stop == _FULL:
-                yield self.walk.take()
-            elif stop == _UNKNOWN:
-                at, last = self._unknown(data, at), at
-            else:
+                yield self.take()
+            worth = stop == _UNKNOWN and not (limited and not self._worth(data, at))
+            if self.ended or not (stop == _FULL or worth):
                 return at, last, stop
+            if worth:
+                at, last = self._unknown(data, at), at
 
     def _unknown(self, data: bytes, at: int) -> int:
         """A message of a channel that is not announced: once it is, its messages are taken natively."""
@@ -84,32 +135,48 @@ class Contents:
         self.recall()
         if self.channels.settle(number, message):
             return at
-        self.unreadable(f"message of channel {number}: nothing says what it holds")
+        self.hurt = True
+        self.walk.unreadable(f"message of channel {number}: {self.channels.refusal(number)}")
         return end
+
+    def _worth(self, data: bytes, at: int) -> bool:
+        return self.effort.spend(_MESSAGE + HEAD.unpack_from(data, at)[1] // _SEEN)
 
     def recall(self) -> None:
         """Definitions are lost: a file on disk repeats them at its end."""
         source = self._source
         if not (self._recalled or source.live or source.packing or source.name == "-"):
             self._recalled = True
-            self.channels.take(summary.read(Path(source.name)), only_new=True)
+            self._define(summary.read(Path(source.name), self._goes_on), only_new=True)
+
+    def _goes_on(self) -> bool:
+        return not self.ended and self.effort.spend(_RECORD)
 
     def chunk(self, name: str, chunk: Chunk, stored: bytes, *, unfinished: bool = False) -> Iterator[Piece]:
         """Takes the records of a chunk, none if it is damaged; if it is unfinished, those that are there."""
-        if reason := chunk.refused():
-            self.unreadable(f"{name}: {reason}, skipped")
-            return
-        data, wrong = chunk.beginning(stored) if unfinished else chunk.records(stored)
-        if wrong:
+        self._chunks += 1
+        data, wrong = b"", chunk.refused()
+        if not wrong and chunk.compression and not self.effort.unpack(chunk.size):
+            wrong = "unpacks to absurdly much for a file of this size"
+        if not wrong:
+            data, wrong = (chunk.beginning if unfinished else chunk.records)(stored, lambda: self.ended)
+        if not wrong:
+            yield from self._inside(name, data, unfinished=unfinished)
+        elif not self.ended:
             self.unreadable(f"{name}: {wrong}, skipped")
             # Later chunks do not repeat its definitions.
             self.recall()
-            self.channels.take(definitions(data), only_new=True)
-            return
+            self._define(definitions(data, self._goes_on), only_new=True)
+
+    def _inside(self, name: str, data: bytes, *, unfinished: bool) -> Iterator[Piece]:
+        """Takes the records of a chunk that is unpacked."""
         at = 0
-        while True:
-            at, _, stop = yield from self.messages(data, at)
-            if stop == _END:
+        while not self.ended:
+            at, _, stop = yield from self.messages(data, at, limited=True)
+            if stop == _END or self.ended:
+                return
+            if stop == _UNKNOWN or not self.effort.spend(_RECORD):
+                self.unreadable(f"{name}: {_ABSURD}, skipped from byte {at} of its data on")
                 return
             if (end := whole(data, at)) is not None:
                 if data[at] in DEFINITIONS:
@@ -118,12 +185,25 @@ class Contents:
                 continue
             if unfinished:
                 return
-            after, found = find(data, at + 1, self.channels.known, final=True)
-            self.unreadable(f"{name}: no record at byte {at} of its data, {after - at} bytes skipped")
-            if not found:
+            after, result, _ = self._search(data, at + 1)
+            if self.ended:
+                return
+            some = ", not all of them searched" if result is Result.ONWARD else ""
+            after = len(data) if some else after
+            self.unreadable(f"{name}: no record at byte {at} of its data, {after - at} bytes skipped{some}")
+            if result is not Result.FOUND:
                 return
             at = after
 
+    def _search(self, data: bytes, at: int) -> Found:
+        """The next record in a chunk; `Result.ONWARD` if that was given up."""
+        while True:
+            found = find(data, at, self.channels.known, final=True)
+            worth = self.effort.spend(_ROUND + found.places + (found.at - at) // _SEARCHED)
+            if found.result is not Result.ONWARD or self.ended or not worth:
+                return found
+            at = found.at
+
     def notes(self) -> list[str]:
         """What is to be said of the channels and of times."""
-        return self.channels.summary(self.walk.header_times, self.walk.log_times, self.walk.absent_times)
+        return self.channels.summary(self.walk.header_times, self.walk.log_times)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-# No schema of a CAN frame is larger, or nested deeper.
-_LARGEST, _DEEPEST = 8 << 20, 16
+# No schema of a CAN frame is larger, or nested deeper, or has more fields in its own messages altogether.
+_LARGEST, _DEEPEST, _MOST = 8 << 20, 16, 1 << 17
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _REPEATED = 3
+_NUMBERS = range(1, 1 << 29)
 # By the type number of `FieldDescriptorProto.Type`: what stands on the wire.
 _WIRE = {
     **dict.fromkeys((3, 4, 5, 8, 13, 14), "varint"),
@@ -38,91 +39,98 @@ class Field:
     repeated: bool = False
     wire: str = ""
     kind: str = ""
-    enum: bool = False
     boolean: bool = False
 
 
-@dataclass(slots=True)
-class Messages:
-    """Fields of every message by its full name."""
+def messages(data: bytes) -> dict[str, list[Field]]:
+    """The fields of every message by its full name; raises `ValueError` if the bytes are no set of descriptors."""
+    if len(data) > _LARGEST:
+        raise ValueError("too large")
+    return _Parser().set(data)
 
-    found: dict[str, list[Field]] = field(default_factory=dict)
 
-    def add(self, data: bytes, prefix: str, depth: int = 0) -> None:
-        """Takes a `DescriptorProto`."""
+class _Parser:
+    """Goes through the messages of a set of descriptors, which are Protocol Buffers messages themselves."""
+
+    def __init__(self) -> None:
+        self._found: dict[str, list[Field]] = {}
+        self._left = _MOST
+
+    def set(self, data: bytes) -> dict[str, list[Field]]:
+        """Takes a `FileDescriptorSet`."""
+        for number, file in self._fields(data):
+            if number != 1 or not isinstance(file, bytes):
+                continue
+            package, types = "", list[bytes]()
+            for inner, value in self._fields(file):
+                if inner == 2 and isinstance(value, bytes):
+                    package = value.decode()
+                elif inner == 4 and isinstance(value, bytes):
+                    types.append(value)
+            for one in types:
+                self._message(one, package, 0)
+        return self._found
+
+    def _message(self, data: bytes, prefix: str, depth: int) -> None:
+        """A `DescriptorProto`; of fields with the same number, which must not be, the first counts."""
         if depth == _DEEPEST:
             raise ValueError("nested too deep")
-        name, fields, nested = "", list[Field](), list[bytes]()
-        for number, value in _fields(data):
+        name, fields, nested = "", dict[int, Field](), list[bytes]()
+        for number, value in self._fields(data):
             if isinstance(value, bytes):
                 if number == 1:
                     name = value.decode()
                 elif number == 2:
-                    fields.append(_field(value))
+                    field = self._field(value)
+                    if field.number in _NUMBERS:
+                        fields.setdefault(field.number, field)
                 elif number == 3:
                     nested.append(value)
         full = f"{prefix}.{name}" if prefix else name
-        self.found[full] = fields
+        self._found[full] = list(fields.values())
         for inner in nested:
-            self.add(inner, full, depth + 1)
+            self._message(inner, full, depth + 1)
 
+    def _field(self, data: bytes) -> Field:
+        """A `FieldDescriptorProto`."""
+        out = Field()
+        for number, value in self._fields(data):
+            if isinstance(value, bytes):
+                if number == 1:
+                    out.name = value.decode()
+                elif number == 6:
+                    out.kind = value.decode().removeprefix(".")
+            elif number == 3:
+                out.number = value
+            elif number == 4:
+                out.repeated = value == _REPEATED
+            elif number == 5:
+                out.wire, out.boolean = _WIRE.get(value, ""), value == 8
+        return out
 
-def messages(data: bytes) -> dict[str, list[Field]]:
-    """Raises `ValueError` if the bytes are no set of descriptors."""
-    if len(data) > _LARGEST:
-        raise ValueError("too large")
-    out = Messages()
-    for number, file in _fields(data):
-        if number != 1 or not isinstance(file, bytes):
-            continue
-        package, types = "", list[bytes]()
-        for inner, value in _fields(file):
-            if inner == 2 and isinstance(value, bytes):
-                package = value.decode()
-            elif inner == 4 and isinstance(value, bytes):
-                types.append(value)
-        for one in types:
-            out.add(one, package)
-    return out.found
-
-
-def _field(data: bytes) -> Field:
-    out = Field()
-    for number, value in _fields(data):
-        if isinstance(value, bytes):
-            if number == 1:
-                out.name = value.decode()
-            elif number == 6:
-                out.kind = value.decode().removeprefix(".")
-        elif number == 3:
-            out.number = value
-        elif number == 4:
-            out.repeated = value == _REPEATED
-        elif number == 5:
-            out.wire, out.enum, out.boolean = _WIRE.get(value, ""), value == 14, value == 8
-    return out
-
-
-def _fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Numbers and values of one message; numbers of 4 or 8 bytes come as bytes."""
-    at = 0
-    while at < len(data):
-        tag, at = _varint(data, at)
-        kind = tag & 7
-        if kind == _VARINT:
-            value, at = _varint(data, at)
-            yield tag >> 3, value
-            continue
-        if kind == _BYTES:
-            size, at = _varint(data, at)
-        elif kind in {_FIXED32, _FIXED64}:
-            size = 4 if kind == _FIXED32 else 8
-        else:
-            raise ValueError("wire type not known")
-        if at + size > len(data):
-            raise ValueError("ends early")
-        yield tag >> 3, data[at : at + size]
-        at += size
+    def _fields(self, data: bytes) -> Iterator[tuple[int, int | bytes]]:
+        """Numbers and values of one message; numbers of 4 or 8 bytes come as bytes."""
+        at = 0
+        while at < len(data):
+            self._left -= 1
+            if self._left < 0:
+                raise ValueError("too many fields")
+            tag, at = _varint(data, at)
+            kind = tag & 7
+            if kind == _VARINT:
+                value, at = _varint(data, at)
+                yield tag >> 3, value
+                continue
+            if kind == _BYTES:
+                size, at = _varint(data, at)
+            elif kind in {_FIXED32, _FIXED64}:
+                size = 4 if kind == _FIXED32 else 8
+            else:
+                raise ValueError("wire type not known")
+            if at + size > len(data):
+                raise ValueError("ends early")
+            yield tag >> 3, data[at : at + size]
+            at += size
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:

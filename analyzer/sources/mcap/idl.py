@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import re
 
-_TOKEN = re.compile(r'//[^\n]*|/\*.*?\*/|#[^\n]*|"(?:[^"\\]|\\.)*"|[A-Za-z_][\w:]*|\d+|@|\S', re.DOTALL)
+# Comments and strings without an end go on to the end of the text.
+_TOKEN = re.compile(
+    r'//[^\n]*|/\*.*?(?:\*/|\Z)|#[^\n]*|"(?:[^"\\]|\\.)*+(?:"|\\?\Z)|[A-Za-z_][\w:]*|\d+|@|\S', re.DOTALL
+)
 _SKIP = ("//", "/*", "#")
 _ENDS = frozenset("{};")
+# Modules, structs and sequences inside each other; reading ends at deeper ones.
+_DEEPEST = 16
 _PLAIN = {
     "boolean": "bool",
     "octet": "uint8",
@@ -42,7 +47,7 @@ class _Parser:
 
     def run(self) -> dict[str, list[tuple[str, str]]]:
         words: list[str] = []
-        while self._at < len(self._tokens):
+        while self._at < len(self._tokens) and len(self._scopes) <= _DEEPEST:
             word = self._tokens[self._at]
             self._at += 1
             if word == "@":
@@ -98,13 +103,13 @@ class _Parser:
         else:
             self._found[self._path()].append((kind, words[-1]))
 
-    def _kind(self, words: list[str]) -> str:
-        if words[0] == "sequence":
+    def _kind(self, words: list[str], depth: int = 0) -> str:
+        if words[0] == "sequence" and depth < _DEEPEST:
             inner = words[2:-1]
             bound = ""
             if "," in inner:
                 cut = inner.index(",")
                 inner, bound = inner[:cut], f"<={''.join(inner[cut + 1 :])}"
-            return f"{self._kind(inner)}[{bound}]" if inner else "?"
+            return f"{self._kind(inner, depth + 1)}[{bound}]" if inner else "?"
         text = " ".join(words)
         return self._aliases.get(text.rpartition("::")[2], _PLAIN.get(text, text))

@@ -9,8 +9,10 @@ from mcap.opcode import Opcode
 
 from analyzer.sources.mcap.chunks import Chunk
 from analyzer.sources.mcap.contents import Contents
-from analyzer.sources.mcap.records import BROKEN, DEFINITIONS, HEAD, LIMIT, LONGER, MAGIC, PREFIX, find, fit, follows
+from analyzer.sources.mcap.records import BROKEN, DEFINITIONS, HEAD, LIMIT, LONGER, MAGIC, PREFIX, fit
+from analyzer.sources.mcap.search import Result, find, follows
 from analyzer.sources.mcap.stream import Stream
+from analyzer.sources.mcap.summary import counts
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
@@ -52,14 +54,15 @@ class Reader:
         if self._stream.push(piece):
             yield from self._run(final=False)
             if self._contents.walk.waiting:
-                yield self._contents.walk.take()
+                yield self._contents.take()
 
     def finish(self) -> Iterator[Piece]:
         """The input ends here."""
         self._stream.need(0)
         self._stream.push(b"")
         yield from self._run(final=True)
-        yield self._contents.walk.take()
+        self._contents.walk.finish()
+        yield self._contents.take()
 
     def notes(self) -> list[str]:
         """What is to be said of the file, in short clauses."""
@@ -67,7 +70,7 @@ class Reader:
 
     def _run(self, *, final: bool) -> Iterator[Piece]:
         stream, going = self._stream, True
-        while going and self._part is not _Part.OVER:
+        while going and self._part is not _Part.OVER and not self._contents.ended:
             if stream.at > len(stream.data):  # inside a record that is skipped
                 going = self._wait(0, final=final)
             elif self._lost is not None:
@@ -131,16 +134,27 @@ class Reader:
             return self._broken()
         needed = found if found > 0 else end if opcode in _KEPT and length <= LIMIT else 0
         chunk = opcode == Opcode.CHUNK and needed == end and self._part is _Part.DATA
+        self._contents.effort.read = min(stream.place + end, stream.size)
         if left < needed:
             if final and chunk:
                 yield from self._chunk(end, unfinished=True)
             return self._wait(needed, final=final) if chunk or not final else self._cut()
         if chunk:
             yield from self._chunk(end)
+        elif opcode == Opcode.STATISTICS and self._part is _Part.SUMMARY:
+            yield self._contents.take()
+            self._count()
         else:
             self._take(opcode, end)
         stream.skip(end)
         return True
+
+    def _count(self) -> None:
+        """Compares what was found with what the file says of itself."""
+        stream = self._stream
+        differs = counts(stream.data, stream.at + PREFIX).differs(self._contents.counts)
+        if differs and not self._contents.hurt:
+            self._source.damaged(f"byte {stream.place}", differs)
 
     def _take(self, opcode: int, end: int) -> None:
         """A record that is no chunk."""
@@ -152,6 +166,7 @@ class Reader:
             self._contents.define(f"record at byte {place}", opcode, stream.data[body : stream.at + end])
         elif opcode == Opcode.DATA_END:
             self._part = _Part.SUMMARY
+            self._contents.walk.finish()
             stated = int.from_bytes(stream.data[body : body + 4], "little")
             if stated not in {0, stream.crc()} and not self._contents.hurt:
                 self._source.damaged(f"byte {place}", "checksum of the MCAP data is wrong")
@@ -183,17 +198,21 @@ class Reader:
         """The last record is not whole: the file ends early, or the length of the record is wrong."""
         stream = self._stream
         if self._part is _Part.DATA:
-            channels = self._contents.channels.known
-            if find(stream.data, min(stream.kept, stream.at) + 1, channels, final=True)[1]:
+            at, result, known = min(stream.kept, stream.at) + 1, Result.ONWARD, self._contents.channels.known
+            while result is Result.ONWARD and not self._contents.ended:
+                at, result, _ = find(stream.data, at, known, final=True)
+            if result is Result.FOUND:
                 return self._broken()
         return self._wait(0, final=True)
 
     def _search(self, *, final: bool) -> bool:
-        """Goes on to the next record that can be trusted."""
+        """Goes on towards the next record that can be trusted."""
         stream = self._stream
-        at, found = find(stream.data, stream.at, self._contents.channels.known, final=final)
+        at, result, _ = find(stream.data, stream.at, self._contents.channels.known, final=final)
         stream.at = stream.kept = at
-        if found:
+        if result is Result.ONWARD:
+            return True
+        if result is Result.FOUND:
             behind = stream.place - (self._lost or 0)
             where = f"{behind} bytes skipped" if behind >= 0 else "the record before it is too long"
             self._contents.unreadable(f"no MCAP record at byte {self._lost}: {where}")

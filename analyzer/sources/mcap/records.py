@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import struct
 from io import BytesIO
 from typing import TYPE_CHECKING
@@ -13,7 +12,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Callable, Iterator
 
 MAGIC = b"\x89MCAP0\r\n"
 # Opcode and length in front of each record.
@@ -23,8 +22,7 @@ MESSAGE_HEADER = 22
 # A record that is kept in memory is never longer.
 LIMIT = 1 << 28
 # Nor is a definition, or a message in a chain that is searched for.
-_SMALL = 1 << 24
-_CHAIN = 4
+SMALL = 1 << 24
 # Bytes that later versions may have added to a record.
 _MORE = 64
 HEAD = struct.Struct("<BQ")
@@ -52,8 +50,6 @@ _SHAPES: dict[int, tuple[int, ...]] = {
     Opcode.SUMMARY_OFFSET: (17,),
     Opcode.DATA_END: (4,),
 }
-# Where a record may begin: a known opcode, a length below the limit.
-_BEGIN = re.compile(rb"(?=[\x02-\x0f].{3}[\0-\x10]\0{4})", re.DOTALL)
 
 
 def fit(data: bytes, at: int) -> int:
@@ -61,7 +57,7 @@ def fit(data: bytes, at: int) -> int:
     opcode, length = HEAD.unpack_from(data, at)
     if opcode == Opcode.MESSAGE:
         return FITS if MESSAGE_HEADER <= length <= LIMIT else BROKEN
-    if opcode in DEFINITIONS and length > _SMALL:
+    if opcode in DEFINITIONS and length > SMALL:
         return BROKEN
     shape = _SHAPES.get(opcode)
     if shape is None:
@@ -78,55 +74,6 @@ def fit(data: bytes, at: int) -> int:
             return PREFIX + size + form.size
         size += form.size + form.unpack_from(data, at + PREFIX + size)[0]
     return FITS if size == length else LONGER if size < length <= size + _MORE else BROKEN
-
-
-def follows(data: bytes, at: int, opcode: int, *, final: bool) -> bool | None:
-    """Whether a record that fits, or the end of the input, stands at `at`; None: more bytes are needed to know.
-
-    Behind a record of another length than known, one more of the same kind will do.
-    """
-    if len(data) - at < PREFIX:
-        return at == len(data) if final else None
-    found = fit(data, at)
-    if found > 0 and not final:
-        return None
-    return found == FITS or (found == LONGER and data[at] == opcode)
-
-
-def find(data: bytes, start: int, channels: Collection[int], *, final: bool) -> tuple[int, bool]:
-    """The first record from `start` on that can be trusted, or where to go on searching when more bytes are there.
-
-    Everything that fits its length to the byte can be trusted; messages only in a chain, and of known channels.
-    """
-    for match in _BEGIN.finditer(data, start):
-        at = match.start()
-        sound = _chain(data, at, channels, final=final)
-        if sound:
-            return at, True
-        if sound is None and len(data) - at <= _SMALL:
-            return at, False
-    return max(start, len(data) - (0 if final else PREFIX - 1)), False
-
-
-def _chain(data: bytes, at: int, channels: Collection[int], *, final: bool) -> bool | None:
-    missing = False if final else None
-    for _ in range(_CHAIN):
-        if len(data) - at < PREFIX + 2:
-            return True if final and at == len(data) else missing
-        opcode, length = HEAD.unpack_from(data, at)
-        if opcode != Opcode.MESSAGE:
-            found = fit(data, at)
-            if found > 0:
-                return missing
-            there = not final or opcode == Opcode.CHUNK or at + PREFIX + length <= len(data)
-            return there and found == FITS and opcode != Opcode.HEADER
-        known = int.from_bytes(data[at + PREFIX : at + PREFIX + 2], "little") in channels
-        if not known or not MESSAGE_HEADER <= length <= _SMALL:
-            return False
-        at += PREFIX + length
-        if at > len(data):
-            return missing
-    return True
 
 
 def whole(data: bytes, at: int) -> int | None:
@@ -161,10 +108,10 @@ def definition(opcode: int, body: bytes) -> Schema | Channel | None:
     return found
 
 
-def definitions(data: bytes) -> Iterator[Schema | Channel]:
-    """All schemas and channels up to the first record that does not fit."""
+def definitions(data: bytes, goes_on: Callable[[], bool]) -> Iterator[Schema | Channel]:
+    """All schemas and channels up to the first record that does not fit; `goes_on` is asked in front of each record."""
     at = 0
-    while (end := whole(data, at)) is not None:
+    while goes_on() and (end := whole(data, at)) is not None:
         if data[at] in DEFINITIONS and (found := definition(data[at], data[at + PREFIX : end])) is not None:
             yield found
         at = end

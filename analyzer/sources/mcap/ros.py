@@ -6,8 +6,8 @@ import re
 
 from analyzer.sources.mcap.idl import structs
 
-# No definition of a CAN message is longer, or nested deeper.
-_LONGEST, _DEEPEST = 1 << 20, 8
+# No definition of a CAN message is longer, or nested deeper, or has as many fields with all that are nested.
+_LONGEST, _DEEPEST, _FIELDS = 1 << 16, 8, 256
 _RULE = re.compile(r"^={3,}[ \t\r]*$", re.MULTILINE)
 _TITLE = re.compile(r"\s*(?:MSG|IDL): *(\S+)")
 _FIELD = re.compile(r"\s*([A-Za-z][\w/]*(?:<=\d+)?(?:\[(?:<=)?\d*\])?)\s+([A-Za-z]\w*)\s*(=?)")
@@ -47,7 +47,7 @@ def layout_of(name: str, encoding: str, definition: bytes, flavour: str) -> str 
     text = definition.decode(errors="replace")
     types = dict(_STAMPS[flavour])
     types |= _structs(text) if encoding in {"ros2idl", "omgidl"} else _messages(short, text)
-    flat = _flat(types, short, "", 0)
+    flat = _flat(types, short, "", 0, [_FIELDS])
     return _KNOWN.get((flavour, tuple(flat))) if flat else None
 
 
@@ -75,24 +75,30 @@ def _messages(name: str, text: str) -> dict[str, Fields]:
 def _structs(text: str) -> dict[str, Fields]:
     types: dict[str, Fields] = {}
     for section in _RULE.split(text):
-        for name, fields in structs(_TITLE.sub("", section, count=1)).items():
+        title = _TITLE.match(section)
+        for name, fields in structs(section[title.end() :] if title else section).items():
             types.setdefault(_short(name), [(_short(kind), field) for kind, field in fields])
     return types
 
 
-def _flat(types: dict[str, Fields], name: str, prefix: str, depth: int) -> list[tuple[str, str]] | None:
+def _flat(
+    types: dict[str, Fields], name: str, prefix: str, depth: int, left: list[int]
+) -> list[tuple[str, str]] | None:
     """The fields with everything nested in place; None if a type is unknown or the nesting too deep."""
     if name not in types or depth == _DEEPEST:
         return None
     flat: list[tuple[str, str]] = []
     for kind, field in types[name]:
+        left[0] -= 1
+        if left[0] < 0:
+            return None
         package = name.rpartition("/")[0]
         inner = next((full for full in (_short(kind), f"{package}/{kind}", f"std_msgs/{kind}") if full in types), None)
         if inner is None:
             base, bracket, rest = kind.partition("[")
             flat.append((_BYTE.get(base, base) + bracket + rest, prefix + field))
             continue
-        below = _flat(types, inner, f"{prefix}{field}.", depth + 1)
+        below = _flat(types, inner, f"{prefix}{field}.", depth + 1, left)
         if below is None:
             return None
         flat += below
@@ -107,7 +113,7 @@ _MOST = max(len(fields.split(", ")) for fields in _LAYOUTS.values()) + 3
 def _known() -> dict[tuple[str, tuple[tuple[str, str], ...]], str]:
     known = {}
     for flavour, types in _STAMPS.items():
-        header = _flat(types, "std_msgs/Header", "header.", 0) or []
+        header = _flat(types, "std_msgs/Header", "header.", 0, [_FIELDS]) or []
         for layout, text in _LAYOUTS.items():
             pairs = [field.split(" ") for field in text.split(", ")]
             known[flavour, (*header, *((kind, name) for kind, name in pairs))] = layout

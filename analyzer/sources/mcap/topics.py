@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 TX, RX = 64, 128  # bits of the flags of a frame
 
 _SENT = frozenset({"to_can_bus", "to_can_bus_fd"})
@@ -13,6 +15,18 @@ _GENERIC = _DIRECTIONS | {
     *("frame", "frames", "can_frame", "can_frames", "msg", "msgs", "message", "messages"),
 }
 FALLBACK = "can"
+# Words, and where they begin in names like `RawCANFrame`.
+_WORD = re.compile(r"[a-z]+")
+_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+_CAN = re.compile(r"(?:v|vx|sl|socket|uav|drone)?can(?:fd|bus|raw|data|id|(?:fd)?(?:frame|msg|message|packet)s?)?")
+_LONGEST = 1 << 10
+
+
+def says_can(name: str) -> bool:
+    """Whether a word of a name, of a topic, a type or a field, is about CAN."""
+    name = name[:_LONGEST]
+    words = {*_WORD.findall(name.lower()), *_WORD.findall(_HUMP.sub(" ", name).lower())}
+    return any(_CAN.fullmatch(word) for word in words)
 
 
 def direction(topic: str) -> int:

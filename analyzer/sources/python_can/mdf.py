@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+from contextlib import contextmanager
 from pathlib import Path
-from tempfile import NamedTemporaryFile
+from tempfile import NamedTemporaryFile, gettempdir
 from typing import TYPE_CHECKING, Any
 
 from can.io import mf4 as library
@@ -21,7 +22,6 @@ from analyzer.sources.python_can.messages import (
     from_float,
     store,
     store_error,
-    words,
 )
 
 if TYPE_CHECKING:
@@ -33,13 +33,18 @@ if TYPE_CHECKING:
     from analyzer.sources import Source
 
 _PIECE = 10_000
+# Bytes of a capture, which take as much room on disk once more.
+_LARGEST = 4 << 30
 _MISSING = "reading MDF 4 needs asammdf: pip install 'tailbyte[mf4]'"
+# What asammdf itself says is no help: it trips over damage wherever that leads it.
+_NOT_READ = "damaged, or not of the kinds of MDF 4 that asammdf reads"
 
 
 def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
     """The pieces of an MDF 4 capture, by way of a temporary file: asammdf needs all of it.
 
-    Raises `CaptureError` when asammdf is missing or cannot make anything of the file.
+    Raises `CaptureError` when asammdf is missing or cannot make anything of the file, when there is no room for the
+    temporary file, or when that would be larger than 4 GiB.
     """
     if library.asammdf is None:  # type: ignore[attr-defined]  # what python-can itself asks
         raise CaptureError(source.name, "", _MISSING)
@@ -47,20 +52,39 @@ def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
     source.notes.append(
         "MDF 4 keeps no bus names (channel 0 is can0), times to the microsecond, no kinds of error frames"
     )
-    with NamedTemporaryFile(suffix=".mf4") as file:
+    with _room(source, gettempdir()):
+        file = NamedTemporaryFile(suffix=".mf4", buffering=0)  # noqa: SIM115 - closed below
+    with file:
+        size = 0
         for chunk in chunks:
-            file.write(chunk)
+            size += len(chunk)
+            if size > _LARGEST:
+                raise CaptureError(source.name, "", f"MDF 4 of more than {_LARGEST >> 30} GiB is not read")
             if not chunk:
                 yield b""
-        file.flush()
+            with _room(source, file.name):
+                rest = memoryview(chunk)
+                while rest:
+                    rest = rest[file.write(rest) :]
+        if source.stopped and not source.live:
+            return
         try:
             reader = library.MF4Reader(file.name)
         except Exception as error:  # noqa: BLE001 - of any type: asammdf checks little
             _release(error)
-            reason = words(error).replace(file.name, source.name)
-            raise CaptureError(source.name, "", f"not read by asammdf ({reason})") from None
+            raise source.damage or CaptureError(source.name, "", _NOT_READ) from None
         with reader:
             yield from _pieces(source, iter(reader))
+
+
+@contextmanager
+def _room(source: Source, name: str) -> Iterator[None]:
+    """Around what may fail for want of room on disk, or of a right to it: the capture is not to blame."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise CaptureError(source.name, "", f"temporary file {name}: {reason}") from None
 
 
 def _release(error: BaseException) -> None:
@@ -86,8 +110,8 @@ def _pieces(source: Source, messages: Iterator[Message]) -> Iterator[Piece]:
             message = next(messages)
         except StopIteration:
             break
-        except Exception as error:  # noqa: BLE001 - of any type: asammdf checks little
-            source.damaged(f"message {count + 1}", f"not read by asammdf ({words(error)})")
+        except Exception:  # noqa: BLE001 - of any type: asammdf checks little
+            source.damaged(f"message {count + 1}", _NOT_READ)
             break
         count += 1
         try:

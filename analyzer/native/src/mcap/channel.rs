@@ -4,7 +4,8 @@
 use std::collections::HashSet;
 
 use super::can::Can;
-use super::Layout;
+use super::texts::Text;
+use super::{Layout, Role};
 use crate::frames::{FD, MAX_CLASSIC};
 use crate::line::Reason;
 use crate::reader::Rows;
@@ -17,6 +18,9 @@ const MAX_IDS: usize = 1 << 16;
 pub(super) struct Channel {
     pub layout: Layout,
     pub names: Names,
+    /// How identifiers and data in text are coded.
+    pub id: Text,
+    pub data: Text,
     /// Direction of all frames that do not state theirs; [`FD`] if all are CAN FD.
     pub flags: u16,
     /// Whether its messages, or the recorder, state times.
@@ -32,6 +36,8 @@ impl Channel {
         let announced = bus.as_bytes().to_vec();
         let names = Names { announced, last: None };
         Channel {
+            id: Text::new(layout.has(Role::IdText)),
+            data: Text::new(layout.has(Role::DataText)),
             layout,
             names,
             flags: 0,

@@ -4,6 +4,7 @@
 use super::can::{within, Can};
 use super::decimal::Decimal;
 use super::role::Role;
+use super::texts::{data_sign, id_sign, Coding, Sign};
 use super::value::{flag, identifier, integer, time, Value};
 use super::{bytes, Message, OUT_OF_RANGE};
 use crate::frames::{BRS, ESI, MAX_CLASSIC, MAX_DATA, RX, TX, WORD_REMOTE};
@@ -30,6 +31,9 @@ pub(super) struct Found {
     seconds: Option<i64>,
     nanoseconds: Option<i64>,
     data: Option<Bytes>,
+    /// Identifier and data in text whose coding the channel knows, empty for none.
+    id_text: Vec<u8>,
+    data_text: Vec<u8>,
 }
 
 /// A data field.
@@ -57,23 +61,28 @@ impl Bytes {
         self.push(byte.ok_or("data byte out of range")?)
     }
 
-    fn as_slice(&self) -> &[u8] {
+    pub fn as_slice(&self) -> &[u8] {
         &self.bytes[..self.len]
     }
 }
 
 impl Found {
     pub fn clear(&mut self) {
-        let mut name = std::mem::take(&mut self.name);
-        name.clear();
+        let [name, id_text, data_text] = [&mut self.name, &mut self.id_text, &mut self.data_text].map(|text| {
+            text.clear();
+            std::mem::take(text)
+        });
         *self = Found {
             name,
+            id_text,
+            data_text,
             ..Found::default()
         };
     }
 
     /// The data field, to begin anew.
     pub fn new_data(&mut self) -> &mut Bytes {
+        self.data_text.clear();
         self.data.insert(Bytes::EMPTY)
     }
 
@@ -87,7 +96,14 @@ impl Found {
     pub fn set(&mut self, role: Role, value: Value<'_>) -> Result<(), Reason> {
         match role {
             Role::Id => self.id = integer(value)?.map(identifier).transpose()?,
-            Role::Data | Role::DataBase64 | Role::DataHex => self.set_data(role, value)?,
+            Role::IdText => {
+                self.id_text.clear();
+                match value {
+                    Value::Text(text) => self.id_text.extend_from_slice(text),
+                    _ => self.id = integer(value)?.map(identifier).transpose()?,
+                }
+            }
+            Role::Data | Role::DataBase64 | Role::DataHex | Role::DataText => self.set_data(role, value)?,
             Role::Extended => self.extended = flag(value)?,
             Role::Remote => self.remote = flag(value)?,
             Role::Error => self.error = flag(value)?,
@@ -118,6 +134,7 @@ impl Found {
 
     fn set_data(&mut self, role: Role, value: Value<'_>) -> Result<(), Reason> {
         self.data = None;
+        self.data_text.clear();
         match (value, role) {
             (Value::Null, _) => Ok(()),
             (Value::Bytes(bytes), Role::Data) => {
@@ -127,6 +144,10 @@ impl Found {
             }
             (Value::Text(text) | Value::Bytes(text), Role::DataBase64) => bytes::base64(text, self.new_data()),
             (Value::Text(text) | Value::Bytes(text), Role::DataHex) => bytes::hex(text, self.new_data()),
+            (Value::Text(text), Role::DataText) => {
+                self.data_text.extend_from_slice(text);
+                Ok(())
+            }
             _ => Err("data is not what was announced".into()),
         }
     }
@@ -144,6 +165,37 @@ impl Found {
                     self.name.extend_from_slice(number.to_string().as_bytes());
                 }
             }
+        }
+        Ok(())
+    }
+
+    /// How the texts of identifier and data look coded.
+    pub fn signs(&self) -> (Sign, Sign) {
+        let remote = self.remote == Some(true) || self.id.is_some_and(|id| id & WORD_REMOTE != 0);
+        let stated = self.dlc.filter(|_| !remote);
+        let fd = self.fd.or((self.brs == Some(true)).then_some(true));
+        (id_sign(&self.id_text), data_sign(&self.data_text, stated, fd))
+    }
+
+    /// Reads the texts of identifier and data as they are coded; if that is open, it makes no difference.
+    ///
+    /// # Errors
+    /// The reason why they are not coded like that.
+    pub fn decode(&mut self, id: Coding, data: Coding) -> Result<(), Reason> {
+        if !self.id_text.is_empty() {
+            let value = match (id, bytes::hex_number(&self.id_text)) {
+                (Coding::Hex, Some(number)) => Value::Number(i128::from(number).into()),
+                _ => Value::Text(&self.id_text),
+            };
+            self.id = integer(value)?.map(identifier).transpose()?;
+        }
+        if !self.data_text.is_empty() {
+            let mut read = Bytes::EMPTY;
+            match data {
+                Coding::Other => bytes::base64(&self.data_text, &mut read)?,
+                Coding::Hex | Coding::Open => bytes::hex(&self.data_text, &mut read)?,
+            }
+            self.data = Some(read);
         }
         Ok(())
     }

@@ -53,6 +53,15 @@ impl Layout {
         Layout(Read::Ros(wire, kind))
     }
 
+    /// Whether a field has this role.
+    pub(super) fn has(&self, role: Role) -> bool {
+        match &self.0 {
+            Read::Ros(..) => false,
+            Read::Json(fields) => fields.leaves().any(|leaf| leaf == role),
+            Read::Protobuf(fields, _) => fields.leaves().any(|(leaf, _)| leaf == role),
+        }
+    }
+
     /// Of each field its role and the keys that lead to it.
     ///
     /// # Errors
@@ -91,13 +100,13 @@ fn check(roles: impl Iterator<Item = Role>) -> Result<(), &'static str> {
     for role in roles {
         if seen
             .iter()
-            .any(|&other| role == other || (role.is_data() && other.is_data()))
+            .any(|&other| role == other || (role.is_data() && other.is_data()) || (role.is_id() && other.is_id()))
         {
             return Err("two fields have the same role");
         }
         seen.push(role);
     }
-    if seen.contains(&Role::Id) {
+    if seen.iter().any(|role| role.is_id()) {
         Ok(())
     } else {
         Err("no field is the identifier")

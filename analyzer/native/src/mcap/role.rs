@@ -5,10 +5,14 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     Id,
+    /// Perhaps in text that does not say whether it is hex or decimal.
+    IdText,
     /// Bytes, or a list of numbers.
     Data,
     DataBase64,
     DataHex,
+    /// Text that may be either.
+    DataText,
     Extended,
     Remote,
     Error,
@@ -32,9 +36,11 @@ impl Role {
     pub fn named(name: &str) -> Option<Role> {
         Some(match name {
             "id" => Role::Id,
+            "id_text" => Role::IdText,
             "data" => Role::Data,
             "data_base64" => Role::DataBase64,
             "data_hex" => Role::DataHex,
+            "data_text" => Role::DataText,
             "extended" => Role::Extended,
             "rtr" => Role::Remote,
             "error" => Role::Error,
@@ -53,7 +59,11 @@ impl Role {
         })
     }
 
+    pub fn is_id(self) -> bool {
+        matches!(self, Role::Id | Role::IdText)
+    }
+
     pub fn is_data(self) -> bool {
-        matches!(self, Role::Data | Role::DataBase64 | Role::DataHex)
+        matches!(self, Role::Data | Role::DataBase64 | Role::DataHex | Role::DataText)
     }
 }

@@ -48,6 +48,13 @@ impl<K: PartialEq, L: Copy> Tree<K, L> {
         Ok(())
     }
 
+    pub fn leaves(&self) -> impl Iterator<Item = L> + '_ {
+        self.0.iter().flatten().filter_map(|&(_, target)| match target {
+            Target::Leaf(leaf) => Some(leaf),
+            Target::Inner(_) => None,
+        })
+    }
+
     #[inline]
     pub fn find(&self, node: usize, is: impl Fn(&K) -> bool) -> Option<Target<L>> {
         self.0[node].iter().find(|(key, _)| is(key)).map(|&(_, target)| target)

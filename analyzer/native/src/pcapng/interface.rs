@@ -1,6 +1,7 @@
 //! What a section says of an interface: its link type, its name, and how its time stamps count.
 #![forbid(unsafe_code)]
 
+use super::names::Names;
 use super::options::Options;
 use crate::binary::Order;
 use crate::frames::NO_TIME;
@@ -32,13 +33,17 @@ pub struct Interface {
     /// Packets that the statistics so far call lost.
     pub dropped: u64,
     unknown: bool,
+    index: usize,
+    /// As it is stated; empty if it is not.
     name: Vec<u8>,
+    /// What the rows call it.
+    called: Option<Vec<u8>>,
     bus: Option<u8>,
 }
 
 impl Interface {
-    /// Reads the body of an interface description; `index` names an interface that has no name.
-    pub fn read(body: &[u8], order: Order, index: usize) -> Option<Interface> {
+    /// Reads the body of an interface description.
+    pub fn read(body: &[u8], order: Order, index: usize, names: &mut Names) -> Option<Interface> {
         let options = Options::new(body.get(8..)?, order);
         let limit = match order.u32(body, 4) {
             0 => usize::MAX,
@@ -47,7 +52,7 @@ impl Interface {
         let mut interface = Interface {
             link: Link::of(order.u16(body, 0)),
             limit,
-            name: format!("can{index}").into_bytes(),
+            index,
             ..Interface::default()
         };
         for (code, value) in options {
@@ -58,6 +63,9 @@ impl Interface {
                 (OFFSET, [_, _, _, _, _, _, _, _]) => interface.clock.offset = order.u64(value, 0) as i64,
                 _ => {}
             }
+        }
+        if !interface.name.is_empty() {
+            names.state(&interface.name);
         }
         Some(interface)
     }
@@ -89,8 +97,11 @@ impl Interface {
     }
 
     /// The index in the rows; `None` when there are too many.
-    pub fn bus(&mut self, rows: &mut Rows) -> Option<u8> {
-        self.bus = self.bus.or_else(|| rows.bus(&self.name));
+    pub fn bus(&mut self, names: &mut Names, rows: &mut Rows) -> Option<u8> {
+        if self.bus.is_none() {
+            let called = self.called.get_or_insert_with(|| names.choose(&self.name, self.index));
+            self.bus = rows.bus(called);
+        }
         self.bus
     }
 }

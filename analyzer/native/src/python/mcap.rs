@@ -5,7 +5,6 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use super::pieces::Piece;
-use crate::frames::NO_TIME;
 use crate::mcap::{Form, Kind, Layout, Role, Walk, Wire, MAX_WAITING};
 
 /// Walks message records and makes rows of those that carry CAN frames.
@@ -37,6 +36,11 @@ impl McapWalk {
         Ok(())
     }
 
+    /// The next message of this channel, which is neither announced nor ignored, counts as other.
+    fn pass_one(&mut self, id: u16) {
+        self.0.pass(id);
+    }
+
     /// The messages of this channel count as other.
     fn ignore(&mut self, id: u16) {
         self.0.ignore(id);
@@ -59,18 +63,30 @@ impl McapWalk {
 
     /// A damaged record that the caller found.
     fn unreadable(&mut self, text: &str) {
-        self.0.rows.unreadable(NO_TIME, None, text);
+        self.0.unreadable(text);
     }
 
     /// Sound records that have nothing to do with CAN.
     fn other(&mut self, count: u64) {
-        self.0.rows.other(count);
+        self.0.other(count);
     }
 
     /// Rows of frames and events that wait for `take`.
     #[getter]
     fn waiting(&self) -> usize {
         self.0.rows.waiting()
+    }
+
+    /// The input ends: messages that waited for one that shows how their text is coded are read as assumed.
+    fn finish(&mut self) {
+        self.0.finish();
+    }
+
+    /// Channels and fields (`data`, `id`) whose text was taken for hex, or for decimal numbers, for want of a message
+    /// that shows it.
+    #[getter]
+    fn assumed(&self) -> Vec<(u16, &'static str)> {
+        self.0.assumed.clone()
     }
 
     /// Everything since the last call.

@@ -245,7 +245,7 @@ impl Messages {
     }
 
     fn channel(&mut self, piece: &Piece, can: &Can<'_>, fd: bool) -> u16 {
-        let (timed, direction) = (can.t != NO_TIME, can.direction);
+        let (timed, direction) = (Stamper::holds(can.t), can.direction);
         let key = usize::from(can.bus) << 4 | usize::from(!timed) << 3 | (direction as usize) << 1 | usize::from(fd);
         if self.known.len() <= key {
             self.known.resize(key + 1, 0);

@@ -198,7 +198,7 @@ impl Pcapng {
             self.interface(piece, bus, t, out)
         } else {
             self.account.add(Loss::DropBus);
-            let timed = t != NO_TIME;
+            let timed = Stamper::holds(t);
             let first = self.interfaces.iter().position(|one| one.timed == timed);
             first.map_or_else(|| self.describe(b"any", timed, out), |first| first as u32)
         };
@@ -217,14 +217,16 @@ impl Pcapng {
 
     /// The number of the interface for a row of this time, which is described now if it was not before.
     fn interface(&mut self, piece: &Piece, bus: u8, t: i64, out: &mut Vec<u8>) -> u32 {
-        let (at, timed) = (usize::from(bus), t != NO_TIME);
+        let (at, timed) = (usize::from(bus), Stamper::holds(t));
         if self.numbers.len() <= at {
             self.numbers.resize(at + 1, [None; 2]);
         }
         if let Some(number) = self.numbers[at][usize::from(timed)] {
             return number;
         }
-        let number = self.describe(name(piece, bus).as_bytes(), timed, out);
+        // Without a name, readers would take the two interfaces of a bus for two buses.
+        let name = Some(name(piece, bus)).filter(|name| !name.is_empty()).unwrap_or("can");
+        let number = self.describe(name.as_bytes(), timed, out);
         self.numbers[at][usize::from(timed)] = Some(number);
         number
     }

@@ -2,6 +2,7 @@
 
 use _native::candump::{Counts, MAX_LINE};
 use _native::events::EventKind;
+use _native::frames::{RX, TX};
 
 use crate::{parse, reason, texts};
 
@@ -33,6 +34,7 @@ fn error_frames() {
             "counters; data 01 02",
         ),
         ("(1.5) can0 A0000040#", 0x40, None, "bus off"),
+        ("(1.5) can0 20000040# T", 0x40, None, "bus off"),
     ] {
         let (candump, frames, events) = parse(line.as_bytes());
         assert_eq!(
@@ -46,6 +48,12 @@ fn error_frames() {
             (EventKind::ErrorFrame as u8, class, 1_500_000_000)
         );
         assert_eq!((events.bus[0], events.bus_valid[0], events.line[0]), (0, 1, 1));
+        let way = match line.rsplit(' ').next() {
+            Some("T") => TX,
+            Some("R") => RX,
+            _ => 0,
+        };
+        assert_eq!(events.flags[0], way, "{line}");
         let found = (events.errors_valid[0] == 1).then(|| (events.tx_errors[0], events.rx_errors[0]));
         assert_eq!((found, texts(&events)[0]), (counters, words), "{line}");
     }

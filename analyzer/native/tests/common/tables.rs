@@ -8,8 +8,8 @@ use _native::verdict::VERDICTS;
 use crate::capture::Capture;
 use crate::sender::signatures;
 
-/// Time, interface, line, kind, class, error counters, text.
-type EventRow = (i64, Option<u8>, u32, u8, u32, Option<(u8, u8)>, Vec<u8>);
+/// Time, interface, line, kind, class, flags, error counters, text.
+type EventRow = (i64, Option<u8>, u32, u8, u32, u16, Option<(u8, u8)>, Vec<u8>);
 
 #[derive(Debug, PartialEq, Eq)]
 pub struct Tables {
@@ -93,6 +93,7 @@ fn append(rows: &mut Vec<EventRow>, events: &Events) {
             events.line[row],
             events.kind[row],
             events.class[row],
+            events.flags[row],
             (events.errors_valid[row] != 0).then_some((events.tx_errors[row], events.rx_errors[row])),
             events.text[start..end].to_vec(),
         ));

@@ -2,6 +2,7 @@
 
 mod dataflash;
 mod dronecan;
+mod interfaces;
 mod laws;
 mod pcap;
 mod pcapng;

@@ -100,7 +100,12 @@ fn an_error_frame_is_an_event() {
         (events.class[0], events.tx_errors[0], events.rx_errors[0], events.t[0]),
         (0x204, 96, 135, 1_000_005_000)
     );
-    assert_eq!(all.0.counts.error_frames, 1);
+    assert_eq!((all.0.counts.error_frames, all.0.events.flags[0]), (1, 0));
+    let head = Ends::Big.halves(&[4, 280, 0, 0, 0, 0, 0, 0x0C]);
+    let error = [&Ends::Little.words(&[0x2000_0004]), &can(0, &[0; 8])[4..]].concat();
+    let cooked = record(Ends::Little, 1, 0, &[head, error].concat());
+    let all = read("pcap", &[file(Ends::Little, MICROS, 113), cooked].concat());
+    assert_eq!((all.0.events.class[0], all.0.events.flags[0]), (4, TX));
 }
 
 #[test]

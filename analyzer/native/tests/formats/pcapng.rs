@@ -175,6 +175,39 @@ fn time_stamps_are_exact_in_every_resolution() {
 }
 
 #[test]
+fn stamps_of_an_interface_that_says_so_are_no_times() {
+    for ends in [Ends::Little, Ends::Big] {
+        let named = |about: &[u8]| [option(ends, 2, b"can0"), option(ends, 3, about), option(ends, 0, &[])].concat();
+        let marked: [&[u8]; 2] = [b"tailbyte: no time stamps", b"tailbyte: no time stamps\0"];
+        for about in marked {
+            let bytes = [
+                section(ends),
+                interface(ends, 227, &named(about)),
+                interface(ends, 227, &named(b"no time stamps")),
+                packet(ends, 0, u64::MAX, &can(1, &[]), &[]),
+                packet(ends, 0, 7, &can(0x2000_0004, &[]), &option(ends, 2, &ends.words(&[2]))),
+                statistics(ends, 0, &[(5, 3)]),
+            ];
+            let all = read("pcapng", &bytes.concat());
+            assert_eq!(
+                (&all.0.frames.t[..], &all.0.events.t[..]),
+                (&[NO_TIME][..], &[NO_TIME; 2][..])
+            );
+            assert_eq!((all.0.stamps, &all.0.events.flags[..]), (Stamps::NONE, &[TX, 0][..]));
+            // The other interface of that name has times, even such as 0.
+            let all = read(
+                "pcapng",
+                &[bytes.concat(), packet(ends, 1, 0, &can(1, &[]), &[])].concat(),
+            );
+            assert_eq!(
+                (&all.0.frames.t[..], all.0.buses.names()),
+                (&[NO_TIME, 0][..], &["can0".to_owned()][..])
+            );
+        }
+    }
+}
+
+#[test]
 fn statistics_tell_drops_once() {
     for ends in [Ends::Little, Ends::Big] {
         let mut bytes = [

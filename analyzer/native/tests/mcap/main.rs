@@ -6,6 +6,7 @@ mod json;
 mod laws;
 mod protobuf;
 mod ros;
+mod texts;
 mod walk;
 
 use _native::mcap::{Layout, Stop, Walk};

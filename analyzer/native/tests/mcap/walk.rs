@@ -1,6 +1,6 @@
 //! Records, channels and counts.
 
-use _native::frames::{RX, TX};
+use _native::frames::{NO_TIME, RX, TX};
 use _native::mcap::{Kind, Layout, Role, Stop, Walk, Wire, MAX_WAITING};
 use _native::stamp::Stamps;
 
@@ -124,6 +124,39 @@ fn times_of_the_message_and_of_the_recorder_are_told_apart() {
     let times: Vec<i64> = rows.into_iter().map(|(_, row)| row.unwrap().t).collect();
     assert_eq!(times, [3, 9, 4]);
     assert_eq!((walk.log_times, walk.header_times), (1, 2));
+}
+
+#[test]
+fn nothing_is_a_time_in_a_channel_without_times() {
+    let mut walk = Walk::default();
+    let fields = [
+        (Role::Id, "id"),
+        (Role::StampNs, "t"),
+        (Role::Error, "bad"),
+        (Role::Sent, "tx"),
+    ];
+    let fields = fields.map(|(role, name)| (role, vec![name.to_owned()]));
+    walk.channel(1, "x", Layout::json(fields.to_vec()).unwrap());
+    walk.mark(1, RX);
+    walk.untimed(1);
+    let data = [
+        record(1, 9, b"{\"id\":1,\"t\":3}"),
+        record(1, u64::MAX, b"{\"id\":1}"),
+        record(1, 9, b"{\"id\":4,\"bad\":true,\"tx\":true}"),
+        record(1, 9, b"{\"id\":4,\"bad\":true}"),
+    ];
+    walk.walk(&data.concat(), 0, usize::MAX);
+    let piece = walk.take();
+    assert_eq!(
+        (&piece.frames.t[..], &piece.events.t[..]),
+        (&[NO_TIME; 2][..], &[NO_TIME; 2][..])
+    );
+    assert_eq!((walk.log_times, walk.header_times, walk.absent_times), (0, 0, 4));
+    assert_eq!(piece.stamps, Stamps::NONE);
+    assert_eq!(piece.events.flags, [TX, RX]);
+    walk.channel(1, "x", id_only());
+    walk.walk(&record(1, 9, b"{\"id\":1}"), 0, usize::MAX);
+    assert_eq!(walk.take().frames.t, [9]);
 }
 
 #[test]

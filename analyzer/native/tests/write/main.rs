@@ -1,14 +1,15 @@
 //! Whatever legible lines say is written so that it reads the same again: valid lines, and valid lines damaged.
 
 use _native::candump::Candump;
-use _native::frames::{BRS, DLC_SHIFT, ERROR, ESI, FD, REMOTE};
+use _native::frames::{BRS, DLC_SHIFT, ERROR, ESI, FD, NO_TIME, REMOTE, RX, TX};
 use _native::mcap::{Kind, Layout, Stop, Walk, Wire};
 use _native::pcapng::Pcapng;
 use _native::reader::{Piece, Reader, Rows};
+use _native::stamp::Stamps;
 use _native::write::mcap::Messages;
 use _native::write::{candump, pcapng, Writer};
 
-const LINES: [&str; 16] = [
+const LINES: [&str; 19] = [
     "(1700000000.000180) can0 05040601#A63500000000009C R",
     "(1700000000.000000181) vcan-1 123#1122 T",
     "can0 7FF#",
@@ -18,6 +19,9 @@ const LINES: [&str; 16] = [
     "(1700000000.000200) can0 123#R8_F T",
     "(1700000000.000200) can0 123#1122334455667788_B",
     "(1700000000.000200) can1 20000004#000C000000006087",
+    "(1700000000.000210) can1 20000004#0100000000000000 T",
+    "can1 20000080#00 R",
+    "  can0  TX - -  20000002   [1]  0B   ERRORFRAME",
     "DROPCOUNT: dropped 5 CAN frames on 'can0' socket (total drops 12)",
     "# a comment",
     "(1700000000.000200) can0 123#112233445566778899AA",
@@ -76,7 +80,11 @@ fn frames(piece: &Piece) -> Vec<(i64, String, u32, u16, Vec<u8>)> {
         })
         .collect();
     all.extend((0..events.len()).filter(|&row| events.kind[row] == 0).map(|row| {
-        let what = (events.class[row], ERROR, events.data_of(row).to_vec());
+        let what = (
+            events.class[row],
+            ERROR | events.flags[row],
+            events.data_of(row).to_vec(),
+        );
         (events.line[row], events.t[row], name(events.bus[row]), what)
     }));
     all.sort();
@@ -89,10 +97,12 @@ fn frames(piece: &Piece) -> Vec<(i64, String, u32, u16, Vec<u8>)> {
 fn classic(piece: &Piece) -> Vec<(i64, String, u32, u16, Vec<u8>)> {
     let mut all = frames(piece);
     all.retain(|(_, _, _, flags, data)| flags & FD != 0 || data.len() <= 8);
-    for (t, ..) in &mut all {
-        *t = (*t).max(0);
-    }
     all
+}
+
+/// Whether any frame or error frame has no time.
+fn has_none(piece: &Piece) -> bool {
+    frames(piece).iter().any(|row| row.0 == NO_TIME)
 }
 
 #[test]
@@ -127,11 +137,8 @@ fn packets_read_the_same_again() {
         let piece = read(Candump::new(), &log);
         let again = read(Pcapng::default(), &write(pcapng::Pcapng::default(), &piece));
         let shown = String::from_utf8_lossy(&log);
-        let mut wanted = classic(&piece);
-        for (.., flags, _) in wanted.iter_mut().filter(|(.., flags, _)| flags & ERROR != 0) {
-            *flags = ERROR;
-        }
-        assert_eq!(classic(&again), wanted, "{shown}");
+        assert_eq!(classic(&again), classic(&piece), "{shown}");
+        assert_eq!(again.stamps.contains(Stamps::NONE), has_none(&again), "{shown}");
         assert_eq!(again.counts.dropped, piece.counts.dropped, "{shown}");
     }
 }
@@ -150,7 +157,11 @@ fn messages_read_the_same_again() {
             for (id, channel) in (1..).zip(messages.channels()) {
                 let kind = if channel.fd { Kind::SocketCanFd } else { Kind::CanMsgs };
                 walk.channel(id, &channel.bus, Layout::ros(Wire::Cdr, kind));
-                walk.mark(id, if channel.fd { FD } else { 0 });
+                let way = [0, RX, TX][channel.direction as usize];
+                walk.mark(id, way | if channel.fd { FD } else { 0 });
+                if !channel.timed {
+                    walk.untimed(id);
+                }
             }
             assert_eq!(
                 walk.walk(&chunk.messages, 0, usize::MAX),
@@ -168,16 +179,15 @@ fn messages_read_the_same_again() {
             } else {
                 (*flags >> DLC_SHIFT).min(8)
             };
-            *flags = (*flags & 0xF & !(BRS | ESI)) | code << DLC_SHIFT;
+            *flags = (*flags & 0xFF & !(BRS | ESI)) | code << DLC_SHIFT;
         }
         let mut found = classic(&again);
-        let overflows = |row: &(i64, String, u32, u16, Vec<u8>)| row.3 == ERROR && row.4 == [0, 1, 0, 0, 0, 0, 0, 0];
+        let overflows =
+            |row: &(i64, String, u32, u16, Vec<u8>)| row.3 & ERROR != 0 && row.4 == [0, 1, 0, 0, 0, 0, 0, 0];
         found.retain(|row| !overflows(row));
-        for (.., flags, _) in &mut found {
-            *flags &= !(0xF0);
-        }
         wanted.retain(|row| !overflows(row));
         assert_eq!(found, wanted, "{shown}");
+        assert_eq!(again.stamps.contains(Stamps::NONE), has_none(&again), "{shown}");
         let (faults, drops) = (again.counts.error_frames, piece.counts.drops);
         assert!(faults >= drops && again.counts.unreadable == 0, "{shown}");
     }
