@@ -203,7 +203,7 @@ UNITS = [
 def test_hostile_definitions_end(unit: str) -> None:
     """What is quadratic takes minutes for as much."""
     text = (unit * (1 << 20))[: 1 << 20]
-    assert len(idl.structs(text)) <= 1
+    assert len(idl.structs(text)) <= 17
     for part in (text, text[: 1 << 16]):
         for encoding in ("ros2msg", "ros2idl"):
             assert ros.layout_of("a/msg/B", encoding, part.encode(), "ros2") is None
@@ -232,15 +232,15 @@ def test_deep_idl() -> None:
     assert idl.structs(f"struct S {{ {'sequence<' * 5000}octet{'>' * 5000} x; octet y; }};")["S"][1] == ("uint8", "y")
 
 
-@pytest.mark.parametrize("body", [b"\x22\x00", b"\x0a\x00", pb((4, b"\x12\x00" * 1000))])
+@pytest.mark.parametrize("body", [b"\x22\x00", b"\x10\x00", pb((4, b"\x12\x00" * 1000))])
 def test_descriptors_with_very_many_fields(body: bytes) -> None:
     with pytest.raises(ValueError, match="too many fields"):
-        descriptor.messages(pb((1, body * (1 << 18))))
+        descriptor.messages(pb((1, body * (1 + (1 << 19) // len(body)))))
 
 
 @pytest.mark.parametrize("text", [b"[" * 200_000, b'{"a":' * 50_000, b"1" * 200_000, b"", b"\xff", b" " * (1 << 20)])
 def test_json_that_cannot_be_parsed(text: bytes) -> None:
-    with pytest.raises(ValueError, match="."):
+    with pytest.raises(ValueError, match=r"."):
         jsons.parsed(text)
 
 
