@@ -48,6 +48,8 @@ class Channels:
         # Those of JSON whose schema alone does not tell the layout.
         self._vague: set[int] = set()
         self._parsed: dict[int, Any] = {}
+        # A schema never changes, and many channels may use it.
+        self._layouts: dict[tuple[int, str, bool], tuple[tuple[str, Any] | None, str]] = {}
         self._names = topics.Names()
         self.headers = self.others = 0  # channels with a header.stamp, with a stamp of another name
 
@@ -132,15 +134,12 @@ class Channels:
 
     def _layout(self, channel: Channel, schema: Schema | None) -> tuple[tuple[str, Any] | None, str]:
         """The layout, or what is to be said of a channel without."""
-        form = channel.message_encoding
-        if form in _ROS and schema is not None:
-            wire, flavour, encodings = _ROS[form]
-            found = ros.layout_of(schema.name, schema.encoding, schema.data, flavour)
-            if found and schema.encoding in encodings:
-                return (wire, found), ""
-        elif form == "protobuf" and schema is not None:
-            return protobuf.layout_of(schema.name, schema.data, named=_named(channel, schema))
-        return None, ""
+        if schema is None:
+            return None, ""
+        key = schema.id, channel.message_encoding, _named(channel, schema)
+        if key not in self._layouts:
+            self._layouts[key] = _layout(schema, *key[1:])
+        return self._layouts[key]
 
     def _announce(self, channel: Channel, schema: Schema | None, layout: tuple[str, Any] | None, said: str) -> None:
         """Settles a channel: with its layout, else as one to ignore, of which something may be said."""
@@ -202,6 +201,17 @@ class Channels:
         if header_times or log_times:
             return [*self.notes, f"time is {stamp if header_times else 'log_time'}"]
         return self.notes
+
+
+def _layout(schema: Schema, form: str, named: bool) -> tuple[tuple[str, Any] | None, str]:
+    if form in _ROS:
+        wire, flavour, encodings = _ROS[form]
+        found = ros.layout_of(schema.name, schema.encoding, schema.data, flavour)
+        if found and schema.encoding in encodings:
+            return (wire, found), ""
+    elif form == "protobuf":
+        return protobuf.layout_of(schema.name, schema.data, named=named)
+    return None, ""
 
 
 def _named(channel: Channel, schema: Schema | None) -> bool:
