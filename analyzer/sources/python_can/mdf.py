@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from contextlib import contextmanager
+from io import IOBase
 from pathlib import Path
 from tempfile import NamedTemporaryFile, gettempdir
 from typing import TYPE_CHECKING, Any
@@ -91,7 +92,12 @@ def _release(error: BaseException) -> None:
     """Closes what a failed opening left behind: asammdf itself would fail once more, and show it on the terminal."""
     trace = error.__traceback__
     while trace is not None:
-        made: Any = trace.tb_frame.f_locals.get("self")
+        here = trace.tb_frame
+        made: Any = here.f_locals.get("self")
+        if here.f_globals.get("__name__", "").startswith("asammdf"):
+            for held in (*here.f_locals.values(), *getattr(made, "__dict__", {}).values()):
+                if isinstance(held, IOBase):
+                    held.close()
         if type(made).__name__ == "MDF4" and not made._closed:  # noqa: SLF001 - no public way
             made._closed = True  # noqa: SLF001
             made._tempfile.close()  # noqa: SLF001
