@@ -241,16 +241,11 @@ impl Candump {
     fn drop_count(&mut self, drop: &DropCount<'_>, line: &[u8], frames: &mut Frames, events: &mut Events) {
         self.counts.drops += 1;
         self.counts.dropped += u64::from(drop.frames);
+        let text = line::escape(line.trim_ascii(), REMARK);
         let event = Event {
-            t: NO_TIME,
             bus: drop.name.and_then(|name| self.bus(name).ok()),
-            line: self.counts.lines,
-            kind: EventKind::Drop,
             class: drop.frames,
-            flags: 0,
-            counters: None,
-            data: &[],
-            text: &line::escape(line.trim_ascii(), REMARK),
+            ..Event::remark(NO_TIME, self.counts.lines, EventKind::Drop, &text)
         };
         self.held.tables(frames, events).1.push(&event);
     }
@@ -263,17 +258,7 @@ impl Candump {
 
     fn event(&mut self, kind: EventKind, text: &str, frames: &mut Frames, events: &mut Events) {
         let line = self.counts.lines;
-        let event = Event {
-            t: NO_TIME,
-            bus: None,
-            line,
-            kind,
-            class: 0,
-            flags: 0,
-            counters: None,
-            data: &[],
-            text,
-        };
+        let event = Event::remark(NO_TIME, line, kind, text);
         self.held.tables(frames, events).1.push(&event);
     }
 

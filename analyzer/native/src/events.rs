@@ -35,6 +35,23 @@ pub struct Event<'a> {
     pub text: &'a str,
 }
 
+impl<'a> Event<'a> {
+    /// One that no frame of the bus stands behind.
+    pub fn remark(t: i64, line: u64, kind: EventKind, text: &'a str) -> Self {
+        Event {
+            t,
+            bus: None,
+            line,
+            kind,
+            class: 0,
+            flags: 0,
+            counters: None,
+            data: &[],
+            text,
+        }
+    }
+}
+
 /// Columns of the `events` table; `*_valid` holds 1 for a cell that is not null.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Events {

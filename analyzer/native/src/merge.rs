@@ -169,17 +169,7 @@ impl Merger {
                 let text = "one interface too many";
                 self.out.counts.unreadable += 1;
                 self.out.counts.lines += 1;
-                let event = Event {
-                    t: NO_TIME,
-                    bus: None,
-                    line,
-                    kind: EventKind::Unreadable,
-                    class: 0,
-                    flags: 0,
-                    counters: None,
-                    data: &[],
-                    text,
-                };
+                let event = Event::remark(NO_TIME, line, EventKind::Unreadable, text);
                 return self.out.events.push(&event);
             };
             let time = shifted(frames.t[row], offset);
@@ -200,17 +190,8 @@ impl Merger {
             let unreadable = events.kind[row] == EventKind::Unreadable as u8;
             if unreadable && !input.label.is_empty() {
                 let text = format!("{} {}: {}", input.label, events.line[row], events.text_of(row));
-                self.out.events.push(&Event {
-                    t: events.t[row],
-                    bus: None,
-                    line,
-                    kind: EventKind::Unreadable,
-                    class: 0,
-                    flags: 0,
-                    counters: None,
-                    data: &[],
-                    text: &text,
-                });
+                let event = Event::remark(events.t[row], line, EventKind::Unreadable, &text);
+                self.out.events.push(&event);
             } else {
                 self.out.events.extend(events, row..row + 1);
             }

@@ -138,17 +138,8 @@ impl Pipeline {
                     silence / 1_000_000_000,
                     silence / 1_000_000 % 1000
                 );
-                self.events.push(&Event {
-                    t: self.latest,
-                    bus: None,
-                    line: line.into(),
-                    kind: EventKind::Gap,
-                    class: 0,
-                    flags: 0,
-                    counters: None,
-                    data: &[],
-                    text: &text,
-                });
+                let gap = Event::remark(self.latest, line.into(), EventKind::Gap, &text);
+                self.events.push(&gap);
             }
             // A stamp far ahead of all others makes one gap, it does not hide those to come.
             let back = t < self.latest.saturating_sub(GAP_NS);

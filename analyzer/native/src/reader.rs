@@ -187,17 +187,11 @@ impl Rows {
     }
 
     fn event(&mut self, t: i64, bus: Option<u8>, kind: EventKind, class: u32, text: &str) {
-        let (line, flags, counters, data) = (self.next(), 0, None, &[][..]);
+        let line = self.next();
         self.piece.events.push(&Event {
-            t,
             bus,
-            line,
-            kind,
             class,
-            flags,
-            counters,
-            data,
-            text,
+            ..Event::remark(t, line, kind, text)
         });
     }
 

@@ -16,8 +16,22 @@ use crate::piece::Piece;
 pub trait Writer: Send + Sync {
     /// Appends what stands before all rows.
     fn start(&self, _out: &mut Vec<u8>) {}
+    /// Looks at a piece before its rows are written; returns the bytes of a row without its data, about.
+    fn look_ahead(&mut self, piece: &Piece) -> usize;
+    /// Appends a frame.
+    fn frame(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>);
+    /// Appends an event.
+    fn event(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>);
     /// Appends the rows of a piece.
-    fn write(&mut self, piece: &Piece, out: &mut Vec<u8>);
+    fn write(&mut self, piece: &Piece, out: &mut Vec<u8>) {
+        out.reserve(self.look_ahead(piece) * piece.frames.len() + piece.frames.data.len());
+        for row in InOrder::new(piece) {
+            match row {
+                Row::Frame(row) => self.frame(piece, row, out),
+                Row::Event(row) => self.event(piece, row, out),
+            }
+        }
+    }
     /// What was written so far, and what could not be.
     fn account(&self) -> &Account;
 }

@@ -1,7 +1,7 @@
 //! Candump's log form (`candump -L`), in the dialect that [`crate::line`] reads back.
 #![forbid(unsafe_code)]
 
-use super::{bus_of, kind_of, Account, InOrder, Loss, Row, Writer};
+use super::{bus_of, kind_of, Account, Loss, Writer};
 use crate::events::EventKind;
 use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, NO_TIME, REMOTE, RX, TX, WORD_ERROR};
 use crate::line::{self, escape, Line, MAX_NAME};
@@ -35,41 +35,11 @@ pub struct Candump {
 }
 
 impl Writer for Candump {
-    fn write(&mut self, piece: &Piece, out: &mut Vec<u8>) {
+    fn look_ahead(&mut self, piece: &Piece) -> usize {
         self.learn(piece.buses.names());
         let mut times = piece.frames.t.iter().chain(&piece.events.t);
         self.fine = self.fine || times.any(|&t| t != NO_TIME && t % MICROSECOND != 0);
-        out.reserve(56 * piece.frames.len() + piece.frames.data.len());
-        for row in InOrder::new(piece) {
-            match row {
-                Row::Frame(row) => self.frame(piece, row, out),
-                Row::Event(row) => self.event(piece, row, out),
-            }
-        }
-    }
-
-    fn account(&self) -> &Account {
-        &self.account
-    }
-}
-
-impl Candump {
-    fn learn(&mut self, names: &[String]) {
-        for name in &names[self.names.len().min(names.len())..] {
-            let mut fit = fitting(name.as_bytes());
-            for number in 2_u32.. {
-                if !self.names.contains(&fit) {
-                    break;
-                }
-                let end = format!("_{number}");
-                fit.truncate(fit.len().min(MAX_NAME - end.len()));
-                fit.extend_from_slice(end.as_bytes());
-            }
-            if fit != name.as_bytes() {
-                self.account.add(Loss::Name);
-            }
-            self.names.push(fit);
-        }
+        56
     }
 
     fn frame(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
@@ -134,6 +104,30 @@ impl Candump {
         }
         if events.t[row] != NO_TIME {
             self.account.add(Loss::EventTime);
+        }
+    }
+
+    fn account(&self) -> &Account {
+        &self.account
+    }
+}
+
+impl Candump {
+    fn learn(&mut self, names: &[String]) {
+        for name in &names[self.names.len().min(names.len())..] {
+            let mut fit = fitting(name.as_bytes());
+            for number in 2_u32.. {
+                if !self.names.contains(&fit) {
+                    break;
+                }
+                let end = format!("_{number}");
+                fit.truncate(fit.len().min(MAX_NAME - end.len()));
+                fit.extend_from_slice(end.as_bytes());
+            }
+            if fit != name.as_bytes() {
+                self.account.add(Loss::Name);
+            }
+            self.names.push(fit);
         }
     }
 

@@ -2,7 +2,7 @@
 //! Packets without times are those of a second interface of the same name, whose description says so ([`NO_STAMPS`]).
 #![forbid(unsafe_code)]
 
-use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row, Stamper, Writer};
+use super::{bus_of, kind_of, name, Account, Loss, Stamper, Writer};
 use crate::events::EventKind;
 use crate::frames::{
     BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, MAX_DATA, NO_TIME, REMOTE, RX, TX, WORD_ERROR, WORD_EXTENDED,
@@ -76,23 +76,11 @@ impl Writer for Pcapng {
         });
     }
 
-    fn write(&mut self, piece: &Piece, out: &mut Vec<u8>) {
+    fn look_ahead(&mut self, piece: &Piece) -> usize {
         self.stamper.look_ahead(piece);
-        out.reserve(64 * piece.frames.len() + piece.frames.data.len());
-        for row in InOrder::new(piece) {
-            match row {
-                Row::Frame(row) => self.frame(piece, row, out),
-                Row::Event(row) => self.event(piece, row, out),
-            }
-        }
+        64
     }
 
-    fn account(&self) -> &Account {
-        &self.account
-    }
-}
-
-impl Pcapng {
     fn frame(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
         let (frames, data) = (&piece.frames, piece.frames.data_of(row));
         let (id, flags) = (frames.id[row], frames.flags[row]);
@@ -163,6 +151,12 @@ impl Pcapng {
         }
     }
 
+    fn account(&self) -> &Account {
+        &self.account
+    }
+}
+
+impl Pcapng {
     fn packet(&mut self, packet: &Packet<'_>, out: &mut Vec<u8>) {
         let stamp = self.stamper.stamp(packet.t, &mut self.account);
         let size = 8 + packet.room as u32;
