@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,12 @@ if TYPE_CHECKING:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--regenerate", action="store_true", help="write captures/*.expected anew")
+
+
+def pytest_configure() -> None:
+    """A shell without job control starts background jobs deaf to Ctrl-C, and what the tests start would be, too."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 FLUSH = object()  # among the chunks: ask for a batch
