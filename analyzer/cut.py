@@ -58,7 +58,7 @@ class FrameSelection(Windowed[Slice]):
 
     def _pick(self, batch: Slice) -> tuple[Slice, Any, int | None]:
         picked = rows_inside(batch, self.window, self._limits())
-        return batch, picked, self._first if self._anchor is None else self._anchor
+        return batch, picked, self._zero()
 
 
 def rows_inside(part: Slice | Batch, window: Window, limits: tuple[int | None, int | None]) -> tuple[Rows, Rows]:

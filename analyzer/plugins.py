@@ -204,6 +204,8 @@ class _Writer(BinaryIOMessageWriter):
 
     def stop(self) -> None:
         """Writes the rest and the end of the capture, and closes the file."""
+        from analyzer.sinks import losses  # noqa: PLC0415 - only when something is written
+
         with self._lock:
             if self._timer is not None:
                 self._timer.cancel()
@@ -214,7 +216,7 @@ class _Writer(BinaryIOMessageWriter):
                 self._sink.close()
             finally:
                 super().stop()
-            if lost := "; ".join(f"{what} ({count})" for what, count in self._sink.lost.items()):
+            if lost := losses(self._sink.lost):
                 _log.warning("%s: the format cannot hold: %s", self._name, lost)
 
 

@@ -114,6 +114,10 @@ class Window:
     margin: int = AROUND
     frames: tuple[int, int] | None = None
 
+    def __bool__(self) -> bool:
+        """Whether it leaves out anything at all."""
+        return self != Window()
+
     @property
     def timed(self) -> bool:
         """Whether it asks for times, which not every capture has."""

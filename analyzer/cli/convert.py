@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from analyzer.cli import USAGE, options, streams
-from analyzer.sinks import COMPRESSIONS, FORMS, form_of
+from analyzer.sinks import COMPRESSIONS, FORMS, form_of, losses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -86,7 +86,6 @@ def _convert(args: argparse.Namespace, session: Session, window: Window, form: s
     from analyzer.sinks.atomic import Target  # noqa: PLC0415
     from analyzer.sinks.packed import packed  # noqa: PLC0415
     from analyzer.views.terminal import escape  # noqa: PLC0415
-    from analyzer.window import Window  # noqa: PLC0415
 
     inside = frames = 0
     shown = args.output == "-" and sys.stdout.isatty()
@@ -99,7 +98,7 @@ def _convert(args: argparse.Namespace, session: Session, window: Window, form: s
                 frames += piece.frames
                 sink.write(piece)
                 session.go_on()
-        session.require(None if inside or window == Window() else "nothing is inside the window")
+        session.require_inside(inside, window)
         sink.close()
         session.go_on()
     session.release()
@@ -109,16 +108,14 @@ def _convert(args: argparse.Namespace, session: Session, window: Window, form: s
         + (f", {outside} outside the window" if outside else "")
         + f"; {session.sum()}\n"
     )
-    if lost := "; ".join(f"{words} ({count})" for words, count in sink.lost.items()):
+    if lost := losses(sink.lost):
         streams.tell(f"-- {form} cannot hold: {lost}\n")
 
 
 def _pieces(session: Session, window: Window) -> Iterator[Piece]:
     """The rows inside the window. Ends the session when there is no use in going on."""
-    from analyzer.window import Window  # noqa: PLC0415
-
     pieces = session.pieces()
-    if window != Window():
+    if window:
         from analyzer.cut import FrameSelection  # noqa: PLC0415
 
         selection = FrameSelection(window, session.pieces_again)

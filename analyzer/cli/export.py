@@ -90,7 +90,6 @@ class _Reading:
     def parts(self) -> Iterator[Part]:
         """What is inside the window. Ends the session when there is no use in going on."""
         from analyzer.sinks.part import PartSelection  # noqa: PLC0415
-        from analyzer.window import Window  # noqa: PLC0415
 
         selection = PartSelection(self._window, self._session.again)
         for part in selection.parts(self._session.batches()):
@@ -101,8 +100,7 @@ class _Reading:
             self._session.go_on()
         self._session.go_on()
         self._session.require(selection.problem)
-        found = self._frames or self._transfers or self._events
-        self._session.require(None if found or self._window == Window() else "nothing is inside the window")
+        self._session.require_inside(self._frames + self._transfers + self._events, self._window)
 
     @property
     def outside(self) -> str:
@@ -143,6 +141,7 @@ def _tables(goal: Goal, args: argparse.Namespace, session: Session, reading: _Re
 
 
 def _telemetry(goal: Goal, session: Session, reading: _Reading) -> None:
+    from analyzer.sinks import losses  # noqa: PLC0415
     from analyzer.sinks.atomic import Target  # noqa: PLC0415
     from analyzer.sinks.telemetry import TelemetryExport  # noqa: PLC0415
 
@@ -156,7 +155,7 @@ def _telemetry(goal: Goal, session: Session, reading: _Reading) -> None:
     events = f", {export.events} events" if export.events else ""
     what = f"{export.messages} messages{events} and {export.frames} frames"
     _account(session, what, target.name, reading.outside)
-    if lost := "; ".join(f"{words} ({count})" for words, count in export.lost.items()):
+    if lost := losses(export.lost):
         streams.tell(f"-- frames in MCAP cannot hold: {lost}\n")
 
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer._native import Piece
+    from analyzer.window import Window
 
 # Complaints about single lines before it says only how many there were.
 LINES_SHOWN = 5
@@ -151,6 +152,10 @@ class Session(AbstractContextManager["Session"]):
             self.reject(problem)
             raise _RejectedError
 
+    def require_inside(self, found: int, window: Window) -> None:
+        """Ends the session if a window was asked for and nothing was found inside it."""
+        self.require("nothing is inside the window" if window and not found else None)
+
     def go_on(self) -> None:
         """For output that is there whole or not at all: ends the session once that has become impossible.
 
@@ -223,5 +228,5 @@ class Session(AbstractContextManager["Session"]):
             self.complain(f"{source.name}: lines and frames do not add up: please report this as a bug")
         if unreadable or damages or empty or not balanced:
             self._status = DAMAGED
-        if isinstance(source, Merged) and source.problem is not None:
+        if source.problem is not None:
             self.reject(source.problem)

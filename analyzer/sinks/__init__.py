@@ -54,3 +54,8 @@ def open_sink(form: str, file: BinaryIO, *, compression: str = "zstd") -> Sink:
     from analyzer.sinks.plain import PlainSink  # noqa: PLC0415
 
     return PlainSink(form, file)
+
+
+def losses(lost: dict[str, int]) -> str:
+    """What a format could not hold, in one line; empty if it held everything."""
+    return "; ".join(f"{words} ({count})" for words, count in lost.items())

@@ -49,6 +49,10 @@ class Source(Stored):
         return self.format.name + (f", {self.packing}" if self.packing else "")
 
     @property
+    def problem(self) -> None:
+        """What was asked for and is not in it: nothing was."""
+
+    @property
     def unit(self) -> str:
         """What its rows are counted in: line or record."""
         return self.format.unit
