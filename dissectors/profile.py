@@ -185,6 +185,7 @@ class Profile:
             clause=clause,
             summary=self.reader.summary(table, layout, notes, derived),
             aliases=table.strings("aliases"),
+            actuates=table.flag("actuates"),
         )
         for key in ("type", "dsdl"):
             table.string(key)

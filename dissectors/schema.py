@@ -228,7 +228,11 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A data type, or one half of a service: its identity on the bus, its layout and what its values mean."""
+    """A data type, or one half of a service: its identity on the bus, its layout and what its values mean.
+
+    `actuates` says that whoever receives it may move, release or enable something, or change what it has stored: not
+    to be sent by accident.
+    """
 
     name: str
     full_name: str
@@ -244,6 +248,7 @@ class Message:
     clause: str = ""
     summary: str = ""
     aliases: tuple[str, ...] = ()
+    actuates: bool = False
 
     @property
     def table(self) -> str:

@@ -81,6 +81,16 @@ def test_a_layer_knows_only_what_lies_below(layer: str, forbidden: tuple[str, ..
     assert {name: found for name, found in wrong.items() if found} == {}
 
 
+@pytest.mark.parametrize("path", under("analyzer.simulate"), ids=module_name)
+def test_the_simulator_shares_nothing_with_the_decoder(path: Path) -> None:
+    """It may know its own parts, and of the dissectors the layouts and its vehicle: what it makes is to be decoded."""
+    found = imported(path)
+    assert reaches(found, "analyzer") == reaches(found, "analyzer.simulate")
+    allowed = [f"dissectors.{name}" for name in ("traffic", "tmotor", "layout", "schema", "registry")]
+    assert reaches(found, "dissectors") - {"dissectors"} == reaches(found, *allowed)
+    assert reaches(found, "numpy", "pyarrow", "can", "dronecan") == set()
+
+
 def test_the_rules_see_imports_of_every_form() -> None:
     code = "import a.b\nfrom c import d\nif TYPE_CHECKING:\n    import e\ndef f():\n    from . import g\n"
     assert imports(ast.parse(code), "p.q.") == {"a.b", "c", "c.d", "e", "p.q", "p.q.g"}
@@ -144,6 +154,7 @@ def vendor_words() -> frozenset[str]:
     assert {"RawCommand", "ESCStatus", "PUSHCAN", "esc_index", "MotorStatus"} <= words
     plain = {
         "data",
+        "fault",
         "position",
         "voltage",
         "current",

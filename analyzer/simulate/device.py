@@ -1,0 +1,115 @@
+"""A device on the bus: its transfer IDs, NodeStatus once in a while, its answer to GetNodeInfo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from dissectors.traffic import MILLISECOND, SECOND, Sending
+
+if TYPE_CHECKING:
+    from analyzer.simulate.world import World
+    from dissectors.traffic import Values
+
+# DroneCAN allows up to a second between two; half of it survives a loss.
+STATUS_PERIOD = 500 * MILLISECOND
+_THINKING = 300_000  # ns until a device answers
+LOWEST = 31
+
+
+class Device:
+    """One node ID and what it says of itself; `health` and `mode` are those of uavcan.protocol.NodeStatus.
+
+    While it is `silent` it sends nothing at all. Node ID 0 is an anonymous node, which may only send messages.
+    """
+
+    def __init__(self, world: World, number: int, name: str, *, silent: bool = False) -> None:
+        self.number, self.name, self.silent = number, name, silent
+        self.health = self.mode = 0
+        self.status_code = 0
+        self.unique_id = bytes(world.random.randrange(256) for _ in range(16))
+        self.versions = {"software": (2, 2), "hardware": (1, 0)}
+        self.transfer_ids: dict[tuple[str, int | None], int] = {}
+        self._world = world
+        self._since = world.now
+        if number:
+            world.every(STATUS_PERIOD, self._status, world.now + world.random.randrange(STATUS_PERIOD))
+            world.hear("uavcan.protocol.GetNodeInfo.Request", self._asked)
+
+    def send(
+        self,
+        name: str,
+        values: Values,
+        *,
+        dst: int | None = None,
+        priority: int | None = None,
+        transfer_id: int | None = None,
+    ) -> Sending:
+        """Sends a transfer now; `transfer_id` overrides the counter, as a response must."""
+        message = self._world.message(name)
+        if transfer_id is None:
+            key = (message.table, dst)
+            transfer_id = self.transfer_ids.get(key, 0)
+            self.transfer_ids[key] = (transfer_id + 1) % 32
+        sending = Sending(
+            self.number,
+            message,
+            values,
+            dst,
+            LOWEST if priority is None else priority,
+            transfer_id,
+            message.signature,
+            anonymous=not self.number,
+        )
+        if not self.silent:
+            self._world.send(sending)
+        return sending
+
+    def restart(self) -> None:
+        """Power cycle: transfer IDs and uptime start from zero."""
+        self.transfer_ids.clear()
+        self._since = self._world.now
+
+    @property
+    def status(self) -> dict[str, Any]:
+        """The values of its NodeStatus."""
+        return {
+            "uptime_sec": (self._world.now - self._since) // SECOND,
+            "health": self.health,
+            "mode": self.mode,
+            "sub_mode": 0,
+            "vendor_specific_status_code": self.status_code,
+        }
+
+    def _status(self) -> None:
+        self.send("uavcan.protocol.NodeStatus", self.status)
+
+    def _asked(self, request: Sending) -> None:
+        if request.dst == self.number and not self.silent:
+            self._world.at(self._world.now + _THINKING, lambda: self._introduce(request))
+
+    def _introduce(self, request: Sending) -> None:
+        software, hardware = self.versions["software"], self.versions["hardware"]
+        values = {
+            "status": self.status,
+            "software_version": {
+                "major": software[0],
+                "minor": software[1],
+                "optional_field_flags": 0,
+                "vcs_commit": 0,
+                "image_crc": 0,
+            },
+            "hardware_version": {
+                "major": hardware[0],
+                "minor": hardware[1],
+                "unique_id": self.unique_id,
+                "certificate_of_authenticity": b"",
+            },
+            "name": self.name.encode(),
+        }
+        self.send(
+            "uavcan.protocol.GetNodeInfo.Response",
+            values,
+            dst=request.node,
+            priority=request.priority,
+            transfer_id=request.transfer_id,
+        )

@@ -1,0 +1,115 @@
+"""Every fault and every scenario by name, and how somebody asks for one: `RULE[@TIME][:key=value...]`."""
+
+from __future__ import annotations
+
+import difflib
+from functools import cache
+from typing import TYPE_CHECKING
+
+from analyzer.simulate import scenarios
+from analyzer.simulate.faults import frames, transfers
+from analyzer.simulate.faults.desk import Order
+from dissectors.tmotor import traffic
+from dissectors.traffic import MICROSECOND, MILLISECOND, SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from dissectors.traffic import Fault, Scenario, Setting
+
+# What every fault takes: who sends it, which type of transfer, how often in a row. None has no default.
+COMMON: Mapping[str, type] = {"node": int, "type": str, "count": int}
+_UNITS = {"s": SECOND, "ms": MILLISECOND, "us": MICROSECOND, "min": 60 * SECOND}
+# Times that a fault can be asked for in one order.
+_MOST = 10_000
+# No time is later than this: a day.
+_LONGEST = 86_400 * SECOND
+
+
+@cache
+def faults() -> dict[str, Fault]:
+    """By rule, in the order of the catalogue."""
+    every = (*frames.FAULTS, *transfers.FAULTS, *traffic.FAULTS)
+    return {fault.rule: fault for fault in every}
+
+
+@cache
+def stories() -> dict[str, Scenario]:
+    """By name."""
+    return {story.name: story for story in (*traffic.SCENARIOS, *scenarios.SCENARIOS)}
+
+
+def scenario(name: str) -> Scenario:
+    """The scenario of a name. Raises `ValueError` with what comes near."""
+    found = stories().get(name)
+    if found is None:
+        raise ValueError(f"no scenario is called {name!r}{_near(name, stories())}")
+    return found
+
+
+def order(text: str) -> Order:
+    """`TRF-003@2.5:node=11:count=3` as an order. Raises `ValueError` with the reason."""
+    head, *settings = text.split(":")
+    rule, at, time = head.partition("@")
+    fault = _fault(rule)
+    return Order(fault, nanoseconds(time) if at else None, _settings(fault, settings), text=text)
+
+
+def rate(text: str) -> Order:
+    """`TRF-003=0.01` as an order. Raises `ValueError` with the reason."""
+    rule, equals, share = text.partition("=")
+    fault = _fault(rule)
+    try:
+        value = float(share)
+    except ValueError:
+        value = -1.0
+    if not equals or not 0 <= value <= 1:
+        raise ValueError(f"{text!r} is not RULE=P with a probability from 0 to 1")
+    return Order(fault, None, _settings(fault, []), rate=value, text=text)
+
+
+def nanoseconds(text: str) -> int:
+    """A time or a duration: `2.5`, `2.5s`, `300ms`, `40us`, `10min`. Raises `ValueError`."""
+    unit = next((unit for unit in ("min", "ms", "us", "s") if text.endswith(unit)), "")
+    digits = text.removesuffix(unit)
+    if not digits or not digits.replace(".", "", 1).isdecimal() or not digits.isascii():
+        raise ValueError(f"{text!r} is not a time (2.5, 2.5s, 300ms, 10min)")
+    whole, _, part = digits.partition(".")
+    scale = _UNITS[unit or "s"]
+    found = int(whole[-20:] or "0") * scale + int((part + "0" * 12)[:12]) * scale // 10**12
+    if found > _LONGEST or len(whole) > 20:
+        raise ValueError(f"{text!r} is more than a day")
+    return found
+
+
+def _fault(rule: str) -> Fault:
+    found = faults().get(rule.upper())
+    if found is None:
+        raise ValueError(f"no fault is called {rule!r}{_near(rule.upper(), faults())}; --list shows all")
+    return found
+
+
+def _settings(fault: Fault, texts: Iterable[str]) -> dict[str, Setting]:
+    settings: dict[str, Setting] = dict(fault.options)
+    kinds = {**{name: type(value) for name, value in fault.options.items()}, **COMMON}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if name not in kinds or not equals:
+            raise ValueError(f"{fault.rule}: {text!r} is no setting ({', '.join(f'{name}=' for name in kinds)})")
+        settings[name] = _setting(fault, name, kinds[name], value)
+    return settings
+
+
+def _setting(fault: Fault, name: str, kind: type, text: str) -> Setting:
+    try:
+        value: Setting = int(text[:20], 0) if kind is int else float(text) if kind is float else text
+    except ValueError:
+        raise ValueError(f"{fault.rule}: {name}={text} is not a number") from None
+    if name == "count" and not 1 <= int(value) <= _MOST:
+        raise ValueError(f"{fault.rule}: {name}={text} is not 1 to {_MOST}")
+    return value
+
+
+def _near(name: str, names: Iterable[str]) -> str:
+    near = difflib.get_close_matches(name, names, n=3)
+    return f" (near: {', '.join(near)})" if near else ""

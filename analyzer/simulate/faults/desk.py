@@ -1,0 +1,226 @@
+"""Where faults wait for their time and their transfer, and where their answers are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from dissectors.traffic import SECOND, Answer, Case, Fault, Frame, Sending, Step
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from random import Random
+
+    from analyzer.simulate.world import World
+    from dissectors import traffic
+    from dissectors.traffic import Fits, Setting
+
+STAGES = ("values", "transfer", "frames")
+# When a fault without a time happens, as shares of the whole.
+_EARLY, _LATE = 0.35, 0.8
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A fault as it was asked for: `t` in ns (None: any time that suits), or with probability `rate` whenever it can.
+
+    `settings` holds the values of the fault's own options and the common ones: `node`, `type`, `count`.
+    """
+
+    fault: Fault
+    t: int | None
+    settings: Mapping[str, Setting]
+    rate: float | None = None
+    text: str = ""
+
+
+class Work:
+    """One fault at work: the `Case` that its functions see."""
+
+    def __init__(self, desk: Desk, order: Order, random: Random) -> None:
+        self.world: traffic.World = desk.world
+        self.vehicle = desk.vehicle
+        self.options, self.random = order.settings, random
+        self.fault = order.fault
+        self.state: dict[str, Any] = {}
+        self.answer = Answer(order.fault.rule, desk.world.now, order.fault.title, also=order.fault.also)
+        self._desk = desk
+
+    def say(self, done: str) -> None:
+        """What was done, for the answer key."""
+        self.answer.done = done
+
+    def mark(self, what: Sending | Frame) -> None:
+        """The answer lists this frame, or the frames of this transfer."""
+        if self.answer not in what.answers:
+            what.answers = (*what.answers, self.answer)
+        if isinstance(what, Sending):
+            self._of(what)
+        elif what.sending is not None:
+            self._of(what.sending)
+        self._desk.keep(self.answer)
+
+    def watch(self, wanted: Fits, until: int | None = None) -> None:
+        """The answer lists the frames of every transfer from now on whose values are `wanted`."""
+
+        def look(_: Case, sending: Sending) -> Step:
+            if until is not None and sending.t >= until:
+                return Step.DONE
+            if wanted(sending):
+                self.mark(sending)
+            return Step.MORE
+
+        self.touch("frames", look)
+
+    def touch(self, stage: str, do: Callable[[Case, Sending], Step]) -> None:
+        """Tries `do` on the coming transfers at this stage until it is done."""
+        self._desk.wait(stage, lambda sending: do(self, sending))
+
+    def _of(self, sending: Sending) -> None:
+        """The first transfer says which node and type the answer is about, unless the fault has."""
+        if self.answer.node is None:
+            self.answer.node = sending.node
+        self.answer.type = self.answer.type or sending.message.table
+
+
+class Desk:
+    """Every fault that waits, and every answer in the order of its beginning.
+
+    `busy` says whether any transfer has to pass by.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.vehicle: Any = None
+        self.busy = False
+        self.answers: list[Answer] = []
+        self.open: list[Order] = []
+        self._waiting: dict[str, list[Callable[[Sending], Step]]] = {stage: [] for stage in STAGES}
+
+    def take(self, order: Order, random: Random) -> None:
+        """Lets the fault happen at its time."""
+        world, fault = self.world, order.fault
+        if order.rate is not None:
+            self._often(order, random)
+            return
+        times = int(order.settings.get("count", 1))
+        t = order.t
+        if t is None:
+            t = 0 if fault.early else round(world.end * random.uniform(_EARLY, _LATE))
+        self.open += [order] * times
+        if fault.start is None:
+            self._begin(t, lambda: self._arm(order, random, times))
+            return
+        for turn in range(times):
+            self._begin(t + turn * SECOND, lambda: self._start(order, random))
+
+    def _begin(self, t: int, call: Callable[[], None]) -> None:
+        """At time `t`; what begins with the capture begins before anything is sent."""
+        if t <= self.world.now:
+            call()
+        else:
+            self.world.at(t, call)
+
+    def wait(self, stage: str, do: Callable[[Sending], Step]) -> None:
+        """Shows every coming transfer at `stage` to `do` until that is done."""
+        self._waiting[stage].append(do)
+        self.busy = True
+
+    def pass_by(self, stage: str, sending: Sending) -> None:
+        """A transfer has reached `stage`."""
+        waiting = self._waiting[stage]
+        done = [do for do in tuple(waiting) if do(sending) is Step.DONE]
+        for do in done:
+            waiting.remove(do)
+        if done:
+            self.busy = any(self._waiting.values())
+
+    def open_case(self, rule: str, done: str, also: tuple[str, ...], random: Random) -> Work:
+        """A case that no order asked for."""
+        work = Work(self, Order(Fault(rule, done, also=also), None, {}), random)
+        self.keep(work.answer)
+        return work
+
+    def keep(self, answer: Answer) -> None:
+        """The answer belongs to the key."""
+        if answer not in self.answers:
+            self.answers.append(answer)
+
+    def _start(self, order: Order, random: Random) -> None:
+        work = Work(self, order, random)
+        start = order.fault.start
+        if start is not None:
+            start(work)
+        self.keep(work.answer)
+        if order in self.open:
+            self.open.remove(order)
+
+    def _arm(self, order: Order, random: Random, times: int) -> None:
+        """Waits for the transfers that the fault changes, one after the other."""
+        work = Work(self, order, random)
+        stage, touch = _touch(order.fault)
+        fits = _fits(order)
+
+        def do(sending: Sending) -> Step:
+            nonlocal work, times
+            if not fits(sending):
+                return Step.SKIP
+            step = self._apply(work, stage, touch, sending)
+            if step is not Step.DONE:
+                return step
+            self.open.remove(order)
+            times -= 1
+            if not times:
+                return Step.DONE
+            work = Work(self, order, random)
+            return Step.MORE
+
+        self.wait(stage, do)
+
+    def _often(self, order: Order, random: Random) -> None:
+        """With a probability, for every transfer that fits; or, without one to change, for every second."""
+        rate = order.rate or 0.0
+        if order.fault.start is not None:
+            self.world.every(SECOND, lambda: self._start(order, random) if random.random() < rate else None, SECOND)
+            return
+        stage, touch = _touch(order.fault)
+        fits = _fits(order)
+        going: list[Work] = []
+
+        def do(sending: Sending) -> Step:
+            if fits(sending) and (going or random.random() < rate):
+                work = going.pop() if going else Work(self, order, random)
+                if self._apply(work, stage, touch, sending) is Step.MORE:
+                    going.append(work)
+            return Step.MORE
+
+        self.wait(stage, do)
+
+    def _apply(self, work: Work, stage: str, touch: Callable[[Case, Sending], Step], sending: Sending) -> Step:
+        step = touch(work, sending)
+        if step is not Step.SKIP:
+            work.mark(sending)
+            sending.damaged = sending.damaged or not (stage == "values" or work.fault.harmless)
+        return step
+
+
+def _touch(fault: Fault) -> tuple[str, Callable[[Case, Sending], Step]]:
+    for stage in STAGES:
+        touch = getattr(fault, stage)
+        if touch is not None:
+            return stage, touch
+    raise ValueError(f"{fault.rule}: nothing to do")
+
+
+def _fits(order: Order) -> Fits:
+    """Which transfers the fault may change: those that it names, or those that the settings name."""
+    node, name, usual = order.settings.get("node"), order.settings.get("type"), order.fault.fits
+
+    def fits(sending: Sending) -> bool:
+        if node is not None and sending.node != node:
+            return False
+        if name is not None:
+            return sending.message.table == name
+        return usual is None or usual(sending)
+
+    return fits

@@ -1,0 +1,72 @@
+"""The answer key: which faults a simulated capture holds, where, and the story behind them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from dissectors.traffic import SECOND
+
+if TYPE_CHECKING:
+    from analyzer.simulate import Simulation
+    from dissectors.traffic import Answer
+
+SCHEMA = "tailbyte.simulate.key/1"
+
+
+def key(simulation: Simulation) -> dict[str, Any]:
+    """Everything known about a run that has ended.
+
+    Times are twice: `t_ns` since 1970, as in the capture, and `time` in seconds since the start of the simulation.
+    `frames` are frame numbers from 1; `lines` are the lines (or records) of error frames, which have no frame number.
+    """
+    settings, recorder = simulation.settings, simulation.recorder
+    start, scenario = settings.start, simulation.scenario
+    story = None
+    if scenario is not None:
+        events = [{"t_ns": start + t, "time": t / SECOND, "what": what} for t, what in simulation.story.events]
+        story = {"name": scenario.name, "title": scenario.title, "story": scenario.story, "events": events}
+    return {
+        "schema": SCHEMA,
+        "settings": {
+            "profile": settings.profile,
+            "scenario": settings.scenario or None,
+            "esc": settings.escs,
+            "duration_ns": settings.duration,
+            "seed": settings.seed,
+            "bit_rate": settings.bit_rate,
+            "rate_hz": settings.rate,
+            "stock": settings.stock,
+            "start_ns": start,
+            "faults": [order.text for order in settings.orders if order.rate is None],
+            "fault_rates": [order.text for order in settings.orders if order.rate is not None],
+        },
+        "capture": {
+            "bus": settings.bus,
+            "frames": recorder.frames,
+            "error_frames": recorder.error_frames,
+            "first_ns": None if recorder.first is None else start + recorder.first,
+            "last_ns": None if recorder.last is None else start + recorder.last,
+        },
+        "vehicle": simulation.vehicle.describe(),
+        "scenario": story,
+        "faults": [_entry(answer, start) for answer in sorted(simulation.world.desk.answers, key=_place)],
+    }
+
+
+def _entry(answer: Answer, start: int) -> dict[str, Any]:
+    return {
+        "rule": answer.rule,
+        "t_ns": start + answer.t,
+        "t_end_ns": start + max(answer.t, answer.t_end),
+        "time": answer.t / SECOND,
+        "frames": answer.frames,
+        "lines": answer.lines,
+        "node": answer.node,
+        "type": answer.type or None,
+        "done": answer.done,
+        "also": list(answer.also),
+    }
+
+
+def _place(answer: Answer) -> tuple[int, str]:
+    return answer.t, answer.rule

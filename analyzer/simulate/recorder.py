@@ -1,0 +1,50 @@
+"""What a recorder on the bus makes of it: frame numbers, lines, and the answers that point at them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dissectors.traffic import MICROSECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from dissectors.traffic import Frame
+
+
+class Recorder:
+    """Numbers frames as a reader of the capture does: error frames take a line, but no frame number."""
+
+    def __init__(self) -> None:
+        self.frames = self.error_frames = 0
+        self.first: int | None = None
+        self.last: int | None = None
+
+    def record(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """The frames that are recorded, numbered; what is lost on the way is left out."""
+        for frame in frames:
+            if frame.lost:
+                continue
+            if frame.error:
+                self.error_frames += 1
+            else:
+                self.frames += 1
+                frame.number = self.frames
+            frame.t -= frame.t % MICROSECOND  # what its line can say
+            if self.first is None:
+                self.first = frame.t
+            self.last = frame.t
+            if frame.answers or (frame.sending is not None and frame.sending.answers):
+                self._answer(frame)
+            yield frame
+
+    def _answer(self, frame: Frame) -> None:
+        of_transfer = frame.sending.answers if frame.sending is not None else ()
+        for answer in dict.fromkeys((*frame.answers, *of_transfer)):
+            if not answer.frames and not answer.lines:
+                answer.t = frame.t
+            answer.t_end = frame.t
+            if frame.error:
+                answer.lines.append(self.frames + self.error_frames)
+            else:
+                answer.frames.append(frame.number)

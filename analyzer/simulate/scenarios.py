@@ -1,0 +1,123 @@
+"""Stories that can happen on any DroneCAN bus; those of a vehicle stand with the vehicle."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dissectors.traffic import MILLISECOND, Frame, Scenario, Step
+
+if TYPE_CHECKING:
+    from dissectors.traffic import Case, Plot, Sending
+
+# SocketCAN error classes and where they put their details (linux/can/error.h).
+_CONTROLLER, _PROTOCOL, _BUS_ERROR, _RESTARTED, _COUNTERS = 0x004, 0x008, 0x080, 0x100, 0x200
+_STATE = {96: 0x04, 128: 0x10}  # receive errors that make a controller warn, and error passive
+_KINDS = {0x01: "bit", 0x02: "form", 0x04: "stuff"}
+
+# What a receiver finds out about it afterwards.
+_AFTERMATH = (
+    *("BUS-007", "BUS-020", "BUS-025", "BUS-028"),
+    *("TRF-005", "TRF-006", "TRF-007", "TRF-016"),
+    *("TYP-305", "TYP-501"),
+)
+
+_NOISE, _SILENCE = 150 * MILLISECOND, 1600 * MILLISECOND
+# Receivers count one error up for each frame that is destroyed, eight if they saw it first (ISO 11898-1).
+_STEP = 8
+
+
+def _bus_break(plot: Plot) -> None:
+    begin = plot.world.end // 2
+    plot.world.at(begin, lambda: _noise(plot, begin + _NOISE))
+
+
+def _noise(plot: Plot, until: int) -> None:
+    """Frames are destroyed one after the other, until nothing gets through at all."""
+    world = plot.world
+    plot.tell("a connector works loose: frames are destroyed on the wire, the recorder's receive errors rise")
+    noise = plot.case("CAN-004", "error frames while the connector works loose", ("BUS-005",))
+    errors = 0
+
+    def destroy() -> None:
+        nonlocal errors
+        if world.now >= until:
+            _silence(plot)
+            return
+        errors = min(errors + _STEP, 135)
+        frame = _error(errors, plot.random.choice(tuple(_KINDS)))
+        noise.mark(frame)
+        noise.say(f"error frames while the connector works loose, receive errors up to {errors}")
+        world.put([frame])
+        world.block(world.now + 30_000, keep=True)
+        world.at(world.now + plot.random.randrange(2, 12) * MILLISECOND, destroy)
+
+    destroy()
+
+
+def _silence(plot: Plot) -> None:
+    world = plot.world
+    plot.tell(f"the bus is open: nobody gets a frame through for {_SILENCE // MILLISECOND} ms")
+    gap = plot.case("CAP-002", f"nothing on the bus for {_SILENCE // MILLISECOND} ms", _AFTERMATH)
+    world.block(world.now + _SILENCE)
+    world.at(world.now + _SILENCE, lambda: _repaired(plot, gap))
+
+
+def _repaired(plot: Plot, gap: Case) -> None:
+    plot.tell("contact again: what waited too long was given up, transfer IDs have moved on")
+    plot.world.block(plot.world.now)
+    frame = Frame(_RESTARTED, bytes(8), error=True)
+    gap.mark(frame)
+    plot.world.put([frame])
+    gap.touch("frames", lambda _, sending: _found(gap, sending))
+
+
+def _found(gap: Case, sending: Sending) -> Step:
+    gap.mark(sending.frames[0])
+    return Step.DONE
+
+
+def _error(errors: int, kind: int) -> Frame:
+    """What a receiver's controller reports: the kind of error, its counter, and the state that this brings."""
+    state = _STATE.get(errors, 0)
+    number = _PROTOCOL | _BUS_ERROR | _COUNTERS | (_CONTROLLER if state else 0)
+    return Frame(number, bytes((0, state, kind, 0, 0, 0, 0, errors)), error=True)
+
+
+def _recording_ends(plot: Plot) -> None:
+    plot.world.at(plot.world.end * 7 // 10, lambda: _watch_the_end(plot))
+
+
+def _watch_the_end(plot: Plot) -> None:
+    end = plot.case("TRF-008", "the recording ends inside this transfer")
+
+    def last(case: Case, sending: Sending) -> Step:
+        if len(sending.frames) < 3:
+            return Step.SKIP
+        plot.tell("the recorder loses power in the middle of a transfer, the motors still turning")
+        kept = sending.frames[:-1]
+        for frame in kept:
+            case.mark(frame)
+        case.say(f"the recording ends behind frame {len(kept)} of {len(sending.frames)} of this transfer")
+        plot.world.cut(kept[-1])
+        return Step.DONE
+
+    end.touch("frames", last)
+
+
+SCENARIOS = (
+    Scenario(
+        "bus-break",
+        "the bus breaks: error frames, then silence",
+        "In flight a connector works loose. For 150 ms frames are destroyed and sent again, the recorder's controller "
+        "counts receive errors up to error passive. Then the bus is open for 1.6 s: no command reaches an ESC, motors "
+        "run down, nothing is recorded. When contact returns, everybody goes on where it is by then.",
+        _bus_break,
+    ),
+    Scenario(
+        "recording-ends",
+        "the recording just ends",
+        "The recorder loses power at 70 % of the planned time, in the middle of a transfer and of the flight: no "
+        "landing, no shutdown, no error. What is there until then is a healthy flight.",
+        _recording_ends,
+    ),
+)

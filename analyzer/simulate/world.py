@@ -1,0 +1,159 @@
+"""The clock that drives everything: what devices do at their times, and the bus in between."""
+
+from __future__ import annotations
+
+from heapq import heappop, heappush
+from itertools import count
+from random import Random
+from typing import TYPE_CHECKING
+
+from analyzer.simulate import wire
+from analyzer.simulate.bus import Bus
+from analyzer.simulate.device import Device
+from analyzer.simulate.encode import compiled
+from analyzer.simulate.faults.desk import Desk
+from dissectors.traffic import SECOND, Frame, Sending
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from dissectors.registry import Registry
+    from dissectors.schema import Message
+
+BIT_RATES = (1_000_000, 500_000, 250_000, 125_000, 100_000, 50_000)
+
+
+class World:
+    """A bus, the devices on it and those who listen; see `dissectors.traffic.World`.
+
+    `seed` decides every throw of the dice; each part that throws them has dice of its own (`dice`), so that adding a
+    fault changes nothing else.
+    """
+
+    def __init__(self, registry: Registry, *, bit_rate: int, end: int, seed: int) -> None:
+        self.now = 0
+        self.end, self.bit_rate = end, bit_rate
+        self.bus = Bus(SECOND // bit_rate)
+        self.random = self.dice("vehicle", seed)
+        self.desk = Desk(self)
+        self.devices: dict[int, list[Device]] = {}
+        self._registry = registry
+        self._order = count()
+        self._todo: list[tuple[int, int, Callable[[], object]]] = []
+        self._heard: dict[str, list[Callable[[Sending], object]]] = {}
+        self._messages: dict[str, Message] = {}
+        self._encoders: dict[str, Callable[[dict[str, object]], bytes]] = {}
+        self._aside: list[Frame] = []
+        self._latest = 0
+        self._final: Frame | None = None
+
+    @staticmethod
+    def dice(of: str, seed: int) -> Random:
+        """Dice for one part of the simulation."""
+        return Random(f"{of} {seed}")
+
+    def at(self, t: int, call: Callable[[], object]) -> None:
+        """Calls at time `t`, or now if that is over."""
+        heappush(self._todo, (max(t, self.now), next(self._order), call))
+
+    def every(self, period: int, call: Callable[[], object], first: int = 0) -> None:
+        """Calls at `first` and every `period` ns from then on."""
+
+        def again() -> None:
+            nonlocal first
+            call()
+            first += period
+            self.at(first, again)
+
+        self.at(first, again)
+
+    def device(self, number: int, name: str, *, silent: bool = False) -> Device:
+        """Puts a device on the bus; see `Device`."""
+        device = Device(self, number, name, silent=silent)
+        self.devices.setdefault(number, []).append(device)
+        return device
+
+    def hear(self, name: str, call: Callable[[Sending], object]) -> None:
+        """Calls with every undamaged transfer of a type, at the end of its last frame."""
+        self._heard.setdefault(self.message(name).table, []).append(call)
+
+    def message(self, name: str) -> Message:
+        """The data type of a name."""
+        found = self._messages.get(name)
+        if found is None:
+            found = self._messages[name] = self._registry.resolve(name)
+        return found
+
+    def send(self, sending: Sending) -> None:
+        """Encodes a transfer and puts its frames on the bus, faults that wait for it included."""
+        sending.t, desk = self.now, self.desk
+        if desk.busy:
+            desk.pass_by("values", sending)
+        sending.payload = self._encoder(sending.message)(sending.values)
+        if desk.busy:
+            desk.pass_by("transfer", sending)
+        sending.frames = wire.frames(sending)
+        if desk.busy:
+            desk.pass_by("frames", sending)
+        self.put(sending.frames, sending)
+
+    def put(self, frames: list[Frame], sending: Sending | None = None) -> None:
+        """Frames compete for the bus from now on; they belong to `sending`, if that is given."""
+        for frame in frames:
+            frame.sending = frame.sending or sending
+            if frame.delay:
+                self.at(self.now + frame.delay, lambda frame=frame: self._queue(frame))  # type: ignore[misc]
+            else:
+                self._queue(frame)
+
+    def cut(self, frame: Frame) -> None:
+        """The recording ends behind this frame."""
+        self._final = frame
+
+    def block(self, until: int, *, keep: bool = False) -> None:
+        """Nothing can be sent before `until`; what waits now is given up, or waits on to `keep` it."""
+        if not keep:
+            self.bus.drop()
+        self.bus.block(until)
+
+    def _queue(self, frame: Frame) -> None:
+        if frame.error or frame.bus:  # no arbitration: what a controller reports, and the other interface
+            frame.t = max(self.now, self._latest)
+            self._aside.append(frame)
+        else:
+            self.bus.put(frame)
+
+    def run(self) -> Iterator[Frame]:
+        """Every frame that is on the bus before `end`, in the order of their ends; `t` is set."""
+        while True:
+            due = self._todo[0][0] if self._todo else self.end
+            frame = self.bus.next(self.now, min(due, self.end))
+            if frame is not None:
+                if frame.t >= self.end:
+                    return
+                self._latest = frame.t
+                self._deliver(frame)
+                yield frame
+                if frame is self._final:
+                    return
+                continue
+            if due >= self.end:
+                return
+            self.now, _, call = heappop(self._todo)
+            call()
+            if self._aside:
+                yield from self._aside
+                self._aside = []
+
+    def _deliver(self, frame: Frame) -> None:
+        sending = frame.sending
+        if sending is None or sending.damaged or frame is not sending.frames[-1]:
+            return
+        for call in self._heard.get(sending.message.table, ()):
+            self.at(frame.t, lambda call=call: call(sending))  # type: ignore[misc]
+
+    def _encoder(self, message: Message) -> Callable[[dict[str, object]], bytes]:
+        encoder = self._encoders.get(message.table)
+        if encoder is None:
+            encoder = self._encoders[message.table] = compiled(message.layout)
+        return encoder

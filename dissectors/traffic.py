@@ -1,0 +1,248 @@
+"""The vocabulary of simulated traffic: what a vehicle sends, and what can be done to it on the way.
+
+A dissector's folder may hold a vehicle and the faults of its own fields; `analyzer.simulate` runs them. Both sides
+speak in the terms below, so that neither imports the other. Times are integer nanoseconds from the simulation's start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from random import Random
+
+    from dissectors.schema import Message
+
+Values = dict[str, Any]
+Setting = int | float | str
+
+MICROSECOND = 1_000
+MILLISECOND = 1_000_000
+SECOND = 1_000_000_000
+
+
+class Code(int):
+    """A float given as its raw code, for what no number can say."""
+
+
+@dataclass(slots=True, eq=False)
+class Frame:
+    """One CAN frame, from the moment somebody wants to send it until it is recorded.
+
+    `id` has 29 bits, or 11 unless `extended`. An `error` frame is what a controller reports: `id` is its error class
+    (linux/can/error.h). `dlc` is the length that a remote frame asks for. It competes for the bus from `delay` ns after
+    its transfer was sent, or takes its turn at once on interface `bus` 1, which has no other traffic. `lost` means on
+    the bus but not recorded. `t` (end of frame) and `number` (from 1; error frames have none) are set when recorded.
+    """
+
+    id: int
+    data: bytes
+    extended: bool = True
+    remote: bool = False
+    error: bool = False
+    fd: bool = False
+    brs: bool = False
+    dlc: int | None = None
+    delay: int = 0
+    bus: int = 0
+    lost: bool = False
+    sending: Sending | None = None
+    answers: tuple[Answer, ...] = ()
+    t: int = -1
+    number: int = 0
+
+
+@dataclass(slots=True, eq=False)
+class Sending:
+    """One transfer on its way: `values` become `payload`, the payload becomes `frames`.
+
+    `values` has the raw value of every field by its DSDL name (a union by its active member). `signature` seeds the
+    transfer CRC, which stands only in transfers of several frames. Who listens gets the values as they were sent,
+    unless it was `damaged`. `answers` list all of its frames.
+    """
+
+    node: int
+    message: Message
+    values: Values
+    dst: int | None
+    priority: int
+    transfer_id: int
+    signature: int
+    anonymous: bool = False
+    payload: bytes = b""
+    frames: list[Frame] = field(default_factory=list)
+    damaged: bool = False
+    answers: tuple[Answer, ...] = ()
+    t: int = 0
+
+    @property
+    def name(self) -> str:
+        """The table name of its type: `ESCStatus`, `uavcan.protocol.GetNodeInfo.Request`."""
+        return self.message.table
+
+
+@dataclass(slots=True, eq=False)
+class Answer:
+    """One entry of the answer key. `frames` are frame numbers from 1, `lines` those of error frames in the file."""
+
+    rule: str
+    t: int
+    done: str
+    node: int | None = None
+    type: str = ""
+    also: tuple[str, ...] = ()
+    t_end: int = -1
+    frames: list[int] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+
+
+class Node(Protocol):
+    """A device on the bus, with running transfer IDs, NodeStatus and an answer to GetNodeInfo."""
+
+    number: int
+    health: int
+    mode: int
+    silent: bool
+
+    def send(
+        self,
+        name: str,
+        values: Values,
+        *,
+        dst: int | None = None,
+        priority: int | None = None,
+        transfer_id: int | None = None,
+    ) -> Sending:
+        """Sends a message, a request or a response now; `transfer_id` overrides the counter, as a response must."""
+
+    def restart(self) -> None:
+        """Power cycle: transfer IDs and uptime start from zero."""
+
+
+class World(Protocol):
+    """The bus, its clock and its dice."""
+
+    now: int
+    end: int
+    bit_rate: int
+    random: Random
+
+    def at(self, t: int, call: Callable[[], object]) -> None:
+        """Calls at time `t`, or now if that is over."""
+
+    def every(self, period: int, call: Callable[[], object], first: int = 0) -> None:
+        """Calls at `first` and every `period` ns from then on."""
+
+    def device(self, number: int, name: str, *, silent: bool = False) -> Node:
+        """Puts a device on the bus; while `silent` it sends nothing, whatever it is told."""
+
+    def hear(self, name: str, call: Callable[[Sending], object]) -> None:
+        """Calls with every undamaged transfer of a type, at the end of its last frame."""
+
+    def put(self, frames: list[Frame], sending: Sending | None = None) -> None:
+        """Frames that are no device's regular traffic compete for the bus from now on."""
+
+    def cut(self, frame: Frame) -> None:
+        """The recording ends behind this frame."""
+
+    def block(self, until: int, *, keep: bool = False) -> None:
+        """Nothing can be sent before `until`; what waits now is given up, or waits on to `keep` it."""
+
+    def message(self, name: str) -> Message:
+        """The data type of a name."""
+
+
+class Step(Enum):
+    """What became of a fault when a transfer came along: not this one, part of it done, all done."""
+
+    SKIP = 0
+    MORE = 1
+    DONE = 2
+
+
+class Case(Protocol):
+    """One fault that was asked for, at work."""
+
+    options: Mapping[str, Setting]
+    random: Random
+    world: World
+    vehicle: Any
+    answer: Answer
+    state: dict[str, Any]
+
+    def say(self, done: str) -> None:
+        """What was done, for the answer key."""
+
+    def mark(self, what: Sending | Frame) -> None:
+        """The answer lists this frame, or the frames of this transfer."""
+
+    def watch(self, wanted: Callable[[Sending], bool], until: int | None = None) -> None:
+        """The answer lists the frames of every transfer from now on whose values are `wanted`."""
+
+    def touch(self, stage: str, do: Callable[[Case, Sending], Step]) -> None:
+        """Tries `do` on the coming transfers at this stage (`values`, `transfer`, `frames`) until it is done."""
+
+
+class Plot(Protocol):
+    """A scenario while it happens."""
+
+    random: Random
+    world: World
+    vehicle: Any
+
+    def tell(self, what: str) -> None:
+        """The story goes on: `what` happens now."""
+
+    def case(self, rule: str, done: str, also: tuple[str, ...] = ()) -> Case:
+        """A breach of `rule` that the story brings: an answer of its own in the key, from now on."""
+
+    def fault(self, rule: str, t: int, **settings: Setting) -> None:
+        """Lets a fault happen at a time."""
+
+
+Touch = Callable[[Case, Sending], Step]
+Start = Callable[[Case], None]
+Fits = Callable[[Sending], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault named by the `rule` that it must trigger; `title` says what it does.
+
+    Exactly one of four says how: `values`, `transfer` or `frames` change the first transfer that `fits` (before it is
+    encoded, before it is cut into frames, before it is sent), `start` does something at its time. `options` are the
+    settings that it takes, with their defaults. Rules in `also` may fire for the same reason. Who listens does not get
+    a transfer that `transfer` or `frames` changed, unless the fault is `harmless`.
+    """
+
+    rule: str
+    title: str
+    values: Touch | None = None
+    transfer: Touch | None = None
+    frames: Touch | None = None
+    start: Start | None = None
+    fits: Fits | None = None
+    options: Mapping[str, Setting] = field(default_factory=dict)
+    also: tuple[str, ...] = ()
+    harmless: bool = False
+    early: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A story that a capture tells; `start` lets it happen. `profile` is the flight that it needs."""
+
+    name: str
+    title: str
+    story: str
+    start: Callable[[Plot], None]
+    profile: str = "hover"
+    seconds: float = 8.0
+
+
+def of(*names: str) -> Fits:
+    """Fits transfers of these types, by table name."""
+    return lambda sending: sending.message.table in names
