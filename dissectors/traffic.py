@@ -61,7 +61,8 @@ class Sending:
 
     `values` has the raw value of every field by its DSDL name (a union by its active member). `signature` seeds the
     transfer CRC, which stands only in transfers of several frames. Who listens gets the values as they were sent,
-    unless it was `damaged`. `answers` list all of its frames.
+    unless it was `damaged`. What a fault has `changed` on its way to the frames is left alone by others. `answers` list
+    all of its frames.
     """
 
     node: int
@@ -75,6 +76,7 @@ class Sending:
     payload: bytes = b""
     frames: list[Frame] = field(default_factory=list)
     damaged: bool = False
+    changed: bool = False
     answers: tuple[Answer, ...] = ()
     t: int = 0
 
@@ -100,12 +102,20 @@ class Answer:
 
 
 class Node(Protocol):
-    """A device on the bus, with running transfer IDs, NodeStatus and an answer to GetNodeInfo."""
+    """A device on the bus, with running transfer IDs, NodeStatus and an answer to GetNodeInfo.
+
+    `transfer_ids` has the next one by table name and destination.
+    """
 
     number: int
     health: int
     mode: int
     silent: bool
+    transfer_ids: dict[tuple[str, int | None], int]
+
+    @property
+    def introduction(self) -> Values:
+        """The values of its answer to GetNodeInfo."""
 
     def send(
         self,
@@ -138,6 +148,18 @@ class World(Protocol):
 
     def device(self, number: int, name: str, *, silent: bool = False) -> Node:
         """Puts a device on the bus; while `silent` it sends nothing, whatever it is told."""
+
+    def node(self, number: int) -> Node | None:
+        """The device with a number, the first one of several."""
+
+    def send(self, sending: Sending) -> None:
+        """Sends a transfer that no device has built."""
+
+    def copy(self, call: Callable[[Frame], Frame | None] | None) -> None:
+        """What `call` makes of every frame on the bus is recorded right behind it: a second interface."""
+
+    def allocate(self, server: int, number: int, call: Callable[[], object]) -> None:
+        """Has a silent device ask the device `server` for its node ID, and calls once it speaks by it."""
 
     def hear(self, name: str, call: Callable[[Sending], object]) -> None:
         """Calls with every undamaged transfer of a type, at the end of its last frame."""
@@ -214,8 +236,11 @@ class Fault:
 
     Exactly one of four says how: `values`, `transfer` or `frames` change the first transfer that `fits` (before it is
     encoded, before it is cut into frames, before it is sent), `start` does something at its time. `options` are the
-    settings that it takes, with their defaults. Rules in `also` may fire for the same reason. Who listens does not get
-    a transfer that `transfer` or `frames` changed, unless the fault is `harmless`.
+    settings that it takes, with their defaults; `choices` lists what a text may be. Rules in `also` may fire for the
+    same reason. Who listens does not get a transfer that `transfer` or `frames` changed, unless the fault is
+    `harmless`. The answer lists all frames of what was changed, or if the fault is `exact` only those that it marks. It
+    `lasts` so many ns, which the flight has to go on for, so that a receiver can know. What only a whole capture can
+    show is `early`: it begins before anything is sent.
     """
 
     rule: str
@@ -226,8 +251,11 @@ class Fault:
     start: Start | None = None
     fits: Fits | None = None
     options: Mapping[str, Setting] = field(default_factory=dict)
+    choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     also: tuple[str, ...] = ()
     harmless: bool = False
+    exact: bool = False
+    lasts: int = 0
     early: bool = False
 
 
@@ -246,3 +274,16 @@ class Scenario:
 def of(*names: str) -> Fits:
     """Fits transfers of these types, by table name."""
     return lambda sending: sending.message.table in names
+
+
+def change(case: Case, stage: str, fits: Fits, do: Touch) -> None:
+    """Lets `do` change the next transfers that fit, until it is done; the answer lists what it did not skip."""
+
+    def touch(case: Case, sending: Sending) -> Step:
+        step = Step.SKIP if sending.changed or not fits(sending) else do(case, sending)
+        if step is not Step.SKIP:
+            case.mark(sending)
+            sending.changed = stage != "values"
+        return step
+
+    case.touch(stage, touch)

@@ -1,19 +1,23 @@
 """Make the sample captures: python tests/make_captures.py [--check]
 
 `cases()` is their ground truth, known from the senders alone: which transfers each file holds, with which fields, and
-which are broken and how. The files in captures/ are committed; `--check` says whether they are still what this makes.
+which are broken and how. The captures of sample_flights.py come from `tailbyte simulate`, with a key to each. The files in
+captures/ are committed; `--check` says whether they are still what this makes.
 """
 
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
+import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import encode
 from encode import Frame
 from flight import AUTOPILOT, ESCS, MS, SECOND, START, Row, Sender, Sent, hover, node_status, parameters
+from sample_flights import FLIGHTS, fly
 
 FOLDER = Path(__file__).resolve().parents[1] / "captures"
 
@@ -314,6 +318,16 @@ def main() -> int:
             wrong = 1
         elif not check:
             path.write_bytes(text)
+    with tempfile.TemporaryDirectory() as folder:
+        for name in FLIGHTS:
+            fly(name, Path(folder))
+        for made in sorted(Path(folder).iterdir()):
+            path = FOLDER / made.name
+            if check and not (path.exists() and path.read_bytes() == made.read_bytes()):
+                sys.stderr.write(f"{path} is not what `tailbyte simulate` makes\n")
+                wrong = 1
+            elif not check:
+                shutil.copyfile(made, path)
     return wrong
 
 

@@ -81,6 +81,17 @@ def test_the_line() -> None:
     assert line(Reading(2_500_000_000), 5, 7) == "2.5 GB"
 
 
+def test_a_rate_in_other_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert line(Reading(250, 1000), 1, 80, "{:.0f} steps".format).endswith(" 250 steps  0:03 left")
+    stderr = Terminal()
+    monkeypatch.setattr(sys, "stderr", stderr)
+    monkeypatch.setenv("TERM", "xterm")
+    times = iter(range(100))
+    with Progress(Reading(50, 100), clock=lambda: next(times), speed="{:.0f} steps".format) as progress:
+        progress.step()
+    assert " 50 steps  0:01 left" in stderr.text
+
+
 def test_a_narrow_line_loses_whole_parts() -> None:
     reading = Reading(250, 1000)
     texts = [line(reading, 1, width) for width in range(80)]

@@ -1,4 +1,4 @@
-"""The README's examples for other tools run as they stand there."""
+"""The README's examples for other tools and of simulated traffic run as they stand there."""
 
 from __future__ import annotations
 
@@ -15,11 +15,17 @@ from analyzer.cli import main
 if TYPE_CHECKING:
     from pathlib import Path
 
-SECTION = re.search(r"^## Other tools\n(.*?)^## ", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE)
-assert SECTION is not None
-BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", SECTION[1], re.DOTALL | re.MULTILINE)
-COMMANDS = [line for kind, text in BLOCKS if kind == "sh" for line in text.splitlines()]
-PROGRAMS = [text for kind, text in BLOCKS if kind == "python"]
+
+def section(name: str) -> tuple[list[str], list[str]]:
+    """The commands and the programs in it."""
+    found = re.search(rf"^## {name}\n(.*?)^## ", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE)
+    assert found is not None
+    blocks = re.findall(r"^```(\w+)\n(.*?)^```$", found[1], re.DOTALL | re.MULTILINE)
+    commands = [line for kind, text in blocks if kind == "sh" for line in text.splitlines()]
+    return commands, [text for kind, text in blocks if kind == "python"]
+
+
+COMMANDS, PROGRAMS = section("Other tools")
 
 
 def test_there_are_examples() -> None:
@@ -30,16 +36,31 @@ def test_there_are_examples() -> None:
     ]
 
 
+def obey(commands: list[str]) -> None:
+    for line in commands:
+        name, *args = shlex.split(line, comments=True)
+        assert name == "tailbyte"
+        assert main(args) == 0
+
+
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_they_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], program: str
 ) -> None:
     shutil.copytree(CAPTURES, tmp_path / "captures")
     monkeypatch.chdir(tmp_path)
-    for line in COMMANDS:
-        name, *args = shlex.split(line, comments=True)
-        assert name == "tailbyte"
-        assert main(args) == 0
+    obey(COMMANDS)
     capfd.readouterr()
     exec(program, {})
     assert capfd.readouterr().out.count("\n") > 4
+
+
+def test_simulated_traffic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    commands, (program,) = section("Traffic with known faults")
+    obey(commands)
+    capfd.readouterr()
+    exec(program, {})
+    shown = capfd.readouterr().out.splitlines()
+    assert [line.split()[0] for line in shown[::2]] == ["TRF-003", "TYP-305"]
+    assert all(line.startswith("    (17734753") for line in shown[1::2])

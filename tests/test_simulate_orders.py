@@ -173,7 +173,7 @@ def test_lost_frames_have_no_number_and_error_frames_a_line() -> None:
 
 @pytest.mark.parametrize(
     ("text", "ns"),
-    [("2.5", 2_500_000_000), ("2.5s", 2_500_000_000), ("300ms", 300_000_000), ("40us", 40_000), ("1min", 60 * SECOND),
+    [("2.5", 2_500_000_000), ("2.5s", 2_500_000_000), ("300ms", 300_000_000), ("40us", 40_000), ("1min", 60 * SECOND), ("1.5h", 5400 * SECOND),
      (".5", 500_000_000), ("0", 0), ("0.000000001", 1)],
 )  # fmt: skip
 def test_times(text: str, ns: int) -> None:
@@ -181,7 +181,7 @@ def test_times(text: str, ns: int) -> None:
     assert catalogue.order(f"trf-003@{text}").t == ns
 
 
-@pytest.mark.parametrize("text", ["", "s", "-1", "1e3", "1.2.3", "5h", "nan", "99999999", "٣", "1" * 5000])
+@pytest.mark.parametrize("text", ["", "s", "-1", "1e3", "1.2.3", "5d", "nan", "99999999", "٣", "1" * 5000])
 def test_what_is_no_time(text: str) -> None:
     with pytest.raises(ValueError, match=r"is not a time|more than a day"):
         catalogue.nanoseconds(text)
@@ -203,6 +203,7 @@ def test_an_order_says_which_rule_when_and_how() -> None:
         ("", "no fault is called"),
         ("TRF-003@soon", "is not a time"),
         ("TRF-003@", "is not a time"),
+        ("TYP-301@2", "holds from the start"),
         ("TRF-003:bogus=1", "'bogus=1' is no setting"),
         ("TRF-003:node", "is no setting"),
         ("TRF-003:node=x", "node=x is not a number"),

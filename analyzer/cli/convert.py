@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from analyzer.cli import USAGE, options, streams
-from analyzer.sinks import COMPRESSIONS, FORMS, form_of, losses
+from analyzer.sinks import FORMS, losses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,11 +29,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         "-o", "-w", dest="output", metavar="OUT", help="the output, else the last argument; - is standard output"
     )
-    parser.add_argument(
-        "-F", "--format", dest="form", choices=FORMS,
-        help="default: what the name says: .log .txt .candump, .mcap, .pcapng, with .gz or .zst behind it",
-    )  # fmt: skip
-    parser.add_argument("--compression", choices=COMPRESSIONS, help="of MCAP chunks; default: zstd")
+    options.add_capture_form(parser)
     options.add_window(parser)
     parser.set_defaults(run=run, dissector=[])
 
@@ -57,27 +53,13 @@ def run(args: argparse.Namespace) -> int:
 
 def _form(args: argparse.Namespace) -> tuple[str, str]:
     """Format and packing of the output. Raises `ValueError` for arguments that do not go together."""
-    output = args.output
     if args.stop in FORMS:
         raise ValueError(f"--to is a time: did you mean -F {args.stop}")
     if not args.capture and not args.capture_:
         raise ValueError("a capture and an output are needed: tailbyte convert CAPTURE OUT")
-    named, packing = form_of(output)
-    form: str = args.form or named
-    if output == "-" and not args.form:
-        raise ValueError("- says no format: give -F candump, mcap or pcapng")
-    if not form and not output:
-        raise ValueError("the output has no name")
-    if named and form != named:
-        raise ValueError(f"{output}: the name says {named}, -F says {form}")
-    if not form:
-        raise ValueError(f"{output}: the name says no format: give -F candump, mcap or pcapng")
-    if args.compression is not None and form != "mcap":
-        raise ValueError("--compression is for MCAP")
-    if output == "-" and form != "candump" and sys.stdout.isatty():
-        raise ValueError(f"{form} is nothing for a terminal")
-    options.refuse_input(args, output)
-    return form, packing
+    found = options.capture_form(args)
+    options.refuse_input(args, args.output)
+    return found
 
 
 def _convert(args: argparse.Namespace, session: Session, window: Window, form: str, packing: str) -> None:

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import signal
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from analyzer.sources import StopReading
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from analyzer.sources import Source
-    from analyzer.sources.merge import Merged
-
-
 _ENDING = (signal.SIGTERM, signal.SIGHUP) if hasattr(signal, "SIGHUP") else (signal.SIGTERM,)
 
 
+class Stoppable(Protocol):
+    """Work that looks at `stopped` now and then, unless it `waits` for bytes."""
+
+    stopped: bool
+
+    @property
+    def waits(self) -> bool:
+        """Whether it would not notice."""
+
+
 @contextmanager
-def graceful(reading: Callable[[], Source | Merged]) -> Iterator[None]:
-    """The first Ctrl-C stops the source that is being read, a second one raises `KeyboardInterrupt`.
+def graceful(reading: Callable[[], Stoppable]) -> Iterator[None]:
+    """The first Ctrl-C stops the work that `reading` names, a second one raises `KeyboardInterrupt`.
 
     SIGTERM and SIGHUP end the program at once, but not without cleaning up: as `SystemExit` with 128 + signal. Where a
     signal is ignored (a background job of a shell) it stays so.

@@ -9,9 +9,12 @@ import stat
 import sys
 from typing import TYPE_CHECKING, Any
 
+from analyzer.sinks import COMPRESSIONS, FORMS, form_of
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from analyzer.live.interfaces import Interface
     from analyzer.sources.merge import Plan
     from analyzer.window import Window
     from dissectors import Registry
@@ -48,10 +51,73 @@ def add_captures(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_bus(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """The bus that exists, with the options of python-can."""
+    parser.add_argument(
+        "iface", nargs="?", metavar="IFACE",
+        help="a SocketCAN interface (vcan0), or TYPE:CHANNEL[@BITRATE] for those of python-can (virtual:demo, "
+        "slcan:/dev/ttyACM0@1000000)",
+    )  # fmt: skip
+    parser.add_argument("-i", dest="iface_", metavar="IFACE", help="the same, by letter")
+    group = parser.add_argument_group("bus, as python-can has it")
+    group.add_argument("--interface", metavar="TYPE", help="socketcan, virtual, slcan, pcan, ...")
+    group.add_argument("--channel", metavar="CHANNEL", help="of that interface")
+    group.add_argument("--bitrate", type=positive, metavar="BITS", help="per second")
+    group.add_argument("--data-bitrate", type=positive, metavar="BITS", help="of the data phase of CAN FD")
+    group.add_argument("--fd", action="store_true", default=None, help="with CAN FD")
+    group.add_argument("--timing", nargs="+", metavar="KEY=VALUE", help="bit timing instead of bit rates")
+    group.add_argument("--bus-kwargs", nargs="+", default=(), metavar="KEY=VALUE", help="whatever else it takes")
+    return group
+
+
+def bus(args: argparse.Namespace) -> Interface | None:
+    """The bus that is meant, None if none was named. Raises `ValueError` with the reason."""
+    from analyzer.live.interfaces import resolve  # noqa: PLC0415 - python-can takes its time
+
+    text = args.iface or args.iface_
+    if args.iface and args.iface_:
+        raise ValueError(f"{args.iface} and -i {args.iface_}: which one?")
+    if text is None and args.interface is None and args.channel is None:
+        return None
+    names = ("interface", "channel", "bitrate", "data_bitrate", "fd", "timing", "bus_kwargs")
+    return resolve(text, {name: getattr(args, name) for name in names})
+
+
 def add_output(parser: argparse.ArgumentParser) -> None:
     """How results reach a terminal."""
     parser.add_argument("--color", choices=("auto", "always", "never"), default="auto", help="default: auto")
     parser.add_argument("--no-pager", action="store_true", help="do not page long output on a terminal")
+
+
+def add_capture_form(parser: argparse.ArgumentParser) -> None:
+    """The format of a capture that is written."""
+    parser.add_argument(
+        "-F", "--format", dest="form", choices=FORMS,
+        help="default: what the name says: .log .txt .candump, .mcap, .pcapng, with .gz or .zst behind it",
+    )  # fmt: skip
+    parser.add_argument("--compression", choices=COMPRESSIONS, help="of MCAP chunks; default: zstd")
+
+
+def capture_form(args: argparse.Namespace, pipe: str = "") -> tuple[str, str]:
+    """Format and packing of the capture `args.output`; `pipe` is the format of standard output if none is given.
+
+    Raises `ValueError` for arguments that do not go together.
+    """
+    output = args.output
+    named, packing = form_of(output)
+    form: str = args.form or (pipe if output == "-" else named)
+    if not form and not output:
+        raise ValueError("the output has no name")
+    if named and form != named:
+        raise ValueError(f"{output}: the name says {named}, -F says {form}")
+    if not form:
+        says = "- says" if output == "-" else f"{output}: the name says"
+        raise ValueError(f"{says} no format: give -F candump, mcap or pcapng")
+    if args.compression is not None and form != "mcap":
+        raise ValueError("--compression is for MCAP")
+    if output == "-" and form != "candump" and sys.stdout.isatty():
+        raise ValueError(f"{form} is nothing for a terminal")
+    return form, packing
 
 
 def add_window(parser: argparse.ArgumentParser) -> None:

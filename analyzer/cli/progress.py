@@ -21,7 +21,7 @@ _Part = TypeVar("_Part")
 
 
 class Reading(Protocol):
-    """What is read: `size` bytes of `length` so far; the length of a pipe is unknown."""
+    """What is done: `size` of `length` so far, in bytes unless `Progress` is told how to call their rate."""
 
     @property
     def size(self) -> int:
@@ -29,18 +29,26 @@ class Reading(Protocol):
 
     @property
     def length(self) -> int | None:
-        """All bytes there are."""
+        """All bytes there are; unknown of a pipe."""
 
 
 class Progress(AbstractContextManager["Progress"]):
     """Shows how far `reading` has come, if standard error is a terminal and the work lasts; else does nothing.
 
     `active` says whether it may draw: whatever else goes to the terminal is then better held back until the block ends.
+    `speed` puts the rate of `reading`, in a second, into words.
     """
 
-    def __init__(self, reading: Reading, *, wanted: bool = True, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        reading: Reading,
+        *,
+        wanted: bool = True,
+        clock: Callable[[], float] = time.monotonic,
+        speed: Callable[[float], str] | None = None,
+    ) -> None:
         self.active = wanted and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
-        self._reading, self._clock = reading, clock
+        self._reading, self._clock, self._speed = reading, clock, speed or bytes_a_second
         self._drawn = False
 
     def __enter__(self) -> Self:
@@ -66,25 +74,30 @@ class Progress(AbstractContextManager["Progress"]):
             self._next = now + PAUSE
             self._drawn = True
             seconds, width = now - self._start, _width()
-            text = labelled(label, seconds, width) if label else line(self._reading, seconds, width)
+            text = labelled(label, seconds, width) if label else line(self._reading, seconds, width, self._speed)
             streams.tell(_WIPE + text)
 
 
-def line(reading: Reading, seconds: float, width: int) -> str:
+def bytes_a_second(rate: float) -> str:
+    """How fast a capture is read."""
+    return f"{_bytes(rate)}/s"
+
+
+def line(reading: Reading, seconds: float, width: int, speed: Callable[[float], str] = bytes_a_second) -> str:
     """The bar: share, rate and time left, or bytes and rate of what has no known length.
 
     It has less than `width` characters: parts for which there is no room are left out, the bar itself first.
     """
     rate = reading.size / max(seconds, 1e-9)
-    speed = f"{_bytes(rate)}/s"
+    fast = speed(rate)
     if not reading.length:
         read = _bytes(reading.size)
-        return _longest(width, f"{read}  {speed}", read)
+        return _longest(width, f"{read}  {fast}", read)
     done = min(reading.size / reading.length, 1.0)
     share = f"{done:4.0%}"
     bar = f"[{'#' * round(done * _BAR):.<{_BAR}}]"
     left = f"  {_clock((reading.length - reading.size) / rate)} left" if rate else ""
-    return _longest(width, f"{share} {bar} {speed}{left}", f"{share} {speed}{left}", f"{share}{left}", share)
+    return _longest(width, f"{share} {bar} {fast}{left}", f"{share} {fast}{left}", f"{share}{left}", share)
 
 
 def labelled(label: str, seconds: float, width: int) -> str:

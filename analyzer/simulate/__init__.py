@@ -6,6 +6,7 @@ they are to test. What a vendor's devices do comes from the vendor's folder, in 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from dissectors.tmotor import traffic
 from dissectors.traffic import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from analyzer.simulate.faults.desk import Order
     from dissectors.registry import Registry
@@ -29,7 +30,11 @@ START = 1_773_475_330 * SECOND
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What to simulate. `duration` in ns, `rate` of status messages in Hz, `start` in ns since 1970."""
+    """What to simulate. `duration` in ns, `start` in ns since 1970.
+
+    `rate` of status messages in Hz; None is what suits the bit rate, 30 at 1 Mbit/s.
+    Faults without a time of their own happen within the first `span` ns, 0 for the whole duration.
+    """
 
     profile: str = "hover"
     scenario: str = ""
@@ -37,23 +42,32 @@ class Settings:
     duration: int = 10 * SECOND
     seed: int = 1
     bit_rate: int = 1_000_000
-    rate: int = 30
+    rate: int | None = None
     stock: bool = False
     start: int = START
     bus: str = "can0"
     orders: tuple[Order, ...] = field(default_factory=tuple)
+    span: int = 0
+
+    @property
+    def buses(self) -> tuple[str, str]:
+        """The interface, and a second one, which only some faults use: can1 beside can0."""
+        name, digits, _ = re.split(r"(\d*)$", self.bus, maxsplit=1)
+        return self.bus, f"{name}{int(digits) + 1}" if digits else f"{name}2"
 
 
 class Simulation:
     """One run; the same settings give the same frames.
 
-    `progress` is (simulated, wanted) in ns. The key is complete once `frames` has ended.
+    The key is about the frames that `frames` has given so far.
     """
 
     def __init__(self, settings: Settings, registry: Registry) -> None:
         self.settings = settings
         self.recorder = Recorder()
-        self.world = World(registry, bit_rate=settings.bit_rate, end=settings.duration, seed=settings.seed)
+        self.world = World(
+            registry, bit_rate=settings.bit_rate, end=settings.duration, seed=settings.seed, span=settings.span
+        )
         self.vehicle = traffic.build(
             self.world,
             traffic.Wishes(settings.profile, settings.escs, settings.rate, settings.stock),
@@ -78,12 +92,15 @@ class Simulation:
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """Faults that were asked for and found no occasion, as they were written."""
-        return tuple(dict.fromkeys(order.text or order.fault.rule for order in self.world.desk.open))
+        """Faults that were asked for and are not in what was recorded, as they were written."""
+        return tuple(dict.fromkeys(order.text or order.fault.rule for order in self.world.desk.unseen))
 
-    def frames(self) -> Iterator[Frame]:
-        """Every recorded frame in order; times from the start of the simulation."""
-        yield from self.recorder.record(self.world.run())
+    def frames(self, pace: Callable[[Iterator[Frame]], Iterable[Frame]] = iter) -> Iterator[Frame]:
+        """Every recorded frame in order; times from the start of the simulation.
+
+        `pace` may hold back what is on the bus, and end it: the rest was not recorded.
+        """
+        yield from self.recorder.record(pace(self.world.run()))
 
     def key(self) -> Mapping[str, Any]:
         """The answer key, ready for JSON."""

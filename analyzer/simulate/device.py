@@ -26,13 +26,15 @@ class Device:
         self.number, self.name, self.silent = number, name, silent
         self.health = self.mode = 0
         self.status_code = 0
-        self.unique_id = bytes(world.random.randrange(256) for _ in range(16))
+        # Dice of its own: a device that joins changes nothing of what others do.
+        dice = world.dice(f"device {number} {len(world.devices.get(number, ()))}", world.seed)
+        self.unique_id = dice.randbytes(16)
         self.versions = {"software": (2, 2), "hardware": (1, 0)}
         self.transfer_ids: dict[tuple[str, int | None], int] = {}
         self._world = world
         self._since = world.now
         if number:
-            world.every(STATUS_PERIOD, self._status, world.now + world.random.randrange(STATUS_PERIOD))
+            world.every(STATUS_PERIOD, self._status, world.now + dice.randrange(STATUS_PERIOD))
             world.hear("uavcan.protocol.GetNodeInfo.Request", self._asked)
 
     def send(
@@ -87,9 +89,11 @@ class Device:
         if request.dst == self.number and not self.silent:
             self._world.at(self._world.now + _THINKING, lambda: self._introduce(request))
 
-    def _introduce(self, request: Sending) -> None:
+    @property
+    def introduction(self) -> dict[str, Any]:
+        """The values of its answer to GetNodeInfo."""
         software, hardware = self.versions["software"], self.versions["hardware"]
-        values = {
+        return {
             "status": self.status,
             "software_version": {
                 "major": software[0],
@@ -106,9 +110,11 @@ class Device:
             },
             "name": self.name.encode(),
         }
+
+    def _introduce(self, request: Sending) -> None:
         self.send(
             "uavcan.protocol.GetNodeInfo.Response",
-            values,
+            self.introduction,
             dst=request.node,
             priority=request.priority,
             transfer_id=request.transfer_id,

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import re
 from typing import TYPE_CHECKING, Any
 
 from dissectors.traffic import SECOND
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from analyzer.simulate import Simulation
     from dissectors.traffic import Answer
 
@@ -34,7 +38,7 @@ def key(simulation: Simulation) -> dict[str, Any]:
             "duration_ns": settings.duration,
             "seed": settings.seed,
             "bit_rate": settings.bit_rate,
-            "rate_hz": settings.rate,
+            "rate_hz": simulation.vehicle.rate,
             "stock": settings.stock,
             "start_ns": start,
             "faults": [order.text for order in settings.orders if order.rate is None],
@@ -51,6 +55,16 @@ def key(simulation: Simulation) -> dict[str, Any]:
         "scenario": story,
         "faults": [_entry(answer, start) for answer in sorted(simulation.world.desk.answers, key=_place)],
     }
+
+
+def text(found: Mapping[str, Any]) -> str:
+    """The key as JSON to read: a line for each value, and one for each list of numbers."""
+    lines = json.dumps(found, ensure_ascii=False, indent=1)
+    # Texts cannot match: a line break in one of them is written as an escape.
+    return (
+        re.sub(r"\[\n[\s\d.,-]*\]", lambda found: f"[{', '.join(found[0][1:-1].replace(',', ' ').split())}]", lines)
+        + "\n"
+    )
 
 
 def _entry(answer: Answer, start: int) -> dict[str, Any]:

@@ -64,6 +64,11 @@ def cut(number: int, body: bytes, transfer_id: int, *, fd: bool = False) -> list
     if fd:
         size = next(size for size in FD_LENGTHS if size > len(parts[-1]))
         parts[-1] = parts[-1].ljust(size - 1, b"\0")
+    return chain(number, parts, transfer_id, fd=fd)
+
+
+def chain(number: int, parts: list[bytes], transfer_id: int, *, fd: bool = False) -> list[Frame]:
+    """One frame for each part, with the tail bytes of one transfer."""
     if len(parts) == 1:
         return [Frame(number, parts[0] + bytes((START | END | transfer_id,)), fd=fd, brs=fd)]
     frames = [

@@ -8,6 +8,7 @@ from random import Random
 from typing import TYPE_CHECKING
 
 from analyzer.simulate import wire
+from analyzer.simulate.allocation import Allocatee, Allocator
 from analyzer.simulate.bus import Bus
 from analyzer.simulate.device import Device
 from analyzer.simulate.encode import compiled
@@ -27,12 +28,13 @@ class World:
     """A bus, the devices on it and those who listen; see `dissectors.traffic.World`.
 
     `seed` decides every throw of the dice; each part that throws them has dice of its own (`dice`), so that adding a
-    fault changes nothing else.
+    fault changes nothing else. Faults without a time of their own happen within the first `span` ns, 0 for all of them.
     """
 
-    def __init__(self, registry: Registry, *, bit_rate: int, end: int, seed: int) -> None:
+    def __init__(self, registry: Registry, *, bit_rate: int, end: int, seed: int, span: int = 0) -> None:
         self.now = 0
-        self.end, self.bit_rate = end, bit_rate
+        self.end, self.bit_rate, self.seed = end, bit_rate, seed
+        self.span = span or end
         self.bus = Bus(SECOND // bit_rate)
         self.random = self.dice("vehicle", seed)
         self.desk = Desk(self)
@@ -43,7 +45,9 @@ class World:
         self._heard: dict[str, list[Callable[[Sending], object]]] = {}
         self._messages: dict[str, Message] = {}
         self._encoders: dict[str, Callable[[dict[str, object]], bytes]] = {}
+        self._allocators: dict[int, Allocator] = {}
         self._aside: list[Frame] = []
+        self._copy: Callable[[Frame], Frame | None] | None = None
         self._latest = 0
         self._final: Frame | None = None
 
@@ -73,6 +77,20 @@ class World:
         self.devices.setdefault(number, []).append(device)
         return device
 
+    def allocate(self, server: int, number: int, call: Callable[[], object]) -> None:
+        """Has a silent device ask the device `server` for its node ID, and calls once it speaks by it."""
+        asking, serving = self.node(number), self.node(server)
+        if asking is None or serving is None:
+            raise ValueError(f"no device {number} or {server}")
+        if server not in self._allocators:
+            self._allocators[server] = Allocator(self, serving)
+        Allocatee(self, asking, call)
+
+    def node(self, number: int) -> Device | None:
+        """The device with a number, the first one of several."""
+        every = (device for devices in self.devices.values() for device in devices)
+        return next((device for device in every if device.number == number), None)
+
     def hear(self, name: str, call: Callable[[Sending], object]) -> None:
         """Calls with every undamaged transfer of a type, at the end of its last frame."""
         self._heard.setdefault(self.message(name).table, []).append(call)
@@ -85,7 +103,7 @@ class World:
         return found
 
     def send(self, sending: Sending) -> None:
-        """Encodes a transfer and puts its frames on the bus, faults that wait for it included."""
+        """Encodes a transfer and puts its frames on the bus; faults that wait for it have their turn."""
         sending.t, desk = self.now, self.desk
         if desk.busy:
             desk.pass_by("values", sending)
@@ -96,6 +114,10 @@ class World:
         if desk.busy:
             desk.pass_by("frames", sending)
         self.put(sending.frames, sending)
+
+    def copy(self, call: Callable[[Frame], Frame | None] | None) -> None:
+        """What `call` makes of every frame on the bus is recorded right behind it: a second interface."""
+        self._copy = call
 
     def put(self, frames: list[Frame], sending: Sending | None = None) -> None:
         """Frames compete for the bus from now on; they belong to `sending`, if that is given."""
@@ -134,6 +156,10 @@ class World:
                 self._latest = frame.t
                 self._deliver(frame)
                 yield frame
+                copied = self._copy(frame) if self._copy is not None else None
+                if copied is not None:
+                    self._latest = copied.t
+                    yield copied
                 if frame is self._final:
                     return
                 continue

@@ -55,13 +55,22 @@ class Target(AbstractContextManager["Target"]):
         """Puts the file in its place, or removes it. Raises `TargetError`."""
         try:
             if kind is None:
-                self.file.flush()
+                self.settle()
                 if self._part:
                     self._finish()
         finally:
             _discard(self.file)
             if self._part:
                 Path(self._part).unlink(missing_ok=True)
+
+    def settle(self) -> None:
+        """Brings everything to the disk, so that little is left that can fail at the end. Raises `TargetError`."""
+        self.file.flush()
+        if self._part:
+            try:
+                os.fsync(self.file.fileno())  # some file systems notice only now that they are full
+            except OSError as error:
+                raise TargetError(self.name, error) from None
 
     def _open(self) -> None:
         if self._path == "-":
@@ -89,7 +98,6 @@ class Target(AbstractContextManager["Target"]):
 
     def _finish(self) -> None:
         try:
-            os.fsync(self.file.fileno())  # some file systems notice only now that they are full
             self.file.close()
             Path(self._part).replace(self._final)
         except OSError as error:

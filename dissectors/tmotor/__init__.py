@@ -1,0 +1,1 @@
+"""T-Motor: TM-UAVCAN V2.2 as data, and a vehicle that speaks it."""

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import encode
+
 from witness.fields import Float
-from witness.reader import Log
 from witness.views import Finder, Found, Message, by_node, everything, messages, prefixed, where
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from witness.reader import Log
 
 # 14 bits a channel, 0 to 20 channels, filled up to whole bytes.
 RAW_COMMAND_LENGTHS = {(14 * channels + 7) // 8 for channels in range(21)}
 
 
+@cache
 def bits(layout: str, tail: bool, most: bool) -> int:
     """The fewest or the most bits of a record; `tail`: its last array may stand without its length."""
     union, fields = encode.parse(layout)
@@ -62,7 +68,7 @@ def leftover(log: Log) -> Found:
     """TYP-004: the bytes are no whole number of elements."""
 
     def wrong(one: Message) -> bool:
-        if one.transfer.first.fd or prefixed(one):
+        if one.transfer.first.fd or one.fields.tag is not None or prefixed(one):
             return False
         if one.name == "RawCommand":
             return len(one.payload) not in RAW_COMMAND_LENGTHS

@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import Any
 
 import encode
+
 from witness.fields import Fields, unpack
 from witness.reader import Log, Transfer
 

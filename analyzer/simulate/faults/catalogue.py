@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from analyzer.simulate import scenarios
-from analyzer.simulate.faults import frames, transfers
+from analyzer.simulate.faults import frames, lengths, transfers, values
 from analyzer.simulate.faults.desk import Order
 from dissectors.tmotor import traffic
 from dissectors.traffic import MICROSECOND, MILLISECOND, SECOND
@@ -19,18 +19,21 @@ if TYPE_CHECKING:
 
 # What every fault takes: who sends it, which type of transfer, how often in a row. None has no default.
 COMMON: Mapping[str, type] = {"node": int, "type": str, "count": int}
-_UNITS = {"s": SECOND, "ms": MILLISECOND, "us": MICROSECOND, "min": 60 * SECOND}
+_UNITS = {"s": SECOND, "ms": MILLISECOND, "us": MICROSECOND, "min": 60 * SECOND, "h": 3600 * SECOND}
+_LAYERS = ("CAN", "TRF", "TYP", "PUSH")
 # Times that a fault can be asked for in one order.
 _MOST = 10_000
 # No time is later than this: a day.
 _LONGEST = 86_400 * SECOND
+# No number is larger, infinity and NaN included.
+_LARGEST = 1e9
 
 
 @cache
 def faults() -> dict[str, Fault]:
     """By rule, in the order of the catalogue."""
-    every = (*frames.FAULTS, *transfers.FAULTS, *traffic.FAULTS)
-    return {fault.rule: fault for fault in every}
+    every = (*frames.FAULTS, *transfers.FAULTS, *lengths.FAULTS, *values.FAULTS, *traffic.FAULTS)
+    return {fault.rule: fault for fault in sorted(every, key=_place)}
 
 
 @cache
@@ -52,6 +55,8 @@ def order(text: str) -> Order:
     head, *settings = text.split(":")
     rule, at, time = head.partition("@")
     fault = _fault(rule)
+    if at and fault.early:
+        raise ValueError(f"{fault.rule}: holds from the start of the capture, it takes no time")
     return Order(fault, nanoseconds(time) if at else None, _settings(fault, settings), text=text)
 
 
@@ -69,8 +74,8 @@ def rate(text: str) -> Order:
 
 
 def nanoseconds(text: str) -> int:
-    """A time or a duration: `2.5`, `2.5s`, `300ms`, `40us`, `10min`. Raises `ValueError`."""
-    unit = next((unit for unit in ("min", "ms", "us", "s") if text.endswith(unit)), "")
+    """A time or a duration: `2.5`, `2.5s`, `300ms`, `40us`, `10min`, `24h`. Raises `ValueError`."""
+    unit = next((unit for unit in ("min", "ms", "us", "s", "h") if text.endswith(unit)), "")
     digits = text.removesuffix(unit)
     if not digits or not digits.replace(".", "", 1).isdecimal() or not digits.isascii():
         raise ValueError(f"{text!r} is not a time (2.5, 2.5s, 300ms, 10min)")
@@ -80,6 +85,11 @@ def nanoseconds(text: str) -> int:
     if found > _LONGEST or len(whole) > 20:
         raise ValueError(f"{text!r} is more than a day")
     return found
+
+
+def _place(fault: Fault) -> tuple[int, str]:
+    layer, _, number = fault.rule.partition("-")
+    return _LAYERS.index(layer), number
 
 
 def _fault(rule: str) -> Fault:
@@ -105,8 +115,12 @@ def _setting(fault: Fault, name: str, kind: type, text: str) -> Setting:
         value: Setting = int(text[:20], 0) if kind is int else float(text) if kind is float else text
     except ValueError:
         raise ValueError(f"{fault.rule}: {name}={text} is not a number") from None
+    if isinstance(value, float) and not abs(value) <= _LARGEST:
+        raise ValueError(f"{fault.rule}: {name}={text} is not a number up to {_LARGEST:g}")
     if name == "count" and not 1 <= int(value) <= _MOST:
         raise ValueError(f"{fault.rule}: {name}={text} is not 1 to {_MOST}")
+    if name in fault.choices and value not in fault.choices[name]:
+        raise ValueError(f"{fault.rule}: {name}={text} is none of {', '.join(fault.choices[name])}")
     return value
 
 

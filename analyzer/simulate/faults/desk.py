@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 STAGES = ("values", "transfer", "frames")
 # When a fault without a time happens, as shares of the whole.
 _EARLY, _LATE = 0.35, 0.8
+# What should remain behind a fault that lasts.
+_SPARE = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +44,17 @@ class Work:
         self.vehicle = desk.vehicle
         self.options, self.random = order.settings, random
         self.fault = order.fault
+        self.order: Order | None = order
         self.state: dict[str, Any] = {}
+        self.kept = False
+        self.pending: Order | None = None  # what is done once it has a first frame to show
         self.answer = Answer(order.fault.rule, desk.world.now, order.fault.title, also=order.fault.also)
         self._desk = desk
+
+    @property
+    def shown(self) -> bool:
+        """Whether something of it has been recorded."""
+        return bool(self.answer.frames or self.answer.lines)
 
     def say(self, done: str) -> None:
         """What was done, for the answer key."""
@@ -58,7 +68,10 @@ class Work:
             self._of(what)
         elif what.sending is not None:
             self._of(what.sending)
-        self._desk.keep(self.answer)
+        self._desk.keep(self)
+        if self.pending is not None:
+            self._desk.close(self.pending)
+            self.pending = None
 
     def watch(self, wanted: Fits, until: int | None = None) -> None:
         """The answer lists the frames of every transfer from now on whose values are `wanted`."""
@@ -86,19 +99,30 @@ class Work:
 class Desk:
     """Every fault that waits, and every answer in the order of its beginning.
 
-    `busy` says whether any transfer has to pass by.
+    `busy` says whether any transfer has to pass by, `open` holds the orders that found no occasion so far.
     """
 
     def __init__(self, world: World) -> None:
         self.world = world
         self.vehicle: Any = None
         self.busy = False
-        self.answers: list[Answer] = []
         self.open: list[Order] = []
+        self._works: list[Work] = []
         self._waiting: dict[str, list[Callable[[Sending], Step]]] = {stage: [] for stage in STAGES}
 
+    @property
+    def answers(self) -> list[Answer]:
+        """Those of which something has been recorded."""
+        return [work.answer for work in self._works if work.shown]
+
+    @property
+    def unseen(self) -> list[Order]:
+        """Orders that found no occasion, or of which nothing has been recorded."""
+        lost = [work.order for work in self._works if work.order is not None and not work.shown]
+        return [*self.open, *(order for order in lost if order.rate is None)]
+
     def take(self, order: Order, random: Random) -> None:
-        """Lets the fault happen at its time."""
+        """Lets the fault happen at its time, if the flight goes on long enough behind it."""
         world, fault = self.world, order.fault
         if order.rate is not None:
             self._often(order, random)
@@ -106,8 +130,10 @@ class Desk:
         times = int(order.settings.get("count", 1))
         t = order.t
         if t is None:
-            t = 0 if fault.early else round(world.end * random.uniform(_EARLY, _LATE))
+            t = 0 if fault.early else round(world.span * random.uniform(_EARLY, _latest(fault.lasts, world.span)))
         self.open += [order] * times
+        if t + fault.lasts > world.span:
+            return
         if fault.start is None:
             self._begin(t, lambda: self._arm(order, random, times))
             return
@@ -138,22 +164,27 @@ class Desk:
     def open_case(self, rule: str, done: str, also: tuple[str, ...], random: Random) -> Work:
         """A case that no order asked for."""
         work = Work(self, Order(Fault(rule, done, also=also), None, {}), random)
-        self.keep(work.answer)
+        work.order = None
+        self.keep(work)
         return work
 
-    def keep(self, answer: Answer) -> None:
-        """The answer belongs to the key."""
-        if answer not in self.answers:
-            self.answers.append(answer)
+    def keep(self, work: Work) -> None:
+        """Its answer belongs to the key."""
+        if not work.kept:
+            work.kept = True
+            self._works.append(work)
 
-    def _start(self, order: Order, random: Random) -> None:
-        work = Work(self, order, random)
-        start = order.fault.start
-        if start is not None:
-            start(work)
-        self.keep(work.answer)
+    def close(self, order: Order) -> None:
+        """The order has found its occasion."""
         if order in self.open:
             self.open.remove(order)
+
+    def _start(self, order: Order, random: Random) -> None:
+        start = order.fault.start
+        if start is not None:
+            work = Work(self, order, random)
+            work.pending = order
+            start(work)
 
     def _arm(self, order: Order, random: Random, times: int) -> None:
         """Waits for the transfers that the fault changes, one after the other."""
@@ -163,12 +194,12 @@ class Desk:
 
         def do(sending: Sending) -> Step:
             nonlocal work, times
-            if not fits(sending):
+            if sending.changed or not fits(sending):
                 return Step.SKIP
             step = self._apply(work, stage, touch, sending)
             if step is not Step.DONE:
                 return step
-            self.open.remove(order)
+            self.close(order)
             times -= 1
             if not times:
                 return Step.DONE
@@ -185,13 +216,15 @@ class Desk:
             return
         stage, touch = _touch(order.fault)
         fits = _fits(order)
-        going: list[Work] = []
+        going: Work | None = None
 
         def do(sending: Sending) -> Step:
-            if fits(sending) and (going or random.random() < rate):
-                work = going.pop() if going else Work(self, order, random)
-                if self._apply(work, stage, touch, sending) is Step.MORE:
-                    going.append(work)
+            nonlocal going
+            if not sending.changed and fits(sending) and (going or random.random() < rate):
+                work = going or Work(self, order, random)
+                step = self._apply(work, stage, touch, sending)
+                if step is not Step.SKIP:
+                    going = work if step is Step.MORE else None
             return Step.MORE
 
         self.wait(stage, do)
@@ -199,9 +232,16 @@ class Desk:
     def _apply(self, work: Work, stage: str, touch: Callable[[Case, Sending], Step], sending: Sending) -> Step:
         step = touch(work, sending)
         if step is not Step.SKIP:
-            work.mark(sending)
+            if not work.fault.exact:
+                work.mark(sending)
+            sending.changed = stage != "values" and work.answer in sending.answers
             sending.damaged = sending.damaged or not (stage == "values" or work.fault.harmless)
         return step
+
+
+def _latest(lasts: int, end: int) -> float:
+    """The share of the whole by which a fault has to begin, to be over in time."""
+    return max(_EARLY, min(_LATE, 1 - lasts / end - _SPARE))
 
 
 def _touch(fault: Fault) -> tuple[str, Callable[[Case, Sending], Step]]:

@@ -1,7 +1,42 @@
-"""The faults of T-Motor devices, in the order of the catalogue of rules."""
+"""The faults of T-Motor devices, one file a kind."""
 
 from __future__ import annotations
 
-from dissectors.traffic import Fault
+from typing import TYPE_CHECKING
 
-FAULTS: tuple[Fault, ...] = ()
+from dissectors.tmotor.traffic.faults import (
+    device,
+    habits,
+    packet_commands,
+    packet_feedback,
+    packet_habits,
+    packet_shape,
+    packet_status,
+    prefix,
+    reports,
+    sequence,
+    settings,
+    status,
+    throttle,
+    transport,
+)
+
+if TYPE_CHECKING:
+    from dissectors.traffic import Fault
+
+FAULTS: tuple[Fault, ...] = (
+    *transport.FAULTS,
+    *prefix.FAULTS,
+    *habits.FAULTS,
+    *status.FAULTS,
+    *throttle.FAULTS,
+    *settings.FAULTS,
+    *device.FAULTS,
+    *reports.FAULTS,
+    *sequence.FAULTS,
+    *packet_shape.FAULTS,
+    *packet_habits.FAULTS,
+    *packet_commands.FAULTS,
+    *packet_feedback.FAULTS,
+    *packet_status.FAULTS,
+)

@@ -1,0 +1,189 @@
+"""`tailbyte simulate`: a vehicle's traffic with known faults, to a file or onto a bus, and the key to them."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+from typing import TYPE_CHECKING
+
+from analyzer.cli import OK, USAGE, options, streams
+from analyzer.sinks import form_of
+
+if TYPE_CHECKING:
+    from analyzer.live.interfaces import Interface
+    from analyzer.simulate import Settings
+
+NAME = "tailbyte simulate"
+# What goes on until somebody ends it ends after a day.
+DAY = 86_400 * 10**9
+# Times in nanoseconds end in 2262.
+_LATEST = 1 << 63
+_EPILOG = """\
+TIME and S are seconds, or 300ms, 10min, 24h. What a file holds depends on nothing but these arguments. Onto a bus:
+`tailbyte simulate vcan0` goes on until Ctrl-C (at most a day), at the pace of the clock. Commands for motors and the
+like go onto a bus that may be real only with --allow-actuation."""
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the command and its options."""
+    parser = commands.add_parser(
+        "simulate",
+        help="traffic with known faults, to a file or a bus",
+        usage="%(prog)s [options] (-o FILE | IFACE | --list)",
+        description=__doc__,
+        epilog=_EPILOG,
+    )
+    parser.add_argument("-o", "-w", dest="output", metavar="FILE", help="the capture; - is standard output")
+    options.add_capture_form(parser)
+    parser.add_argument("--list", action="store_true", help="show every fault with its settings, and every scenario")
+    group = parser.add_argument_group("what to simulate")
+    group.add_argument("--profile", metavar="NAME", help="hover, mission, bench or startup; default: hover")
+    group.add_argument("--esc", type=int, default=4, metavar="N", help="ESCs, 1 to 20; default: 4")
+    group.add_argument("--duration", metavar="S", help="default: 10, or what the scenario takes; at most a day")
+    group.add_argument("--seed", type=int, default=1, metavar="K", help="another number, another flight; default: 1")
+    group.add_argument("--rate", type=int, metavar="HZ", help="of status messages; default: 30, less on a slow bus")
+    group.add_argument("--stock", action="store_true", help="the ESCs speak standard DroneCAN only")
+    group.add_argument("--start", metavar="TIME", help="time of the beginning: 2026-03-14T12:49:54, seconds since 1970")
+    group.add_argument("--bus-name", metavar="NAME", help="of the interface in the capture; default: can0")
+    group = parser.add_argument_group("faults")
+    group.add_argument(
+        "--fault", action="append", default=[], metavar="RULE[@TIME][:key=value...]",
+        help="let this happen, at a time or whenever it suits; repeatable",
+    )  # fmt: skip
+    group.add_argument(
+        "--fault-rate", action="append", default=[], metavar="RULE=P",
+        help="let it happen with this probability, from 0 to 1, whenever it could; repeatable",
+    )  # fmt: skip
+    group.add_argument("--scenario", metavar="NAME", help="a story with faults of its own, see --list")
+    group.add_argument("--key", metavar="FILE", help="write what happened where, as JSON; - is standard output")
+    group = options.add_bus(parser)
+    group.add_argument("--allow-actuation", action="store_true", help="send commands to a bus that may be real")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs one simulation to its end."""
+    if args.list:
+        return _list()
+    try:
+        _check_goal(args)
+        bus = options.bus(args)
+        settings = _settings(args, bus)
+        form, packing = ("", "") if bus else options.capture_form(args, pipe="candump")
+    except (argparse.ArgumentTypeError, ValueError) as error:
+        streams.complain(str(error), NAME)
+        return USAGE
+    if bus is not None:
+        from analyzer.cli import simulate_bus  # noqa: PLC0415
+
+        return simulate_bus.run(args, settings, bus)
+    from analyzer.cli import simulate_file  # noqa: PLC0415
+
+    return simulate_file.run(args, settings, form, packing)
+
+
+def _list() -> int:
+    from analyzer.simulate.faults import catalogue  # noqa: PLC0415
+    from analyzer.views.faults import render  # noqa: PLC0415
+
+    faults, scenarios = catalogue.faults().values(), catalogue.stories().values()
+    sys.stdout.write(render(faults, scenarios, catalogue.COMMON))
+    return OK
+
+
+def _check_goal(args: argparse.Namespace) -> None:
+    """Raises `ValueError` unless there is one goal, and every option is for it."""
+    iface = args.iface or args.iface_
+    named = iface or args.interface or args.channel
+    if args.output is None and named is None:
+        raise ValueError("where to? give -o FILE, or an interface such as vcan0; or --list")
+    if iface and form_of(iface)[0]:
+        raise ValueError(f"{iface} is no interface: did you mean -o {iface}")
+    if args.output is not None and named is not None:
+        raise ValueError(f"to the file {args.output} or onto the bus {named}: which one?")
+    if args.key is not None and args.output is not None and _same(args.key, args.output):
+        raise ValueError("the capture and its key need a file each")
+    for_files = {"-F": args.form, "--compression": args.compression, "--start": args.start, "--bus-name": args.bus_name}
+    given = {name for name in ("data_bitrate", "fd", "timing", "bus_kwargs", "allow_actuation") if getattr(args, name)}
+    wrong = (name for name, value in for_files.items() if value is not None and named)
+    if named is None:
+        wrong = (f"--{name.replace('_', '-')}" for name in sorted(given))
+    if found := next(wrong, None):
+        raise ValueError(f"{found} is for {'a file' if named else 'a bus'}")
+
+
+def _same(one: str, other: str) -> bool:
+    return one == other or (one != "-" != other and os.path.realpath(one) == os.path.realpath(other))
+
+
+def _settings(args: argparse.Namespace, bus: Interface | None) -> Settings:
+    """What to simulate. Raises `ValueError` with the option and the reason."""
+    from analyzer.simulate import START, Settings  # noqa: PLC0415
+    from analyzer.simulate.faults import catalogue  # noqa: PLC0415
+    from analyzer.simulate.world import BIT_RATES  # noqa: PLC0415
+    from dissectors.tmotor.traffic import PROFILES  # noqa: PLC0415
+    from dissectors.traffic import SECOND  # noqa: PLC0415
+
+    story = catalogue.scenario(args.scenario) if args.scenario is not None else None
+    profile = args.profile or (story.profile if story else PROFILES[0])
+    if profile not in PROFILES:
+        raise ValueError(f"no profile is called {profile!r} (there is {', '.join(PROFILES)})")
+    for name, value, most in (("--esc", args.esc, 20), ("--rate", args.rate, 400)):
+        if value is not None and not 1 <= value <= most:
+            raise ValueError(f"{name} {value} is outside 1 to {most}")
+    bit_rate = (bus.bit_rate if bus else args.bitrate) or BIT_RATES[0]
+    if bit_rate not in BIT_RATES:
+        raise ValueError(f"--bitrate {bit_rate} is none of {', '.join(map(str, BIT_RATES))}")
+    usual = round((story.seconds if story else 10) * SECOND)
+    endless = bus is not None and story is None and args.duration is None
+    given = None if args.duration is None else _time("--duration", args.duration)
+    duration = DAY if endless else usual if given is None else given
+    if not duration:
+        raise ValueError("--duration is nothing")
+    orders = (*map(catalogue.order, args.fault), *map(catalogue.rate, args.fault_rate))
+    for order in orders:
+        if order.t is not None and order.t >= duration:
+            raise ValueError(f"--fault {order.text}: that is after the end, {duration / SECOND:g} s")
+    return Settings(
+        profile=profile,
+        scenario=args.scenario or "",
+        escs=args.esc,
+        duration=duration,
+        seed=args.seed,
+        bit_rate=bit_rate,
+        rate=args.rate,
+        stock=args.stock,
+        start=START if args.start is None else _start(args.start, duration),
+        bus=_bus_name(args.bus_name, bus),
+        orders=orders,
+        span=usual if endless else 0,
+    )
+
+
+def _time(option: str, text: str) -> int:
+    from analyzer.simulate.faults.catalogue import nanoseconds  # noqa: PLC0415
+
+    try:
+        return nanoseconds(text)
+    except ValueError as error:
+        raise ValueError(f"{option}: {error}") from None
+
+
+def _start(text: str, duration: int) -> int:
+    from analyzer.window import Moment  # noqa: PLC0415 - needs numpy
+
+    moment = Moment.parse(text)
+    if moment.kind != "absolute" or not 0 < moment.ns < _LATEST - duration:
+        raise ValueError(f"--start: {text!r} is no date (2026-03-14T12:49:54, or seconds since 1970)")
+    return moment.ns - moment.ns % 1000  # candump text has microseconds
+
+
+def _bus_name(given: str | None, bus: Interface | None) -> str:
+    name = str(bus.channel) if bus else "can0" if given is None else given
+    if re.fullmatch(r"[\x21-\x7e]{1,64}", name):
+        return name
+    if bus:
+        return bus.kind
+    raise ValueError(f"--bus-name: {name!r} is not a name of printable characters without spaces, at most 64")

@@ -1,0 +1,142 @@
+"""A simulation as a capture: written as fast as it goes, there whole or not at all, its key beside it."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, BinaryIO
+
+import dissectors
+from analyzer.cli import DAMAGED, OK, USAGE, streams
+from analyzer.cli.interrupt import graceful
+from analyzer.cli.progress import Progress
+from analyzer.cli.simulate import NAME
+from analyzer.simulate import Simulation
+from analyzer.simulate.key import text as key_text
+from analyzer.simulate.text import line
+from analyzer.sinks import losses, open_sink
+from analyzer.sinks.atomic import Target, TargetError
+from analyzer.sinks.packed import packed
+from dissectors.traffic import SECOND
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterator
+
+    from analyzer.simulate import Settings
+
+# Frames that are written at once.
+_CHUNK = 1 << 10
+
+
+@dataclass(slots=True)
+class Work:
+    """Whether somebody has ended it."""
+
+    stopped: bool = False
+    waits: bool = False
+
+
+class _RefusedError(Exception):
+    """What was asked for did not happen."""
+
+
+def run(args: argparse.Namespace, settings: Settings, form: str, packing: str) -> int:
+    """Simulates into `args.output`, the key into `args.key`; returns the exit status."""
+    simulation, work = Simulation(settings, dissectors.load()), Work()
+    try:
+        with graceful(lambda: work), ExitStack() as stack:
+            target = stack.enter_context(Target(args.output))
+            key = stack.enter_context(Target(args.key)) if args.key is not None else None
+            with packed(target.file, packing) as file:
+                lost = _write(args, simulation, work, form, file)
+            _refuse(missing(simulation))
+            target.settle()
+            if key is not None:
+                key.file.write(key_text(simulation.key()).encode())
+                key.settle()
+    except _RefusedError as error:
+        streams.complain(str(error), NAME)
+        return USAGE
+    except TargetError as error:
+        streams.complain(str(error))
+        return DAMAGED
+    streams.tell(f"-- {account(simulation)} written to {shown(target.name)}\n")
+    if lost:
+        streams.tell(f"-- {form} cannot hold: {lost}\n")
+    return OK
+
+
+def _refuse(problem: str) -> None:
+    if problem:
+        raise _RefusedError(problem)
+
+
+def missing(simulation: Simulation) -> str:
+    """What was asked for and has not happened; empty if all of it has."""
+    time = f"in {simulation.settings.duration / SECOND:g} s"
+    if simulation.unused:
+        return f"no occasion {time} for {', '.join(simulation.unused)}"
+    if simulation.scenario is not None and not simulation.story.events:
+        return f"nothing of the scenario {simulation.scenario.name} happens {time}"
+    return "" if simulation.recorder.frames else f"nothing is sent {time}"
+
+
+def account(simulation: Simulation) -> str:
+    """Frames, time and faults, in words."""
+    recorder, faults = simulation.recorder, len(simulation.world.desk.answers)
+    errors = f", {recorder.error_frames:,} error frames" if recorder.error_frames else ""
+    seconds = min(simulation.world.now, simulation.length) / SECOND
+    return f"{recorder.frames:,} frames{errors}, {seconds:,.1f} s, {faults:,} fault{'s' * (faults != 1)}"
+
+
+def shown(name: str) -> str:
+    """A name that is harmless to a terminal."""
+    from analyzer.views.terminal import escape  # noqa: PLC0415 - only at the end
+
+    return escape(name)
+
+
+def _write(args: argparse.Namespace, simulation: Simulation, work: Work, form: str, file: BinaryIO) -> str:
+    """Returns what the format could not hold, in words."""
+    on_terminal = args.output == "-" and sys.stdout.isatty()
+    with Progress(simulation, wanted=not on_terminal, speed=_speed) as progress:
+        chunks = _chunks(simulation, work, whole=args.output != "-")
+        if form == "candump":
+            for chunk in progress.over(chunks):  # noqa: FURB122 - the compressor has no writelines
+                file.write(chunk)
+            return ""
+        from analyzer.sources.native import rows  # noqa: PLC0415 - only who needs the native core
+
+        sink = open_sink(form, file, compression=args.compression or "zstd")
+        for piece in rows(progress.over(chunks)):
+            if not isinstance(piece, bytes):
+                sink.write(piece)
+        sink.close()
+    return losses(sink.lost)
+
+
+def _chunks(simulation: Simulation, work: Work, *, whole: bool) -> Iterator[bytes]:
+    """The lines of the capture; `KeyboardInterrupt` ends them early."""
+    start, buses = simulation.settings.start, simulation.settings.buses
+    lines: list[str] = []
+    for frame in simulation.frames():
+        lines.append(line(frame, start, buses))
+        if len(lines) == _CHUNK:
+            yield "".join(lines).encode()
+            lines.clear()
+            _go_on(work, whole=whole)
+    yield "".join(lines).encode()
+    _go_on(work, whole=whole)
+
+
+def _go_on(work: Work, *, whole: bool) -> None:
+    if work.stopped:
+        if whole:
+            streams.complain("interrupted, nothing is written")
+        raise KeyboardInterrupt
+
+
+def _speed(rate: float) -> str:
+    return f"{rate / SECOND:.1f} x real time"

@@ -1,0 +1,16 @@
+"""What a command would have sent to devices that move, as a small table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+def render(rows: Sequence[tuple[str, str, int]], seconds: float) -> str:
+    """Node, type, frames and frames per second of what was counted in so many seconds."""
+    width = max(len("Type"), *(len(name) for _, name, _ in rows))
+    lines = [f"{'Node':>6}  {'Type':<{width}}  {'Frames':>8}  {'Hz':>8}"]
+    lines += [f"{node:>6}  {name:<{width}}  {count:>8}  {count / seconds:>8.1f}" for node, name, count in rows]
+    return "".join(f"{line}\n" for line in lines)

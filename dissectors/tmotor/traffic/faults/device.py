@@ -1,0 +1,111 @@
+"""What an ESC says of itself when something happens to it: TYP-305 and TYP-306."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from dissectors.tmotor.traffic.faults.occasions import chosen
+from dissectors.tmotor.traffic.faults.status import STATUS
+from dissectors.tmotor.traffic.motor import HEAT_CAPACITY
+from dissectors.tmotor.traffic.operation import ERROR
+from dissectors.traffic import MILLISECOND, SECOND, Fault
+
+if TYPE_CHECKING:
+    from dissectors.traffic import Case
+
+_MOS_OVER_TEMPERATURE, _STALL = 5, 7
+# How far (K) the heating goes beyond the limit, and what the air takes away meanwhile (W/K).
+_BEYOND, _AIR = 8.0, 0.5
+# No longer than this share of what is left of the flight, so that the limit is passed in time.
+_SHARE = 0.6
+_STEP = 20 * MILLISECOND
+# How long a blocked rotor is driven before the ESC gives up.
+_TRIES = 150 * MILLISECOND
+
+
+def _bit(case: Case) -> None:
+    """A fault bit that rises; over-temperature comes from heat, the others are set."""
+    esc, bit = chosen(case), int(case.options["bit"])
+    if not 0 <= bit <= 11:
+        return
+    node, mask = esc.node.number, 1 << bit
+    case.watch(lambda sending: STATUS(sending) and sending.node == node and bool(sending.values["error_count"] & mask))
+    if bit == _MOS_OVER_TEMPERATURE:
+        _heat(case, esc)
+        return
+    esc.fault_bits |= mask
+    seconds = float(case.options["seconds"])
+    case.say(f"status bit {bit} of the ESC with index {esc.index} set for {seconds:g} s")
+
+    def over() -> None:
+        esc.fault_bits &= ~mask
+
+    case.world.at(case.world.now + round(seconds * SECOND), over)
+
+
+def _heat(case: Case, esc: Any) -> None:
+    """A short circuit heats the ESC past its limit within the seconds of the settings; from then on it cools down."""
+    world, motor = case.world, esc.motor
+    left = _SHARE * (world.end - world.now) / SECOND
+    seconds = max(0.1, min(float(case.options["seconds"]), left))
+    limit, before = esc.parameters["esc_ot_threshold"], motor.temperature
+    rise = max(_BEYOND, limit + _BEYOND - before)
+    watts = round(rise * (HEAT_CAPACITY / seconds + _AIR))
+    esc.heat += watts
+    case.say(
+        f"{watts} W of loss heat the ESC with index {esc.index} from {before:.1f} degC past its limit of {limit} degC "
+        f"within {seconds:.1f} s; status bit {_MOS_OVER_TEMPERATURE} rises then"
+    )
+
+    def look() -> None:
+        if motor.temperature < limit + _BEYOND:
+            world.at(world.now + _STEP, look)
+        else:
+            esc.heat -= watts
+
+    look()
+
+
+def _error(case: Case) -> None:
+    """The rotor blocks, the ESC gives up, and starts again once it is free."""
+    esc, world = chosen(case), case.world
+    node, seconds = esc.node.number, float(case.options["seconds"])
+    stall = 1 << _STALL
+    case.watch(
+        lambda sending: STATUS(sending) and sending.node == node and sending.values["error_count"] >> 12 & 15 == ERROR
+    )
+    case.say(
+        f"the rotor of the ESC with index {esc.index} blocks: stall (bit {_STALL}), "
+        f"after {_TRIES // MILLISECOND} ms error mode for {seconds:g} s"
+    )
+    esc.motor.blocked = True
+
+    def give_up() -> None:
+        esc.mode = ERROR
+        esc.fault_bits |= stall
+
+    def free() -> None:
+        esc.motor.blocked, esc.mode = False, None
+        esc.fault_bits &= ~stall
+
+    world.at(world.now + _TRIES, give_up)
+    world.at(world.now + _TRIES + round(seconds * SECOND), free)
+
+
+FAULTS: tuple[Fault, ...] = (
+    Fault(
+        "TYP-305",
+        "a fault bit of an ESC rises: it gets too hot",
+        start=_bit,
+        options={"bit": _MOS_OVER_TEMPERATURE, "seconds": 3.0},
+        lasts=SECOND,
+    ),
+    Fault(
+        "TYP-306",
+        "an ESC goes into error mode",
+        start=_error,
+        options={"seconds": 0.8},
+        lasts=SECOND,
+        also=("TYP-305", "PUSH-401", "BUS-028"),
+    ),
+)

@@ -1,0 +1,54 @@
+"""Transfers that a fault needs, now instead of when they would come by themselves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from dissectors.traffic import Step, change
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from dissectors.traffic import Case, Sending, Touch
+
+    # Whether a value breaks the rule.
+    Wrong = Callable[[float], bool]
+
+
+def chosen(case: Case, *, packets: bool = False) -> Any:
+    """The ESC that the settings name by its node, else any; with `packets` one that sends PUSHCAN, if there is any."""
+    escs, node = case.vehicle.escs, case.options.get("node")
+    named = next((esc for esc in escs if esc.node.number == node), None)
+    able = [esc for esc in escs if esc.unit is not None] if packets else []
+    return named or case.random.choice(able or escs)
+
+
+def provoke(case: Case, name: str, stage: str, do: Touch, esc: Any) -> None:
+    """Lets `do` change the next transfer of a type that `esc` sends or, if it is a command, that is meant for it.
+
+    What an ESC sends only when it is asked is asked for, by a ParamCfg or a packet that changes nothing.
+    """
+    vehicle = case.vehicle
+    senders = {"RawCommand": vehicle.autopilot, "ParamCfg": vehicle.ground, "PUSHSCI": vehicle.ground}
+    node = senders.get(name, esc.node).number
+    change(case, stage, lambda sending: sending.name == name and sending.node == node, do)
+    if name in {"ParamCfg", "ParamGet"}:
+        vehicle.configure(esc.index, esc_save_option=0)
+    elif name == "PUSHSCI" and esc.unit is not None:
+        vehicle.push("FocQuery", esc.unit)
+
+
+def put(sending: Sending, name: str, value: Any) -> Any:
+    """Replaces the value of a field and gives what it was."""
+    before = sending.values[name]
+    sending.values = {**sending.values, name: value}
+    return before
+
+
+def replaced(case: Case, sending: Sending, name: str, value: float, wrong: Wrong = lambda _: True) -> Step:
+    """Replaces the value of a field and says so; skips what has no such field, and a value that is not `wrong`."""
+    if name not in sending.values or not wrong(value):
+        return Step.SKIP
+    before = put(sending, name, value)
+    case.say(f"{name} set from {before} to {value}")
+    return Step.DONE

@@ -1,0 +1,54 @@
+"""The autopilot's control loop: throttles that carry the airframe through its legs against the wind."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dissectors.tmotor.traffic.airframe import GRAVITY, LOAD, Airframe, Wind, arms, duty_for
+from dissectors.tmotor.traffic.flights import IDLE_THROTTLE, Leg
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from random import Random
+
+# What it counts on; the real voltage is what its integral makes good.
+_VOLTAGE = 46.0
+_HEIGHT_GAIN, _CLIMB_GAIN, _INTEGRAL_GAIN = 1.6, 2.4, 0.5
+_LEAST, _MOST = 0.1, 0.95
+
+
+class Pilot:
+    """Flies `legs`; without a vehicle of three motors or more only the height is controlled."""
+
+    def __init__(self, random: Random, motors: int, legs: Sequence[Leg], gusts: float) -> None:
+        self.airframe = Airframe(motors)
+        self._legs, self._at = legs, 0
+        self._arms = arms(motors)
+        self._wind = Wind(random, 4, gusts)
+        self._goal = self._sum = 0.0
+
+    def throttles(self, seconds: float, step: float, thrust: float) -> list[float]:
+        """Throttles from 0 to 1 for the time `seconds`; `thrust` (N) is what all motors gave in the last `step`."""
+        legs = self._legs
+        while self._at + 1 < len(legs) and legs[self._at + 1].start <= seconds:
+            self._at += 1
+        leg = legs[self._at]
+        roll, pitch, yaw, lift = self._wind.advance(step)
+        self.airframe.advance(step, thrust * (1 + lift))
+        landed = leg.height < 0 and not self.airframe.height
+        if leg.state != "fly" or landed:
+            self._goal = self._sum = 0.0
+            return [0.0 if leg.state == "off" else IDLE_THROTTLE] * len(self._arms)
+        base = duty_for(self._lift(leg, step), _VOLTAGE)
+        share = (roll + leg.roll, pitch + leg.pitch, 0.5 * yaw + leg.yaw)
+        mixed = (1 + share[0] * arm[0] + share[1] * arm[1] + share[2] * arm[2] for arm in self._arms)
+        return [min(max(base * part, _LEAST), _MOST) for part in mixed]
+
+    def _lift(self, leg: Leg, step: float) -> float:
+        """Thrust in N of one motor that follows the height of the leg."""
+        way = min(max(leg.height - self._goal, -leg.climb * step), leg.climb * step)
+        self._goal += way
+        error = self._goal - self.airframe.height
+        self._sum = min(max(self._sum + error * step, -4.0), 4.0)
+        push = _HEIGHT_GAIN * error + _CLIMB_GAIN * (way / step - self.airframe.climb) + _INTEGRAL_GAIN * self._sum
+        return LOAD * (GRAVITY + min(max(push, -3.0), 5.0))

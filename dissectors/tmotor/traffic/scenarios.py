@@ -1,0 +1,223 @@
+"""How a vehicle fails, and what its bus shows of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from dissectors.tmotor.traffic.faults.status import STATUS
+from dissectors.tmotor.traffic.motor import HEAT_CAPACITY
+from dissectors.tmotor.traffic.operation import ERROR
+from dissectors.traffic import MILLISECOND, SECOND, Scenario, Step
+
+if TYPE_CHECKING:
+    from dissectors.traffic import Case, Plot, Sending
+
+_UNDER_VOLTAGE, _THROTTLE_LOSS, _OVER_TEMPERATURE = 1, 3, 5
+_LOOK = 20 * MILLISECOND
+# uavcan.protocol.NodeStatus: health of a device that cannot do its work.
+_HEALTH_ERROR = 2
+# The failing ESC gives up this many K above its limit.
+_BEYOND = 10.0
+# Volts a cell: an ESC warns below the first.
+_LOW_CELL = 3.45
+# Of the transfers of a driver that mixes up its mailboxes, so many come out wrong.
+_MIXED = 0.15
+
+
+def _shows(case: Case, node: int, bit: int) -> None:
+    """The answer lists every ESCStatus of a node in which a status bit is set."""
+    case.watch(
+        lambda sending: STATUS(sending) and sending.node == node and bool(sending.values["error_count"] >> bit & 1)
+    )
+
+
+def _later(plot: Plot, share: float) -> int:
+    """The time at which this share of the flight is over."""
+    return round(plot.world.end * share)
+
+
+def _esc_failure(plot: Plot) -> None:
+    plot.world.at(_later(plot, 0.35), lambda: _overheat(plot, plot.random.choice(plot.vehicle.escs)))
+
+
+def _overheat(plot: Plot, esc: Any) -> None:
+    world, motor, node = plot.world, esc.motor, esc.node.number
+    limit, seconds = esc.parameters["esc_ot_threshold"], 0.2 * world.end / SECOND
+    watts = round((limit + _BEYOND - motor.temperature) * (HEAT_CAPACITY / seconds + 0.4))
+    plot.tell(f"the ESC with index {esc.index} (node {node}) loses its cooling: {watts} W too much heat it up")
+    esc.heat += watts
+    if not esc.stock:
+        _shows(plot.case("TYP-305", f"over-temperature of node {node}, limit {limit} degC"), node, _OVER_TEMPERATURE)
+    warned = False
+
+    def look() -> None:
+        nonlocal warned
+        if motor.temperature > limit and not warned:
+            warned = True
+            plot.tell(f"node {node} is hotter than its limit of {limit} degC and says so")
+        if motor.temperature < limit + _BEYOND:
+            world.at(world.now + _LOOK, look)
+        else:
+            _give_up(plot, esc)
+
+    look()
+
+
+def _give_up(plot: Plot, esc: Any) -> None:
+    """Error mode: the motor runs out, while the autopilot goes on commanding it."""
+    node = esc.node.number
+    plot.tell(f"node {node} goes into error mode at {esc.motor.temperature:.0f} degC and stops its motor in flight")
+    esc.heat, esc.mode, esc.node.health = 0.0, ERROR, _HEALTH_ERROR
+
+    def health(sending: Sending) -> bool:
+        return sending.name == "uavcan.protocol.NodeStatus" and sending.node == node
+
+    plot.case("BUS-022", f"node {node} reports health ERROR").watch(health)
+    stands = plot.case("BUS-028", f"node {node} stands still while it is commanded to turn")
+    stands.watch(lambda sending: STATUS(sending) and sending.node == node and sending.values["rpm"] == 0)
+    if not esc.stock:
+        error = plot.case("TYP-306", f"error mode of node {node}", ("PUSH-401",))
+        error.watch(
+            lambda sending: (
+                STATUS(sending) and sending.node == node and sending.values["error_count"] >> 12 & 15 == ERROR
+            )
+        )
+
+
+def _command_loss(plot: Plot) -> None:
+    plot.world.at(_later(plot, 0.5), lambda: _stop_commanding(plot))
+
+
+def _stop_commanding(plot: Plot) -> None:
+    vehicle = plot.vehicle
+    plot.tell("the autopilot's control loop hangs: no more RawCommand, while its NodeStatus goes on")
+    vehicle.commanding = False
+    for esc in vehicle.escs:
+        node = esc.node.number
+        if not esc.stock:
+            _shows(plot.case("TYP-305", f"throttle loss of node {node}"), node, _THROTTLE_LOSS)
+    lost = plot.case("BUS-007", "no RawCommand until the end of the recording; the ESCs stop after their timeout")
+    begin = plot.world.now + 100 * MILLISECOND
+    lost.watch(lambda sending: STATUS(sending) and sending.t > begin)
+
+
+def _reordering(plot: Plot) -> None:
+    plot.world.at(_later(plot, 0.2), lambda: _mix_up(plot, plot.random.choice(plot.vehicle.escs).node.number))
+
+
+def _mix_up(plot: Plot, node: int) -> None:
+    plot.tell(f"from now on the driver of node {node} sends by mailbox number when all mailboxes were free")
+    case = plot.case(
+        "TRF-003",
+        f"every seventh transfer of several frames from node {node}: the third frame before the second",
+        ("TRF-005", "TRF-006"),
+    )
+
+    def swap(case: Case, sending: Sending) -> Step:
+        frames = sending.frames
+        if sending.node == node and len(frames) >= 3 and plot.random.random() < _MIXED:
+            frames[1], frames[2] = frames[2], frames[1]
+            sending.damaged = True
+            case.mark(sending)
+        return Step.MORE
+
+    case.touch("frames", swap)
+
+
+def _duplicate_node(plot: Plot) -> None:
+    """The second of two ESCs was never given a node ID of its own."""
+    escs = plot.vehicle.escs
+    if len(escs) < 2:
+        raise ValueError("two devices with one node ID take at least two ESCs")
+    first, second = escs[-2:]
+    node, own = first.node.number, second.node.number
+    plot.tell(f"the ESC with index {second.index} was replaced and has node ID {node} instead of {own}")
+    second.node.number = node
+    case = plot.case(
+        "BUS-010",
+        f"the ESCs with index {first.index} and {second.index} both use node ID {node}",
+        (
+            *("TRF-016", "TRF-017", "TRF-018", "TRF-019", "TRF-021", "TRF-024", "TRF-026", "TRF-003", "TRF-005"),
+            *("TRF-006", "TYP-403", "TYP-501", "TYP-502", "TYP-503", "PUSH-009", "PUSH-407", "PUSH-409", "BUS-021"),
+        ),
+    )
+    case.watch(lambda sending: STATUS(sending) and sending.node == node)
+
+
+def _pack_sag(plot: Plot) -> None:
+    plot.world.at(_later(plot, 0.4), lambda: _weaken(plot))
+
+
+def _weaken(plot: Plot) -> None:
+    """A connection to the pack goes bad: its resistance rises step by step until the voltage breaks down."""
+    world, vehicle = plot.world, plot.vehicle
+    pack, low = vehicle.pack, _LOW_CELL * vehicle.pack.cells
+    plot.tell(f"a cell of the pack fails: {pack.voltage:.1f} V now, and falling under load")
+    for esc in vehicle.escs:
+        node = esc.node.number
+        if not esc.stock:
+            _shows(plot.case("TYP-305", f"under-voltage of node {node}, below {low:.1f} V"), node, _UNDER_VOLTAGE)
+    said = False
+
+    def look() -> None:
+        nonlocal said
+        if pack.voltage > low - 2.0:
+            pack.resistance *= 1.02
+        below = pack.voltage < low
+        if below and not said:
+            said = True
+            plot.tell(f"every ESC reports under-voltage: the pack is below {low:.1f} V")
+        for esc in vehicle.escs:
+            esc.fault_bits = esc.fault_bits & ~(1 << _UNDER_VOLTAGE) | below << _UNDER_VOLTAGE
+        world.at(world.now + _LOOK, look)
+
+    look()
+
+
+SCENARIOS = (
+    Scenario(
+        "esc-failure",
+        "an ESC fails in flight: it overheats, goes into error mode and stops while it is commanded",
+        "One ESC loses its cooling in hover. Its temperature rises over seconds, it reports over-temperature, then"
+        " goes into error mode and lets its motor run out, although the autopilot commands it on and on. The "
+        "others take over its share of the thrust.",
+        _esc_failure,
+        seconds=14.0,
+    ),
+    Scenario(
+        "command-loss",
+        "the autopilot stops commanding",
+        "Half way through the flight the autopilot's control loop hangs. Its NodeStatus goes on, its RawCommand "
+        "does not: every ESC holds its last throttle until the timeout, reports throttle loss and lets its motor "
+        "run down.",
+        _command_loss,
+        seconds=10.0,
+    ),
+    Scenario(
+        "reordering",
+        "one node loses frames by transmit reordering",
+        "The CAN driver of one ESC fills three mailboxes at once, and its controller sends them in the order of "
+        "the mailboxes instead of the order of time. Every now and then the last frame of a transfer overtakes the"
+        " middle one; every receiver throws the transfer away, although no frame was lost on the bus.",
+        _reordering,
+        seconds=10.0,
+    ),
+    Scenario(
+        "duplicate-node",
+        "two devices share a node ID",
+        "A replaced ESC was put on the bus with the node ID of its neighbour. Both report under one ID: transfer "
+        "IDs, data sequences and counters of two devices are interleaved, one GetNodeInfo request has two answers,"
+        " and one ID has two unique IDs and two indexes.",
+        _duplicate_node,
+        seconds=10.0,
+    ),
+    Scenario(
+        "pack-sag",
+        "the pack sags",
+        "A cell of the battery goes bad in hover. Its resistance rises, the voltage of all ESCs sags together with"
+        " the current; the autopilot raises the throttle to keep its thrust, which makes it worse, until every ESC"
+        " reports under-voltage.",
+        _pack_sag,
+        seconds=12.0,
+    ),
+)

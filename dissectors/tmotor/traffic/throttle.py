@@ -1,0 +1,44 @@
+"""What an ESC makes of RawCommand: the last valid throttle, and what is wrong with those that came (4.4.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dissectors.traffic import MILLISECOND
+
+# 4.4.1 explanation 2 gives the timeout no number.
+TIMEOUT = 100 * MILLISECOND
+FULL = 8191
+
+
+@dataclass(slots=True)
+class Throttle:
+    """One channel. `raw` is the last valid command, `heard` and `valid` are in ns.
+
+    They are the times of the last command of any kind and of the last valid one, -1 before there was one.
+    """
+
+    raw: int = 0
+    heard: int = -1
+    valid: int = -1
+    abnormal: bool = False
+
+    def hear(self, command: int, now: int) -> None:
+        """A RawCommand has come. A negative one is an anomaly; the last valid one is held until the timeout."""
+        self.heard = now
+        self.abnormal = command < 0
+        if command >= 0:
+            self.raw, self.valid = command, now
+
+    def lost(self, now: int) -> bool:
+        """Whether commands came and have stopped."""
+        return self.heard >= 0 and now - self.heard > TIMEOUT
+
+    @property
+    def started(self) -> bool:
+        """Whether there ever was a command."""
+        return self.heard >= 0
+
+    def value(self, now: int) -> int:
+        """The throttle to follow, 0 to 8191."""
+        return self.raw if self.valid >= 0 and now - self.valid <= TIMEOUT else 0

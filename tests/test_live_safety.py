@@ -1,0 +1,139 @@
+"""What may be real, and what would move: both are believed unless the opposite is known."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from analyzer.live import links, safety
+from analyzer.live.links import Link
+from analyzer.live.safety import Guard, Survey, doubt
+from analyzer.views.actuation import render
+
+if TYPE_CHECKING:
+    from dissectors.registry import Registry
+
+
+@pytest.fixture
+def kernel(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
+    """A machine with a real interface and virtual ones; the list takes rules of its gateway."""
+    rules: list[tuple[int, int]] = []
+    known = [
+        Link(1, "can0", "can"), Link(2, "vcan0", "vcan"), Link(3, "vcan1", "vcan"), Link(4, "vx0", "vxcan", peer=5),
+        Link(5, "vx1", "vxcan", peer=4), Link(6, "vx2", "vxcan", peer=4, elsewhere=True), Link(7, "vcan9", ""),
+    ]  # fmt: skip
+    monkeypatch.setattr(links, "links", lambda: known)
+    monkeypatch.setattr(links, "gateways", lambda: rules)
+    return rules
+
+
+@pytest.mark.usefixtures("kernel")
+@pytest.mark.parametrize(
+    ("kind", "channel", "options", "why"),
+    [
+        ("virtual", "x", {}, ""),
+        ("socketcan", "vcan0", {}, ""),
+        ("socketcan", "vx0", {}, ""),
+        ("socketcan", "can0", {}, "the kernel calls it can, not vcan"),
+        ("socketcan", "vcan9", {}, "no kind is known of it, not vcan"),
+        ("socketcan", "vx2", {}, "its other end is out of sight, in another network namespace"),
+        ("socketcan", "vcan7", {}, "the kernel does not know it"),
+        ("slcan", "vcan0", {}, "slcan is no virtual interface"),
+        ("socketcand", "vcan0", {}, "socketcand is no virtual interface"),
+        ("udp_multicast", None, {}, "its datagrams leave this machine, unless hop_limit=0"),
+        ("udp_multicast", None, {"hop_limit": 1}, "its datagrams leave this machine, unless hop_limit=0"),
+        ("udp_multicast", None, {"hop_limit": 0}, ""),
+    ],
+)
+def test_what_may_be_real(kind: str, channel: str | None, options: dict[str, object], why: str) -> None:
+    assert doubt(kind, channel, options) == why
+
+
+def test_where_frames_go_on_to(kernel: list[tuple[int, int]]) -> None:
+    kernel += [(2, 3), (3, 2), (3, 4)]
+    assert doubt("socketcan", "vcan0", {}) == ""
+    kernel.append((5, 1))
+    for name in ("vcan0", "vcan1", "vx0"):
+        assert doubt("socketcan", name, {}) == "its frames go on to can0: the kernel calls it can, not vcan"
+    kernel[:] = [(1, 2)]
+    assert doubt("socketcan", "vcan0", {}) == ""
+    kernel[:] = [(2, 99)]
+    assert doubt("socketcan", "vcan0", {}).startswith("its frames go on to another interface")
+
+
+@pytest.mark.parametrize("question", ["links", "gateways"])
+@pytest.mark.usefixtures("kernel")
+def test_a_kernel_that_cannot_be_asked_is_not_trusted(monkeypatch: pytest.MonkeyPatch, question: str) -> None:
+    def fail() -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(links, question, fail)
+    assert doubt("socketcan", "vcan0", {}) == "what it is cannot be asked (Operation not permitted)"
+
+
+def message(type_id: int, node: int) -> int:
+    return 0x10 << 24 | type_id << 8 | node
+
+
+def service(type_id: int, dst: int, src: int, *, request: bool) -> int:
+    return 0x1E << 24 | type_id << 16 | request << 15 | dst << 8 | 0x80 | src
+
+
+@pytest.mark.parametrize(
+    ("number", "name", "node", "actuates"),
+    [
+        (message(1030, 10), "RawCommand", 10, True),
+        (message(1033, 125), "ParamCfg", 125, True),
+        (message(1038, 125), "PUSHSCI", 125, True),
+        (message(1034, 11), "ESCStatus", 11, False),
+        (message(1039, 11), "PUSHCAN", 11, False),
+        (message(1332, 11), "ParamGet", 11, False),
+        (message(341, 11), "uavcan.protocol.NodeStatus", 11, False),
+        (message(1010, 10), "uavcan.equipment.actuator.ArrayCommand", 10, True),
+        (message(20100, 10), "com.hobbywing.esc.RawCommand", 10, True),
+        (message(4, 10), "uavcan.protocol.GlobalTimeSync", 10, False),
+        (message(29999, 10), "unknown message 29999", 10, True),
+        (0x1E_ABCD_00 | 0x100, "uavcan.protocol.dynamic_node_id.Allocation", 0, False),
+        (0x1E_ABCC_00, "unknown message 0", 0, True),
+        (service(1, 11, 10, request=True), "uavcan.protocol.GetNodeInfo.Request", 10, False),
+        (service(5, 11, 10, request=True), "uavcan.protocol.RestartNode.Request", 10, True),
+        (service(5, 11, 10, request=False), "uavcan.protocol.RestartNode.Response", 10, False),
+        (service(11, 11, 10, request=True), "uavcan.protocol.param.GetSet.Request", 10, True),
+        (service(200, 11, 10, request=True), "unknown service 200", 10, True),
+    ],
+)
+def test_what_would_move(registry: Registry, number: int, name: str, node: int, actuates: bool) -> None:
+    guard = Guard(registry)
+    for _ in range(2):
+        got = guard.judge(number, extended=True)
+        assert (got.name, got.node, got.actuates) == (name, node, actuates)
+    assert not guard.judge(number, extended=True, remote=True).actuates
+    assert guard.judge(number, extended=True).actuates == actuates
+
+
+def test_other_protocols_are_unknown(registry: Registry) -> None:
+    got = Guard(registry).judge(0x201, extended=False)
+    assert (got.name, got.node, got.actuates) == (safety.FOREIGN, None, True)
+
+
+def test_memory_is_bounded(registry: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(safety, "_MOST", 3)
+    guard = Guard(registry)
+    for node in range(1, 100):
+        assert guard.judge(message(1030, node), extended=True).node == node
+        assert len(guard._known) <= 3
+
+
+def test_the_table(registry: Registry) -> None:
+    guard, survey = Guard(registry), Survey()
+    for number in (*[message(1030, 10)] * 400, message(1033, 125), *[message(341, 11)] * 7, message(1010, 9)):
+        survey.add(guard.judge(number, extended=True))
+    survey.add(guard.judge(0x201, extended=False))
+    assert render(survey.rows(), 2.0) == (
+        "  Node  Type                                      Frames        Hz\n"
+        "     -  no DroneCAN                                    1       0.5\n"
+        "     9  uavcan.equipment.actuator.ArrayCommand         1       0.5\n"
+        "    10  RawCommand                                   400     200.0\n"
+        "   125  ParamCfg                                       1       0.5\n"
+    )

@@ -1,0 +1,173 @@
+"""Proofs of PUSH-101 to PUSH-502: the values of packets, and whether they are answered."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from witness.packets import Piece, packets, pieces
+from witness.push_form import near
+from witness.views import MILLISECOND, SECOND, Finder, Found, Latest, Message, by_node
+
+if TYPE_CHECKING:
+    from witness.reader import Log
+
+SET, FEEDBACK = "PUSHSCI.FocParameters", "PUSHCAN.FocFeedback"
+QUERY, STATUS, CONTROL = "PUSHSCI.FocQuery", "PUSHCAN.MotorStatus", "PUSHSCI.OutputControl"
+MODES = bytes.fromhex("00EE228866555A444A333A111ABB")
+TEN_THOUSAND, TURN = bytes.fromhex("555A444A333ABB"), bytes.fromhex("111A88")
+SHARED = ("acceleration_limit", "deceleration_limit", "rotation_direction", "led", "report_rate")
+
+Wrong = Callable[[dict[str, Any]], bool]
+
+
+def _where(name: str, wrong: Wrong) -> Finder:
+    return lambda log: [piece.numbers for piece, values in packets(log, name) if wrong(values)]
+
+
+def set_range(values: dict[str, Any]) -> bool:
+    """PUSH-101: throttle priority and position loop are bytes 23 and 24; a field of ones is left as it is."""
+    loop, priority = divmod(values["throttle_priority"], 256)
+    small = (priority, loop, values["save_option"])
+    rates = values["bus_rate"] not in {*range(6), 0xFF} or 400 < values["report_rate"] != 0xFFFF
+    return rates or any(value not in {0, 1, 0xFF} for value in small)
+
+
+def feedback_range(values: dict[str, Any]) -> bool:
+    """PUSH-502: bus rate, report rate or save option out of range."""
+    return values["bus_rate"] > 5 or values["report_rate"] > 400 or values["save_option"] > 1
+
+
+def _sent(log: Log, name: str) -> dict[int, list[tuple[Piece, dict[str, Any]]]]:
+    """The packets of a name by their unit."""
+    found = defaultdict(list)
+    for piece, values in packets(log, name):
+        found[piece.unit].append((piece, values))
+    return found
+
+
+def _unanswered(name: str, answer: str, limit: int) -> Finder:
+    """Packets that a unit, or one of all units seen so far, leaves unanswered for `limit` ns of the capture."""
+
+    def find(log: Log) -> Found:
+        answers, end, found = _sent(log, answer), log.frames[-1].t, []
+        seen = [piece for piece in pieces(log) if piece.carried.name == "PUSHCAN" and piece.sound]
+        for piece, _ in packets(log, name):
+            units = {other.unit for other in seen if other.t < piece.t} if piece.unit == 0xFF else {piece.unit}
+            times = [[other.t - piece.t for other, _ in answers[unit]] for unit in sorted(units)]
+            silent = any(not any(0 < since <= limit for since in some) for some in times)
+            if silent and piece.t + limit <= end:
+                found.append(piece.numbers)
+        return found
+
+    return find
+
+
+def differs(log: Log) -> Found:
+    """PUSH-103: the first feedback within 1 s of the set values has another value; ones leave a value as it is."""
+    feedback, found = _sent(log, FEEDBACK), []
+    for piece, values in packets(log, SET):
+        for answer, got in feedback.get(piece.unit, ()):
+            if 0 < answer.t - piece.t <= SECOND:
+                if _differs(values, got):
+                    found.append(answer.numbers | piece.numbers)
+                break
+    return found
+
+
+def _differs(values: dict[str, Any], got: dict[str, Any]) -> bool:
+    pairs = [(values[name], got[name], 0xFFFF) for name in SHARED]
+    pairs += [(values["throttle_priority"] & 0xFF, got["throttle_priority"], 0xFF)]
+    pairs += [(values["bus_rate"], got["bus_rate"], 0xFF)]
+    return any(wanted not in {ones, value} for wanted, value, ones in pairs)
+
+
+def set_point(values: dict[str, Any]) -> bool:
+    """PUSH-302: more than the mode's unit has."""
+    mode, point = values["control_mode"], values["set_point"]
+    return (mode in TEN_THOUSAND and point > 10_000) or (mode in TURN and point > 3600)
+
+
+def pulse(values: dict[str, Any]) -> bool:
+    """PUSH-403: a pulse that is neither within 1040..1940 us nor within 1050..1950 us; 0 is no signal."""
+    return values["pwm"] != 0 and not 10_400 <= values["pwm"] <= 19_500
+
+
+def temperature(values: dict[str, Any]) -> bool:
+    """PUSH-405: below zero as int16, or kelvin by the hundred."""
+    raw = values["temperature"]
+    return raw >= 0x8000 or 23_315 <= raw <= 47_315
+
+
+def backwards(log: Log) -> Found:
+    """PUSH-407: fewer power-ons than before, or a shorter runtime that 16 bits which are full do not explain."""
+    found = []
+    for row in _sent(log, STATUS).values():
+        by_src = defaultdict(list)
+        for piece, values in row:
+            by_src[piece.src].append((piece, values))
+        for some in by_src.values():
+            found += [piece.numbers for (old, was), (piece, now) in pairwise(some) if _less(was, now, piece.t - old.t)]
+    return found
+
+
+def _less(was: dict[str, Any], now: dict[str, Any], elapsed: int) -> bool:
+    if now["power_on_count"] < was["power_on_count"]:
+        return True
+    wrapped = (now["runtime"] - was["runtime"]) % 65_536 <= elapsed / SECOND + 2
+    return now["runtime"] < was["runtime"] and not wrapped
+
+
+def at_limit(values: dict[str, Any]) -> bool:
+    """PUSH-408: speed or current is as far as 16 bits go."""
+    return abs(values["speed"]) >= 32_767 or abs(values["current"]) >= 32_767
+
+
+def disagrees(log: Log) -> Found:
+    """PUSH-409: voltage, speed or current is another than in the node's nearest ESCStatus, within 100 ms."""
+    statuses = {src: Latest(sent) for src, sent in by_node(log, "ESCStatus").items()}
+    found = []
+    for piece, values in packets(log, STATUS):
+        status = statuses[piece.src].nearest(piece.t, 100 * MILLISECOND) if piece.src in statuses else None
+        if status is not None and not _agrees(values, status):
+            found.append(piece.numbers)
+    return found
+
+
+def _agrees(values: dict[str, Any], status: Message) -> bool:
+    return (
+        near(values["voltage"] / 100, status["voltage"], 0.02)
+        and near(values["speed"], status["rpm"], 0.05)
+        and near(values["current"] / 100, status["current"], 0.10)
+    )
+
+
+def text(values: dict[str, Any]) -> bool:
+    """PUSH-501: a byte before the padding (the first NUL, or spaces) that is no printable ASCII."""
+    versions = [values[name].split(b"\0")[0].rstrip(b" ") for name in ("hardware_version", "software_version")]
+    return any(not 0x20 <= byte <= 0x7E for version in versions for byte in version)
+
+
+FINDERS: dict[str, Finder] = {
+    "PUSH-101": _where(SET, set_range),
+    "PUSH-102": _unanswered(SET, FEEDBACK, SECOND),
+    "PUSH-103": differs,
+    "PUSH-201": _unanswered(QUERY, FEEDBACK, SECOND),
+    "PUSH-301": _where(CONTROL, lambda values: values["control_mode"] not in MODES),
+    "PUSH-302": _where(CONTROL, set_point),
+    "PUSH-303": _where(CONTROL, lambda values: values["reserved"] != 0),
+    "PUSH-304": _unanswered(CONTROL, STATUS, 200 * MILLISECOND),
+    "PUSH-401": _where(STATUS, lambda values: values["system_status"] not in {0x00, 0x11, 0xCC}),
+    "PUSH-402": _where(STATUS, lambda values: values["position"] > 36_000),
+    "PUSH-403": _where(STATUS, pulse),
+    "PUSH-404": _where(STATUS, lambda values: values["throttle"] > 250),
+    "PUSH-405": _where(STATUS, temperature),
+    "PUSH-406": _where(STATUS, lambda values: values["motor_status"] != 0),
+    "PUSH-407": backwards,
+    "PUSH-408": _where(STATUS, at_limit),
+    "PUSH-409": disagrees,
+    "PUSH-501": _where(FEEDBACK, text),
+    "PUSH-502": _where(FEEDBACK, feedback_range),
+}
