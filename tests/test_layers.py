@@ -72,6 +72,7 @@ RULES = [
     ("analyzer.columns", ("analyzer.views", "analyzer.cli", "analyzer.sources", "analyzer.engine")),
     ("analyzer.packets", ("analyzer.views", "analyzer.cli", "analyzer.sources", "analyzer.engine")),
     ("analyzer.capture", ("analyzer.views", "analyzer.cli")),
+    ("analyzer.live", ("analyzer.views", "analyzer.cli", "analyzer.sources", "analyzer.engine", "analyzer.messages")),
 ]
 
 

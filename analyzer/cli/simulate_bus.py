@@ -129,7 +129,7 @@ class _Sending:
         if self._guard is None:
             return
         verdict = self._guard.judge(frame.id, extended=frame.extended, remote=frame.remote)
-        if False:
+        if verdict.actuates:
             raise _ActuationError(
                 f"{verdict.name} of node {verdict.node} comes up {frame.t / SECOND:.3f} s after the start: "
                 f"not sent on {self._interface.name}, which may be real, without --allow-actuation"
