@@ -1,8 +1,8 @@
 """Make the sample captures: python tests/make_captures.py [--check]
 
 `cases()` is their ground truth, known from the senders alone: which transfers each file holds, with which fields, and
-which are broken and how. The captures of sample_flights.py come from `tailbyte simulate`, with a key to each. The files in
-captures/ are committed; `--check` says whether they are still what this makes.
+which are broken and how. The captures of sample_flights.py come from `tailbyte simulate`, with a key to each. The files
+in captures/ are committed; `--check` says whether they are still what this makes.
 """
 
 from __future__ import annotations

@@ -173,9 +173,18 @@ def test_lost_frames_have_no_number_and_error_frames_a_line() -> None:
 
 @pytest.mark.parametrize(
     ("text", "ns"),
-    [("2.5", 2_500_000_000), ("2.5s", 2_500_000_000), ("300ms", 300_000_000), ("40us", 40_000), ("1min", 60 * SECOND), ("1.5h", 5400 * SECOND),
-     (".5", 500_000_000), ("0", 0), ("0.000000001", 1)],
-)  # fmt: skip
+    [
+        ("2.5", 2_500_000_000),
+        ("2.5s", 2_500_000_000),
+        ("300ms", 300_000_000),
+        ("40us", 40_000),
+        ("1min", 60 * SECOND),
+        ("1.5h", 5400 * SECOND),
+        (".5", 500_000_000),
+        ("0", 0),
+        ("0.000000001", 1),
+    ],
+)
 def test_times(text: str, ns: int) -> None:
     assert catalogue.nanoseconds(text) == ns
     assert catalogue.order(f"trf-003@{text}").t == ns
