@@ -23,6 +23,9 @@ MICROSECOND = 1_000
 MILLISECOND = 1_000_000
 SECOND = 1_000_000_000
 
+# The lowest priority that there is (4.1.2).
+LOWEST = 31
+
 
 class Code(int):
     """A float given as its raw code, for what no number can say."""
@@ -88,7 +91,10 @@ class Sending:
 
 @dataclass(slots=True, eq=False)
 class Answer:
-    """One entry of the answer key. `frames` are frame numbers from 1, `lines` those of error frames in the file."""
+    """One entry of the answer key. `frames` are frame numbers from 1, `lines` those of error frames in the file.
+
+    Of a fault that lasts for hours the first are listed; `more` counts the others.
+    """
 
     rule: str
     t: int
@@ -99,6 +105,7 @@ class Answer:
     t_end: int = -1
     frames: list[int] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
+    more: int = 0
 
 
 class Node(Protocol):
@@ -236,11 +243,12 @@ class Fault:
 
     Exactly one of four says how: `values`, `transfer` or `frames` change the first transfer that `fits` (before it is
     encoded, before it is cut into frames, before it is sent), `start` does something at its time. `options` are the
-    settings that it takes, with their defaults; `choices` lists what a text may be. Rules in `also` may fire for the
+    settings that it takes, with their defaults; `choices` lists what a text may be, `limits` the least and the
+    most of a number. Rules in `also` may fire for the
     same reason. Who listens does not get a transfer that `transfer` or `frames` changed, unless the fault is
     `harmless`. The answer lists all frames of what was changed, or if the fault is `exact` only those that it marks. It
     `lasts` so many ns, which the flight has to go on for, so that a receiver can know. What only a whole capture can
-    show is `early`: it begins before anything is sent.
+    show is `early`: it begins before anything is sent. What ends the capture is `late`: without a time, at its end.
     """
 
     rule: str
@@ -251,17 +259,19 @@ class Fault:
     start: Start | None = None
     fits: Fits | None = None
     options: Mapping[str, Setting] = field(default_factory=dict)
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     also: tuple[str, ...] = ()
     harmless: bool = False
     exact: bool = False
     lasts: int = 0
     early: bool = False
+    late: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A story that a capture tells; `start` lets it happen. `profile` is the flight that it needs."""
+    """A story that a capture tells; `start` lets it happen in a flight of its `profile` with at `least` some ESCs."""
 
     name: str
     title: str
@@ -269,6 +279,14 @@ class Scenario:
     start: Callable[[Plot], None]
     profile: str = "hover"
     seconds: float = 8.0
+    least: int = 1
+
+
+def next_id(node: Node, table: str, dst: int | None = None) -> int:
+    """The transfer ID of a node's next transfer of a type, which is then taken."""
+    found = node.transfer_ids.get((table, dst), 0)
+    node.transfer_ids[table, dst] = (found + 1) % 32
+    return found
 
 
 def of(*names: str) -> Fits:
@@ -283,7 +301,7 @@ def change(case: Case, stage: str, fits: Fits, do: Touch) -> None:
         step = Step.SKIP if sending.changed or not fits(sending) else do(case, sending)
         if step is not Step.SKIP:
             case.mark(sending)
-            sending.changed = stage != "values"
+            sending.changed = True
         return step
 
     case.touch(stage, touch)

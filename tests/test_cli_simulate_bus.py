@@ -217,9 +217,10 @@ def test_a_command_that_comes_late_is_stopped(
 ) -> None:
     """Only the beginning is looked at before; the rest is watched while it is sent."""
     monkeypatch.setattr(simulate_bus, "_AHEAD", 0)
-    status, _, err = command("simulate", "slcan:x", "--key", "key.json")
+    status, _, err = command("simulate", "slcan:x", "--key", "key.json", "--duration", "10")
     arrived = got(receiver)
-    assert (status, err.count("\n"), len(real), Path("key.json").exists()) == (2, 1, 1, False)
+    assert (status, err.count("\n"), len(real)) == (2, 2, 1)
+    assert json.loads(Path("key.json").read_text())["capture"]["frames"] == len(arrived)
     assert " after the start: not sent on slcan:x, which may be real, without --allow-actuation" in err
     assert arrived
     assert not any(number >> 8 & 0xFFFF in (1030, 1033, 1038) for number, *_ in arrived)
@@ -272,9 +273,9 @@ def test_a_bus_that_fails(command: Command, monkeypatch: pytest.MonkeyPatch) -> 
             raise RuntimeError
 
     monkeypatch.setattr(can, "Bus", Failing)
-    said = "tailbyte: virtual:x: is down\n"
+    said = "-- 20 frames, 0.0 s, 0 faults sent on virtual:x\ntailbyte: virtual:x: is down\n"
     assert command("simulate", "virtual:x", "--key", "key.json") == (3, "", said)
-    assert (sent, Path("key.json").exists()) == (21, False)
+    assert (sent, json.loads(Path("key.json").read_text())["capture"]["frames"]) == (21, 20)
 
 
 def test_a_key_that_cannot_be_written_is_known_before_anything_is_sent(command: Command, receiver: can.BusABC) -> None:

@@ -36,16 +36,17 @@ def shown(case: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[str]:
 
 
 def run(case: Path, capsys: pytest.CaptureFixture[str], *command: str) -> Iterator[str]:
-    status = main([*command, str(case)])
+    status = main([*command, case.name])
     got = capsys.readouterr()
-    yield got.out.replace(str(case), case.name)
-    yield got.err.replace(str(case), case.name)
+    yield got.out
+    yield got.err
     yield f"exit {status}\n"
 
 
 @pytest.fixture(autouse=True)
 def _anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`info` shows local times."""
+    """`info` shows local times and the name of the file."""
+    monkeypatch.chdir(CAPTURES)
     monkeypatch.setenv("TZ", "UTC")
     time.tzset()
 

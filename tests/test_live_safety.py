@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+import dissectors
 from analyzer.live import links, safety
 from analyzer.live.links import Link
 from analyzer.live.safety import Guard, Survey, doubt
 from analyzer.views.actuation import render
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dissectors.registry import Registry
 
 
@@ -137,3 +140,19 @@ def test_the_table(registry: Registry) -> None:
         "    10  RawCommand                                   400     200.0\n"
         "   125  ParamCfg                                       1       0.5\n"
     )
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_an_id_that_two_types_share_actuates_if_one_of_them_does(tmp_path: Path, first: bool) -> None:
+    """Whichever the preferred one is: who listens may take it for the other."""
+    names = ("a", "b") if first else ("b", "a")
+    for name, actuates in zip(names, (True, False), strict=True):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / f"20900.Pump{name}.uavcan").write_text(f"uint16 pressure_{name}\n")
+        (folder / "profile.toml").write_text(
+            f'name = "{name}"\nversion = "1"\n'
+            + (f'[message.Pump{name}]\ndsdl = "20900.Pump{name}.uavcan"\nactuates = true\n' if actuates else "")
+        )
+    guard = Guard(dissectors.load([tmp_path / "a", tmp_path / "b"]))
+    assert guard.judge(31 << 24 | 20900 << 8 | 11, extended=True, remote=False).actuates

@@ -90,7 +90,7 @@ def test_the_readme_says_what_it_is_and_how_it_was_made(name: str) -> None:
 
 
 def test_keys_are_as_documented() -> None:
-    fields = {"rule", "t_ns", "t_end_ns", "time", "frames", "lines", "node", "type", "done", "also"}
+    fields = {"rule", "t_ns", "t_end_ns", "time", "frames", "lines", "more", "node", "type", "done", "also"}
     for name in FLIGHTS:
         key: dict[str, Any] = json.loads(key_of(CAPTURES / name).read_text())
         assert key["schema"] == "tailbyte.simulate.key/1"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from itertools import groupby
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -89,23 +88,28 @@ def test_arbitration_is_the_first_bit_that_differs(one: Frame, other: Frame) -> 
     assert (bits.arbitration(one) < bits.arbitration(other)) == (sent(one) < sent(other))
 
 
-@pytest.mark.parametrize("size", bits.FD_LENGTHS)
-@pytest.mark.parametrize("extended", [True, False])
-def test_can_fd_has_two_speeds(size: int, extended: bool) -> None:
-    """Alternating bits need no stuffing: fixed parts are what the standard counts."""
-    number = 0x15555555 if extended else 0x555
-    frame = Frame(number, bytes([0x55] * size), extended, fd=True, brs=True)
-    slow, fast = bits.flexible(frame)
-    start = "0" + text(number, 29)[:11] + "11" + text(number, 29)[11:] if extended else "0" + text(number, 11)
-    nominal = start + "0101" if extended else start + "00101"
+@given(st.data(), st.sampled_from(bits.FD_LENGTHS), st.booleans())
+def test_can_fd_has_two_speeds(data: st.DataObject, size: int, extended: bool) -> None:
+    """Dynamic stuffing ends with the data; the CRC field has a fixed stuff bit in front of every four bits.
+
+    ISO 11898-1: where the data would end with a stuff bit, the first fixed one stands in its place.
+    """
+    byte = st.integers(0, 255) | st.sampled_from((0, 0xFF, 0xE0, 0x1F, 0xF0))
+    payload = bytes(data.draw(st.lists(byte, min_size=size, max_size=size)))
+    number = data.draw(st.integers(0, (1 << (29 if extended else 11)) - 1))
+    frame = Frame(number, payload, extended, fd=True, brs=data.draw(st.booleans()))
+    digits = text(number, 29)
+    start = "0" + (digits[:11] + "11" + digits[11:] if extended else text(number, 11))
+    nominal = start + ("010" if extended else "0010") + str(int(frame.brs))
     code = text(bits.FD_LENGTHS.index(size), 4)
-    dynamic = nominal + "0" + code + "01010101" * size
-    grown = len(stuffed(dynamic)) - len(stuffed(nominal))
+    whole = stuffed(nominal + "0" + code + "".join(text(value, 8) for value in payload))
+    ended = whole[-6:-1] in {"00000", "11111"} and whole[-1] != whole[-2]
+    dynamic = len(whole) - ended - len(stuffed(nominal))
     check = 4 + (17 if size <= 16 else 21)
+    slow, fast = bits.flexible(frame)
     assert slow == len(stuffed(nominal)) + 10 + 3
-    assert fast == grown + check + -(-check // 4)
-    assert bits.duration(frame, 1000) == slow * 1000 + fast * 200
-    frame.brs = False
+    assert fast == dynamic + check + -(-check // 4)
+    assert bits.duration(frame, 1000) == slow * 1000 + fast * (200 if frame.brs else 1000)
 
 
 def test_stuffing_never_leaves_six_equal_bits() -> None:

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analyzer.simulate.bits import arbitration, duration
-from analyzer.simulate.world import BIT_RATES, World
+from analyzer.simulate.world import World
+from dissectors.tmotor.traffic import BUS_RATES
 from dissectors.traffic import MILLISECOND, SECOND, Frame, Sending
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ sent = st.lists(
 )
 
 
-@given(sent, st.sampled_from(BIT_RATES))
+@given(sent, st.sampled_from(BUS_RATES))
 def test_the_lowest_of_those_that_wait_goes_first(plan: list[tuple[int, int, bytes]], rate: int) -> None:
     world = World(None, bit_rate=rate, end=100 * END, seed=1)  # type: ignore[arg-type]
     asked: dict[int, int] = {}

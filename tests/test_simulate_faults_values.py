@@ -200,11 +200,11 @@ def test_lengths_go_wrong_for_any_number_of_channels(escs: int) -> None:
     "order",
     [
         *("TYP-007:type=RawCommand", "TYP-001:type=RawCommand", "TYP-302:type=PUSHCAN", "TYP-202:type=ParamGet"),
-        *("TYP-001:bytes=0", "TYP-001:bytes=99", "TYP-002:bytes=0", "TYP-002:bytes=-1", "TYP-005:more=0"),
+        *("TYP-001:bytes=0", "TYP-001:bytes=99", "TYP-002:bytes=0", "TYP-005:more=0"),
         *("TYP-101:value=5", "TYP-101:channel=4", "TYP-103:more=0", "TYP-105:value=0"),
         *("TYP-201:value=19", "TYP-202:value=255", "TYP-203:value=15", "TYP-204:value=1", "TYP-205:value=-1"),
         *("TYP-206:value=65535", "TYP-207:value=0", "TYP-302:value=128", "TYP-303:value=5", "TYP-304:value=8"),
-        *("TYP-305:bit=12", "TYP-305:bit=-1", "TYP-308:value=50", "TYP-401:bytes=32", "TYP-402:by=0"),
+        *("TYP-308:value=50", "TYP-401:bytes=32", "TYP-402:by=0"),
     ],
 )
 def test_a_setting_that_breaks_no_rule_is_left_alone_and_told(order: str) -> None:
@@ -213,7 +213,14 @@ def test_a_setting_that_breaks_no_rule_is_left_alone_and_told(order: str) -> Non
     assert seen.simulation.unused == (order,)
 
 
-@pytest.mark.parametrize("order", ["TYP-305:seconds=nan", "TYP-308:value=inf", "TYP-006:form=word", "TYP-209:field=x"])
+@pytest.mark.parametrize(
+    "order",
+    [
+        *("TYP-305:seconds=nan", "TYP-308:value=inf", "TYP-006:form=word", "TYP-209:field=x", "TYP-002:bytes=-1"),
+        *("TYP-305:bit=12", "TYP-305:bit=-1", "TYP-306:seconds=0", "TYP-307:seconds=-1", "TYP-101:type=ESCStatus"),
+        *("TYP-501:type=ESCStatus", "TYP-103:type=PUSHCAN", "TYP-301:node=128"),
+    ],
+)
 def test_a_setting_that_nothing_can_have_is_refused(order: str) -> None:
     with pytest.raises(ValueError, match=order[:7]):
         catalogue.order(order)

@@ -202,6 +202,8 @@ def test_an_order_says_which_rule_when_and_how() -> None:
     assert found.settings["node"] == 11
     assert (found.settings["count"], found.settings["type"]) == (3, "ESCStatus")
     assert catalogue.order("CAN-001").t is None
+    for name in ("NodeStatus", "nodestatus", "uavcan.protocol.NodeStatus"):
+        assert catalogue.order(f"TRF-001:type={name}").settings["type"] == STATUS
     assert catalogue.rate("TRF-003=0.01").rate == 0.01
 
 
@@ -216,6 +218,9 @@ def test_an_order_says_which_rule_when_and_how() -> None:
         ("TRF-003:bogus=1", "'bogus=1' is no setting"),
         ("TRF-003:node", "is no setting"),
         ("TRF-003:node=x", "node=x is not a number"),
+        ("TRF-003:type=Nonsense", "no message is called 'Nonsense'"),
+        ("TRF-003:type=ESCStatu", "near: ESCStatus"),
+        ("TRF-003:type=GetNodeInfo", "ambiguous"),
         ("TRF-003:count=0", "count=0 is not 1 to"),
         ("TRF-003:count=99999999", "is not 1 to"),
     ],

@@ -85,7 +85,6 @@ ALLOWED = (
     "TYP-302:value=50",
     "TYP-303:value=16383",
     "TYP-304:value=8",
-    "TYP-305:bit=12",
     "TYP-308:value=48",
     "TYP-401:bytes=32",
     "TYP-402:by=0",

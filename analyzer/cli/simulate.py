@@ -122,8 +122,7 @@ def _settings(args: argparse.Namespace, bus: Interface | None) -> Settings:
     """What to simulate. Raises `ValueError` with the option and the reason."""
     from analyzer.simulate import START, Settings  # noqa: PLC0415
     from analyzer.simulate.faults import catalogue  # noqa: PLC0415
-    from analyzer.simulate.world import BIT_RATES  # noqa: PLC0415
-    from dissectors.tmotor.traffic import PROFILES  # noqa: PLC0415
+    from dissectors.tmotor.traffic import BUS_RATES, PROFILES  # noqa: PLC0415
     from dissectors.traffic import SECOND  # noqa: PLC0415
 
     story = catalogue.scenario(args.scenario) if args.scenario is not None else None
@@ -133,9 +132,11 @@ def _settings(args: argparse.Namespace, bus: Interface | None) -> Settings:
     for name, value, most in (("--esc", args.esc, 20), ("--rate", args.rate, 400)):
         if value is not None and not 1 <= value <= most:
             raise ValueError(f"{name} {value} is outside 1 to {most}")
-    bit_rate = (bus.bit_rate if bus else args.bitrate) or BIT_RATES[0]
-    if bit_rate not in BIT_RATES:
-        raise ValueError(f"--bitrate {bit_rate} is none of {', '.join(map(str, BIT_RATES))}")
+    if story is not None and args.esc < story.least:
+        raise ValueError(f"--scenario {story.name} takes at least {story.least} ESCs")
+    bit_rate = (bus.bit_rate if bus else args.bitrate) or BUS_RATES[0]
+    if bit_rate not in BUS_RATES:
+        raise ValueError(f"--bitrate {bit_rate} is none of {', '.join(map(str, BUS_RATES))}")
     usual = round((story.seconds if story else 10) * SECOND)
     endless = bus is not None and story is None and args.duration is None
     given = None if args.duration is None else _time("--duration", args.duration)

@@ -61,16 +61,23 @@ def run(args: argparse.Namespace, settings: Settings, interface: Interface) -> i
             key = stack.enter_context(Target(args.key)) if args.key is not None else None
             sending = _Sending(Simulation(settings, registry), work, bus, interface, guard if reason else None)
             with graceful(lambda: work):
-                sending.run()
+                failure = sending.run()
+            if failure is not None and not sending.simulation.recorder.frames:
+                raise failure
             if key is not None:
                 key.file.write(key_text(sending.simulation.key()).encode())
-    except (InterfaceError, TargetError) as error:
-        streams.complain(str(error))
-        return DAMAGED
-    except _ActuationError as error:
+    except (InterfaceError, TargetError, _ActuationError) as error:
+        return _failed(error)
+    status = sending.conclude()
+    return status if failure is None else _failed(failure)
+
+
+def _failed(error: Exception) -> int:
+    if isinstance(error, _ActuationError):
         streams.complain(str(error), NAME)
         return USAGE
-    return sending.conclude()
+    streams.complain(str(error))
+    return DAMAGED
 
 
 class _Sending:
@@ -86,15 +93,17 @@ class _Sending:
         self._sender = Sender(bus, interface.name)
         self._left_out: Counter[str] = Counter()
 
-    def run(self) -> None:
-        """Raises `InterfaceError` when the bus fails."""
+    def run(self) -> InterfaceError | _ActuationError | None:
+        """What ended it before its time, if anything did: what was sent until then has been sent."""
         simulation = self.simulation
         with Progress(simulation) as progress:
             simulation.settings = replace(simulation.settings, start=time.time_ns())
-            for frame in simulation.frames(lambda frames: self._possible(self._pace.over(frames))):
-                self._check(frame)
-                self._sender.send(message(frame))
-                progress.step(f"{simulation.recorder.frames:,} frames on {shown(self._interface.name)}")
+            try:
+                for _ in simulation.frames(lambda frames: self._sent(self._pace.over(frames))):
+                    progress.step(f"{simulation.recorder.frames:,} frames on {shown(self._interface.name)}")
+            except (InterfaceError, _ActuationError) as error:
+                return error
+        return None
 
     def conclude(self) -> int:
         """Says what was sent and what was not; the exit status."""
@@ -113,8 +122,8 @@ class _Sending:
             return USAGE
         return OK
 
-    def _possible(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """The frames that this bus can have; the others are no part of a recording of it, either."""
+    def _sent(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """The frames that this bus can have, sent; the others are no part of a recording of it, either."""
         for frame in frames:
             if frame.error:
                 self._left_out["error frames, which only a controller makes"] += 1
@@ -123,6 +132,8 @@ class _Sending:
             elif frame.fd and not self._fd:
                 self._left_out["CAN FD frames"] += 1
             else:
+                self._check(frame)
+                self._sender.send(message(frame))
                 yield frame
 
     def _check(self, frame: Frame) -> None:

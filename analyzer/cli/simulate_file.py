@@ -47,8 +47,9 @@ def run(args: argparse.Namespace, settings: Settings, form: str, packing: str) -
     simulation, work = Simulation(settings, dissectors.load()), Work()
     try:
         with graceful(lambda: work), ExitStack() as stack:
-            target = stack.enter_context(Target(args.output))
+            # The last one takes its place first: a key is never newer than its capture.
             key = stack.enter_context(Target(args.key)) if args.key is not None else None
+            target = stack.enter_context(Target(args.output))
             with packed(target.file, packing) as file:
                 lost = _write(args, simulation, work, form, file)
             _refuse(missing(simulation))
@@ -86,7 +87,9 @@ def missing(simulation: Simulation) -> str:
 def account(simulation: Simulation) -> str:
     """Frames, time and faults, in words."""
     recorder, faults = simulation.recorder, len(simulation.world.desk.answers)
-    errors = f", {recorder.error_frames:,} error frames" if recorder.error_frames else ""
+    errors = (
+        f", {recorder.error_frames:,} error frame{'s' * (recorder.error_frames != 1)}" if recorder.error_frames else ""
+    )
     seconds = min(simulation.world.now, simulation.length) / SECOND
     return f"{recorder.frames:,} frames{errors}, {seconds:,.1f} s, {faults:,} fault{'s' * (faults != 1)}"
 

@@ -106,8 +106,10 @@ def flexible(frame: Frame) -> tuple[int, int]:
     body = code << 8 * size | int.from_bytes(frame.data.ljust(size, b"\0"), "big")
     length = 1 + 4 + 8 * size
     nominal = count + stuffing(head, count)
-    whole = count + length + stuffing(head << length | body, count + length)
-    # Stuff count and CRC have fixed stuff bits, one before each four.
+    bits, total = head << length | body, count + length
+    # Stuff count and CRC have fixed stuff bits, one before each four; where the data would end with a stuff bit of its
+    # own, the first of them takes its place.
+    whole = total + stuffing(bits >> 1, total - 1)
     check = 4 + (17 if size <= 16 else 21)
     fast = whole - nominal + check + -(-check // 4)
     return nominal + _TRAILER + INTERMISSION, fast

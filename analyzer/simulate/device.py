@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dissectors.traffic import MILLISECOND, SECOND, Sending
+from dissectors.traffic import LOWEST, MILLISECOND, SECOND, Sending, next_id
 
 if TYPE_CHECKING:
     from analyzer.simulate.world import World
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 # DroneCAN allows up to a second between two; half of it survives a loss.
 STATUS_PERIOD = 500 * MILLISECOND
 _THINKING = 300_000  # ns until a device answers
-LOWEST = 31
 
 
 class Device:
@@ -49,9 +48,7 @@ class Device:
         """Sends a transfer now; `transfer_id` overrides the counter, as a response must."""
         message = self._world.message(name)
         if transfer_id is None:
-            key = (message.table, dst)
-            transfer_id = self.transfer_ids.get(key, 0)
-            self.transfer_ids[key] = (transfer_id + 1) % 32
+            transfer_id = next_id(self, message.table, dst)
         sending = Sending(
             self.number,
             message,

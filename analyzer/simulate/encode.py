@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 _FLOATS = {16: ("<e", 65504.0), 32: ("<f", 3.4028234663852886e38), 64: ("<d", 1.7976931348623157e308)}
 
 
-class EncodeError(ValueError):
-    """A value that does not fit its field."""
-
-
 def compiled(layout: Compound) -> Callable[[dict[str, Any]], bytes]:
     """What turns the values of one message into its payload on classic CAN, zero bits filling the last byte."""
     write = _compound(layout, tail=True)

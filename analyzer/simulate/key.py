@@ -75,6 +75,7 @@ def _entry(answer: Answer, start: int) -> dict[str, Any]:
         "time": answer.t / SECOND,
         "frames": answer.frames,
         "lines": answer.lines,
+        "more": answer.more,
         "node": answer.node,
         "type": answer.type or None,
         "done": answer.done,

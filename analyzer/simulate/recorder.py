@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from dissectors.traffic import Frame
 
 
+# Frames of one answer that are listed, so that a day on a bus does not fill the memory.
+MOST_LISTED = 1 << 17
+
+
 class Recorder:
     """Numbers frames as a reader of the capture does: error frames take a line, but no frame number."""
 
@@ -44,7 +48,8 @@ class Recorder:
             if not answer.frames and not answer.lines:
                 answer.t = frame.t
             answer.t_end = frame.t
-            if frame.error:
-                answer.lines.append(self.frames + self.error_frames)
+            listed = answer.lines if frame.error else answer.frames
+            if len(listed) < MOST_LISTED:
+                listed.append(self.frames + self.error_frames if frame.error else frame.number)
             else:
-                answer.frames.append(frame.number)
+                answer.more += 1

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from dissectors.registry import Registry
     from dissectors.schema import Message
 
-BIT_RATES = (1_000_000, 500_000, 250_000, 125_000, 100_000, 50_000)
-
 
 class World:
     """A bus, the devices on it and those who listen; see `dissectors.traffic.World`.

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 from dissectors.layout import Array, Compound, Member, Primitive
 from dissectors.schema import Message
-from dissectors.traffic import SECOND, Case, Frame, Node, Sending, Step
+from dissectors.traffic import LOWEST, SECOND, Case, Frame, Node, Sending, Step, next_id
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from dissectors.traffic import Values
 
-LOWEST = 31
 LOG = "uavcan.protocol.debug.LogMessage"
 BYTES = Compound("bytes", (Member("data", Array(Primitive("uint", 8), 4095, dynamic=True)),))
 
@@ -100,9 +99,7 @@ def transmit(
     """
     message = case.world.message(name) if isinstance(name, str) else name
     if transfer_id is None:
-        key = (message.table, dst)
-        transfer_id = node.transfer_ids.get(key, 0)
-        node.transfer_ids[key] = (transfer_id + 1) % 32
+        transfer_id = next_id(node, message.table, dst)
     sending = Sending(node.number, message, values, dst, priority, transfer_id, message.signature)
     return dispatch(case, sending, shape)
 
@@ -137,8 +134,13 @@ def unknown(type_id: int, signature: int) -> Message:
 
 def repeat(case: Case, period: int, times: int, do: Callable[[int], object]) -> None:
     """Calls with 0, 1, ... now and every `period` ns."""
-    for turn in range(times):
-        case.world.at(case.world.now + turn * period, partial(do, turn))
+
+    def step(turn: int) -> None:
+        do(turn)
+        if turn + 1 < times:
+            case.world.at(case.world.now + period, partial(step, turn + 1))
+
+    step(0)
 
 
 def inject(case: Case, frames: list[Frame]) -> None:

@@ -6,6 +6,7 @@ import difflib
 from functools import cache
 from typing import TYPE_CHECKING
 
+import dissectors
 from analyzer.simulate import scenarios
 from analyzer.simulate.faults import frames, lengths, transfers, values
 from analyzer.simulate.faults.desk import Order
@@ -21,12 +22,26 @@ if TYPE_CHECKING:
 COMMON: Mapping[str, type] = {"node": int, "type": str, "count": int}
 _UNITS = {"s": SECOND, "ms": MILLISECOND, "us": MICROSECOND, "min": 60 * SECOND, "h": 3600 * SECOND}
 _LAYERS = ("CAN", "TRF", "TYP", "PUSH")
-# Times that a fault can be asked for in one order.
-_MOST = 10_000
+# The least and the most of settings that mean the same in every fault; of others what 32 bits hold, signed or not.
+_LIMITS: Mapping[str, tuple[float, float]] = {
+    "node": (1, 127),
+    "count": (1, 10_000),
+    "times": (1, 10_000),
+    "commands": (1, 1_000_000),
+    "seconds": (0.01, 86_400),
+    "period": (0.001, 60),
+    "pause": (0.001, 3600),
+    "after": (0.001, 3600),
+    "lost": (1, 1000),
+    "frame": (1, 64),
+    "bytes": (0, 60_000),
+    "priority": (0, 31),
+    "channel": (0, 19),
+    "signature": (0, 2**64 - 1),
+}
+_WIDE = (-(2**31), 2**32 - 1)
 # No time is later than this: a day.
 _LONGEST = 86_400 * SECOND
-# No number is larger, infinity and NaN included.
-_LARGEST = 1e9
 
 
 @cache
@@ -110,15 +125,24 @@ def _settings(fault: Fault, texts: Iterable[str]) -> dict[str, Setting]:
     return settings
 
 
+@cache
+def _types() -> dissectors.Registry:
+    return dissectors.load()
+
+
 def _setting(fault: Fault, name: str, kind: type, text: str) -> Setting:
     try:
         value: Setting = int(text[:20], 0) if kind is int else float(text) if kind is float else text
     except ValueError:
         raise ValueError(f"{fault.rule}: {name}={text} is not a number") from None
-    if isinstance(value, float) and not abs(value) <= _LARGEST:
-        raise ValueError(f"{fault.rule}: {name}={text} is not a number up to {_LARGEST:g}")
-    if name == "count" and not 1 <= int(value) <= _MOST:
-        raise ValueError(f"{fault.rule}: {name}={text} is not 1 to {_MOST}")
+    if name == "type":
+        try:
+            value = _types().resolve(text).table
+        except dissectors.UnknownNameError as error:
+            raise ValueError(f"{fault.rule}: type={text}: {error}") from None
+    low, high = fault.limits.get(name) or _LIMITS.get(name, _WIDE)
+    if not isinstance(value, str) and not low <= value <= high:  # NaN is nowhere
+        raise ValueError(f"{fault.rule}: {name}={text} is not {low} to {high}")
     if name in fault.choices and value not in fault.choices[name]:
         raise ValueError(f"{fault.rule}: {name}={text} is none of {', '.join(fault.choices[name])}")
     return value

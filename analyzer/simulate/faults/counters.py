@@ -70,7 +70,7 @@ def _stuck(case: Case, sending: Sending) -> Step:
 def _restarted(case: Case, sending: Sending) -> Step:
     """All counters of the node; but from 1 to 0 a counter would seem to stand still."""
     node = case.world.node(sending.node)
-    if node is None or sending.transfer_id < 2 or sending.answers:
+    if node is None or sending.transfer_id < 2:
         return Step.SKIP
     here = (sending.message.table, sending.dst)
     fallen = {key for key, next_id in node.transfer_ids.items() if next_id > 1 and key != here}

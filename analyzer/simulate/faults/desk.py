@@ -46,7 +46,7 @@ class Work:
         self.fault = order.fault
         self.order: Order | None = order
         self.state: dict[str, Any] = {}
-        self.kept = False
+        self.marks = 0
         self.pending: Order | None = None  # what is done once it has a first frame to show
         self.answer = Answer(order.fault.rule, desk.world.now, order.fault.title, also=order.fault.also)
         self._desk = desk
@@ -62,13 +62,15 @@ class Work:
 
     def mark(self, what: Sending | Frame) -> None:
         """The answer lists this frame, or the frames of this transfer."""
+        self.marks += 1
         if self.answer not in what.answers:
             what.answers = (*what.answers, self.answer)
         if isinstance(what, Sending):
             self._of(what)
         elif what.sending is not None:
             self._of(what.sending)
-        self._desk.keep(self)
+        if self.marks == 1:
+            self._desk.keep(self)
         if self.pending is not None:
             self._desk.close(self.pending)
             self.pending = None
@@ -130,7 +132,7 @@ class Desk:
         times = int(order.settings.get("count", 1))
         t = order.t
         if t is None:
-            t = 0 if fault.early else round(world.span * random.uniform(_EARLY, _latest(fault.lasts, world.span)))
+            t = _usual(fault, world.span, random)
         self.open += [order] * times
         if t + fault.lasts > world.span:
             return
@@ -155,7 +157,12 @@ class Desk:
     def pass_by(self, stage: str, sending: Sending) -> None:
         """A transfer has reached `stage`."""
         waiting = self._waiting[stage]
-        done = [do for do in tuple(waiting) if do(sending) is Step.DONE]
+        done = []
+        for do in tuple(waiting):
+            if stage == "frames" and not sending.frames:  # held back, or never to be sent
+                break
+            if do(sending) is Step.DONE:
+                done.append(do)
         for do in done:
             waiting.remove(do)
         if done:
@@ -165,14 +172,11 @@ class Desk:
         """A case that no order asked for."""
         work = Work(self, Order(Fault(rule, done, also=also), None, {}), random)
         work.order = None
-        self.keep(work)
         return work
 
     def keep(self, work: Work) -> None:
         """Its answer belongs to the key."""
-        if not work.kept:
-            work.kept = True
-            self._works.append(work)
+        self._works.append(work)
 
     def close(self, order: Order) -> None:
         """The order has found its occasion."""
@@ -216,32 +220,37 @@ class Desk:
             return
         stage, touch = _touch(order.fault)
         fits = _fits(order)
-        going: Work | None = None
+        work, armed = Work(self, order, random), False
 
         def do(sending: Sending) -> Step:
-            nonlocal going
-            if not sending.changed and fits(sending) and (going or random.random() < rate):
-                work = going or Work(self, order, random)
-                step = self._apply(work, stage, touch, sending)
-                if step is not Step.SKIP:
-                    going = work if step is Step.MORE else None
+            nonlocal work, armed
+            if sending.changed or not fits(sending):
+                return Step.MORE
+            armed = armed or random.random() < rate
+            if armed and self._apply(work, stage, touch, sending) is Step.DONE:
+                work, armed = Work(self, order, random), False
             return Step.MORE
 
         self.wait(stage, do)
 
     def _apply(self, work: Work, stage: str, touch: Callable[[Case, Sending], Step], sending: Sending) -> Step:
+        """What one fault has changed is left alone by all others: each of them must be there to be seen."""
+        before = work.marks
         step = touch(work, sending)
         if step is not Step.SKIP:
             if not work.fault.exact:
                 work.mark(sending)
-            sending.changed = stage != "values" and work.answer in sending.answers
-            sending.damaged = sending.damaged or not (stage == "values" or work.fault.harmless)
+            if work.marks > before:
+                sending.changed = True
+                sending.damaged = sending.damaged or not (stage == "values" or work.fault.harmless)
         return step
 
 
-def _latest(lasts: int, end: int) -> float:
-    """The share of the whole by which a fault has to begin, to be over in time."""
-    return max(_EARLY, min(_LATE, 1 - lasts / end - _SPARE))
+def _usual(fault: Fault, span: int, random: Random) -> int:
+    """When a fault happens that was given no time: in the middle of the flight, early enough to be over in time."""
+    if fault.early or fault.late:
+        return 0 if fault.early else max(0, span - fault.lasts)
+    return round(span * random.uniform(_EARLY, max(_EARLY, min(_LATE, 1 - fault.lasts / span - _SPARE))))
 
 
 def _touch(fault: Fault) -> tuple[str, Callable[[Case, Sending], Step]]:

@@ -77,6 +77,7 @@ FAULTS: tuple[Fault, ...] = (
         "the controller reports an error: a bit-stuffing violation seen on the bus",
         start=_error,
         options={"class": 0x88, "tx": 0, "rx": 8},
+        limits={"class": (1, 0x1FFF_FFFF), "tx": (0, 255), "rx": (0, 255)},
         also=("BUS-005",),
     ),
     Fault(

@@ -88,6 +88,7 @@ _OWN: tuple[Fault, ...] = (
         frames=_remote,
         fits=telemetry,
         options={"dlc": 8},
+        limits={"dlc": (0, 8)},
         harmless=True,
         exact=True,
     ),

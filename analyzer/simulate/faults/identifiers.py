@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from analyzer.simulate import wire
 from analyzer.simulate.faults.aid import (
-    LOWEST,
     device,
     dispatch,
     nanoseconds,
@@ -16,7 +15,7 @@ from analyzer.simulate.faults.aid import (
     transmit,
     unknown,
 )
-from dissectors.traffic import MILLISECOND, SECOND, Fault, Sending
+from dissectors.traffic import LOWEST, MILLISECOND, SECOND, Fault, Sending
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -164,6 +163,7 @@ FAULTS: tuple[Fault, ...] = (
         "a node with an ID kept for tools answers as a server",
         start=_reserved,
         options={"id": 127},
+        limits={"id": (126, 127)},
     ),
     Fault("CAN-012", "a request that is addressed to its sender", start=_to_itself, also=("TRF-022",)),
     Fault(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from analyzer.simulate.faults.aid import telemetry
 from dissectors.layout import Array, Primitive, wire_bits
 from dissectors.traffic import Case, Fault, Sending, Step
 
@@ -36,13 +37,6 @@ def tail(message: Message) -> tuple[int, str, Array] | None:
     if element.min_bits < 8 or element.min_bits != element.max_bits or any(low != high for low, high in sizes):
         return None
     return sum(low for low, _ in sizes), last.name, last.type
-
-
-def telemetry(sending: Sending) -> bool:
-    """Fits messages of a fixed size in several frames on which nobody acts: of those a loss harms nothing else."""
-    message = sending.message
-    fixed = 7 < message.min_bytes == message.max_bytes
-    return fixed and message.kind == "message" and not message.actuates
 
 
 def _padded(sending: Sending) -> bool:

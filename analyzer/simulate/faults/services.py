@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.simulate.faults.aid import LOWEST, nanoseconds, number, sender, transmit
-from dissectors.traffic import MICROSECOND, MILLISECOND, SECOND, Fault
+from analyzer.simulate.faults.aid import nanoseconds, number, sender, transmit
+from dissectors.traffic import LOWEST, MICROSECOND, MILLISECOND, SECOND, Fault
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Node, Sending, Values

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _LATER = 2 * MICROSECOND
 # How long both interfaces have shown the same before one of them misses something.
 _BOTH = 300 * MILLISECOND
-_BEFORE_THE_END = 80 * MILLISECOND
+_BEFORE_THE_END = 400 * MILLISECOND
 _NEXT_LINE = 20 * MILLISECOND
 # A pause is long; a sender should have given up; a receiver has.
 _LONG, _ABORTED, _TIMEOUT = 100 * MILLISECOND, SECOND, 2 * SECOND
@@ -40,7 +40,7 @@ def _pause(case: Case) -> None:
 
 
 def _cut(case: Case) -> None:
-    """The recording ends inside the last transfer that can show it."""
+    """The recording ends inside the next transfer that can show it."""
     world, wanted = case.world, case.options.get("node")
 
     def last(_: Case, sending: Sending) -> Step:
@@ -51,7 +51,7 @@ def _cut(case: Case) -> None:
         case.say(f"the recording ends behind the first of {len(sending.frames)} frames")
         return Step.DONE
 
-    world.at(world.end - _BEFORE_THE_END, lambda: case.touch("frames", last))
+    case.touch("frames", last)
 
 
 def _interleave(case: Case, sending: Sending) -> Step:
@@ -106,7 +106,7 @@ FAULTS: tuple[Fault, ...] = (
         options={"pause": 2.5},
         lasts=2600 * MILLISECOND,
     ),
-    Fault("TRF-008", "the recording ends inside a transfer", start=_cut),
+    Fault("TRF-008", "the recording ends inside a transfer", start=_cut, lasts=_BEFORE_THE_END, late=True),
     Fault(
         "TRF-026",
         "two transfers of one session are interleaved",

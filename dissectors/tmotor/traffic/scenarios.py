@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from dissectors.tmotor.traffic.faults.status import STATUS
 from dissectors.tmotor.traffic.motor import HEAT_CAPACITY
 from dissectors.tmotor.traffic.operation import ERROR
-from dissectors.traffic import MILLISECOND, SECOND, Scenario, Step
+from dissectors.traffic import MILLISECOND, SECOND, Scenario, Step, change
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Plot, Sending
@@ -109,27 +109,25 @@ def _mix_up(plot: Plot, node: int) -> None:
     plot.tell(f"from now on the driver of node {node} sends by mailbox number when all mailboxes were free")
     case = plot.case(
         "TRF-003",
-        f"every seventh transfer of several frames from node {node}: the third frame before the second",
+        f"about one in seven transfers of several frames from node {node}: the third frame before the second",
         ("TRF-005", "TRF-006"),
     )
 
-    def swap(case: Case, sending: Sending) -> Step:
+    def swap(_: Case, sending: Sending) -> Step:
         frames = sending.frames
-        if sending.node == node and len(frames) >= 3 and plot.random.random() < _MIXED:
-            frames[1], frames[2] = frames[2], frames[1]
-            sending.damaged = True
-            case.mark(sending)
+        frames[1], frames[2] = frames[2], frames[1]
+        sending.damaged = True
         return Step.MORE
 
-    case.touch("frames", swap)
+    def mixed(sending: Sending) -> bool:
+        return sending.node == node and len(sending.frames) >= 3 and plot.random.random() < _MIXED
+
+    change(case, "frames", mixed, swap)
 
 
 def _duplicate_node(plot: Plot) -> None:
     """The second of two ESCs was never given a node ID of its own."""
-    escs = plot.vehicle.escs
-    if len(escs) < 2:
-        raise ValueError("two devices with one node ID take at least two ESCs")
-    first, second = escs[-2:]
+    first, second = plot.vehicle.escs[-2:]
     node, own = first.node.number, second.node.number
     plot.tell(f"the ESC with index {second.index} was replaced and has node ID {node} instead of {own}")
     second.node.number = node
@@ -210,6 +208,7 @@ SCENARIOS = (
         " and one ID has two unique IDs and two indexes.",
         _duplicate_node,
         seconds=10.0,
+        least=2,
     ),
     Scenario(
         "pack-sag",

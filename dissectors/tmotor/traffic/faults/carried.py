@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dissectors.schema import Bits, Primitive
-from dissectors.tmotor.traffic.faults.occasions import chosen
+from dissectors.schema import Bits
+from dissectors.tmotor.traffic.faults.occasions import chosen, has_room
 from dissectors.tmotor.traffic.packets import Raw, change, split
 from dissectors.traffic import Step
 
@@ -64,7 +64,7 @@ def carried(sending: Sending, *, big_endian: bool = False) -> tuple[str, dict[st
 
 def read(case: Case, sending: Sending) -> tuple[str, dict[str, Any]] | None:
     """The same in the byte order of the ESC that sends it; what another fault has changed is left alone."""
-    if any(answer is not case.answer for answer in sending.answers):
+    if sending.changed:
         return None
     return carried(sending, big_endian=_big_endian(case, sending))
 
@@ -79,9 +79,9 @@ def rewrite(case: Case, sending: Sending, **wanted: Any) -> Step:
     if found is None:
         return Step.SKIP
     name, values = found
-    packet = description(case, sending.name, name)
+    layout = description(case, sending.name, name).layout
     if not all(
-        field in values and values[field] != value and fits(packet, field, value) for field, value in wanted.items()
+        field in values and values[field] != value and has_room(layout, field, value) for field, value in wanted.items()
     ):
         return Step.SKIP
     told = ", ".join(
@@ -122,19 +122,10 @@ def description(case: Case, carrier: str, name: str) -> Packet:
     return next(packet for packet in family(case, carrier).packets if packet.name == name)
 
 
-def fits(packet: Packet, field: str, value: Raw) -> bool:
-    """Whether a field has room for a value; an array has for any."""
-    kind = packet.layout.member(field)
-    if not isinstance(kind, Primitive) or not isinstance(value, int):
-        return True
-    low = -(1 << kind.bits - 1) if kind.kind == "int" else 0
-    return low <= value < low + (1 << kind.bits)
-
-
 def forbidden(packet: Packet, field: str, value: int) -> bool:
     """Whether the document says that a field, or a part of it, cannot have a value for which there is room."""
     note = packet.notes[field]
-    if value in note.special or not fits(packet, field, value):
+    if value in note.special or not has_room(packet.layout, field, value):
         return False
     return _outside(note, value) or any(_outside(part, value >> part.low & _ones(part)) for part in note.parts)
 

@@ -26,9 +26,9 @@ _TRIES = 150 * MILLISECOND
 def _bit(case: Case) -> None:
     """A fault bit that rises; over-temperature comes from heat, the others are set."""
     esc, bit = chosen(case), int(case.options["bit"])
-    if not 0 <= bit <= 11:
-        return
     node, mask = esc.node.number, 1 << bit
+    if esc.faults & mask:  # it cannot rise
+        return
     case.watch(lambda sending: STATUS(sending) and sending.node == node and bool(sending.values["error_count"] & mask))
     if bit == _MOS_OVER_TEMPERATURE:
         _heat(case, esc)
@@ -70,6 +70,8 @@ def _error(case: Case) -> None:
     """The rotor blocks, the ESC gives up, and starts again once it is free."""
     esc, world = chosen(case), case.world
     node, seconds = esc.node.number, float(case.options["seconds"])
+    if esc.mode is not None or esc.motor.blocked:  # it has failed already
+        return
     stall = 1 << _STALL
     case.watch(
         lambda sending: STATUS(sending) and sending.node == node and sending.values["error_count"] >> 12 & 15 == ERROR
@@ -98,6 +100,7 @@ FAULTS: tuple[Fault, ...] = (
         "a fault bit of an ESC rises: it gets too hot",
         start=_bit,
         options={"bit": _MOS_OVER_TEMPERATURE, "seconds": 3.0},
+        limits={"bit": (0, 11)},
         lasts=SECOND,
     ),
     Fault(

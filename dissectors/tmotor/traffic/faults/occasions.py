@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dissectors.layout import Primitive
 from dissectors.traffic import Step, change
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from dissectors.layout import Compound
     from dissectors.traffic import Case, Sending, Touch
 
     # Whether a value breaks the rule.
@@ -16,10 +18,13 @@ if TYPE_CHECKING:
 
 
 def chosen(case: Case, *, packets: bool = False) -> Any:
-    """The ESC that the settings name by its node, else any; with `packets` one that sends PUSHCAN, if there is any."""
+    """The ESC that the settings name by its node, else any that speaks T-Motor's protocol, if there is one.
+
+    With `packets` it is one that sends PUSHCAN.
+    """
     escs, node = case.vehicle.escs, case.options.get("node")
     named = next((esc for esc in escs if esc.node.number == node), None)
-    able = [esc for esc in escs if esc.unit is not None] if packets else []
+    able = [esc for esc in escs if not esc.stock and (esc.unit is not None or not packets)]
     return named or case.random.choice(able or escs)
 
 
@@ -38,6 +43,15 @@ def provoke(case: Case, name: str, stage: str, do: Touch, esc: Any) -> None:
         vehicle.push("FocQuery", esc.unit)
 
 
+def has_room(layout: Compound, field: str, value: object) -> bool:
+    """Whether a field can hold a value; only whole numbers have too little room."""
+    kind = layout.member(field)
+    if not isinstance(kind, Primitive) or not isinstance(value, int) or kind.kind == "float":
+        return True
+    low = -(1 << kind.bits - 1) if kind.kind == "int" else 0
+    return low <= value < low + (1 << kind.bits)
+
+
 def put(sending: Sending, name: str, value: Any) -> Any:
     """Replaces the value of a field and gives what it was."""
     before = sending.values[name]
@@ -47,7 +61,7 @@ def put(sending: Sending, name: str, value: Any) -> Any:
 
 def replaced(case: Case, sending: Sending, name: str, value: float, wrong: Wrong = lambda _: True) -> Step:
     """Replaces the value of a field and says so; skips what has no such field, and a value that is not `wrong`."""
-    if name not in sending.values or not wrong(value):
+    if name not in sending.values or not wrong(value) or not has_room(sending.message.layout, name, value):
         return Step.SKIP
     before = put(sending, name, value)
     case.say(f"{name} set from {before} to {value}")

@@ -11,11 +11,11 @@ from dissectors.tmotor.traffic.faults.carried import (
     asked,
     carries,
     description,
-    fits,
     forbidden,
     read,
     rewrite,
 )
+from dissectors.tmotor.traffic.faults.occasions import has_room
 from dissectors.traffic import Fault, Step, change
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def _differs(case: Case) -> None:
     if esc is None:
         return
     value = esc.parameters["esc_acc_threshold"]
-    if not by or not fits(description(case, "PUSHCAN", "FocFeedback"), "acceleration_limit", value + by):
+    if not by or not has_room(description(case, "PUSHCAN", "FocFeedback").layout, "acceleration_limit", value + by):
         return
     command = case.vehicle.push("FocParameters", esc.unit, acceleration_limit=value)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from dissectors.tmotor.traffic.faults.occasions import chosen, put
-from dissectors.traffic import Fault, Sending, Step
+from dissectors.traffic import Fault, Sending, Step, change
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -16,31 +16,30 @@ _FIELD = "data_sequence"
 _WRAP = 1 << 32
 
 
-def _sender(case: Case, name: str) -> Any:
-    return case.vehicle.ground if name == "PUSHSCI" else chosen(case, packets=True).node
+def _sender(case: Case) -> tuple[str, int, Any]:
+    """The type, the node that sends it, and what counts its transfers there."""
+    name = str(case.options.get("type", "PUSHCAN"))
+    if name == "PUSHSCI":
+        return name, case.vehicle.ground.number, case.vehicle.station
+    esc = chosen(case, packets=True)
+    return name, esc.node.number, esc.reports
 
 
 def _shift(case: Case, by: Callable[[int], int], what: str) -> None:
     """From the next transfer on, a node counts on from another number; `by` says from the right one how far away."""
-    name = str(case.options.get("type", "PUSHCAN"))
-    node = _sender(case, name).number
-    shift: int | None = None
+    name, node, counter = _sender(case)
 
-    def touch(case: Case, sending: Sending) -> Step:
-        nonlocal shift
-        if sending.name != name or sending.node != node:
-            return Step.SKIP
+    def do(case: Case, sending: Sending) -> Step:
         right = sending.values[_FIELD]
-        if shift is None:
-            shift = by(right)
-            if not shift:
-                return Step.DONE
-            case.mark(sending)
-            case.say(f"{_FIELD} {what}: {(right - 1) % _WRAP} is followed by {(right + shift) % _WRAP}")
+        shift = by(right)
+        if not shift:
+            return Step.SKIP
         put(sending, _FIELD, (right + shift) % _WRAP)
-        return Step.MORE
+        counter.data_sequence += shift
+        case.say(f"{_FIELD} {what}: {(right - 1) % _WRAP} is followed by {(right + shift) % _WRAP}")
+        return Step.DONE
 
-    case.touch("values", touch)
+    change(case, "values", lambda sending: sending.name == name and sending.node == node, do)
 
 
 def _gap(case: Case) -> None:
@@ -58,32 +57,33 @@ def _restart(case: Case) -> None:
 
 def _empty(case: Case) -> None:
     """One more transfer behind the next one, with a sequence number of its own and no data."""
-    name, world = str(case.options.get("type", "PUSHCAN")), case.world
-    node = _sender(case, name)
-    last: int | None = None
-    added = 0
+    name, number, counter = _sender(case)
 
     def send() -> None:
-        nonlocal added
-        added = 1
-        case.mark(node.send(name, {_FIELD: last, "data": b""}))
-        case.say(f"a transfer without data, a payload of 4 bytes, between {_FIELD} {last} and its successor")
+        node = case.world.node(number)
+        if node is None:
+            return
+        own = counter.data_sequence
+        counter.data_sequence = (own + 1) % _WRAP
+        case.mark(node.send(name, {_FIELD: own, "data": b""}))
+        case.say(
+            f"a transfer without data, a payload of 4 bytes, between {_FIELD} {(own - 1) % _WRAP} and its successor"
+        )
 
     def touch(_: Case, sending: Sending) -> Step:
-        nonlocal last
-        if sending.name != name or sending.node != node.number:
+        if sending.name != name or sending.node != number:
             return Step.SKIP
-        if last is None:
-            world.at(world.now, send)
-        last = put(sending, _FIELD, (sending.values[_FIELD] + added) % _WRAP)
-        return Step.MORE
+        case.world.at(case.world.now, send)
+        return Step.DONE
 
     case.touch("values", touch)
 
 
+_ONLY = {"type": ("PUSHSCI", "PUSHCAN")}
+
 FAULTS: tuple[Fault, ...] = (
-    Fault("TYP-501", "a sequence number leaves some out", start=_gap, options={"missing": 4}),
-    Fault("TYP-502", "a sequence number comes twice with different data", start=_repeat),
-    Fault("TYP-503", "a sequence starts again", start=_restart),
-    Fault("TYP-504", "a transfer whose data is empty", start=_empty),
+    Fault("TYP-501", "a sequence number leaves some out", start=_gap, options={"missing": 4}, choices=_ONLY),
+    Fault("TYP-502", "a sequence number comes twice with different data", start=_repeat, choices=_ONLY),
+    Fault("TYP-503", "a sequence starts again", start=_restart, choices=_ONLY),
+    Fault("TYP-504", "a transfer whose data is empty", start=_empty, choices=_ONLY),
 )

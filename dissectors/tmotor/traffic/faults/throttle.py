@@ -49,8 +49,6 @@ def _channels(case: Case, sending: Sending) -> Step:
 
 
 def _empty(case: Case, sending: Sending) -> Step:
-    if sending.answers:  # what another fault has put in would be lost
-        return Step.SKIP
     before = put(sending, "cmd", [])
     case.say(f"no channels instead of {len(before)}, a payload of 0 bytes")
     return Step.DONE
@@ -59,7 +57,7 @@ def _empty(case: Case, sending: Sending) -> Step:
 def _words(case: Case, sending: Sending) -> Step:
     """One channel as two bytes, the two high bits cut off, in a frame that is filled with zeros."""
     low, high = (int(case.options["value"]) & 0x3FFF).to_bytes(2, "little")
-    if not high & 3 or sending.answers:
+    if not high & 3:
         return Step.SKIP
     channels = len(sending.values["cmd"])
     sending.payload = bytes((low, high)) + bytes(5)
@@ -72,12 +70,15 @@ def _words(case: Case, sending: Sending) -> Step:
     return Step.DONE
 
 
+_ONLY = {"type": ("RawCommand",)}
+
 FAULTS: tuple[Fault, ...] = (
     Fault(
         "TYP-101",
         "a throttle is negative",
         values=_negative,
         fits=_COMMAND,
+        choices=_ONLY,
         options={"channel": 0, "value": -1000},
         also=("TYP-305",),
     ),
@@ -86,6 +87,7 @@ FAULTS: tuple[Fault, ...] = (
         "a throttle is -8192",
         values=_lowest,
         fits=_COMMAND,
+        choices=_ONLY,
         options={"channel": 0},
         also=("TYP-101", "TYP-305"),
     ),
@@ -94,15 +96,24 @@ FAULTS: tuple[Fault, ...] = (
         "the number of throttle channels is not that of the ESCs",
         values=_channels,
         fits=_COMMAND,
+        choices=_ONLY,
         options={"more": 1, "commands": 80},
         lasts=200 * MILLISECOND,
     ),
-    Fault("TYP-104", "a throttle command without channels", values=_empty, fits=_COMMAND, also=("TYP-103", "BUS-026")),
+    Fault(
+        "TYP-104",
+        "a throttle command without channels",
+        values=_empty,
+        fits=_COMMAND,
+        choices=_ONLY,
+        also=("TYP-103", "BUS-026"),
+    ),
     Fault(
         "TYP-105",
         "a throttle packed as a 16-bit word",
         transfer=_words,
         fits=_COMMAND,
+        choices=_ONLY,
         options={"value": 1000},
     ),
 )

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dissectors.layout import Array, Compound, Member, Primitive
 from dissectors.schema import Message
-from dissectors.traffic import Case, Fault, Sending, Step, of
+from dissectors.traffic import LOWEST, Case, Fault, Sending, Step, next_id, of
 
-LOWEST = 31
 _LISTED = of("RawCommand", "ParamCfg", "ESCStatus", "PUSHSCI", "PUSHCAN", "ParamGet")
 # Programs written for V2.3 of the protocol send this under the ID of uavcan.equipment.ahrs.Solution.
 CLOUD_LINK = Message(
@@ -48,8 +47,7 @@ def _taken(case: Case) -> None:
     data[: len(_MAGIC)] = _MAGIC
     for at in _ZEROS:
         data[at] = 0
-    transfer_id = node.transfer_ids.get((CLOUD_LINK.table, None), 0)
-    node.transfer_ids[CLOUD_LINK.table, None] = (transfer_id + 1) % 32
+    transfer_id = next_id(node, CLOUD_LINK.table)
     sending = Sending(
         node.number, CLOUD_LINK, {"data": bytes(data)}, None, LOWEST, transfer_id, CLOUD_LINK.signature, changed=True
     )
