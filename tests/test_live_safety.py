@@ -145,14 +145,12 @@ def test_the_table(registry: Registry) -> None:
 @pytest.mark.parametrize("first", [True, False])
 def test_an_id_that_two_types_share_actuates_if_one_of_them_does(tmp_path: Path, first: bool) -> None:
     """Whichever the preferred one is: who listens may take it for the other."""
-    names = ("a", "b") if first else ("b", "a")
-    for name, actuates in zip(names, (True, False), strict=True):
-        folder = tmp_path / name
-        folder.mkdir()
-        (folder / f"20900.Pump{name}.uavcan").write_text(f"uint16 pressure_{name}\n")
-        (folder / "profile.toml").write_text(
-            f'name = "{name}"\nversion = "1"\n'
-            + (f'[message.Pump{name}]\ndsdl = "20900.Pump{name}.uavcan"\nactuates = true\n' if actuates else "")
-        )
-    guard = Guard(dissectors.load([tmp_path / "a", tmp_path / "b"]))
+    for name in ("one", "other"):
+        actuates = (name == "one") is first
+        folder = tmp_path / name / name
+        folder.mkdir(parents=True)
+        (folder / "20900.Pump.uavcan").write_text(f"uint16 pressure_{name}\n")
+        message = f'[message.Pump]\ndsdl = "{name}/20900.Pump.uavcan"\ntype = "{name}.Pump"\nactuates = true\n'
+        (tmp_path / name / "profile.toml").write_text(f'name = "{name}"\nversion = "1"\n' + message * actuates)
+    guard = Guard(dissectors.load([tmp_path / "one", tmp_path / "other"]))
     assert guard.judge(31 << 24 | 20900 << 8 | 11, extended=True, remote=False).actuates
