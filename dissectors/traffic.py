@@ -271,7 +271,10 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A story that a capture tells; `start` lets it happen in a flight of its `profile` with at `least` some ESCs."""
+    """A story that a capture tells; `start` lets it happen in a flight of its `profile` with at `least` some ESCs.
+
+    A capture without any of its `rules` does not tell it.
+    """
 
     name: str
     title: str
@@ -280,6 +283,7 @@ class Scenario:
     profile: str = "hover"
     seconds: float = 8.0
     least: int = 1
+    rules: tuple[str, ...] = ()
 
 
 def next_id(node: Node, table: str, dst: int | None = None) -> int:

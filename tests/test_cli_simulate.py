@@ -9,6 +9,7 @@ import resource
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -308,3 +309,30 @@ def test_a_reader_that_leaves() -> None:
         process.stdout.read(10)
         process.stdout.close()
         assert (process.stderr.read(), process.wait(LIMIT)) == (b"", 0)
+
+
+@pytest.mark.parametrize("zone", ["UTC", "Asia/Tokyo", "America/New_York"])
+def test_a_date_without_a_zone_is_the_same_moment_everywhere(
+    command: Command, monkeypatch: pytest.MonkeyPatch, zone: str
+) -> None:
+    monkeypatch.setenv("TZ", zone)
+    time.tzset()
+    assert command("simulate", "-o", "x.log", "--duration", "50ms", "--start", "2026-03-14T12:49:54")[0] == 0
+    assert Path("x.log").read_text().startswith("(1773492594.00")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "rules"),
+    [
+        (["pack-sag", "--stock"], "TYP-305"),
+        (["pack-sag", "--duration", "2"], "TYP-305"),
+        (["bus-break", "--duration", "2"], "CAP-002"),
+        (["esc-failure", "--profile", "startup", "--duration", "6"], "BUS-028"),
+        (["command-loss", "--profile", "startup", "--duration", "2", "--esc", "20"], "BUS-007"),
+    ],
+)
+def test_a_story_that_is_not_told_is_refused(command: Command, arguments: list[str], rules: str) -> None:
+    status, _, err = command("simulate", "-o", "x.log", "--scenario", *arguments)
+    assert (status, err.count("\n"), Path("x.log").exists()) == (2, 1, False)
+    assert f"the scenario {arguments[0]} does not happen in " in err
+    assert err.endswith(f": no {rules}\n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from itertools import pairwise
 from statistics import median
 
@@ -93,12 +94,24 @@ def test_a_slow_bus_is_not_overloaded(bit_rate: int, escs: int) -> None:
 
 
 def test_rates_scale_with_the_bus() -> None:
-    assert [rates(bit_rate, 8, None).command for bit_rate in BUS_RATES] == [
-        round(period * MILLISECOND) for period in (2.5, 5, 10, 20, 25, 50)
-    ]
-    assert [rates(bit_rate, 8, None).status for bit_rate in BUS_RATES] == [30, 15, 8, 4, 3, 2]
+    def commands(escs: int) -> list[float]:
+        return [rates(bit_rate, escs, None).command / MILLISECOND for bit_rate in BUS_RATES]
+
+    assert commands(4) == [2.5, 2.5, 5, 10, 12.5, 25]
+    assert commands(8) == [2.5, 6, 12.5, 25, 40, 50]
+    assert commands(20)[1:][-1] == 50, "an ESC waits 100 ms"
+    assert [rates(bit_rate, 4, None).status for bit_rate in BUS_RATES] == [30, 30, 15, 7, 6, 3]
     assert rates(50_000, 8, 100).status == 100
     assert rates(125_000, 20, None).status < rates(125_000, 8, None).status
+
+
+@pytest.mark.parametrize("bit_rate", BUS_RATES[:2])
+def test_a_bus_has_its_share_of_the_documents_limit(bit_rate: int) -> None:
+    """BUS-003: 2400 frames a second at 1 Mbit/s, and as much less as the bus is slower."""
+    for escs in (1, 4, 8):
+        times = [frame.t for frame in flown(8, escs=escs, bit_rate=bit_rate).frames]
+        busiest = max(at - bisect_left(times, t - SECOND) + 1 for at, t in enumerate(times))
+        assert busiest <= 2400 * bit_rate / 1_000_000, escs
 
 
 def text(seed: int, **settings: object) -> str:

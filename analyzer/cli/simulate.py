@@ -6,6 +6,7 @@ import argparse
 import os
 import re
 import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from analyzer.cli import OK, USAGE, options, streams
@@ -19,7 +20,8 @@ NAME = "tailbyte simulate"
 # What goes on until somebody ends it ends after a day.
 DAY = 86_400 * 10**9
 # Times in nanoseconds end in 2262.
-_LATEST = 1 << 63
+# Times of a capture in ns: fewer seconds than these are no date.
+_EARLIEST, _LATEST = 10**17, 1 << 63
 _EPILOG = """\
 TIME and S are seconds, or 300ms, 10min, 24h. What a file holds depends on nothing but these arguments. Onto a bus:
 `tailbyte simulate vcan0` goes on until Ctrl-C (at most a day), at the pace of the clock. Commands for motors and the
@@ -45,7 +47,10 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     group.add_argument("--seed", type=int, default=1, metavar="K", help="another number, another flight; default: 1")
     group.add_argument("--rate", type=int, metavar="HZ", help="of status messages; default: 30, less on a slow bus")
     group.add_argument("--stock", action="store_true", help="the ESCs speak standard DroneCAN only")
-    group.add_argument("--start", metavar="TIME", help="time of the beginning: 2026-03-14T12:49:54, seconds since 1970")
+    group.add_argument(
+        "--start", metavar="TIME",
+        help="time of the beginning: 2026-03-14T12:49:54 (UTC unless it names a zone), or seconds since 1970",
+    )  # fmt: skip
     group.add_argument("--bus-name", metavar="NAME", help="of the interface in the capture; default: can0")
     group = parser.add_argument_group("faults")
     group.add_argument(
@@ -173,12 +178,21 @@ def _time(option: str, text: str) -> int:
 
 
 def _start(text: str, duration: int) -> int:
-    from analyzer.window import Moment  # noqa: PLC0415 - needs numpy
+    """Nanoseconds since 1970, whole microseconds as candump text has them; a date without a zone is UTC everywhere."""
+    from datetime import UTC, datetime, timedelta  # noqa: PLC0415
 
-    moment = Moment.parse(text)
-    if moment.kind != "absolute" or not 0 < moment.ns < _LATEST - duration:
+    found = 0
+    if re.fullmatch(r"\d{1,12}(\.\d{1,12})?", text, re.ASCII):
+        seconds, _, part = text.partition(".")
+        found = int(seconds) * 1_000_000 + int(f"{part:0<6}"[:6])
+    else:
+        with suppress(ValueError):
+            moment = datetime.fromisoformat(text)
+            moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+            found = (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1)
+    if not _EARLIEST <= found * 1000 < _LATEST - duration:
         raise ValueError(f"--start: {text!r} is no date (2026-03-14T12:49:54, or seconds since 1970)")
-    return moment.ns - moment.ns % 1000  # candump text has microseconds
+    return found * 1000
 
 
 def _bus_name(given: str | None, bus: Interface | None) -> str:

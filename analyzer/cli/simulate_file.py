@@ -79,8 +79,8 @@ def missing(simulation: Simulation) -> str:
     time = f"in {simulation.settings.duration / SECOND:g} s"
     if simulation.unused:
         return f"no occasion {time} for {', '.join(simulation.unused)}"
-    if simulation.scenario is not None and not simulation.story.events:
-        return f"nothing of the scenario {simulation.scenario.name} happens {time}"
+    if simulation.scenario is not None and simulation.untold:
+        return f"the scenario {simulation.scenario.name} does not happen {time}: no {', '.join(simulation.untold)}"
     return "" if simulation.recorder.frames else f"nothing is sent {time}"
 
 

@@ -95,6 +95,12 @@ class Simulation:
         """Faults that were asked for and are not in what was recorded, as they were written."""
         return tuple(dict.fromkeys(order.text or order.fault.rule for order in self.world.desk.unseen))
 
+    @property
+    def untold(self) -> tuple[str, ...]:
+        """The rules of the scenario that nothing recorded breaks: without them it has not been told."""
+        wanted = self.scenario.rules if self.scenario is not None else ()
+        return tuple(rule for rule in wanted if all(rule != answer.rule for answer in self.world.desk.answers))
+
     def frames(self, pace: Callable[[Iterator[Frame]], Iterable[Frame]] = iter) -> Iterator[Frame]:
         """Every recorded frame in order; times from the start of the simulation.
 

@@ -112,6 +112,7 @@ SCENARIOS = (
         "counts receive errors up to error passive. Then the bus is open for 1.6 s: no command reaches an ESC, motors "
         "run down, nothing is recorded. When contact returns, everybody goes on where it is by then.",
         _bus_break,
+        rules=("CAN-004", "CAP-002"),
     ),
     Scenario(
         "recording-ends",
@@ -119,5 +120,6 @@ SCENARIOS = (
         "The recorder loses power at 70 % of the planned time, in the middle of a transfer and of the flight: no "
         "landing, no shutdown, no error. What is there until then is a healthy flight.",
         _recording_ends,
+        rules=("TRF-008",),
     ),
 )

@@ -3,9 +3,10 @@
 At 1 Mbit/s: RawCommand at 400 Hz (4.4.1 explanation 5), ESCStatus at 30 Hz and MotorStatus at 5 Hz for each ESC. Eight
 ESCs then send fewer than the 2400 frames a second that the document allows while motors turn (4.4.6 explanation 3).
 
-On a slower bus every rate falls in proportion to the bit rate: at 125 kbit/s RawCommand comes at 50 Hz and ESCStatus at
-4 Hz. With more than eight ESCs a slow bus lowers the status rate further, in proportion to their number. A status rate
-that somebody asks for is kept as it is.
+On a slower bus as much of that goes out as its share of the 2400 frames allows, with room for questions and answers
+(below 500 kbit/s these take more for a moment): RawCommand keeps its 400 Hz while it fits and is then as slow as it has
+to be, but never so slow that ESCs miss it; the status rates fall with it. A status rate that somebody asks for is kept
+as it is.
 """
 
 from __future__ import annotations
@@ -19,6 +20,13 @@ BUS_RATES = (1_000_000, 500_000, 250_000, 125_000, 100_000, 50_000)
 # The document's recommendation (4.4.1 explanation 3).
 MANY = 8
 _FULL = BUS_RATES[0]
+# Frames a second at 1 Mbit/s (4.4.6 explanation 3), and the share of a slower bus that is planned for.
+_LIMIT, _PLANNED = 2400, 0.75
+# Times between two RawCommand in ms, the first one if it fits; the last is half of what an ESC waits for.
+_PERIODS = (2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.5, 20.0, 25.0, 40.0, 50.0)
+# What one ESC reports at 1 Mbit/s: 30 ESCStatus of 3 frames and 5 MotorStatus of 5.
+_STATUS, _PUSH = 30, 5
+_REPORTS = _STATUS * 3 + _PUSH * 5
 # All ESCs have answered within this time.
 _ALL_ANSWER = 700 * MILLISECOND
 
@@ -42,12 +50,29 @@ class Rates:
 def rates(bit_rate: int, escs: int, wanted: int | None) -> Rates:
     """The rates of a vehicle; `wanted` is the rate of ESCStatus in Hz that somebody asked for."""
     slow = max(1.0, _FULL / bit_rate)
-    few = 1.0 if slow == 1.0 else min(1.0, MANY / escs)
+    room = _PLANNED * _LIMIT / slow
+    period = _PERIODS[0]
+    if slow > 1:
+        period = next((one for one in _PERIODS if _frames(escs, one) <= room), _PERIODS[-1])
+    share = _PERIODS[0] / period
+    if _frames(escs, period) > room and slow > 1:
+        share = max(1 / _STATUS, share * (room - _commands(escs, period)) / (escs * _REPORTS * share))
     return Rates(
-        command=round(2.5 * MILLISECOND * slow),
-        status=max(1, round(30 * few / slow)) if wanted is None else wanted,
-        push=round(SECOND // 5 * slow),
+        command=round(period * MILLISECOND),
+        status=max(1, int(_STATUS * share)) if wanted is None else wanted,
+        push=round(SECOND / (_PUSH * share)),
         gap=min(round(3 * MILLISECOND * slow), _ALL_ANSWER // escs),
         bus=BUS_RATES.index(bit_rate) if bit_rate in BUS_RATES else 0,
-        slow=slow,
+        slow=max(slow, 1 / share),
     )
+
+
+def _commands(escs: int, period: float) -> float:
+    """Frames of RawCommand a second: 14 bits a channel, in several frames with a CRC."""
+    size = -(-14 * escs // 8)
+    return (1 if size <= 7 else -(-(size + 2) // 7)) * 1000 / period
+
+
+def _frames(escs: int, period: float) -> float:
+    """Frames a second with this time between two RawCommand, everything else slowed down alike."""
+    return _commands(escs, period) + escs * _REPORTS * _PERIODS[0] / period

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from dissectors.tmotor.traffic.faults.status import STATUS
 from dissectors.tmotor.traffic.motor import HEAT_CAPACITY
 from dissectors.tmotor.traffic.operation import ERROR
+from dissectors.tmotor.traffic.throttle import FULL
 from dissectors.traffic import MILLISECOND, SECOND, Scenario, Step, change
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ _HEALTH_ERROR = 2
 _BEYOND = 10.0
 # Volts a cell: an ESC warns below the first.
 _LOW_CELL = 3.45
+# A throttle that should turn a motor, as a share of all.
+_COMMANDED = 0.1
 # Of the transfers of a driver that mixes up its mailboxes, so many come out wrong.
 _MIXED = 0.15
 
@@ -74,7 +77,15 @@ def _give_up(plot: Plot, esc: Any) -> None:
 
     plot.case("BUS-022", f"node {node} reports health ERROR").watch(health)
     stands = plot.case("BUS-028", f"node {node} stands still while it is commanded to turn")
-    stands.watch(lambda sending: STATUS(sending) and sending.node == node and sending.values["rpm"] == 0)
+    commanded = round(_COMMANDED * FULL)
+    stands.watch(
+        lambda sending: (
+            STATUS(sending)
+            and sending.node == node
+            and sending.values["rpm"] == 0
+            and plot.vehicle.command(esc.index) > commanded
+        )
+    )
     if not esc.stock:
         error = plot.case("TYP-306", f"error mode of node {node}", ("PUSH-401",))
         error.watch(
@@ -90,6 +101,8 @@ def _command_loss(plot: Plot) -> None:
 
 def _stop_commanding(plot: Plot) -> None:
     vehicle = plot.vehicle
+    if not any(esc.throttle.started for esc in vehicle.escs):  # it never began
+        return
     plot.tell("the autopilot's control loop hangs: no more RawCommand, while its NodeStatus goes on")
     vehicle.commanding = False
     for esc in vehicle.escs:
@@ -180,6 +193,7 @@ SCENARIOS = (
         " goes into error mode and lets its motor run out, although the autopilot commands it on and on. The "
         "others take over its share of the thrust.",
         _esc_failure,
+        rules=("BUS-022", "BUS-028"),
         seconds=14.0,
     ),
     Scenario(
@@ -189,6 +203,7 @@ SCENARIOS = (
         "does not: every ESC holds its last throttle until the timeout, reports throttle loss and lets its motor "
         "run down.",
         _command_loss,
+        rules=("BUS-007",),
         seconds=10.0,
     ),
     Scenario(
@@ -198,6 +213,7 @@ SCENARIOS = (
         "the mailboxes instead of the order of time. Every now and then the last frame of a transfer overtakes the"
         " middle one; every receiver throws the transfer away, although no frame was lost on the bus.",
         _reordering,
+        rules=("TRF-003",),
         seconds=10.0,
     ),
     Scenario(
@@ -207,6 +223,7 @@ SCENARIOS = (
         "IDs, data sequences and counters of two devices are interleaved, one GetNodeInfo request has two answers,"
         " and one ID has two unique IDs and two indexes.",
         _duplicate_node,
+        rules=("BUS-010",),
         seconds=10.0,
         least=2,
     ),
@@ -217,6 +234,7 @@ SCENARIOS = (
         " the current; the autopilot raises the throttle to keep its thrust, which makes it worse, until every ESC"
         " reports under-voltage.",
         _pack_sag,
+        rules=("TYP-305",),
         seconds=12.0,
     ),
 )
