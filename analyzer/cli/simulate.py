@@ -20,6 +20,8 @@ NAME = "tailbyte simulate"
 # What goes on until somebody ends it ends after a day.
 DAY = 86_400 * 10**9
 # Times in nanoseconds end in 2262.
+# Names of interfaces that candump text can hold, with room for the number of a second one.
+_NAME = r"[\x21\x22\x24-\x7e]{1,60}"
 # Times of a capture in ns: fewer seconds than these are no date.
 _EARLIEST, _LATEST = 10**17, 1 << 63
 _EPILOG = """\
@@ -44,7 +46,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     group.add_argument("--profile", metavar="NAME", help="hover, mission, bench or startup; default: hover")
     group.add_argument("--esc", type=int, default=4, metavar="N", help="ESCs, 1 to 20; default: 4")
     group.add_argument("--duration", metavar="S", help="default: 10, or what the scenario takes; at most a day")
-    group.add_argument("--seed", type=int, default=1, metavar="K", help="another number, another flight; default: 1")
+    group.add_argument("--seed", type=_seed, default=1, metavar="K", help="another number, another flight; default: 1")
     group.add_argument("--rate", type=int, metavar="HZ", help="of status messages; default: 30, less on a slow bus")
     group.add_argument("--stock", action="store_true", help="the ESCs speak standard DroneCAN only")
     group.add_argument(
@@ -168,6 +170,13 @@ def _settings(args: argparse.Namespace, bus: Interface | None) -> Settings:
     )
 
 
+def _seed(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text[:20]!r} is not a whole number") from None
+
+
 def _time(option: str, text: str) -> int:
     from analyzer.simulate.faults.catalogue import nanoseconds  # noqa: PLC0415
 
@@ -197,8 +206,8 @@ def _start(text: str, duration: int) -> int:
 
 def _bus_name(given: str | None, bus: Interface | None) -> str:
     name = str(bus.channel) if bus else "can0" if given is None else given
-    if re.fullmatch(r"[\x21-\x7e]{1,64}", name):
+    if re.fullmatch(_NAME, name):
         return name
     if bus:
         return bus.kind
-    raise ValueError(f"--bus-name: {name!r} is not a name of printable characters without spaces, at most 64")
+    raise ValueError(f"--bus-name: {name!r} is not a name of printable characters without spaces and #, at most 60")

@@ -140,10 +140,13 @@ def test_an_interface_that_goes_away(command: Command, tmp_path: Path) -> None:
 
     remover = threading.Thread(target=remove)
     remover.start()
-    got = command("simulate", "vcan6", "--key", tmp_path / "key.json")
+    key = tmp_path / "key.json"
+    status, _, err = command("simulate", "vcan6", "--key", key)
     remover.join()
     recorder.close()
-    assert (got, list(tmp_path.iterdir())) == ((3, "", "tailbyte: vcan6: has been removed\n"), [])
+    told, reason = err.splitlines()
+    assert (status, reason) == (3, "tailbyte: vcan6: has been removed")
+    assert told.startswith(f"-- {json.loads(key.read_text())['capture']['frames']} frames, ")
 
 
 def test_frames_of_can_fd_need_an_interface_for_them(command: Command, tmp_path: Path) -> None:

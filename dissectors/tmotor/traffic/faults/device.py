@@ -11,7 +11,7 @@ from dissectors.tmotor.traffic.operation import ERROR
 from dissectors.traffic import MILLISECOND, SECOND, Fault
 
 if TYPE_CHECKING:
-    from dissectors.traffic import Case
+    from dissectors.traffic import Case, Sending
 
 _MOS_OVER_TEMPERATURE, _STALL = 5, 7
 # How far (K) the heating goes beyond the limit, and what the air takes away meanwhile (W/K).
@@ -29,18 +29,24 @@ def _bit(case: Case) -> None:
     node, mask = esc.node.number, 1 << bit
     if esc.faults & mask:  # it cannot rise
         return
-    case.watch(lambda sending: STATUS(sending) and sending.node == node and bool(sending.values["error_count"] & mask))
+    seconds = float(case.options["seconds"])
+
+    def shows(sending: Sending) -> bool:
+        return STATUS(sending) and sending.node == node and bool(sending.values["error_count"] & mask)
+
     if bit == _MOS_OVER_TEMPERATURE:
+        case.watch(shows)
         _heat(case, esc)
         return
+    over = case.world.now + round(seconds * SECOND)
+    case.watch(shows, over + SECOND)
     esc.fault_bits |= mask
-    seconds = float(case.options["seconds"])
     case.say(f"status bit {bit} of the ESC with index {esc.index} set for {seconds:g} s")
 
-    def over() -> None:
+    def fall() -> None:
         esc.fault_bits &= ~mask
 
-    case.world.at(case.world.now + round(seconds * SECOND), over)
+    case.world.at(over, fall)
 
 
 def _heat(case: Case, esc: Any) -> None:
@@ -74,7 +80,8 @@ def _error(case: Case) -> None:
         return
     stall = 1 << _STALL
     case.watch(
-        lambda sending: STATUS(sending) and sending.node == node and sending.values["error_count"] >> 12 & 15 == ERROR
+        lambda sending: STATUS(sending) and sending.node == node and sending.values["error_count"] >> 12 & 15 == ERROR,
+        world.now + _TRIES + round(seconds * SECOND) + SECOND,
     )
     case.say(
         f"the rotor of the ESC with index {esc.index} blocks: stall (bit {_STALL}), "

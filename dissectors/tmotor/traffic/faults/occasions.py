@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from dissectors.layout import Primitive
-from dissectors.traffic import Step, change
+from dissectors.traffic import Code, Step, change
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 
     # Whether a value breaks the rule.
     Wrong = Callable[[float], bool]
+
+
+# The largest number of a float16; a sender saturates what is larger.
+_LARGEST = 65_504.0
 
 
 def chosen(case: Case, *, packets: bool = False) -> Any:
@@ -44,10 +48,12 @@ def provoke(case: Case, name: str, stage: str, do: Touch, esc: Any) -> None:
 
 
 def has_room(layout: Compound, field: str, value: object) -> bool:
-    """Whether a field can hold a value; only whole numbers have too little room."""
+    """Whether a field can hold a number as it is; what is no number, or no field of one, has room."""
     kind = layout.member(field)
-    if not isinstance(kind, Primitive) or not isinstance(value, int) or kind.kind == "float":
+    if not isinstance(kind, Primitive) or not isinstance(value, int | float) or isinstance(value, Code):
         return True
+    if kind.kind == "float":
+        return abs(value) <= _LARGEST or kind.bits > 16
     low = -(1 << kind.bits - 1) if kind.kind == "int" else 0
     return low <= value < low + (1 << kind.bits)
 

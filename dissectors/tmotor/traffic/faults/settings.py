@@ -78,6 +78,8 @@ def _permanent(case: Case) -> None:
     write()
 
 
+_LED = {"led": (0, 0xFFFF)}
+
 FAULTS: tuple[Fault, ...] = (
     _fault("TYP-202", "an ESC ID to set that is out of range", "esc_id_set", 200, _id),
     _fault(
@@ -121,5 +123,5 @@ FAULTS: tuple[Fault, ...] = (
         options={"field": "esc_acc_threshold"},
         choices={"field": _WIDE},
     ),
-    Fault("TYP-210", "settings are stored while the motors turn", start=_permanent, options={"led": 0x57}),
+    Fault("TYP-210", "settings are stored while the motors turn", start=_permanent, options={"led": 0x57}, limits=_LED),
 )
