@@ -198,6 +198,8 @@ def test_the_list(command: Command) -> None:
         (["-o", "out.log", "--duration", "25h"], "--duration: '25h' is more than a day"),
         (["-o", "out.log", "--duration", "0"], "--duration is nothing"),
         (["-o", "out.log", "--duration", "1us"], "nothing is sent in 1e-06 s"),
+        (["-o", "out.log", "--seed", "9" * 5000],
+         f"argument --seed: '{'9' * 20}' is not a whole number (see tailbyte simulate --help)"),
         (["-o", "out.log", "--bus-name", "a#b"], None),
         (["-o", "out.log", "--bus-name", "x" * 61], None),
         (["-o", "out.log", "--start", "12.5"],
