@@ -1,8 +1,7 @@
 //! Frames to transfers: every frame ends in exactly one transfer or with a verdict that says why not.
 //!
-//! Links point backwards only (a transfer names its frames), so a batch can be handed on at any
-//! frame. The one thing learnt late is whether a session is DroneCAN at all (see [`crate::trust`]):
-//! frames of the current batch are corrected in place, earlier ones are listed in [`Settled`].
+//! Links point backwards only (a transfer names its frames), so a batch can be handed on at any frame. Whether a session
+//! is DroneCAN at all is learnt late (see [`crate::trust`]): earlier frames of it are listed in [`Settled`].
 #![forbid(unsafe_code)]
 
 use std::collections::HashMap;
