@@ -76,3 +76,19 @@ def frames(sent: transport.Transfer) -> list[Frame]:
 
 def new(known: Any, kind: str) -> Any:
     return known() if kind == "message" else getattr(known, kind.capitalize())()
+
+
+def received(text: str) -> list[tuple[int, transport.Transfer]]:
+    """(number of the last frame, transfer) of everything in a capture, as pydronecan reassembles it."""
+    open_ones: dict[int, list[transport.Frame]] = {}
+    found = []
+    for number, row in enumerate(text.splitlines(), 1):
+        ident, _, data = row.split()[2].partition("#")
+        frame = transport.Frame(int(ident, 16), bytes.fromhex(data), canfd=False)
+        waiting = open_ones.setdefault(frame.message_id, [])
+        waiting.append(frame)
+        if frame.end_of_transfer:
+            transfer = transport.Transfer()
+            transfer.from_frames(open_ones.pop(frame.message_id))
+            found.append((number, transfer))
+    return found

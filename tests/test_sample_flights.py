@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from command import CAPTURES, ROOT
+from peer import received
 from sample_flights import FLIGHTS, TEN, key_of
 from witness.flights import Flight
 from witness.proof import finder, prove
@@ -17,6 +18,8 @@ from analyzer.simulate.faults import catalogue
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from witness.reader import Transfer
 
 LOGS = [name for name in FLIGHTS if name.endswith(".log")]
 CLEAN = {"hover-4.log": set(), "startup.log": {"CAN-008"}}  # nodes that ask for their ID are anonymous
@@ -47,6 +50,19 @@ def test_nothing_is_wrong_with_a_clean_flight(name: str) -> None:
     assert found.key["faults"] == []
     rules = set(catalogue.faults()) - {QUERY}
     assert {rule for rule in rules if finder(rule)(found.log)} == CLEAN[name]
+
+
+@pytest.mark.parametrize("name", sorted(CLEAN))
+def test_pydronecan_takes_every_transfer_of_a_clean_flight(name: str) -> None:
+    found = flight(name)
+    taken = received((CAPTURES / name).read_text())
+    assert [number for number, _ in taken] == [one.frames[-1].number for one in sorted(found.log.transfers, key=_end)]
+    assert {one.status for one in found.log.transfers} == {"ok"}
+    assert {one.payload._type.full_name for _, one in taken} >= {"com.tmotor.esc.PUSHCAN", "com.tmotor.esc.ParamGet"}
+
+
+def _end(transfer: Transfer) -> int:
+    return transfer.frames[-1].number
 
 
 def test_ten_faults_and_no_more() -> None:

@@ -7,9 +7,9 @@ from typing import Any
 
 import dronecan
 import pytest
-from dronecan import dsdl, transport
+from dronecan import dsdl
 from flown import PROFILES, Flown, flown
-from test_oracle import plain
+from peer import plain, received
 
 # Of the six types of the document pydronecan has four by another name.
 OTHER_NAMES = {
@@ -24,22 +24,6 @@ EXPECTED = {
     "tm": {*OTHER_NAMES, "uavcan.protocol.NodeStatus", "uavcan.protocol.GetNodeInfo.Request"},
     "stock": {"RawCommand", "ESCStatus", "uavcan.protocol.NodeStatus", "uavcan.protocol.param.GetSet.Response"},
 }
-
-
-def received(text: str) -> list[tuple[int, transport.Transfer]]:
-    """(number of the last frame, transfer) of everything in a capture, as pydronecan reassembles it."""
-    open_ones: dict[int, list[transport.Frame]] = {}
-    found = []
-    for number, row in enumerate(text.splitlines(), 1):
-        ident, _, data = row.split()[2].partition("#")
-        frame = transport.Frame(int(ident, 16), bytes.fromhex(data), canfd=False)
-        waiting = open_ones.setdefault(frame.message_id, [])
-        waiting.append(frame)
-        if frame.end_of_transfer:
-            transfer = transport.Transfer()
-            transfer.from_frames(open_ones.pop(frame.message_id))
-            found.append((number, transfer))
-    return found
 
 
 def rounded(layout: Any, value: Any) -> Any:
