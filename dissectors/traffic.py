@@ -228,9 +228,6 @@ class Plot(Protocol):
     def case(self, rule: str, done: str, also: tuple[str, ...] = ()) -> Case:
         """A breach of `rule` that the story brings: an answer of its own in the key, from now on."""
 
-    def fault(self, rule: str, t: int, **settings: Setting) -> None:
-        """Lets a fault happen at a time."""
-
 
 Touch = Callable[[Case, Sending], Step]
 Start = Callable[[Case], None]

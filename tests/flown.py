@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
-import dissectors
+from witness.flights import registry
+
 from analyzer.simulate import Settings, Simulation
 from analyzer.simulate.text import line
 from dissectors.tmotor.traffic.packets import split
@@ -15,16 +16,10 @@ from dissectors.traffic import SECOND
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.registry import Registry
     from dissectors.tmotor.traffic import Vehicle
     from dissectors.traffic import Frame, Sending
 
 PROFILES = ("hover", "mission", "bench", "startup")
-
-
-@lru_cache
-def registry() -> Registry:
-    return dissectors.load()
 
 
 def simulation(seconds: float = 6, **settings: Any) -> Simulation:

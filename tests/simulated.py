@@ -6,19 +6,14 @@ import struct
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import dissectors
+from witness.flights import registry
+
 from analyzer.simulate import Settings, Simulation
 from analyzer.simulate.faults import catalogue
 from dissectors.traffic import SECOND
 
 if TYPE_CHECKING:
-    from dissectors.registry import Registry
     from dissectors.traffic import Sending
-
-
-@cache
-def registry() -> Registry:
-    return dissectors.load()
 
 
 class Flight:

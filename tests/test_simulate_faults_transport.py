@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from witness.flights import registry
 
-import dissectors
 from analyzer.simulate import Settings, Simulation
 from analyzer.simulate.faults import catalogue, frames, identifiers, integrity, transfers
 from dissectors.tmotor.traffic.faults import transport
@@ -17,7 +17,6 @@ from dissectors.tmotor.traffic.faults import transport
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from dissectors.registry import Registry
     from dissectors.traffic import Answer, Frame
 
 SECOND = 10**9
@@ -26,11 +25,6 @@ RULES = sorted(fault.rule for fault in FAULTS)
 SECONDS = 4.0
 # What follows from the fault outside of its answer: other transfer IDs, all frames once more.
 FOLLOWS = {"TRF-018", "TRF-019", "TRF-028"}
-
-
-@cache
-def registry() -> Registry:
-    return dissectors.load()
 
 
 class Run:

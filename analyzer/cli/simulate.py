@@ -19,10 +19,9 @@ if TYPE_CHECKING:
 NAME = "tailbyte simulate"
 # What goes on until somebody ends it ends after a day.
 DAY = 86_400 * 10**9
-# Times in nanoseconds end in 2262.
 # Names of interfaces that candump text can hold, with room for the number of a second one.
 _NAME = r"[\x21\x22\x24-\x7e]{1,60}"
-# Times of a capture in ns: fewer seconds than these are no date.
+# Times of a capture in ns: fewer seconds than these are no date, and 64 bits end in 2262.
 _EARLIEST, _LATEST = 10**17, 1 << 63
 _EPILOG = """\
 TIME and S are seconds, or 300ms, 10min, 24h. What a file holds depends on nothing but these arguments. Onto a bus:

@@ -24,11 +24,9 @@ class Device:
     def __init__(self, world: World, number: int, name: str, *, silent: bool = False) -> None:
         self.number, self.name, self.silent = number, name, silent
         self.health = self.mode = 0
-        self.status_code = 0
         # Dice of its own: a device that joins changes nothing of what others do.
         dice = world.dice(f"device {number} {len(world.devices.get(number, ()))}", world.seed)
         self.unique_id = dice.randbytes(16)
-        self.versions = {"software": (2, 2), "hardware": (1, 0)}
         self.transfer_ids: dict[tuple[str, int | None], int] = {}
         self._world = world
         self._since = world.now
@@ -76,7 +74,7 @@ class Device:
             "health": self.health,
             "mode": self.mode,
             "sub_mode": 0,
-            "vendor_specific_status_code": self.status_code,
+            "vendor_specific_status_code": 0,
         }
 
     def _status(self) -> None:
@@ -89,19 +87,18 @@ class Device:
     @property
     def introduction(self) -> dict[str, Any]:
         """The values of its answer to GetNodeInfo."""
-        software, hardware = self.versions["software"], self.versions["hardware"]
         return {
             "status": self.status,
             "software_version": {
-                "major": software[0],
-                "minor": software[1],
+                "major": 2,
+                "minor": 2,
                 "optional_field_flags": 0,
                 "vcs_commit": 0,
                 "image_crc": 0,
             },
             "hardware_version": {
-                "major": hardware[0],
-                "minor": hardware[1],
+                "major": 1,
+                "minor": 0,
                 "unique_id": self.unique_id,
                 "certificate_of_authenticity": b"",
             },

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from analyzer.simulate.faults import catalogue
-from analyzer.simulate.faults.desk import Order
+from analyzer.simulate.faults.desk import Work
+from dissectors.traffic import Fault
 
 if TYPE_CHECKING:
     from random import Random
 
-    from analyzer.simulate.faults.desk import Work
     from analyzer.simulate.world import World
     from dissectors import traffic
-    from dissectors.traffic import Setting
 
 
 class Story:
@@ -32,9 +30,4 @@ class Story:
 
     def case(self, rule: str, done: str, also: tuple[str, ...] = ()) -> Work:
         """A breach of `rule` that the story brings: an answer of its own in the key, from now on."""
-        return self._desk.open_case(rule, done, also, self.random)
-
-    def fault(self, rule: str, t: int, **settings: Setting) -> None:
-        """Lets a fault happen at a time."""
-        fault = catalogue.faults()[rule]
-        self._desk.take(Order(fault, t, {**fault.options, **settings}), self.random)
+        return Work(self._desk, Fault(rule, done, also=also), self.random)

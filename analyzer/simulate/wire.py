@@ -11,7 +11,7 @@ from dissectors.traffic import Frame
 if TYPE_CHECKING:
     from dissectors.traffic import Sending
 
-START, END, TOGGLE, NUMBER = 0x80, 0x40, 0x20, 0x1F
+START, END, TOGGLE = 0x80, 0x40, 0x20
 
 
 def _crc_table() -> list[int]:

@@ -37,18 +37,16 @@ class Order:
 
 
 class Work:
-    """One fault at work: the `Case` that its functions see."""
+    """One fault at work: the `Case` that its functions see. A scenario's has no `order`."""
 
-    def __init__(self, desk: Desk, order: Order, random: Random) -> None:
+    def __init__(self, desk: Desk, fault: Fault, random: Random, order: Order | None = None) -> None:
         self.world: traffic.World = desk.world
         self.vehicle = desk.vehicle
-        self.options, self.random = order.settings, random
-        self.fault = order.fault
-        self.order: Order | None = order
+        self.fault, self.order, self.random = fault, order, random
+        self.options: Mapping[str, Setting] = {} if order is None else order.settings
         self.state: dict[str, Any] = {}
         self.marks = 0
-        self.pending: Order | None = None  # what is done once it has a first frame to show
-        self.answer = Answer(order.fault.rule, desk.world.now, order.fault.title, also=order.fault.also)
+        self.answer = Answer(fault.rule, desk.world.now, fault.title, also=fault.also)
         self._desk = desk
 
     @property
@@ -71,9 +69,6 @@ class Work:
             self._of(what.sending)
         if self.marks == 1:
             self._desk.keep(self)
-        if self.pending is not None:
-            self._desk.close(self.pending)
-            self.pending = None
 
     def watch(self, wanted: Fits, until: int | None = None) -> None:
         """The answer lists the frames of every transfer from now on whose values are `wanted`."""
@@ -168,31 +163,24 @@ class Desk:
         if done:
             self.busy = any(self._waiting.values())
 
-    def open_case(self, rule: str, done: str, also: tuple[str, ...], random: Random) -> Work:
-        """A case that no order asked for."""
-        work = Work(self, Order(Fault(rule, done, also=also), None, {}), random)
-        work.order = None
-        return work
-
     def keep(self, work: Work) -> None:
-        """Its answer belongs to the key."""
+        """It has something to show: its answer belongs to the key, and what starts by itself has found its occasion."""
         self._works.append(work)
+        if work.fault.start is not None and work.order is not None:
+            self._close(work.order)
 
-    def close(self, order: Order) -> None:
-        """The order has found its occasion."""
+    def _close(self, order: Order) -> None:
         if order in self.open:
             self.open.remove(order)
 
     def _start(self, order: Order, random: Random) -> None:
         start = order.fault.start
         if start is not None:
-            work = Work(self, order, random)
-            work.pending = order
-            start(work)
+            start(Work(self, order.fault, random, order))
 
     def _arm(self, order: Order, random: Random, times: int) -> None:
         """Waits for the transfers that the fault changes, one after the other."""
-        work = Work(self, order, random)
+        work = Work(self, order.fault, random, order)
         stage, touch = _touch(order.fault)
         fits = _fits(order)
 
@@ -203,11 +191,11 @@ class Desk:
             step = self._apply(work, stage, touch, sending)
             if step is not Step.DONE:
                 return step
-            self.close(order)
+            self._close(order)
             times -= 1
             if not times:
                 return Step.DONE
-            work = Work(self, order, random)
+            work = Work(self, order.fault, random, order)
             return Step.MORE
 
         self.wait(stage, do)
@@ -220,7 +208,7 @@ class Desk:
             return
         stage, touch = _touch(order.fault)
         fits = _fits(order)
-        work, armed = Work(self, order, random), False
+        work, armed = Work(self, order.fault, random, order), False
 
         def do(sending: Sending) -> Step:
             nonlocal work, armed
@@ -228,7 +216,7 @@ class Desk:
                 return Step.MORE
             armed = armed or random.random() < rate
             if armed and self._apply(work, stage, touch, sending) is Step.DONE:
-                work, armed = Work(self, order, random), False
+                work, armed = Work(self, order.fault, random, order), False
             return Step.MORE
 
         self.wait(stage, do)

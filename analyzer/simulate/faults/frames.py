@@ -98,6 +98,4 @@ _OWN: tuple[Fault, ...] = (
     Fault("CAN-019", "a frame of impossible length", frames=_impossible, fits=telemetry, also=("CAN-003",)),
 )
 
-FAULTS: tuple[Fault, ...] = tuple(
-    sorted((*_OWN, *foreign.FAULTS, *identifiers.FAULTS), key=lambda fault: fault.rule),
-)
+FAULTS: tuple[Fault, ...] = (*_OWN, *foreign.FAULTS, *identifiers.FAULTS)

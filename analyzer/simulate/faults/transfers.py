@@ -195,9 +195,4 @@ _OWN: tuple[Fault, ...] = (
     Fault("TRF-015", "two frames where one is enough", frames=_needless, fits=beacon, harmless=True),
 )
 
-FAULTS: tuple[Fault, ...] = tuple(
-    sorted(
-        (*_OWN, *counters.FAULTS, *integrity.FAULTS, *services.FAULTS, *timing.FAULTS),
-        key=lambda fault: fault.rule,
-    )
-)
+FAULTS: tuple[Fault, ...] = (*_OWN, *counters.FAULTS, *integrity.FAULTS, *services.FAULTS, *timing.FAULTS)
