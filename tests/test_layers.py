@@ -66,6 +66,7 @@ RULES = [
     ("dissectors", ("analyzer",)),
     ("analyzer.tables", OURS),
     ("analyzer.views", ("analyzer.sources", "analyzer.cli")),
+    ("analyzer.facts", ("analyzer.views", "analyzer.sources", "analyzer.cli", "analyzer.rules", "analyzer.report")),
     ("analyzer.sources", ("analyzer.views", "analyzer.cli", "analyzer.engine", "analyzer.messages", "dissectors")),
     ("analyzer.engine", ("analyzer.views", "analyzer.cli", "analyzer.sources")),
     ("analyzer.messages", ("analyzer.views", "analyzer.cli", "analyzer.sources", "analyzer.engine")),

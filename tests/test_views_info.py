@@ -14,10 +14,10 @@ import pyarrow as pa
 import pytest
 from sequences import MS, SECOND, START, at, lines, status, throttle
 
-from analyzer.views import traffic
-from analyzer.views.dialects import Dialects
+from analyzer.facts import traffic
+from analyzer.facts.dialects import Dialects
+from analyzer.facts.summary import Facts, Summary
 from analyzer.views.info import duration, render, render_json
-from analyzer.views.summary import Facts, Summary
 from analyzer.views.terminal import display_width
 from dissectors.schema import Evidence, Reading
 

@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from sequences import SECOND, START, at, lines, push, retail, status, throttle
 from strategies import Capture, captures
 
+from analyzer.facts.summary import Summary
 from analyzer.tables import STATUSES
 from analyzer.views.frames import FrameWindow
 from analyzer.views.hexdump import hexdump
@@ -20,7 +21,6 @@ from analyzer.views.info import render, render_json
 from analyzer.views.listing import Listing, broken_words
 from analyzer.views.records import Csv, JsonLines
 from analyzer.views.rows import Rows
-from analyzer.views.summary import Summary
 from analyzer.views.terminal import Palette, display_width
 from analyzer.views.times import Clock
 from analyzer.views.tree import Tree

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from analyzer.facts.cells import pylist
 from analyzer.tables import FRAMES, TRANSFER_ANOMALIES
 from analyzer.views import times
-from analyzer.views.cells import pylist
 from analyzer.views.terminal import ELLIPSIS, Palette, display_width, escape, fit
 from analyzer.views.times import Clock
 from analyzer.views.wording import anomalies, formatter, plain

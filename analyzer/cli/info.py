@@ -28,8 +28,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(args: argparse.Namespace) -> int:
     """Reads the whole capture once and prints its summary."""
     from analyzer.cli.session import Session  # noqa: PLC0415
+    from analyzer.facts.summary import Summary  # noqa: PLC0415
     from analyzer.views.info import render, render_json  # noqa: PLC0415
-    from analyzer.views.summary import Summary  # noqa: PLC0415
 
     with Session(args) as session:
         for part in session.source.parts:

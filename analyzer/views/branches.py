@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from analyzer.views.meaning import meaning
+from analyzer.facts.meaning import meaning
 from analyzer.views.places import Place, raw_bits, span
 from analyzer.views.terminal import escape
 from analyzer.views.wording import plain, quantity
@@ -14,7 +14,7 @@ from dissectors.schema import Array, Compound, Primitive
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from analyzer.views.meaning import Meaning
+    from analyzer.facts.meaning import Meaning
     from dissectors.schema import Bits, Message, Packet, Type
 
     Lookup = Callable[[str], Any]

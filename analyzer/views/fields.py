@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from analyzer.tables import KINDS, STATUSES
 from analyzer.views.jsonable import number
-from analyzer.views.meaning import cells
+from analyzer.views.members import cells
 from analyzer.views.rows import Rows
 from analyzer.views.terminal import escape
 from analyzer.views.times import Clock

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import TYPE_CHECKING, NamedTuple
 
+from analyzer.facts.cells import pylist
 from analyzer.tables import ERROR, EXTENDED, REMOTE
-from analyzer.views.cells import pylist
 
 if TYPE_CHECKING:
     from collections.abc import Callable

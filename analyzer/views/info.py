@@ -7,17 +7,17 @@ import textwrap
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from analyzer.facts.names import short
+from analyzer.facts.traffic import SECOND
 from analyzer.tables import VERDICTS
-from analyzer.views.rows import short
 from analyzer.views.terminal import escape, fit
 from analyzer.views.times import Clock
-from analyzer.views.traffic import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from analyzer.views.dialects import Statement
-    from analyzer.views.summary import Facts, NodeFacts
+    from analyzer.facts.dialects import Statement
+    from analyzer.facts.summary import Facts, NodeFacts
 
 WIDTH = 80
 _LABEL = 11

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from analyzer.views.cells import pylist, step_into
-from analyzer.views.meaning import meaning
+from analyzer.facts.cells import pylist, step_into
+from analyzer.facts.meaning import meaning
 from dissectors.schema import Array, Compound, Primitive
 
 if TYPE_CHECKING:

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from analyzer.facts.names import type_name
 from analyzer.tables import KINDS, STATUSES, TRANSFER_ANOMALIES, numbers
 from analyzer.views.phrases import octets, phrases
-from analyzer.views.rows import Rows, type_name
+from analyzer.views.rows import Rows
 from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
 from analyzer.views.wording import LISTED, anomalies
 

@@ -7,8 +7,9 @@ from functools import lru_cache
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
-from analyzer.views.cells import pylist
-from analyzer.views.meaning import Meaning, cells, meaning
+from analyzer.facts.cells import pylist
+from analyzer.facts.meaning import Meaning, meaning
+from analyzer.views.members import cells
 from analyzer.views.terminal import escape
 from analyzer.views.wording import MISSING, formatter, plain, quantity
 from dissectors import template

@@ -10,8 +10,8 @@ import io
 import json
 from typing import TYPE_CHECKING, Any
 
+from analyzer.facts.cells import pylist
 from analyzer.tables import KINDS, STATUSES
-from analyzer.views.cells import pylist
 from analyzer.views.jsonable import field_objects
 from analyzer.views.rows import Rows
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from analyzer.tables import KINDS, numbers
-from analyzer.views.cells import pylist
+from analyzer.facts.cells import pylist
+from analyzer.tables import numbers
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -139,15 +139,3 @@ class Rows:
         parts = [self._part(f"{message.table}.{name}", packet) for name, packet in kinds.items()]
         parts.append(self._part(f"{message.table}.{UNRECOGNIZED}", None))
         return [part for some in parts for part in some]
-
-
-def short(name: str) -> str:
-    """The last word of a type's name."""
-    return name.rpartition(".")[2]
-
-
-def type_name(message: Message | None, kind: int, type_id: int) -> str:
-    """What a listing calls a type: its short name, or its number when unknown."""
-    if message is not None:
-        return short(message.name)
-    return f"{'service' if kind >= KINDS.index('request') else 'type'} {type_id}"

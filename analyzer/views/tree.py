@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from analyzer.facts.names import type_name
 from analyzer.tables import KINDS, STATUSES
 from analyzer.views.branches import Branch, branches, word_bits
-from analyzer.views.meaning import cells
+from analyzer.views.members import cells
 from analyzer.views.phrases import octets
 from analyzer.views.places import USUAL, Place, places, span
-from analyzer.views.rows import Rows, type_name
+from analyzer.views.rows import Rows
 from analyzer.views.terminal import PLAIN, Palette, escape
 from analyzer.views.times import MODES, Clock
 from analyzer.views.wording import anomalies

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pyarrow as pa
 
+from analyzer.facts.cells import pylist
+from analyzer.facts.dialects import Dialects, Statement
+from analyzer.facts.names import type_name
+from analyzer.facts.traffic import BIT_RATE, SECOND, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
 from analyzer.tables import EVENTS, KINDS, STAMPS, VERDICTS, numbers
-from analyzer.views.cells import pylist
-from analyzer.views.dialects import Dialects, Statement
-from analyzer.views.rows import type_name
-from analyzer.views.traffic import BIT_RATE, SECOND, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
+from analyzer.facts.meaning import meaning
 from analyzer.tables import numbers
-from analyzer.views.meaning import meaning
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping

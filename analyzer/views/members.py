@@ -1,52 +1,19 @@
-"""What a column means: its unit and the names of its values, looked up by the column's dotted name."""
+"""The values of a column, or of a member of a structure in one, by the dotted name that people write."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from analyzer.views.cells import pylist, step_into
+from analyzer.facts.cells import pylist, step_into
+from analyzer.facts.meaning import meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     import pyarrow as pa
 
     from analyzer.views.rows import Part
-    from dissectors.schema import Bits, Message, Note, Packet
-
-
-@dataclass(frozen=True, slots=True)
-class Meaning:
-    """Of one column. `texts` name values of its cells, `note` belongs to a field and `part` to a bit part of one."""
-
-    unit: str = ""
-    texts: Mapping[float, str] = field(default_factory=dict)
-    clause: str = ""
-    note: Note | None = None
-    part: Bits | None = None
-
-
-def meaning(of: Message | Packet | None, column: str) -> Meaning:
-    """The meaning of `field`, `field.part`, `field.member` or a derived column; an empty one if nothing is said."""
-    if of is None:
-        return Meaning()
-    note = of.notes.get(column)
-    if note is not None:
-        texts: dict[float, str] = {raw: text for table in (note.enum, note.special) for raw, text in table.items()}
-        if note.scale is not None:
-            texts = {raw * note.scale.numerator / note.scale.denominator: text for raw, text in texts.items()}
-        return Meaning(note.unit, texts, note.clause, note)
-    outer, _, last = column.rpartition(".")
-    owner = of.notes.get(outer)
-    for part in owner.parts if owner is not None else ():
-        if part.name == last:
-            named: dict[float, str] = {raw: text for raw, text in part.enum.items()}  # noqa: C416 - int keys to float
-            return Meaning(part.unit, named, part.clause, part=part)
-    for derived in of.derived:
-        if derived.name == column:
-            return Meaning(derived.unit, {}, derived.clause)
-    return Meaning()
+    from dissectors.schema import Bits
 
 
 def cells(part: Part, column: str) -> list[Any]:

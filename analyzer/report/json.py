@@ -1,0 +1,67 @@
+"""The report as JSON, for programs: the names of `model`, as the schema beside this file documents them."""
+
+from __future__ import annotations
+
+import json
+import math
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from analyzer.report.model import Report
+
+
+def render(report: Report) -> str:
+    r"""One JSON object in ASCII; each capture, finding and rule is one line, so that reports can be compared by line.
+
+    Numbers that are not finite become null, bytes of names that are not UTF-8 become `\xNN`.
+    """
+    return "\n".join(_lines(_plain(report.as_json()))) + "\n"
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema (2020-12) of `render`."""
+    text = files(__package__).joinpath("schema.json").read_text("utf-8")
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
+def _lines(content: dict[str, Any]) -> Iterator[str]:
+    yield "{"
+    for k, (name, value) in enumerate(content.items()):
+        comma = "," if k < len(content) - 1 else ""
+        if isinstance(value, list) and value:
+            yield f' "{name}": ['
+            for at, item in enumerate(value):
+                yield f"  {_text(item)}{',' if at < len(value) - 1 else ''}"
+            yield f" ]{comma}"
+        else:
+            yield f' "{name}": {_text(value)}{comma}'
+    yield "}"
+
+
+def _text(value: Any) -> str:
+    return json.dumps(value, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {_plain(str(name)): _plain(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return _readable(value) if isinstance(value, str) else value
+
+
+def _readable(text: str) -> str:
+    """Without lone surrogates: they are no characters, and many readers of JSON refuse them."""
+    if text.isascii() or not any("\ud800" <= c <= "\udfff" for c in text):
+        return text
+    return "".join(
+        f"\\x{ord(c) & 0xFF:02x}" if "\udc80" <= c <= "\udcff" else c if not "\ud800" <= c <= "\udfff"
+        else f"\\u{ord(c):04x}"
+        for c in text
+    )  # fmt: skip

@@ -1,0 +1,218 @@
+"""The report as plain data: what the formats show, and nothing that they would have to compute.
+
+`as_json` gives the documented JSON (schema.json); the names in both are the same. Frame numbers count from 1, times are
+ns since 1970 (null where the capture has none), shares are 0 to 1. Every text that may come from a capture is raw: each
+format escapes it in its own way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+SCHEMA = "tailbyte.check/1"
+
+Severity = Literal["error", "warning", "note"]
+Category = Literal["protocol", "device", "capture"]
+Origin = Literal["document", "implied", "dronecan", "heuristic"]
+Verdict = Literal["PASS", "FAIL", "WARN", "NOT EXERCISED", "INCONCLUSIVE"]
+Judgeable = Literal["yes", "no", "unknown"]
+
+SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
+CATEGORIES: tuple[Category, ...] = ("device", "protocol", "capture")
+VERDICTS: tuple[Verdict, ...] = ("FAIL", "WARN", "INCONCLUSIVE", "PASS", "NOT EXERCISED")
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A frame and its time; no frame for what has none, such as a silence."""
+
+    frame: int | None
+    t_ns: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Example:
+    """One occurrence with its bytes: `lines` are the frames as `candump -l` writes them, `text` says what is wrong."""
+
+    frame: int | None
+    t_ns: int | None
+    text: str
+    lines: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Waiver:
+    """Somebody accepts this finding until a day (YYYY-MM-DD)."""
+
+    reason: str
+    owner: str
+    expires: str
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One rule, broken by one node and type on one bus, in one run without a pause of 10 s.
+
+    `label` is the ESC as people call it (`ch6`), `key` what else keeps findings apart, `cause` the diagnosis in a word,
+    `baseline` how it compares with an older report: new, worse, known, or empty without one. `fails` says that this
+    finding counts against the gate.
+    """
+
+    rule: str
+    title: str
+    severity: Severity
+    category: Category
+    origin: Origin
+    clause: str
+    capture: str
+    bus: str
+    node: int | None
+    label: str
+    type: str
+    key: str
+    count: int
+    first: Place
+    last: Place
+    frames: tuple[int, ...]
+    cause: str
+    text: str
+    examples: tuple[Example, ...] = ()
+    waiver: Waiver | None = None
+    baseline: Literal["", "new", "worse", "known"] = ""
+    fails: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RuleVerdict:
+    """What became of one rule; `reason` says why it is not simply passed or failed."""
+
+    rule: str
+    title: str
+    severity: Severity
+    category: Category
+    origin: Origin
+    clause: str
+    verdict: Verdict
+    findings: int
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class BusUse:
+    """One interface: frames per second, and its course in steps of `step_ns` from `start_ns` on.
+
+    `load` is the share of the bit rate in each step, `rates` the frames in it; `limits` are frames per second that the
+    settings allow, by what they hold for ("motors turn").
+    """
+
+    name: str
+    frames: int
+    mean: float
+    peak: int
+    bit_rate: int | None
+    start_ns: int | None = None
+    step_ns: int = 1_000_000_000
+    load: tuple[float, ...] = ()
+    rates: tuple[int, ...] = ()
+    limits: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class NodeUse:
+    """One node and what it sent; `types` maps a type to its count, `bad` counts broken transfers.
+
+    `rates` are its transfers in each step of its bus (`BusUse.start_ns` and `step_ns`).
+    """
+
+    bus: str
+    node: int
+    label: str
+    name: str
+    role: str
+    software: str
+    types: dict[str, int]
+    hz: float | None
+    bad: int
+    first_ns: int | None
+    last_ns: int | None
+    rates: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """One capture as it was read: the sum of its lines, what became of its frames, and what it can show at all.
+
+    `arguments` are options that read it the same way once more, for commands that show its evidence.
+    """
+
+    id: str
+    path: str
+    sha256: str
+    form: str
+    start_ns: int | None
+    end_ns: int | None
+    frames: int
+    transfers: int
+    accounting: dict[str, int]
+    verdicts: dict[str, int]
+    can_judge: dict[str, Judgeable]
+    dialects: dict[str, dict[str, str]]
+    buses: tuple[BusUse, ...] = ()
+    nodes: tuple[NodeUse, ...] = ()
+    damage: str = ""
+    arguments: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """What the capture exercised: seen and possible, by name. `never` are clauses that no capture can show."""
+
+    types: dict[str, int]
+    packets: dict[str, int]
+    values: dict[str, dict[str, int]]
+    clauses: dict[str, Verdict]
+    never: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """Something that the gate demands of a capture."""
+
+    what: str
+    met: bool
+    found: str
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """Whether this passes: findings at or above `fail_on`, requirements, damage; `exit_status` as documented."""
+
+    fail_on: tuple[str, ...]
+    failed: bool
+    judged: bool
+    exit_status: int
+    reason: str
+    requirements: tuple[Requirement, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Everything that one run of `tailbyte check` has to say. Findings are sorted worst first, then by time.
+
+    `settings` names the `profile` (empty for the defaults), in `limits` the numbers of each rule that has some, and in
+    `changed` those (`RULE.name`) that are not the default; other options are shown as they are.
+    """
+
+    tool: str
+    settings: dict[str, Any]
+    captures: tuple[Capture, ...]
+    findings: tuple[Finding, ...]
+    rules: tuple[RuleVerdict, ...]
+    coverage: Coverage
+    gate: Gate
+    schema: str = field(default=SCHEMA)
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain dictionaries and lists, `schema` first."""
+        return {"schema": self.schema} | {name: value for name, value in asdict(self).items() if name != "schema"}
