@@ -47,6 +47,7 @@ class Profile:
         self.table = table
         self.name = table.string("name") or folder.name
         self.version = table.string("version")
+        self.rules = table.string("rules")  # a module, or a file NAME.py here, with what conformance rules need
         self.namespace = Namespace(parent)
         self.reader = NoteReader({name: table.table("enum").texts(name) for name in table.table("enum").body})
         self._names: dict[str, str] = {}  # full type name -> name in tables

@@ -74,6 +74,14 @@ class Dialects:
             hit, miss = seen.get(_node(code), (False, False))
             seen[_node(code)] = (hit or bool(here.any()), miss or not here.all())
 
+    def choice(self, message: str, reading: str, node: Node) -> str:
+        """What one node's reading of a message's field is so far, empty if there is no such reading."""
+        for table, known in self._messages.items():
+            for r, found in enumerate(known.readings):
+                if known.name == message and found.name == reading:
+                    return self._choice(table, r, found, node)
+        return ""
+
     def statements(self) -> Iterator[Statement]:
         """A statement for each node that sends a message with doubtful fields, by node."""
         for table, message in self._messages.items():

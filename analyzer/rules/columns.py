@@ -1,0 +1,251 @@
+"""The tables of a batch as rules read them: numpy columns, made when they are asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analyzer.facts.cells import pylist
+from analyzer.tables import numbers
+from dissectors.conformance import NO_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pyarrow as pa
+
+    from dissectors.conformance import Words
+
+_TIMES = ("t", "t_end")
+
+
+class Columns:
+    """A table; its columns are attributes, a missing time is `NO_TIME`."""
+
+    def __init__(self, batch: pa.RecordBatch, first: int = 0) -> None:
+        self._batch = batch
+        self.first = first
+
+    def __len__(self) -> int:
+        """Rows."""
+        return int(self._batch.num_rows)
+
+    def __getattr__(self, name: str) -> Words:
+        """A column of numbers, kept from then on."""
+        if name.startswith("_") or name not in self._batch.schema.names:
+            raise AttributeError(name)
+        values = column(self._batch.column(name), time=name in _TIMES)
+        setattr(self, name, values)
+        return values
+
+    def has(self, name: str) -> Words:
+        """Rows in which the column has a value."""
+        return valid(self._batch.column(name))
+
+    def _bytes(self, name: str, row: int) -> bytes:
+        offsets, data = self._binary[name] if name in self._binary else self._opened(name)
+        return bytes(data[offsets[row] : offsets[row + 1]])
+
+    def _lengths(self, name: str) -> Words:
+        offsets, _ = self._binary[name] if name in self._binary else self._opened(name)
+        return np.diff(offsets)
+
+    @cached_property
+    def _binary(self) -> dict[str, tuple[Words, memoryview]]:
+        return {}
+
+    def _opened(self, name: str) -> tuple[Words, memoryview]:
+        array = self._batch.column(name)
+        _, offsets, data = array.buffers()
+        ends = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
+        self._binary[name] = ends, memoryview(b"" if data is None else data)
+        return self._binary[name]
+
+
+class Frames(Columns):
+    """The frames of a batch."""
+
+    t: Words
+    bus: Words
+    id: Words
+    flags: Words
+    line: Words
+    verdict: Words
+    anomaly: Words
+
+    @cached_property
+    def length(self) -> Words:
+        """Bytes of each data field."""
+        return self._lengths("data")
+
+    def data(self, row: int) -> bytes:
+        """The data field of a row, tail byte included."""
+        return self._bytes("data", row)
+
+    @property
+    def raw(self) -> tuple[Words, memoryview]:
+        """All data fields: where each begins (one entry more than rows), and the bytes."""
+        return self._binary["data"] if "data" in self._binary else self._opened("data")
+
+
+class Transfers(Columns):
+    """The transfers of a batch."""
+
+    t: Words
+    t_end: Words
+    bus: Words
+    kind: Words
+    type_id: Words
+    variant: Words
+    src: Words
+    dst: Words
+    priority: Words
+    transfer_id: Words
+    status: Words
+    crc_wire: Words
+    crc_here: Words
+    step: Words
+    gap: Words
+    anomaly: Words
+    fd: Words
+
+    @cached_property
+    def length(self) -> Words:
+        """Payload bytes of each."""
+        return self._lengths("payload")
+
+    @cached_property
+    def code(self) -> Words:
+        """Types as one number each: variant, kind and type ID."""
+        codes = self.variant.astype(np.int64) << 24
+        codes |= self.kind.astype(np.int64) << 16
+        return codes | self.type_id
+
+    @cached_property
+    def lead(self) -> Words:
+        """The number of each transfer's first frame."""
+        offsets, numbers_ = self._frame_lists
+        if not len(numbers_):
+            return np.full(len(self), -1, np.int64)
+        first = numbers_[np.minimum(offsets[:-1], len(numbers_) - 1)].astype(np.int64)
+        return np.where(np.diff(offsets) > 0, first, -1)
+
+    @cached_property
+    def _frame_lists(self) -> tuple[Words, Words]:
+        return listed(self._batch.column("frame"))
+
+    def frames(self, row: int) -> Sequence[int]:
+        """Numbers of all frames of a transfer."""
+        offsets, numbers_ = self._frame_lists
+        return list(map(int, numbers_[offsets[row] : offsets[row + 1]]))
+
+    def payload(self, row: int) -> bytes:
+        """The payload of a transfer, CRC left out."""
+        return self._bytes("payload", row)
+
+
+class Events(Columns):
+    """Everything in the capture that is no frame."""
+
+    t: Words
+    bus: Words
+    line: Words
+    kind: Words
+    tx_errors: Words
+    rx_errors: Words
+
+    @cached_property
+    def number(self) -> Words:
+        """Error class bits, or frames dropped."""
+        return column(self._batch.column("class"))
+
+    def text(self, row: int) -> str:
+        """Reason and excerpt of an unreadable line, or a comment."""
+        return str(self._batch.column("text")[row].as_py() or "")
+
+    def data(self, row: int) -> bytes:
+        """The data field of an error frame."""
+        return self._bytes("data", row)
+
+
+class Table:
+    """One message or packet table; `row` are rows of its transfers in this batch."""
+
+    def __init__(self, name: str, batch: pa.RecordBatch, first_transfer: int) -> None:
+        self.name = name
+        self._batch = batch
+        self._first = first_transfer
+        self._columns: dict[str, Words] = {}
+
+    def __len__(self) -> int:
+        """Rows."""
+        return int(self._batch.num_rows)
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is such a column."""
+        return name in self._batch.schema.names
+
+    def __getitem__(self, name: str) -> Words:
+        """A column of numbers; cells without a value are arbitrary."""
+        if name not in self._columns:
+            self._columns[name] = column(self._batch.column(name), time=name in _TIMES)
+        return self._columns[name]
+
+    @cached_property
+    def row(self) -> Words:
+        """Rows of the transfers of this batch."""
+        return (self["transfer"] - np.uint64(self._first)).astype(np.int64)
+
+    @property
+    def t(self) -> Words:
+        """Time of each transfer's first frame."""
+        return self["t"]
+
+    @property
+    def bus(self) -> Words:
+        """Index of the interface."""
+        return self["bus"]
+
+    @property
+    def src(self) -> Words:
+        """Source node ID."""
+        return self["src"]
+
+    @property
+    def trusted(self) -> Words:
+        """Rows whose transfer is complete with a good CRC, or one frame."""
+        return self["trusted"]
+
+    def has(self, name: str) -> Words:
+        """Rows in which the column has a value."""
+        return valid(self._batch.column(name))
+
+    def lists(self, name: str) -> tuple[Words, Words]:
+        """A column of lists: where each row's begins (one entry more than rows), and all values."""
+        return listed(self._batch.column(name))
+
+    def cell(self, name: str, row: int) -> Any:
+        """One cell as a Python value."""
+        return pylist(self._batch.column(name).slice(row, 1))[0]
+
+
+def column(array: pa.Array, *, time: bool = False) -> Words:
+    """A column of numbers; missing cells are arbitrary, missing times `NO_TIME`."""
+    values = numbers(array)
+    if time and array.null_count:
+        values = np.where(valid(array), values, NO_TIME)
+    return values
+
+
+def valid(array: pa.Array) -> Words:
+    """Rows that have a value."""
+    return np.asarray(array.is_valid()) if array.null_count else np.ones(len(array), bool)
+
+
+def listed(array: pa.Array) -> tuple[Words, Words]:
+    """Offsets from 0 and values of a list column."""
+    offsets = np.asarray(array.offsets).astype(np.int64)
+    values = column(array.values.slice(offsets[0], offsets[-1] - offsets[0])) if len(offsets) else np.empty(0)
+    return offsets - (offsets[0] if len(offsets) else 0), values

@@ -1,0 +1,109 @@
+"""Frames that the recorder lost explain transfers that are broken close to them: those become notes."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.tables import EVENTS
+from dissectors.conformance import NO_TIME, Found
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.conformance import Occurrence, View
+
+_DROP, _ERROR_FRAME = EVENTS.index("drop"), EVENTS.index("error frame")
+_CONTROLLER = 0x04  # error class (linux/can/error.h); byte 1 of the data says more
+_OVERFLOW = 0x01  # of the receive buffer
+MOST_HELD = 4096
+EVERY_BUS = -1
+
+
+class Drop(NamedTuple):
+    """Frames lost by the recorder; `bus` is `EVERY_BUS` if it does not say on which. `frames` is 0 if unknown."""
+
+    row: int
+    t: int
+    bus: int
+    frames: int
+
+
+def drops_in(view: View) -> Iterator[Drop]:
+    """What the recorder says that it lost, in this batch: `row` is that of the event."""
+    events = view.events
+    if not len(events):
+        return
+    has_bus = events.has("bus")
+    for row in np.flatnonzero((events.kind == _DROP) | (events.kind == _ERROR_FRAME)).tolist():
+        bus = int(events.bus[row]) if has_bus[row] else EVERY_BUS
+        if events.kind[row] == _DROP:
+            yield Drop(row, when(view, row), bus, int(events.number[row]))
+        elif overflowed(int(events.number[row]), events.data(row)):
+            yield Drop(row, when(view, row), bus, 0)
+
+
+def when(view: View, row: int) -> int:
+    """The time of an event; one without a time happened when the frame before it did."""
+    t = int(view.events.t[row])
+    if t != NO_TIME or not len(view.frames):
+        return view.end if t == NO_TIME else t
+    at = int(np.searchsorted(view.frames.line, view.events.line[row]))
+    return int(view.frames.t[max(at - 1, 0)])
+
+
+def overflowed(error_class: int, data: bytes) -> bool:
+    """Whether an error frame says that the receive buffer was too small."""
+    return bool(error_class & _CONTROLLER and len(data) > 1 and data[1] & _OVERFLOW)
+
+
+class Drops:
+    """Holds occurrences back until it is known whether frames were lost around them.
+
+    Args:
+        around: how close counts, in nanoseconds.
+    """
+
+    def __init__(self, around: int) -> None:
+        self._around = around
+        self._times: dict[int, list[int]] = {}
+        self._held: list[tuple[int, Found | Occurrence]] = []
+
+    def add(self, view: View) -> None:
+        """Notes the losses of a batch."""
+        for drop in drops_in(view):
+            times = self._times.setdefault(drop.bus, [])
+            if drop.t != NO_TIME and (not times or drop.t > times[-1]):
+                times.append(drop.t)
+
+    def hold(self, found: Found | Occurrence) -> None:
+        """Keeps occurrences until `ready` gives them back."""
+        last = int(found.t.max()) if isinstance(found, Found) else found.t
+        self._held.append((last, found))
+
+    def ready(self, end: int | None) -> Iterator[tuple[Found | Occurrence, list[bool]]]:
+        """What no later loss can explain once the capture has come to `end` (None: to its end)."""
+        late = [k for k, (last, _) in enumerate(self._held) if end is None or last < end - self._around]
+        spare = len(self._held) - len(late) - MOST_HELD
+        chosen = set(late) if spare <= 0 else set(late) | set(range(spare + len(late)))
+        done = [entry for k, entry in enumerate(self._held) if k in chosen]
+        self._held = [entry for k, entry in enumerate(self._held) if k not in chosen]
+        for _, found in done:
+            yield found, self._near(found)
+
+    def _near(self, found: Found | Occurrence) -> list[bool]:
+        if not isinstance(found, Found):
+            return [self._lost(found.bus, found.t)]
+        if not self._times:
+            return [False] * len(found.t)
+        return [self._lost(bus, t) for bus, t in zip(found.bus.tolist(), found.t.tolist(), strict=True)]
+
+    def _lost(self, bus: int, t: int) -> bool:
+        for times in (self._times.get(bus), self._times.get(EVERY_BUS)):
+            if times:
+                at = bisect_left(times, t - self._around)
+                if at < len(times) and times[at] <= t + self._around:
+                    return True
+        return False

@@ -1,0 +1,40 @@
+"""What is looked for, and with which numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+    from analyzer.rules.catalogue import Page
+    from dissectors.conformance import Severity
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Choices of the one who asks.
+
+    `select` and `ignore` are rules (None: those that are on by default), `numbers` stand instead of those of pages by
+    rule and name, `severities` instead of all severities of a rule. `bit_rate` is in bits per second, `dialects` are
+    readings of doubtful fields by node ID.
+    """
+
+    select: Collection[str] | None = None
+    ignore: Collection[str] = ()
+    numbers: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    severities: Mapping[str, Severity] = field(default_factory=dict)
+    bit_rate: int | None = None
+    dialects: Mapping[int, Collection[str]] = field(default_factory=dict)
+
+    def enabled(self, pages: Mapping[str, Page]) -> dict[str, Page]:
+        """The pages of the rules that are looked for."""
+        chosen = {rule for rule, page in pages.items() if page.enabled} if self.select is None else {*self.select}
+        return {rule: page for rule, page in pages.items() if rule in chosen and rule not in self.ignore}
+
+    def all_numbers(self, pages: Mapping[str, Page]) -> dict[str, dict[str, float]]:
+        """The numbers in force, of every rule that has some."""
+        return {
+            rule: {**page.settings, **self.numbers.get(rule, {})} for rule, page in pages.items() if page.settings
+        }

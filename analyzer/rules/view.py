@@ -1,0 +1,223 @@
+"""What rules see of a capture: one batch, and what is known of the capture so far."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analyzer.facts.dialects import Dialects
+from analyzer.facts.names import type_name
+from analyzer.rules.columns import Events, Frames, Table, Transfers
+from analyzer.rules.recent import Recent
+from analyzer.tables import EVENT_ROWS, EXTENDED, FRAMES, TRANSFERS, VERDICTS, empty
+from dissectors.conformance import NO_TIME, Found
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+
+    from analyzer.engine import Batch
+    from dissectors import Registry
+    from dissectors.conformance import Kept, Values, Words
+    from dissectors.conformance import Table as AnyTable
+
+_ANONYMOUS = 0
+NOBODY = -1
+_FOREIGN = VERDICTS.index("foreign")
+
+
+class Past:
+    """What lasts from batch to batch.
+
+    Args:
+        registry: the types that the capture was decoded with.
+        numbers: settings by rule and name.
+        bit_rate: bits per second, if known.
+        forced: readings by node ID that stand against any evidence.
+    """
+
+    def __init__(
+        self, registry: Registry, numbers: Mapping[str, Mapping[str, float]], bit_rate: int | None = None,
+        forced: Mapping[int, Collection[str]] | None = None,
+    ) -> None:  # fmt: skip
+        self.registry = registry
+        self.numbers = numbers
+        self.bit_rate = bit_rate
+        self.dialects = Dialects(forced)
+        self.recent = Recent()
+        self.buses: Sequence[str] = ()
+        self.start = self.end = NO_TIME
+        self.starts: dict[int, int] = {}
+        self._names: dict[int, str] = {}
+        self._tables = frozenset(registry.names())
+
+    def add(self, batch: Batch) -> View:
+        """The next batch, as rules see it."""
+        view = View(self, batch)
+        self.buses = batch.buses
+        self.recent.add(view.frames)
+        self._note_times(view.frames)
+        for name, rows in batch.messages.items():
+            if name in self._tables and len(rows):
+                self.dialects.add(self.registry.resolve(name), rows)
+        return view
+
+    def finish(self) -> View:
+        """A view without rows, for what only the end shows."""
+        return View(self, None)
+
+    def name(self, code: int) -> str:
+        """The table of a type by its code."""
+        if code not in self._names:
+            if len(self._names) > 1 << 16:
+                self._names.clear()
+            variant, kind, type_id = code >> 24 & 0xFF, code >> 16 & 0xFF, code & 0xFFFF
+            message = self.registry.message(kind, type_id, variant)
+            self._names[code] = type_name(None, kind, type_id) if message is None else message.table
+        return self._names[code]
+
+    def choice(self, message: str, reading: str, bus: int, node: int) -> str:
+        """What a node's doubtful field has shown so far."""
+        return self.dialects.choice(message, reading, (bus, node))
+
+    def _note_times(self, frames: Frames) -> None:
+        known = frames.t != NO_TIME
+        if not known.any():
+            return
+        t = frames.t[known]
+        self.start = int(t.min()) if self.start == NO_TIME else min(self.start, int(t.min()))
+        self.end = max(self.end, int(t.max()))
+        bus = frames.bus[known]
+        for index in np.flatnonzero(np.bincount(bus)).tolist():
+            first = int(t[bus == index].min()) if index not in self.starts else self.starts[index]
+            self.starts[index] = first
+
+
+class View:
+    """One batch for the rules; `None` for a batch makes a view without rows."""
+
+    def __init__(self, past: Past, batch: Batch | None) -> None:
+        self._past = past
+        self._messages = {} if batch is None else batch.messages
+        first_transfer = 0 if batch is None else batch.first_transfer
+        self.frames = Frames(empty(FRAMES), 0) if batch is None else Frames(batch.frames, batch.first_frame)
+        self.transfers = Transfers(empty(TRANSFERS) if batch is None else batch.transfers, first_transfer)
+        self.events = Events(empty(EVENT_ROWS) if batch is None else batch.events)
+        self._settled = None if batch is None else batch.settled
+        self._tables: dict[str, Table] = {}
+
+    @cached_property
+    def settled(self) -> list[tuple[int, int, int]]:
+        """Frames of earlier batches, with their final verdict and the anomalies to add."""
+        if self._settled is None or not len(self._settled):
+            return []
+        columns = (self._settled.column(name).to_pylist() for name in ("frame", "verdict", "anomaly"))
+        return list(zip(*columns, strict=True))
+
+    @property
+    def buses(self) -> Sequence[str]:
+        """Interface names by index."""
+        return self._past.buses
+
+    @property
+    def start(self) -> int:
+        """The first time of any frame so far."""
+        return self._past.start
+
+    @property
+    def end(self) -> int:
+        """The last time of any frame so far."""
+        return self._past.end
+
+    @property
+    def starts(self) -> Mapping[int, int]:
+        """The first time by bus."""
+        return self._past.starts
+
+    @property
+    def bit_rate(self) -> int | None:
+        """Bits per second, if known."""
+        return self._past.bit_rate
+
+    def table(self, name: str) -> Table | None:
+        """The rows of a message or packet in this batch."""
+        if name not in self._tables:
+            rows = self._messages.get(name)
+            if rows is None or not rows.num_rows:
+                return None
+            self._tables[name] = Table(name, rows, self.transfers.first)
+        return self._tables[name]
+
+    def tables(self) -> Iterable[str]:
+        """Names of the tables that this batch has."""
+        return [name for name, rows in self._messages.items() if rows.num_rows]
+
+    def number(self, rule: str, name: str) -> float:
+        """A setting of a rule."""
+        return self._past.numbers[rule][name]
+
+    def type_name(self, code: int) -> str:
+        """The name of a table by the code of a transfer's type."""
+        return "" if code < 0 else self._past.name(code)
+
+    def frame(self, number: int) -> Kept | None:
+        """A frame of the recent past."""
+        return self._past.recent.frame(number)
+
+    def lines(self, frames: Iterable[int]) -> tuple[str, ...]:
+        """Frames of the recent past as candump writes them."""
+        return self._past.recent.lines(frames, self.buses)
+
+    def choice(self, message: str, reading: str, bus: int, node: int) -> str:
+        """What a node's doubtful field has shown up to this batch."""
+        return self._past.choice(message, reading, bus, node)
+
+    def among_transfers(self, rule: str, rows: Words, values: Callable[[int], Values], **about: Any) -> Found:
+        """`Found` for transfers of this batch."""
+        rows = np.asarray(rows, np.int64)
+        t = self.transfers
+        src = t.src[rows].astype(np.int64)
+        about.setdefault("frame", t.lead[rows])
+        about.setdefault("frames", lambda k: t.frames(int(rows[k])))
+        return Found(
+            rule=rule, t=t.t[rows], bus=t.bus[rows], node=np.where(src == _ANONYMOUS, NOBODY, src),
+            type=t.code[rows], values=lambda k: values(int(rows[k])), **about,
+        )  # fmt: skip
+
+    def among_frames(self, rule: str, rows: Words, values: Callable[[int], Values], **about: Any) -> Found:
+        """`Found` for frames of this batch."""
+        rows = np.asarray(rows, np.int64)
+        f = self.frames
+        node, code = who(f.id[rows], f.flags[rows], f.verdict[rows])
+        numbers = rows + f.first
+        about.setdefault("frames", lambda k: (int(numbers[k]),))
+        return Found(
+            rule=rule, t=f.t[rows], bus=f.bus[rows], node=node, type=code, frame=numbers,
+            values=lambda k: values(int(rows[k])), **about,
+        )  # fmt: skip
+
+    def among_rows(
+        self, rule: str, table: AnyTable, rows: Words, values: Callable[[int], Values], **about: Any
+    ) -> Found:
+        """`Found` for rows of a message or packet table."""
+        rows = np.asarray(rows, np.int64)
+        found = self.among_transfers(rule, table.row[rows], _nothing, **about)
+        return replace(found, values=lambda k: values(int(rows[k])))
+
+
+def who(identifier: Words, flags: Words, verdict: Words) -> tuple[Words, Words]:
+    """Source node and type code of frames as their identifiers have them; -1 for what is not DroneCAN's."""
+    number = identifier.astype(np.int64)
+    service = number >> 7 & 1 == 1
+    anonymous = ~service & (number & 0x7F == 0)
+    kind = np.where(service, np.where(number >> 15 & 1 == 1, 2, 3), np.where(anonymous, 1, 0))
+    type_id = np.where(service, number >> 16 & 0xFF, np.where(anonymous, number >> 8 & 3, number >> 8 & 0xFFFF))
+    ours = (flags & EXTENDED != 0) & (verdict != _FOREIGN)
+    node = np.where(ours & (number & 0x7F != 0), number & 0x7F, NOBODY)
+    return node, np.where(ours, kind << 16 | type_id, NOBODY)
+
+
+def _nothing(_row: int) -> Values:
+    return {}

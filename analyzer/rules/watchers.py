@@ -1,0 +1,65 @@
+"""Which rules run: those for any bus, those that a page describes as tests of fields, and those of vendors."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from typing import TYPE_CHECKING
+
+from analyzer.rules import bus, capture, counters, fields, frames, integrity, nodes, services, standard, transfers
+from dissectors.conformance import Conformance
+from dissectors.toml_table import ProfileError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+    from types import ModuleType
+
+    from analyzer.rules.catalogue import Page
+    from dissectors import Registry
+    from dissectors.conformance import Watcher
+
+_GENERAL = (frames, transfers, integrity, counters, services, standard, nodes, bus, capture)
+
+
+def brought(registry: Registry) -> list[Conformance]:
+    """What the dissectors in use bring along. Raises `ProfileError` for a module that cannot be used."""
+    found = []
+    for profile in registry.profiles:
+        if profile.rules:
+            file = str(profile.folder / "profile.toml")
+            try:
+                module = _module(profile.rules, profile.folder)
+            except (ImportError, OSError, SyntaxError) as error:
+                raise ProfileError(file, 1, f"rules: {error}") from None
+            conformance = getattr(module, "CONFORMANCE", None)
+            if not isinstance(conformance, Conformance):
+                raise ProfileError(file, 1, f"rules: {profile.rules} has no CONFORMANCE")
+            found.append(conformance)
+    return found
+
+
+def all_of(registry: Registry, pages: Mapping[str, Page], vendors: Sequence[Conformance]) -> Iterator[Watcher]:
+    """A new watcher of every kind."""
+    for module in _GENERAL:
+        for kind in module.WATCHERS:
+            yield kind()
+    yield from fields.made(registry, pages)
+    for vendor in vendors:
+        for kind in vendor.watchers:
+            yield kind()
+
+
+def _module(name: str, folder: Path) -> ModuleType:
+    """An importable module, or a file `NAME.py` of the folder."""
+    if not name.endswith(".py"):
+        return importlib.import_module(name)
+    path = folder / name
+    spec = importlib.util.spec_from_file_location(f"rules_of_{folder.name}", path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
