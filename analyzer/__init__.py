@@ -4,7 +4,10 @@
     for batch in analyzer.open_capture("flight.log"):
         print(batch.transfers.num_rows, batch.messages.keys())
 
-`analyzer.tables` documents every column.
+    report = analyzer.check("flight.log")
+    print([finding.text for finding in report.findings if finding.fails])
+
+`analyzer.tables` documents every column, `analyzer.report.model` every attribute of a report.
 """
 
 from __future__ import annotations
@@ -14,17 +17,21 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from analyzer.capture import Capture as Capture
     from analyzer.capture import open_capture as open_capture
+    from analyzer.conformance import check as check
     from analyzer.engine import Batch as Batch
     from analyzer.engine import Engine as Engine
+    from analyzer.report.model import Report as Report
     from analyzer.sources import CaptureError as CaptureError
 
-__all__ = ["Batch", "Capture", "CaptureError", "Engine", "open_capture"]
+__all__ = ["Batch", "Capture", "CaptureError", "Engine", "Report", "check", "open_capture"]
 
 _HOMES = {
     "Batch": "analyzer.engine",
     "Capture": "analyzer.capture",
     "CaptureError": "analyzer.sources",
     "Engine": "analyzer.engine",
+    "Report": "analyzer.report.model",
+    "check": "analyzer.conformance",
     "open_capture": "analyzer.capture",
 }
 

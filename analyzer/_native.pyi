@@ -16,6 +16,7 @@ __all__ = [
     "Rows",
     "Writer",
     "crc32",
+    "frame_bits",
     "message_records",
     "protobuf",
 ]
@@ -131,6 +132,7 @@ class McapWalk:
     @property
     def header_times(self) -> int: ...
 
+def frame_bits(id: bytes, flags: bytes, offsets: bytes, data: bytes) -> bytes: ...  # noqa: A002
 def crc32(data: bytes, value: int = 0, start: int = 0, end: int = ...) -> int: ...
 
 @final

@@ -9,10 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from dissectors.schema import Message
 
 Words = npt.NDArray[Any]
 Values = Mapping[str, Any]
@@ -187,8 +190,14 @@ class Table(Sized, Container[str], Protocol):
     def lists(self, column: str) -> tuple[Words, Words]:
         """A column of lists: where each row's begins (one entry more than rows), and all values."""
 
+    def counts(self, column: str) -> Words:
+        """How many elements each list of a column has; 0 in a column of anything else."""
+
     def cell(self, column: str, row: int) -> Any:
         """One cell as a Python value."""
+
+    def not_finite(self, column: str) -> Iterable[tuple[str, Words, Words]]:
+        """Floats of a field that are NaN or infinite: dotted name, rows in order, values; also inside structures."""
 
 
 class Events(Sized, Protocol):
@@ -213,6 +222,25 @@ class Events(Sized, Protocol):
 
     def data(self, row: int) -> bytes:
         """The data field of an error frame."""
+
+
+class Types(Protocol):
+    """What the definitions say of a type; `code` is that of a transfer."""
+
+    def signatures(self, code: int) -> Sequence[int]:
+        """Those of the known types with this ID, the preferred one first; none for an unknown type."""
+
+    def mistaken(self, code: int) -> Mapping[int, str]:
+        """Signatures that a sender may take by mistake, each with the type name that gives it."""
+
+    def undefined(self, code: int) -> Mapping[int, str]:
+        """Signatures of further types with this ID, which are known by name only."""
+
+    def fixed_bytes(self, code: int) -> int | None:
+        """Payload bytes of a type whose transfers all have the same length."""
+
+    def starting_from(self, crc_start: int) -> Sequence[str]:
+        """Full names of the types whose transfer CRCs start from this value."""
 
 
 class View(Protocol):
@@ -247,6 +275,10 @@ class View(Protocol):
         """The last time of any frame so far, `NO_TIME` without times."""
 
     @property
+    def before(self) -> int:
+        """The time of the last frame before this batch that has one, else `NO_TIME`."""
+
+    @property
     def starts(self) -> Mapping[int, int]:
         """The first time by bus."""
 
@@ -260,11 +292,21 @@ class View(Protocol):
     def tables(self) -> Iterable[str]:
         """Names of the tables that this batch has."""
 
+    def definition(self, name: str) -> Message | None:
+        """The type of a message table, None for other tables."""
+
     def number(self, rule: str, name: str) -> float:
         """A setting of a rule."""
 
     def type_name(self, code: int) -> str:
         """The name of a table by the code of a transfer's type; unknown types are named by their ID."""
+
+    def type_of(self, code: int) -> Message | None:
+        """What is known of a transfer's type by its code, None if it has no definition."""
+
+    @property
+    def types(self) -> Types:
+        """What the definitions say."""
 
     def frame(self, number: int) -> Kept | None:
         """A frame of the recent past, None if it is gone."""

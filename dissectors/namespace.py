@@ -124,6 +124,14 @@ class Namespace:
             self._compiled[full_name] = done
         return done
 
+    def signature_as(self, full_name: str, name: str) -> int:
+        """The signature that an entry would have if it were called `name` and its file dictated none."""
+        entry = self.entries[full_name]
+        nested: list[Compiled] = []
+        sections = dsdl.parse(dsdl.read(entry.path), str(entry.path)).sections
+        texts = [(section.union, self._members(section, entry, nested)[1]) for section in sections]
+        return signature(normalised(name, texts), [inner.signature for inner in nested])
+
     def _compile(self, entry: Entry) -> Compiled:
         file = str(entry.path)
         tree = dsdl.parse(dsdl.read(entry.path), file)

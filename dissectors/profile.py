@@ -7,6 +7,7 @@ file in the folder (`Profile.open`). Errors are `ProfileError` or `DsdlError`, b
 from __future__ import annotations
 
 import importlib.util
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING
 from dissectors import packets
 from dissectors.dsdl import DsdlError
 from dissectors.layout import Array, Compound
-from dissectors.namespace import Compiled, Namespace
+from dissectors.namespace import MAX_MESSAGE_ID, Compiled, Namespace
 from dissectors.notes import NoteReader, columns
 from dissectors.schema import Dissector, Evidence, Message, Reading
 from dissectors.toml_table import ProfileError, Table, read
@@ -61,6 +62,7 @@ class Profile:
             if full_name not in self.namespace.entries:
                 body.fail(f"no definition file for {full_name}: give it with dsdl, or a tree that holds it")
             self._names[full_name] = name
+        self.undefined = [_undefined(name, body) for name, body in table.tables("undefined")]
         for name, body in table.tables("type"):
             if not self.namespace.knows(name):
                 body.fail(f"no definition file for {name}")
@@ -96,6 +98,20 @@ class Profile:
     def signature(self, full_name: str) -> int:
         """The data type signature of an offered type."""
         return self.namespace.compile(full_name).signature
+
+    def mistaken(self, full_name: str) -> dict[int, str]:
+        """Signatures that a sender may take for that of an offered type, each with the name that gives it.
+
+        Those of its other names, in every namespace that this folder knows its types by, and the one that it would have
+        if its file did not dictate another.
+        """
+        aliases = [alias for _, body in self.table.tables("message") for alias in body.strings("aliases")]
+        spaces = dict.fromkeys(name.rpartition(".")[0] for name in (full_name, *aliases))
+        own = (full_name, self._names.get(full_name, full_name), *self.aliases(full_name))
+        ends = dict.fromkeys(name.rpartition(".")[2] for name in own)
+        names = [f"{space}.{end}" for space in spaces for end in ends]
+        found = {self.namespace.signature_as(full_name, name): name for name in reversed(names)}
+        return {code: found[code] for code in reversed(found) if code != self.signature(full_name)}
 
     def message(self, kind: MessageKind, full_name: str) -> Message:
         """The message with its notes, built once."""
@@ -246,3 +262,12 @@ class Profile:
         if not set(found.sends) <= self.table.table("message").body.keys():
             row.fail("not a message of this profile", "sends")
         return found
+
+
+def _undefined(name: str, body: Table) -> tuple[int, int, str]:
+    """A message type of which only ID and signature are known, and its name."""
+    type_id, digits = body.integer("id", 0, MAX_MESSAGE_ID), body.string("signature", required=True)
+    if type_id is None or not re.fullmatch("[0-9A-Fa-f]{16}", digits):
+        body.fail("a data type ID, and a signature of 16 hexadecimal digits, are expected")
+    body.finish()
+    return type_id, int(digits, 16), name

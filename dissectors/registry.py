@@ -45,6 +45,23 @@ class Registry:
         """The signatures of the types with a message (`service` 0) or service (1) ID, the preferred one first."""
         return [profile.signature(name) for profile, name in self._find(type_id, service=bool(service))]
 
+    def mistaken(self, service: int, type_id: int) -> dict[int, str]:
+        """Signatures that a sender may take by mistake for those of an ID, with the names that give them."""
+        found: dict[int, str] = {}
+        for profile, name in self._find(type_id, service=bool(service)):
+            found = profile.mistaken(name) | found
+        return {code: name for code, name in found.items() if code not in self.signatures(service, type_id)}
+
+    def undefined(self, service: int, type_id: int) -> dict[int, str]:
+        """Signatures of further types with an ID, which are known by name only."""
+        listed = [one for profile in self.profiles for one in profile.undefined if not service]
+        return {code: name for known, code, name in listed if known == type_id}
+
+    def all_signatures(self) -> dict[int, str]:
+        """The signature of every type that is in use, with its full name; compiles them all."""
+        offers = [(profile, offer.full_name) for profile in self.profiles for offer in profile.offers()]
+        return {profile.signature(name): name for profile, name in reversed(offers)}
+
     def message(self, kind: int, type_id: int, variant: int = 0) -> Message | None:
         """The message of an ID, None if unknown. `kind` is 0 message, 1 anonymous, 2 request or 3 response."""
         found = self._find(type_id, service=kind >= 2)

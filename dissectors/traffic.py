@@ -38,7 +38,8 @@ class Frame:
     `id` has 29 bits, or 11 unless `extended`. An `error` frame is what a controller reports: `id` is its error class
     (linux/can/error.h). `dlc` is the length that a remote frame asks for. It competes for the bus from `delay` ns after
     its transfer was sent, or takes its turn at once on interface `bus` 1, which has no other traffic. `lost` means on
-    the bus but not recorded. `t` (end of frame) and `number` (from 1; error frames have none) are set when recorded.
+    the bus but not recorded, `garbled` that only half of its line is; its stamp is `shift` ns too early. `t` (end of
+    frame) and `number` (from 1; error frames have none) are set when recorded.
     """
 
     id: int
@@ -52,6 +53,8 @@ class Frame:
     delay: int = 0
     bus: int = 0
     lost: bool = False
+    garbled: bool = False
+    shift: int = 0
     sending: Sending | None = None
     answers: tuple[Answer, ...] = ()
     t: int = -1

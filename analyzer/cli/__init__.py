@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 OK, USAGE, DAMAGED, INTERRUPTED = 0, 2, 3, 130
 
 _EPILOG = """\
-exit status: 0 done, 2 wrong usage, 3 capture unreadable or damaged (what was readable has been shown) or output
-not writable, 130 interrupted. Results go to standard output, everything else to standard error."""
+exit status: 0 done, 1 check has findings, 2 wrong usage, 3 capture unreadable or damaged (what was readable has been
+shown) or output not writable, 4 check had nothing to judge, 130 interrupted. Results go to standard output,
+everything else to standard error."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -60,7 +61,7 @@ class Version(argparse.Action):
 
 def parser() -> Parser:
     """Every command with its options; light enough for `--help`."""
-    from analyzer.cli import convert, decode, export, info, simulate  # noqa: PLC0415 - all are argparse only at this point
+    from analyzer.cli import check, convert, decode, explain, export, info, simulate  # noqa: PLC0415 - all are argparse only at this point
 
     main_parser = Parser(
         prog="tailbyte",
@@ -70,7 +71,7 @@ def parser() -> Parser:
     )
     main_parser.add_argument("--version", action=Version, nargs=0, help="show the version and exit")
     commands = main_parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
-    for command in (decode, info, convert, export, simulate):
+    for command in (decode, info, check, explain, convert, export, simulate):
         command.add(commands)
     return main_parser
 

@@ -75,7 +75,7 @@ def _head(report: Report, page: _Page) -> Iterator[str]:
     several = len(report.captures) > 1
     for capture in report.captures:
         facts = list(_facts(capture, page))
-        facts[0] = f"{wording.safe(capture.id)}: {facts[0]}" if several else facts[0]
+        facts[0] = f"{wording.safe(capture.id)}: {facts[0]}" if several and capture.id != capture.path else facts[0]
         yield from pack(facts, page.width, _INDENT)
     profile = wording.setting(report.settings.get("profile") or "default")
     more_limits = "" if report.settings.get("profile") or not report.settings.get("changed") else ", changed"
@@ -93,7 +93,8 @@ def _facts(capture: Capture, page: _Page) -> Iterator[str]:
         yield wording.length(capture.end_ns - capture.start_ns)
     yield f"{wording.plural(capture.frames, 'frame')}, {wording.accounted(capture)}"
     digest = wording.safe(capture.sha256)
-    yield f"sha256 {digest if page.everything or len(digest) <= 16 else f'{digest[:8]}...{digest[-4:]}'}"
+    if digest:
+        yield f"sha256 {digest if page.everything or len(digest) <= 16 else f'{digest[:8]}...{digest[-4:]}'}"
     first, *more = wording.judged(capture) or [""]
     yield f"can judge: {first or 'nothing'}"
     yield from more

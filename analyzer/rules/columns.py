@@ -6,15 +6,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow as pa
 
 from analyzer.facts.cells import pylist
 from analyzer.tables import numbers
 from dissectors.conformance import NO_TIME
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import pyarrow as pa
+    from collections.abc import Iterator, Sequence
 
     from dissectors.conformance import Words
 
@@ -226,9 +225,20 @@ class Table:
         """A column of lists: where each row's begins (one entry more than rows), and all values."""
         return listed(self._batch.column(name))
 
+    def counts(self, name: str) -> Words:
+        """How many elements each list of a column has; 0 in a column of anything else."""
+        array = self._batch.column(name)
+        if not pa.types.is_list(array.type):
+            return np.zeros(len(array), np.int64)
+        return np.diff(np.asarray(array.offsets)).astype(np.int64)
+
     def cell(self, name: str, row: int) -> Any:
         """One cell as a Python value."""
         return pylist(self._batch.column(name).slice(row, 1))[0]
+
+    def not_finite(self, name: str) -> Iterator[tuple[str, Words, Words]]:
+        """Floats of a field that are NaN or infinite: dotted name, rows in order, values; also inside structures."""
+        yield from _not_finite(self._batch.column(name), name)
 
 
 def column(array: pa.Array, *, time: bool = False) -> Words:
@@ -237,6 +247,24 @@ def column(array: pa.Array, *, time: bool = False) -> Words:
     if time and array.null_count:
         values = np.where(valid(array), values, NO_TIME)
     return values
+
+
+def _not_finite(array: pa.Array, name: str) -> Iterator[tuple[str, Words, Words]]:
+    kind = array.type
+    if pa.types.is_struct(kind):
+        for k in range(kind.num_fields):
+            yield from _not_finite(array.field(k), f"{name}.{kind.field(k).name}")
+    elif pa.types.is_list(kind):
+        ends = np.asarray(array.offsets).astype(np.int64)
+        for path, places, values in _not_finite(array.values, name):
+            yield path, np.searchsorted(ends, places, "right") - 1, values
+    elif pa.types.is_floating(kind):
+        values = numbers(array)
+        rows = np.flatnonzero(~np.isfinite(values))
+        if len(rows) and array.null_count:
+            rows = rows[valid(array)[rows]]
+        if len(rows):
+            yield name, rows, values[rows]
 
 
 def valid(array: pa.Array) -> Words:

@@ -48,10 +48,10 @@ def drops_in(view: View) -> Iterator[Drop]:
 def when(view: View, row: int) -> int:
     """The time of an event; one without a time happened when the frame before it did."""
     t = int(view.events.t[row])
-    if t != NO_TIME or not len(view.frames):
-        return view.end if t == NO_TIME else t
+    if t != NO_TIME:
+        return t
     at = int(np.searchsorted(view.frames.line, view.events.line[row]))
-    return int(view.frames.t[max(at - 1, 0)])
+    return int(view.frames.t[at - 1]) if at else view.before
 
 
 def overflowed(error_class: int, data: bytes) -> bool:

@@ -62,8 +62,8 @@ class Judge:
         made = watchers.all_of(registry, self.enabled, brought)
         self._watchers = [one for one in made if not self.enabled.keys().isdisjoint(one.rules)]
 
-    def feed(self, batch: Batch) -> None:
-        """The next batch."""
+    def feed(self, batch: Batch) -> View:
+        """The next batch; gives it as the rules saw it."""
         view = self._past.add(batch)
         self._exercises.look(view)
         for name_units in self._name_units:
@@ -72,6 +72,7 @@ class Judge:
         for watcher in self._watchers:
             self._take(watcher.look(view), view)
         self._release(view, view.end)
+        return view
 
     def finish(self) -> Outcome:
         """Everything, after the last batch."""

@@ -1,10 +1,150 @@
-"""Rules."""
+"""How the frames of one transfer follow each other: toggles, lengths, pauses, ends that never came."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import partial
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.rules.foreign import session_bits
+from analyzer.rules.frames import GONE, flagged
+from analyzer.tables import STATUSES, TRANSFER_ANOMALIES
+from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Occurrence, Watcher, watches
 
 if TYPE_CHECKING:
-    from dissectors.conformance import Watcher
+    from collections.abc import Callable, Iterable, Iterator
 
-WATCHERS: tuple[type[Watcher], ...] = ()
+    from dissectors.conformance import Found, Kept, Severity, Values, View
+
+_COMPLETE = tuple(STATUSES.index(name) for name in ("ok", "unchecked", "bad crc"))
+_SINGLE_WITH_TOGGLE = 0xE0  # start, end and toggle of a tail byte
+_START, _TRANSFER_ID = 0x80, 31
+_TIMEOUT = 2.0  # s; where the core closes a transfer
+_MARKED = 100.0  # ms; the core marks longer pauses
+NEAR = 4096  # frames that are looked through for the other one of two transfers
+
+
+class _Bit(NamedTuple):
+    """A rule, the bit of the core that shows its breaches, and what is said of one."""
+
+    rule: str
+    bit: str
+    values: Callable[[View, int], Values]
+    severity: Severity | None = None
+    drops: bool = False
+    complete: bool = False
+
+
+@watches("TRF-001", "TRF-006", "TRF-007", "TRF-008", "TRF-012", "TRF-013", "TRF-014", "TRF-015", "TRF-026", "TRF-029")
+def measured(view: View) -> Iterator[Found]:
+    """What the core found as it put transfers together."""
+    t = view.transfers
+    every = int(np.bitwise_or.reduce(t.anomaly))
+    for one in _BITS:
+        bit = 1 << TRANSFER_ANOMALIES.index(one.bit)
+        if not every & bit:
+            continue
+        rows = flagged(t.anomaly, bit)
+        if one.complete:
+            rows = rows[np.isin(t.status[rows], _COMPLETE)]
+        about = partial(one.values, view)
+        yield view.among_transfers(one.rule, rows, about, severity=one.severity, drops=one.drops)
+
+
+@watches("TRF-027")
+def paused(view: View) -> Iterator[Occurrence]:
+    """Every pause inside a transfer, at the frame before it."""
+    t = view.transfers
+    longest = view.number("TRF-027", "pause_ms")
+    if longest >= _MARKED:
+        rows = flagged(t.anomaly, 1 << TRANSFER_ANOMALIES.index("pause"))
+    else:
+        rows = np.flatnonzero((t.t != NO_TIME) & (t.t_end - t.t > longest * MILLISECOND))
+    for row in rows.tolist():
+        node, type_ = int(t.src[row]), view.type_name(int(t.code[row]))
+        for (number, before), (after, frame) in pairwise(_known(view, t.frames(row))):
+            pause = (frame.t - before.t) / MILLISECOND
+            if pause > longest and NO_TIME not in (before.t, frame.t):
+                values = {"milliseconds": pause, "previous_frame": number + 1, "frame": after + 1}
+                yield Occurrence("TRF-027", before.t, before.bus, node or None, type_, (number, after), values)
+
+
+def _known(view: View, numbers: Iterable[int]) -> list[tuple[int, Kept]]:
+    """Frames of the recent past."""
+    kept = ((number, view.frame(number)) for number in numbers)
+    return [(number, frame) for number, frame in kept if frame is not None]
+
+
+def _tail(view: View, row: int) -> Values:
+    return {"tail": _SINGLE_WITH_TOGGLE | int(view.transfers.transfer_id[row])}
+
+
+def _received(view: View, row: int) -> Values:
+    """What came; two more bytes than payload once there is a CRC."""
+    t = view.transfers
+    crc = 2 if t.has("crc_wire")[row] else 0
+    return {"frames": len(t.frames(row)), "bytes": int(t.length[row]) + crc}
+
+
+def _length(view: View, row: int) -> Values:
+    return {"length": int(view.transfers.length[row]), "frames": len(view.transfers.frames(row))}
+
+
+def _open_for(_view: View, _row: int) -> Values:
+    return {"seconds": _TIMEOUT}
+
+
+def _took(view: View, row: int) -> Values:
+    return {"seconds": int(view.transfers.t_end[row] - view.transfers.t[row]) / SECOND}
+
+
+def _part_full(view: View, row: int) -> Values:
+    frames = _known(view, view.transfers.frames(row)[:-1])
+    for number, kept in frames:
+        if len(kept.data) < (64 if view.transfers.fd[row] else 8):
+            return {"length": len(kept.data), "frame": number + 1}
+    return {"length": GONE, "frame": GONE}
+
+
+def _last(view: View, row: int) -> Values:
+    return {"frame": view.transfers.frames(row)[-1] + 1}
+
+
+def _first(view: View, row: int) -> Values:
+    kept = view.frame(int(view.transfers.lead[row]))
+    return {"length": GONE if kept is None else len(kept.data)}
+
+
+def _in_turn(view: View, row: int) -> Values:
+    """The other transfer ID stands in a frame of the session between the first and the last one."""
+    numbers = view.transfers.frames(row)
+    mine, first = int(view.transfers.transfer_id[row]), view.frame(numbers[0])
+    between = range(numbers[0] + 1, min(numbers[-1], numbers[0] + NEAR))
+    other: int | str = GONE
+    if first is not None:
+        wanted = session_bits(np.array([first.id]))[0]
+        for _, kept in _known(view, between):
+            same = kept.bus == first.bus and kept.data and kept.id & 0xFF_FFFF == wanted
+            if same and kept.data[-1] & _TRANSFER_ID != mine:
+                other = kept.data[-1] & _TRANSFER_ID
+                break
+    return {"first_id": mine, "transfer_id": other}
+
+
+_BITS = (
+    _Bit("TRF-001", "single toggle", _tail),
+    _Bit("TRF-006", "abandoned", _received, drops=True),
+    _Bit("TRF-007", "timeout", _open_for),
+    _Bit("TRF-007", "slow", _took, severity="note", complete=True),
+    _Bit("TRF-008", "cut by end", _received),
+    _Bit("TRF-012", "frame not full", _part_full),
+    _Bit("TRF-013", "last frame empty", _last),
+    _Bit("TRF-014", "first frame too short", _first),
+    _Bit("TRF-015", "needless multi", _length),
+    _Bit("TRF-026", "interleaved", _in_turn),
+    _Bit("TRF-029", "long", _length),
+)
+
+WATCHERS: tuple[type[Watcher], ...] = (measured, paused)

@@ -11,6 +11,8 @@ import numpy as np
 from analyzer.facts.dialects import Dialects
 from analyzer.facts.names import type_name
 from analyzer.rules.columns import Events, Frames, Table, Transfers
+from analyzer.rules.definitions import Definitions
+from analyzer.rules.load import split
 from analyzer.rules.recent import Recent
 from analyzer.tables import EVENT_ROWS, EXTENDED, FRAMES, TRANSFERS, VERDICTS, empty
 from dissectors.conformance import NO_TIME, Found
@@ -19,9 +21,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from analyzer.engine import Batch
+    from analyzer.rules.load import Second
     from dissectors import Registry
     from dissectors.conformance import Kept, Values, Words
     from dissectors.conformance import Table as AnyTable
+    from dissectors.schema import Message
 
 _ANONYMOUS = 0
 NOBODY = -1
@@ -47,10 +51,12 @@ class Past:
         self.bit_rate = bit_rate
         self.dialects = Dialects(forced)
         self.recent = Recent()
+        self.types = Definitions(registry)
         self.buses: Sequence[str] = ()
-        self.start = self.end = NO_TIME
+        self.start = self.end = self.last = self.origin = NO_TIME
         self.starts: dict[int, int] = {}
         self._names: dict[int, str] = {}
+        self._definitions: dict[str, Message | None] = {}
         self._tables = frozenset(registry.names())
 
     def add(self, batch: Batch) -> View:
@@ -73,10 +79,19 @@ class Past:
         if code not in self._names:
             if len(self._names) > 1 << 16:
                 self._names.clear()
-            variant, kind, type_id = code >> 24 & 0xFF, code >> 16 & 0xFF, code & 0xFFFF
-            message = self.registry.message(kind, type_id, variant)
-            self._names[code] = type_name(None, kind, type_id) if message is None else message.table
+            message = self.type_of(code)
+            self._names[code] = type_name(None, code >> 16 & 0xFF, code & 0xFFFF) if message is None else message.table
         return self._names[code]
+
+    def type_of(self, code: int) -> Message | None:
+        """A type by its code, None if it has no definition."""
+        return None if code < 0 else self.registry.message(code >> 16 & 0xFF, code & 0xFFFF, code >> 24 & 0xFF)
+
+    def definition(self, table: str) -> Message | None:
+        """The type of a message table, None for other tables."""
+        if table not in self._definitions:
+            self._definitions[table] = self.registry.resolve(table) if table in self._tables else None
+        return self._definitions[table]
 
     def choice(self, message: str, reading: str, bus: int, node: int) -> str:
         """What a node's doubtful field has shown so far."""
@@ -87,6 +102,8 @@ class Past:
         if not known.any():
             return
         t = frames.t[known]
+        self.origin = int(t[0]) if self.origin == NO_TIME else self.origin
+        self.last = int(t[-1])
         self.start = int(t.min()) if self.start == NO_TIME else min(self.start, int(t.min()))
         self.end = max(self.end, int(t.max()))
         bus = frames.bus[known]
@@ -107,6 +124,12 @@ class View:
         self.events = Events(empty(EVENT_ROWS) if batch is None else batch.events)
         self._settled = None if batch is None else batch.settled
         self._tables: dict[str, Table] = {}
+        self.before = past.last
+
+    @cached_property
+    def seconds(self) -> Sequence[Second]:
+        """Frames and bits by interface and second, counted from the first frame of the capture."""
+        return split(self.frames, self._past.origin)
 
     @cached_property
     def settled(self) -> list[tuple[int, int, int]]:
@@ -154,6 +177,10 @@ class View:
         """Names of the tables that this batch has."""
         return [name for name, rows in self._messages.items() if rows.num_rows]
 
+    def definition(self, name: str) -> Message | None:
+        """The type of a message table, None for other tables."""
+        return self._past.definition(name)
+
     def number(self, rule: str, name: str) -> float:
         """A setting of a rule."""
         return self._past.numbers[rule][name]
@@ -161,6 +188,15 @@ class View:
     def type_name(self, code: int) -> str:
         """The name of a table by the code of a transfer's type."""
         return "" if code < 0 else self._past.name(code)
+
+    def type_of(self, code: int) -> Message | None:
+        """What is known of a transfer's type by its code."""
+        return self._past.type_of(code)
+
+    @property
+    def types(self) -> Definitions:
+        """What the definitions say of types."""
+        return self._past.types
 
     def frame(self, number: int) -> Kept | None:
         """A frame of the recent past."""

@@ -7,7 +7,24 @@ import importlib.util
 import sys
 from typing import TYPE_CHECKING
 
-from analyzer.rules import bus, capture, counters, fields, frames, integrity, nodes, services, standard, transfers
+from analyzer.rules import (
+    bus,
+    capture,
+    counters,
+    fields,
+    foreign,
+    frames,
+    identifiers,
+    integrity,
+    leftovers,
+    nodes,
+    redundant,
+    services,
+    silences,
+    standard,
+    status,
+    transfers,
+)
 from dissectors.conformance import Conformance
 from dissectors.toml_table import ProfileError
 
@@ -20,7 +37,10 @@ if TYPE_CHECKING:
     from dissectors import Registry
     from dissectors.conformance import Watcher
 
-_GENERAL = (frames, transfers, integrity, counters, services, standard, nodes, bus, capture)
+_GENERAL = (
+    frames, identifiers, foreign, leftovers, transfers, integrity, counters, services, redundant, standard, nodes,
+    silences, status, bus, capture,
+)  # fmt: skip
 
 
 def brought(registry: Registry) -> list[Conformance]:

@@ -21,7 +21,8 @@ def key(simulation: Simulation) -> dict[str, Any]:
     """Everything known about a run that has ended.
 
     Times are twice: `t_ns` since 1970, as in the capture, and `time` in seconds since the start of the simulation.
-    `frames` are frame numbers from 1; `lines` are the lines (or records) of error frames, which have no frame number.
+    `frames` are frame numbers from 1; `lines` are the lines (or records) of what has no frame
+    number: error frames and broken lines.
     """
     settings, recorder = simulation.settings, simulation.recorder
     start, scenario = settings.start, simulation.scenario
@@ -48,6 +49,7 @@ def key(simulation: Simulation) -> dict[str, Any]:
             "bus": settings.bus,
             "frames": recorder.frames,
             "error_frames": recorder.error_frames,
+            "unreadable": recorder.unreadable,
             "first_ns": None if recorder.first is None else start + recorder.first,
             "last_ns": None if recorder.last is None else start + recorder.last,
         },

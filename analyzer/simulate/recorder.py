@@ -17,10 +17,10 @@ MOST_LISTED = 1 << 17
 
 
 class Recorder:
-    """Numbers frames as a reader of the capture does: error frames take a line, but no frame number."""
+    """Numbers frames as a reader of the capture does: error frames and broken lines take a line, but no number."""
 
     def __init__(self) -> None:
-        self.frames = self.error_frames = 0
+        self.frames = self.error_frames = self.unreadable = 0
         self.first: int | None = None
         self.last: int | None = None
 
@@ -29,11 +29,14 @@ class Recorder:
         for frame in frames:
             if frame.lost:
                 continue
-            if frame.error:
+            if frame.garbled:
+                self.unreadable += 1
+            elif frame.error:
                 self.error_frames += 1
             else:
                 self.frames += 1
                 frame.number = self.frames
+            frame.t -= frame.shift
             frame.t -= frame.t % MICROSECOND  # what its line can say
             if self.first is None:
                 self.first = frame.t
@@ -48,8 +51,10 @@ class Recorder:
             if not answer.frames and not answer.lines:
                 answer.t = frame.t
             answer.t_end = frame.t
-            listed = answer.lines if frame.error else answer.frames
+            numbered = not (frame.error or frame.garbled)
+            listed = answer.frames if numbered else answer.lines
             if len(listed) < MOST_LISTED:
-                listed.append(self.frames + self.error_frames if frame.error else frame.number)
+                line = self.frames + self.error_frames + self.unreadable
+                listed.append(frame.number if numbered else line)
             else:
                 answer.more += 1

@@ -18,4 +18,5 @@ def line(frame: Frame, start: int, buses: tuple[str, str]) -> str:
     if frame.remote:
         body = "R" if frame.dlc is None else f"R{frame.dlc}"
     mark = f"##{int(frame.brs)}" if frame.fd else "#"
-    return f"({micro // 1_000_000:010}.{micro % 1_000_000:06}) {buses[frame.bus]} {number}{mark}{body}\n"
+    whole = f"({micro // 1_000_000:010}.{micro % 1_000_000:06}) {buses[frame.bus]} {number}{mark}{body}\n"
+    return f"{whole[: whole.index(number) + 5]}\n" if frame.garbled else whole

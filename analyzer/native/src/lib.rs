@@ -2,7 +2,8 @@
 //!
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`ending`] -> [`trust`] ->
-//! [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`plan`], [`bits`], [`unpack`] -> [`packets`]. None of them knows Python or does
+//! [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`plan`], [`bits`], [`unpack`] -> [`packets`];
+//! [`load`] is how long a frame takes. None of them knows Python or does
 //! I/O; `python` is the only file that knows Python, `simd` the only one with `unsafe`.
 
 pub mod binary;
@@ -16,6 +17,7 @@ pub mod events;
 pub mod frames;
 pub mod line;
 pub mod link;
+pub mod load;
 pub mod mcap;
 pub mod merge;
 pub mod packets;

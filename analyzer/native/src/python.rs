@@ -45,6 +45,7 @@ macro_rules! columns {
 }
 
 mod decode;
+mod load;
 mod mcap;
 mod merge;
 mod pieces;
@@ -262,6 +263,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<mcap::McapWalk>()?;
     m.add_class::<write::Messages>()?;
     m.add_class::<write::Writer>()?;
+    m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;
     m.add_function(wrap_pyfunction!(mcap::crc32, m)?)?;
     m.add_function(wrap_pyfunction!(proto::protobuf, m)?)?;
     m.add_function(wrap_pyfunction!(proto::message_records, m)?)?;

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import dissectors
 from analyzer.simulate import scenarios
-from analyzer.simulate.faults import frames, lengths, transfers, values
+from analyzer.simulate.faults import bus, frames, lengths, recording, transfers, values
 from analyzer.simulate.faults.desk import Order
 from dissectors.tmotor import traffic
 from dissectors.traffic import MICROSECOND, MILLISECOND, SECOND
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # What every fault takes: who sends it, which type of transfer, how often in a row. None has no default.
 COMMON: Mapping[str, type] = {"node": int, "type": str, "count": int}
 _UNITS = {"s": SECOND, "ms": MILLISECOND, "us": MICROSECOND, "min": 60 * SECOND, "h": 3600 * SECOND}
-_LAYERS = ("CAN", "TRF", "TYP", "PUSH")
+_LAYERS = ("CAN", "TRF", "TYP", "PUSH", "BUS", "CAP")
 # The least and the most of settings that mean the same in every fault; of others what 32 bits hold, signed or not.
 _LIMITS: Mapping[str, tuple[float, float]] = {
     "node": (1, 127),
@@ -47,7 +47,10 @@ _LONGEST = 86_400 * SECOND
 @cache
 def faults() -> dict[str, Fault]:
     """By rule, in the order of the catalogue."""
-    every = (*frames.FAULTS, *transfers.FAULTS, *lengths.FAULTS, *values.FAULTS, *traffic.FAULTS)
+    every = (
+        *frames.FAULTS, *transfers.FAULTS, *lengths.FAULTS, *values.FAULTS, *bus.FAULTS, *recording.FAULTS,
+        *traffic.FAULTS,
+    )  # fmt: skip
     return {fault.rule: fault for fault in sorted(every, key=_place)}
 
 

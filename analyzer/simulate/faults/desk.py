@@ -159,7 +159,8 @@ class Desk:
             if do(sending) is Step.DONE:
                 done.append(do)
         for do in done:
-            waiting.remove(do)
+            if do in waiting:  # what it sent in turn may have been its end
+                waiting.remove(do)
         if done:
             self.busy = any(self._waiting.values())
 

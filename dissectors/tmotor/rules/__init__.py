@@ -4,20 +4,33 @@ from __future__ import annotations
 
 from dissectors.conformance import Conformance
 from dissectors.tmotor.rules import (
+    bus_rates,
     commands,
+    habits,
+    identity,
     motors,
+    packet_agreement,
+    packet_counts,
     packet_dialogue,
     packet_form,
+    packet_life,
+    packet_reading,
     packet_values,
     parameters,
+    parameters_dialogue,
+    positions,
     rates,
+    report_rates,
     reports,
     sequence,
+    throttle_loss,
     vehicle,
 )
 
 _MODULES = (
-    commands, parameters, reports, sequence, packet_form, packet_values, packet_dialogue, rates, vehicle, motors,
+    commands, parameters, identity, reports, habits, sequence, packet_form, packet_counts, packet_reading,
+    packet_values, packet_life, packet_dialogue, packet_agreement, rates,
+    report_rates, bus_rates, vehicle, motors, positions, throttle_loss, parameters_dialogue,
 )  # fmt: skip
 
 CONFORMANCE = Conformance(

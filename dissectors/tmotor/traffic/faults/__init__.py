@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dissectors.tmotor.traffic.faults import (
+    bus_commands,
+    bus_reports,
     device,
     habits,
     packet_commands,
@@ -39,4 +41,6 @@ FAULTS: tuple[Fault, ...] = (
     *packet_commands.FAULTS,
     *packet_feedback.FAULTS,
     *packet_status.FAULTS,
+    *bus_commands.FAULTS,
+    *bus_reports.FAULTS,
 )

@@ -1,0 +1,79 @@
+"""One capture under all rules: what they found, the facts of the capture, and what it exercised."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from analyzer.facts.cells import pylist
+from analyzer.facts.summary import MOST_NODES, Summary
+from analyzer.rules.course import Course
+from analyzer.rules.coverage import Tracker
+from analyzer.rules.judge import Judge
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    import pyarrow as pa
+
+    from analyzer.engine import Batch, Engine
+    from analyzer.facts.summary import Facts, Stored
+    from analyzer.rules.coverage import Seen
+    from analyzer.rules.judge import Outcome
+    from analyzer.rules.settings import Settings
+    from dissectors import Registry
+
+MOST_NAME = 80  # characters
+_INFO = "uavcan.protocol.GetNodeInfo.Response"
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A capture after the last batch. `names` are what nodes call themselves, by (bus, node)."""
+
+    facts: Facts
+    outcome: Outcome
+    seen: Seen
+    course: Course
+    names: Mapping[tuple[int, int], str] = field(default_factory=dict)
+
+
+class Check:
+    """Adds up batches of one capture; memory is bounded."""
+
+    def __init__(self, registry: Registry, settings: Settings) -> None:
+        self.judge = Judge(registry, settings)
+        self._summary = Summary(registry, settings.dialects)
+        self._seen = Tracker(registry)
+        self._course = Course()
+        self._names: dict[tuple[int, int], str] = {}
+
+    def feed(self, batch: Batch) -> None:
+        """The next batch."""
+        view = self.judge.feed(batch)
+        self._summary.add(batch)
+        self._seen.look(view)
+        self._course.look(view)
+        if (table := batch.messages.get(_INFO)) is not None:
+            self._note_names(table)
+
+    def finish(self, stored: Iterable[Stored], engine: Engine) -> Checked:
+        """Everything, after the last batch of the captures `stored`."""
+        outcome = self.judge.finish()
+        return Checked(self._summary.finish(stored, engine), outcome, self._seen.seen(), self._course, self._names)
+
+    def _note_names(self, table: pa.RecordBatch) -> None:
+        if "name" not in table.schema.names or not table.num_rows:
+            return
+        good = table.filter(table.column("trusted"))
+        for bus, src, name in zip(*(pylist(good.column(c)) for c in ("bus", "src", "name")), strict=True):
+            if (bus, src) in self._names or len(self._names) < MOST_NODES:
+                self._names[bus, src] = _text(name)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list):
+        value = bytes(value)
+    if isinstance(value, bytes):
+        value = value.partition(b"\0")[0].decode("utf-8", "backslashreplace")
+    return str(value or "")[:MOST_NAME]

@@ -1,0 +1,95 @@
+"""How traffic went over time: frames and bits by interface, transfers by node, in steps that grow with the capture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dissectors.conformance import NO_TIME, SECOND
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from analyzer.rules.view import View
+
+    Words = npt.NDArray[Any]
+
+MOST_STEPS = 2048  # as many, and two become one
+MOST_KEYS = 4096
+_NODES = 128
+
+
+class Course:
+    """Adds up batches. Steps begin at the first frame with a time; what lies before it counts in the first step."""
+
+    def __init__(self) -> None:
+        self.start: int | None = None
+        self.step = SECOND
+        self._last = 0
+        self._frames: dict[int, Words] = {}  # by bus
+        self._bits: dict[int, Words] = {}
+        self._transfers: dict[int, Words] = {}  # by bus and node
+
+    def look(self, view: View) -> None:
+        """The next batch."""
+        if self.start is None:
+            known = view.frames.t != NO_TIME
+            if not known.any():
+                return
+            self.start = int(view.frames.t[int(np.argmax(known))])
+        for second in view.seconds:
+            at = np.array([self._index(second.start)])
+            self._put(self._frames, second.bus, at, np.array([second.frames]))
+            self._put(self._bits, second.bus, at, np.array([second.bits]))
+        transfers = view.transfers
+        known = transfers.t != NO_TIME
+        t, key = transfers.t, transfers.bus.astype(np.int64) * _NODES + (transfers.src & 0x7F)
+        if not known.all():
+            t, key = t[known], key[known]
+        if len(t):
+            self._index(int(t.max()))
+            at = np.maximum((t - self.start) // self.step, 0)
+            for one in np.flatnonzero(np.bincount(key)).tolist():
+                self._put(self._transfers, one, at[key == one])
+
+    def frames(self, bus: int) -> tuple[int, ...]:
+        """Frames of an interface in each step."""
+        return self._series(self._frames, bus)
+
+    def bits(self, bus: int) -> tuple[int, ...]:
+        """Bits of an interface on the wire in each step."""
+        return self._series(self._bits, bus)
+
+    def transfers(self, bus: int, node: int) -> tuple[int, ...]:
+        """Transfers of a node in each step."""
+        return self._series(self._transfers, bus * _NODES + node)
+
+    def _index(self, t: int) -> int:
+        """The step of a time; steps are widened until it is inside."""
+        start = self.start or 0
+        while (t - start) // self.step >= MOST_STEPS:
+            self._double()
+        at = max((t - start) // self.step, 0)
+        self._last = max(self._last, at)
+        return at
+
+    def _put(self, series: dict[int, Words], key: int, at: Words, much: Words | None = None) -> None:
+        if key not in series:
+            if len(series) >= MOST_KEYS:
+                return
+            series[key] = np.zeros(MOST_STEPS, np.int64)
+        low = int(at.min())
+        counts = np.bincount(at - low, much).astype(np.int64)
+        series[key][low : low + len(counts)] += counts
+
+    def _series(self, series: dict[int, Words], key: int) -> tuple[int, ...]:
+        return tuple(series[key][: self._last + 1].tolist()) if key in series else ()
+
+    def _double(self) -> None:
+        self.step *= 2
+        self._last //= 2
+        for series in (self._frames, self._bits, self._transfers):
+            for key, counts in series.items():
+                halved = counts.reshape(-1, 2).sum(axis=1)
+                series[key] = np.concatenate((halved, np.zeros(MOST_STEPS - len(halved), np.int64)))

@@ -1,0 +1,228 @@
+"""The vehicle that somebody expects: a TOML file with its nodes, numbers, severities, waivers and demands.
+
+Mistakes are `ProfileError` with file and line. What a vehicle file can hold:
+
+    bit_rate = 1000000
+    escs = 6
+    [node.11]                 # by node ID: label, role of no consequence, messages per second by type
+    label = "front left"
+    rates = { ESCStatus = 50 }
+    [unit]                    # power unit of a packet = node ID
+    0xA1 = 11
+    [rule.BUS-001]            # severity, enabled, and the numbers of its page
+    limit_per_s = 2000
+    [[waiver]]                # reason, owner and expires are a must; node and type narrow it down
+    rule = "TRF-016"
+    reason = "logger drops frames while it rotates files"
+    owner = "bench team"
+    expires = 2027-01-31
+    [require]                 # else the capture is not judged
+    types = ["ESCStatus"]
+    rules = ["TRF-010"]
+    escs = 6
+    running_s = 30
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from datetime import date, datetime
+from typing import TYPE_CHECKING, cast, get_args
+
+from dissectors.conformance import Severity
+from dissectors.toml_table import read
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from analyzer.rules.catalogue import Page
+    from analyzer.rules.settings import Settings
+    from dissectors.toml_table import Table
+
+MOST_BIT_RATE = 8_000_000
+MOST_ESCS = 32
+MOST_NODE = 127
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedNode:
+    """One node by its ID. `rates` are transfers per second by type, met within `TOLERANCE`."""
+
+    node: int
+    label: str
+    rates: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Excuse:
+    """A waiver: findings of `rule` (of one node or type, if named) do not count until the day `expires` is over."""
+
+    rule: str
+    node: int | None
+    type: str
+    reason: str
+    owner: str
+    expires: date
+
+    def covers(self, rule: str, node: int | None, type_: str, today: date) -> bool:
+        """Whether it excuses a finding today."""
+        return (
+            self.rule == rule
+            and self.node in (None, node)
+            and self.type in ("", type_)
+            and today <= self.expires
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """What a capture must show to be judged at all."""
+
+    types: tuple[str, ...] = ()
+    rules: tuple[str, ...] = ()
+    escs: int | None = None
+    running_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """A vehicle as its file describes it. `units` maps the number of a power unit to a node ID."""
+
+    path: str
+    name: str
+    bit_rate: int | None
+    escs: int | None
+    nodes: Mapping[int, ExpectedNode]
+    units: Mapping[int, int]
+    numbers: Mapping[str, Mapping[str, float]]
+    severities: Mapping[str, Severity]
+    enabled: Mapping[str, bool]
+    excuses: tuple[Excuse, ...]
+    demand: Demand = field(default_factory=Demand)
+
+    def settings(self, asked: Settings, pages: Mapping[str, Page]) -> Settings:
+        """What was asked for on top of what the file says."""
+        select = asked.select
+        if select is None and self.enabled:
+            chosen = {rule: page.enabled for rule, page in pages.items()} | {**self.enabled}
+            select = {rule for rule, wanted in chosen.items() if wanted}
+        return replace(
+            asked,
+            select=select,
+            numbers={**self.numbers, **asked.numbers},
+            severities={**self.severities, **asked.severities},
+            bit_rate=asked.bit_rate if asked.bit_rate is not None else self.bit_rate,
+        )
+
+    def excuse(self, rule: str, node: int | None, type_: str, today: date) -> Excuse | None:
+        """The waiver that covers a finding, if any."""
+        return next((one for one in self.excuses if one.covers(rule, node, type_, today)), None)
+
+
+def load(path: Path, pages: Mapping[str, Page]) -> Expected:
+    """Reads a vehicle file; `pages` are the rules that there are."""
+    table = read(path)
+    rules = table.table("rule")
+    numbers, severities, enabled = _rules(rules, pages)
+    made = Expected(
+        path=str(path),
+        name=table.string("name"),
+        bit_rate=table.integer("bit_rate", 1, MOST_BIT_RATE),
+        escs=table.integer("escs", 0, MOST_ESCS),
+        nodes={one.node: one for one in _nodes(table.table("node"))},
+        units=_units(table.table("unit")),
+        numbers=numbers,
+        severities=severities,
+        enabled=enabled,
+        excuses=tuple(_excuse(row, pages) for row in table.rows("waiver")),
+        demand=_demand(table.table("require"), pages),
+    )
+    table.finish()
+    return made
+
+
+def _nodes(table: Table) -> Iterator[ExpectedNode]:
+    for name in table.body:
+        number = table.number(name)
+        if not 1 <= number <= MOST_NODE:
+            table.fail(f"a node ID from 1 to {MOST_NODE} is expected", name)
+        body = table.table(name)
+        rates = body.table("rates")
+        yield ExpectedNode(number, body.string("label"), {kind: _rate(rates, kind) for kind in rates.body})
+        body.finish()
+
+
+def _units(table: Table) -> dict[int, int]:
+    return {table.number(name): table.integer(name, 1, MOST_NODE) or 0 for name in table.body}
+
+
+def _rules(
+    table: Table, pages: Mapping[str, Page]
+) -> tuple[dict[str, dict[str, float]], dict[str, Severity], dict[str, bool]]:
+    numbers: dict[str, dict[str, float]] = {}
+    severities: dict[str, Severity] = {}
+    enabled: dict[str, bool] = {}
+    for rule in table.body:
+        _known(table, rule, rule, pages)
+        body = table.table(rule)
+        severity = body.one_of("severity", get_args(Severity))
+        if severity:
+            severities[rule] = cast("Severity", severity)
+        if "enabled" in body.body:
+            enabled[rule] = body.flag("enabled")
+        given = {name: _rate(body, name, usual) for name, usual in pages[rule].settings.items() if name in body.body}
+        if given:
+            numbers[rule] = given
+        body.asked.update(pages[rule].settings, ("enabled",))
+        body.finish()
+    return numbers, severities, enabled
+
+
+def _excuse(row: Table, pages: Mapping[str, Page]) -> Excuse:
+    rule = row.string("rule", required=True)
+    _known(row, "rule", rule, pages)
+    expires = row.take("expires", date, "a day like 2027-01-31")
+    if expires is None:
+        row.fail("expires is missing")
+    made = Excuse(
+        rule=rule,
+        node=row.integer("node", 1, MOST_NODE),
+        type=row.string("type"),
+        reason=row.string("reason", required=True),
+        owner=row.string("owner", required=True),
+        expires=expires.date() if isinstance(expires, datetime) else expires,
+    )
+    row.finish()
+    return made
+
+
+def _demand(table: Table, pages: Mapping[str, Page]) -> Demand:
+    rules = table.strings("rules")
+    for rule in rules:
+        _known(table, "rules", rule, pages)
+    running = table.fraction("running_s")
+    made = Demand(
+        types=table.strings("types"),
+        rules=rules,
+        escs=table.integer("escs", 0, MOST_ESCS),
+        running_s=None if running is None else float(running),
+    )
+    table.finish()
+    return made
+
+
+def _known(table: Table, key: str, rule: str, pages: Mapping[str, Page]) -> None:
+    if rule not in pages:
+        import difflib  # noqa: PLC0415 - only a mistyped name is worth it
+
+        near = difflib.get_close_matches(rule, pages, n=3)
+        table.fail(f"no rule is called {rule!r:.60}" + (f" (near: {', '.join(near)})" if near else ""), key)
+
+
+def _rate(table: Table, name: str, usual: float = 0) -> float:
+    """A number; one below 0 only in place of another one below 0."""
+    value = table.fraction(name)
+    if value is None or (value < 0 and usual >= 0):
+        table.fail("a number from 0 on is expected", name)
+    return float(value)

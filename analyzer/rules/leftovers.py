@@ -1,0 +1,225 @@
+"""Frames that no transfer names, though they are DroneCAN's: remote, empty, stray, repeated or wrongly begun ones.
+
+A session is DroneCAN for certain once a transfer of it came out of the core. Until then its frames wait here: they may
+be settled as foreign, or the end of the capture gives them the benefit of the doubt.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.rules.foreign import session_bits
+from analyzer.rules.frames import GONE, discriminator
+from analyzer.rules.remains import Loose, Remains
+from analyzer.rules.view import who
+from analyzer.tables import FD, FRAME_ANOMALIES, VERDICTS
+from dissectors.conformance import Occurrence, Watcher
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from dissectors.conformance import Found, Kept, Values, View, Words
+
+_USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
+_ORPHAN = VERDICTS.index("orphan")
+_REMOTE, _NO_TAIL, _IMPOSSIBLE, _START_TOGGLE = (
+    1 << FRAME_ANOMALIES.index(name) for name in ("remote", "no tail", "impossible length", "start toggle")
+)
+_LENGTH_CODE = 8  # bits 8 to 11 of the flags of a remote frame
+_END, _TRANSFER_ID = 0x40, 31
+MOST_SESSIONS = 1 << 16
+MOST_HELD = 4096
+NEAR = 4096  # frames that are looked through for the one before
+
+
+class _Kind(NamedTuple):
+    """A rule, the frames that breach it by verdict, anomaly and flags (columns or numbers), and its values."""
+
+    rule: str
+    picks: Callable[[Words, Words, Words], Words]
+    values: Callable[[View, int, Kept], Values]
+
+
+class _Held(NamedTuple):
+    loose: Loose
+    about: tuple[tuple[str, Values], ...]
+
+
+class Leftovers(Watcher):
+    """Follows which sessions are DroneCAN's, from their first transfers."""
+
+    rules = ("CAN-002", "CAN-003", "CAN-005", "CAN-008", "CAN-009", "TRF-002", "TRF-004", "TRF-005", "TRF-009")
+
+    def __init__(self) -> None:
+        self._begun: dict[int, tuple[int, int]] = {}
+        self._held: dict[int, _Held] = {}
+        self._remains = Remains(self._begun)
+
+    def look(self, view: View) -> Iterator[Found | Occurrence]:
+        """Frames of this batch, and earlier ones that became certain."""
+        ready = self._corrected(view)
+        if self._follow(view):
+            ready += [held for held in self._held.values() if held.loose.session in self._begun]
+        yield from self._tell(view, ready)
+        f = view.frames
+        if not f.verdict.any() and not int(np.bitwise_or.reduce(f.anomaly)) & _IMPOSSIBLE:
+            return
+        odd = (f.verdict > _FOREIGN) | ((f.verdict == _USED) & (f.anomaly & _IMPOSSIBLE != 0) & (f.flags & FD == 0))
+        rows = np.flatnonzero(odd)
+        if not len(rows):
+            return
+        session = f.bus[rows].astype(np.int64) << 32 | session_bits(f.id[rows])
+        certain = np.fromiter(map(self._begun.__contains__, session.tolist()), bool, len(rows))
+        yield from self._certain(view, rows[certain], session[certain])
+        for row, key in zip(rows[~certain].tolist(), session[~certain].tolist(), strict=True):
+            number = row + f.first
+            kept = view.frame(number)
+            if kept is not None:
+                self._held[number] = _held(view, number, key, kept, int(f.anomaly[row]))
+        if len(self._held) > MOST_HELD:
+            yield from self._tell(view, list(self._held.values())[: len(self._held) - MOST_HELD])
+
+    def settle(self, view: View) -> Iterator[Occurrence]:
+        """What nobody has called foreign."""
+        yield from self._tell(view, list(self._held.values()))
+        yield from self._remains.rest(view)
+
+    def _follow(self, view: View) -> bool:
+        """Notes first transfers of sessions; whether there were any."""
+        t = view.transfers
+        rows = np.flatnonzero(~t.has("step"))
+        if not len(rows) or len(self._begun) >= MOST_SESSIONS:
+            return False
+        kind, type_id, src = (column[rows].astype(np.int64) for column in (t.kind, t.type_id, t.src))
+        service = type_id << 16 | (kind == 2) << 15 | t.dst[rows].astype(np.int64) << 8 | 0x80 | src
+        session = t.bus[rows].astype(np.int64) << 32 | np.where(kind > 1, service, type_id << 8 | src)
+        before = len(self._begun)
+        for key, row in zip(session.tolist(), rows.tolist(), strict=True):
+            if key not in self._begun:
+                self._begun[key] = int(t.t[row]), int(t.lead[row])
+        return len(self._begun) > before
+
+    def _corrected(self, view: View) -> list[_Held]:
+        """Frames that turned out to be DroneCAN's."""
+        late = []
+        for number, verdict, anomaly in view.settled:
+            self._held.pop(number, None)
+            kept = view.frame(number)
+            if verdict != _FOREIGN and kept is not None:
+                key = kept.bus << 32 | int(session_bits(np.array([kept.id]))[0])
+                late.append(_held(view, number, key, kept._replace(verdict=verdict), anomaly))
+        return late
+
+    def _tell(self, view: View, held: list[_Held]) -> Iterator[Occurrence]:
+        for one in sorted(held, key=lambda one: one.loose.number):
+            loose, kept = one.loose, one.loose.kept
+            self._held.pop(loose.number, None)
+            node, type_ = _whose(view, kept)
+            for rule, values in one.about:
+                yield Occurrence(rule, kept.t, kept.bus, node, type_, (loose.number,), values, lines=loose.lines)
+            if kept.verdict == _ORPHAN:
+                yield from self._remains.add(view, loose, node, type_)
+
+    def _certain(self, view: View, rows: Words, session: Words) -> Iterator[Found | Occurrence]:
+        f = view.frames
+        verdict, anomaly, flags = f.verdict[rows], f.anomaly[rows], f.flags[rows]
+        for kind in _KINDS:
+            mine = rows[kind.picks(verdict, anomaly, flags)]
+            if len(mine):
+                yield view.among_frames(kind.rule, mine, partial(_values_of, view, kind))
+        orphans = verdict == _ORPHAN
+        for row, key in zip(rows[orphans].tolist(), session[orphans].tolist(), strict=True):
+            kept = view.frame(row + f.first)
+            if kept is not None:
+                loose = Loose(row + f.first, key, kept, view.lines((row + f.first,)))
+                yield from self._remains.add(view, loose, *_whose(view, kept))
+
+
+def _held(view: View, number: int, session: int, kept: Kept, anomaly: int) -> _Held:
+    facts = (np.array([value]) for value in (kept.verdict, anomaly, kept.flags))
+    verdict, bits, flags = facts
+    about = [(kind.rule, kind.values(view, number, kept)) for kind in _KINDS if kind.picks(verdict, bits, flags)[0]]
+    return _Held(Loose(number, session, kept, view.lines((number,))), tuple(about))
+
+
+def _whose(view: View, kept: Kept) -> tuple[int | None, str]:
+    node, code = who(np.array([kept.id]), np.array([kept.flags]), np.array([_USED]))
+    return None if node[0] < 0 else int(node[0]), view.type_name(int(code[0]))
+
+
+def _values_of(view: View, kind: _Kind, row: int) -> Values:
+    number = row + view.frames.first
+    kept = view.frame(number)
+    assert kept is not None  # noqa: S101 - a frame of this batch
+    return kind.values(view, number, kept)
+
+
+def _before(view: View, number: int, kept: Kept) -> Iterator[tuple[int, Kept]]:
+    """Earlier frames of the session, the last one first."""
+    wanted = int(session_bits(np.array([kept.id]))[0])
+    for earlier in range(number - 1, max(-1, number - 1 - NEAR), -1):
+        other = view.frame(earlier)
+        if other is None:
+            return
+        if other.bus == kept.bus and other.data and other.id & 0xFF_FFFF == wanted:
+            yield earlier, other
+
+
+def _remote(_view: View, _number: int, kept: Kept) -> Values:
+    return {"can_id": kept.id, "length": kept.flags >> _LENGTH_CODE & 0xF}
+
+
+def _form(_view: View, _number: int, kept: Kept) -> Values:
+    return {"can_id": kept.id, "length": len(kept.data)}
+
+
+def _tail(_view: View, _number: int, kept: Kept) -> Values:
+    return {"tail": kept.data[-1]}
+
+
+def _nameless(_view: View, _number: int, kept: Kept) -> Values:
+    return {"discriminator": discriminator(kept.id), "type_id": kept.id >> 8 & 3}
+
+
+def _copy(view: View, number: int, kept: Kept) -> Values:
+    before = next((earlier + 1 for earlier, _ in _before(view, number, kept)), GONE)
+    return {"frame": number + 1, "previous_frame": before}
+
+
+def _stray(view: View, number: int, kept: Kept) -> Values:
+    mine = kept.data[-1] & _TRANSFER_ID
+    tails = (other.data[-1] for _, other in _before(view, number, kept) if other.verdict == _USED)
+    under_way = (tail & _TRANSFER_ID for tail in tails if not tail & _END)
+    return {"transfer_id": mine, "expected": next((one for one in under_way if one != mine), GONE)}
+
+
+def _has(bit: int) -> Callable[[Words, Words, Words], Words]:
+    return lambda _verdict, anomaly, _flags: anomaly & bit != 0
+
+
+def _is(name: str) -> Callable[[Words, Words, Words], Words]:
+    wanted = VERDICTS.index(name)
+    return lambda verdict, _anomaly, _flags: verdict == wanted
+
+
+def _too_long(verdict: Words, anomaly: Words, flags: Words) -> Words:
+    """CAN FD frames outside of transfers, and classic ones of more than 8 bytes."""
+    fd = flags & FD != 0
+    return np.where(fd, verdict > _FOREIGN, anomaly & _IMPOSSIBLE != 0)
+
+
+_KINDS = (
+    _Kind("CAN-002", _has(_REMOTE), _remote),
+    _Kind("CAN-003", _too_long, _form),
+    _Kind("CAN-005", _has(_NO_TAIL), _form),
+    _Kind("CAN-008", _is("anonymous multi"), _nameless),
+    _Kind("CAN-009", _is("anonymous multi"), _tail),
+    _Kind("TRF-002", _has(_START_TOGGLE), _tail),
+    _Kind("TRF-004", _is("duplicate"), _copy),
+    _Kind("TRF-009", _is("wrong transfer id"), _stray),
+)
+
+WATCHERS: tuple[type[Watcher], ...] = (Leftovers,)

@@ -1,0 +1,95 @@
+"""What is left of transfers whose start is missing: their later frames together are one occurrence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+from dissectors.conformance import NO_TIME, SECOND, Kept, Occurrence
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from dissectors.conformance import View
+
+_END, _TRANSFER_ID = 0x40, 31
+TIMEOUT = 2 * SECOND
+MOST_OPEN = 4096
+MOST_FRAMES = 64  # of one remainder that are named
+
+
+class Loose(NamedTuple):
+    """A frame outside of transfers: its number, its session (bus and identifier without priority) and its bytes."""
+
+    number: int
+    session: int
+    kept: Kept
+    lines: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class _Remainder:
+    transfer_id: int
+    node: int | None
+    type: str
+    first: Loose
+    latest: int
+    frames: list[int] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+
+
+class Remains:
+    """Puts orphans together, in the order of their numbers.
+
+    Args:
+        begun: time and first frame of each session's first transfer.
+    """
+
+    def __init__(self, begun: Mapping[int, tuple[int, int]]) -> None:
+        self._begun = begun
+        self._open: dict[int, _Remainder] = {}
+        self._orphaned: dict[int, int] = {}
+
+    def add(self, view: View, loose: Loose, node: int | None, type_: str) -> Iterator[Occurrence]:
+        """One more orphan; a remainder that cannot get any more frames."""
+        key, tail, t = loose.session, loose.kept.data[-1], loose.kept.t
+        if len(self._orphaned) < MOST_OPEN:
+            self._orphaned.setdefault(key, t)
+        one = self._open.get(key)
+        if one is not None and (one.transfer_id != tail & _TRANSFER_ID or t - one.latest > TIMEOUT):
+            yield self._close(view, key)
+            one = None
+        if one is None:
+            if len(self._open) >= MOST_OPEN:
+                yield self._close(view, next(iter(self._open)))
+            one = self._open[key] = _Remainder(tail & _TRANSFER_ID, node, type_, loose, t)
+        one.latest = t
+        if len(one.frames) < MOST_FRAMES:
+            one.frames.append(loose.number)
+            one.lines += loose.lines
+        if tail & _END:
+            yield self._close(view, key)
+
+    def rest(self, view: View) -> Iterator[Occurrence]:
+        """Those that were never closed."""
+        for key in list(self._open):
+            yield self._close(view, key)
+
+    def _close(self, view: View, key: int) -> Occurrence:
+        one = self._open.pop(key)
+        kept = one.first.kept
+        return Occurrence(
+            "TRF-005", kept.t, kept.bus, one.node, one.type, tuple(one.frames), {"transfer_id": one.transfer_id},
+            severity="note" if self._early(view, one.first) else None, drops=True, lines=tuple(one.lines),
+        )  # fmt: skip
+
+    def _early(self, view: View, loose: Loose) -> bool:
+        """Whether the sender may have been busy when the session, or the capture, began."""
+        t, bus = loose.kept.t, loose.kept.bus
+        begun, number = self._begun.get(loose.session, (NO_TIME, loose.number))
+        if t == NO_TIME:
+            return loose.number <= number
+        starts = [view.starts.get(bus, t), self._orphaned.get(loose.session, t)]
+        if begun != NO_TIME:
+            starts[1] = min(starts[1], begun)
+        return t - max(starts) <= TIMEOUT

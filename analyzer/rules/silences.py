@@ -1,0 +1,97 @@
+"""Nodes that go on sending, but without NodeStatus."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from analyzer.tables import EVENTS
+from dissectors.conformance import NO_TIME, SECOND, Occurrence, Watcher
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.conformance import View, Words
+
+STATUS = "uavcan.protocol.NodeStatus"
+OFFLINE = 3 * SECOND  # after which others take a node as offline
+PAUSE = SECOND  # of all interfaces; nobody is blamed for it
+_GAP = EVENTS.index("gap")
+_NODES = 128
+
+
+class Silences(Watcher):
+    """Compares each NodeStatus with the one before it. Nodes are at most 127 an interface."""
+
+    rules: ClassVar[tuple[str, ...]] = ("BUS-020",)
+
+    def __init__(self) -> None:
+        self._first: dict[int, Occurrence] = {}
+        self._status: dict[int, Occurrence] = {}
+        self._active: Words = np.full(0, NO_TIME)
+        self._resumed = NO_TIME
+        self._end = NO_TIME
+
+    def look(self, view: View) -> Iterator[Occurrence]:
+        """Silences that ended."""
+        resumed = [self._resumed, *self._pauses(view)]
+        t = view.transfers
+        code = t.bus.astype(np.int64) * _NODES + t.src
+        new = len(view.buses) * _NODES - len(self._active)
+        before = self._active = np.concatenate((self._active, np.full(max(new, 0), NO_TIME)))
+        self._active = before.copy()
+        self._active[code] = t.t
+        for node in np.flatnonzero((before == NO_TIME) & (self._active != NO_TIME)).tolist():
+            if node % _NODES:
+                row = int(np.argmax(code == node))
+                self._first[node] = _place(view, row, view.type_name(int(t.code[row])))
+        table = view.table(STATUS)
+        reports = () if table is None else table.row[table.trusted & (table.t != NO_TIME)].tolist()
+        for row in reports:
+            node, now = int(code[row]), int(t.t[row])
+            last = self._status.get(node)
+            if last is not None and now - last.t > view.number("BUS-020", "late_s") * SECOND:
+                rows = np.flatnonzero(code[:row] == node)
+                active = int(t.t[rows[-1]]) if len(rows) else int(before[node])
+                yield from _silence(view, last, active, max(one for one in resumed if one <= now))
+            self._status[node] = _place(view, row, STATUS)
+        self._resumed = resumed[-1]
+
+    def settle(self, view: View) -> Iterator[Occurrence]:
+        """Silences that lasted to the end, and nodes that never sent a NodeStatus."""
+        for node, first in self._first.items():
+            active = int(self._active[node])
+            if node in self._status:
+                yield from _silence(view, self._status[node], active, self._resumed)
+            elif active - first.t > OFFLINE:
+                yield replace(first, values={"seconds": (active - first.t) / SECOND}, severity="note")
+
+    def _pauses(self, view: View) -> list[int]:
+        """When all interfaces spoke again after a pause."""
+        t = view.frames.t
+        if not len(t):
+            return []
+        before, self._end = self._end, int(t[-1])
+        if not (view.events.kind == _GAP).any():
+            return []
+        known = t[t != NO_TIME]
+        if before != NO_TIME:
+            known = np.concatenate(([before], known))
+        return [int(one) for one in known[1:][np.diff(known) > PAUSE]]
+
+
+def _silence(view: View, last: Occurrence, active: int, resumed: int) -> Iterator[Occurrence]:
+    """What a node owes that was active until then, if its last NodeStatus was too long ago."""
+    silence = active - max(last.t, resumed)
+    if silence > view.number("BUS-020", "late_s") * SECOND:
+        yield replace(last, values={"seconds": silence / SECOND}, severity=None if silence > OFFLINE else "note")
+
+
+def _place(view: View, row: int, name: str) -> Occurrence:
+    t = view.transfers
+    return Occurrence("BUS-020", int(t.t[row]), int(t.bus[row]), int(t.src[row]), name, tuple(t.frames(row)), {})
+
+
+WATCHERS: tuple[type[Watcher], ...] = (Silences,)

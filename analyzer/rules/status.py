@@ -1,0 +1,172 @@
+"""What uptimes and unique IDs tell of who speaks: restarts, or two devices behind one node ID."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from dissectors.conformance import NO_TIME, SECOND, Occurrence, Watcher
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.conformance import View
+
+STATUS = "uavcan.protocol.NodeStatus"
+INFO = "uavcan.protocol.GetNodeInfo.Response"
+RESTARTS = ("uavcan.protocol.RestartNode.Request", "uavcan.protocol.file.BeginFirmwareUpdate.Request")
+ASKED = 10 * SECOND  # how long a restart may take that somebody asked for
+WRAP = 1 << 32  # of uptime_sec
+NEAR_WRAP = 10  # seconds
+PATIENCE = 3  # reports after a lower uptime that decide
+SPREAD = 1.2  # seconds between an uptime and what the one before it lets expect: whole seconds, and jitter
+BLIND = 5  # the same without times
+EXPIRY = 10 * SECOND  # after it a device that is not heard is gone
+
+_Node = tuple[int, int]
+
+
+@dataclass(slots=True)
+class _Uptime:
+    t: int
+    seconds: int
+
+    def runs_on(self, t: int, seconds: int) -> bool:
+        """Whether the same device says this later."""
+        if NO_TIME in (t, self.t):
+            return 0 <= seconds - self.seconds <= BLIND
+        return abs(seconds - self.seconds - (t - self.t) / SECOND) <= SPREAD
+
+
+@dataclass(slots=True)
+class _Doubt:
+    """A lower uptime: `found` says that it is a restart, unless `old` and `new` both run on."""
+
+    found: Occurrence
+    old: _Uptime
+    new: _Uptime
+    old_again: int = 0
+    new_again: int = 0
+    seen: int = 0
+
+
+class Uptimes(Watcher):
+    """Restarts, and two devices by their uptimes. Nodes are at most 127 an interface."""
+
+    rules: ClassVar[tuple[str, ...]] = ("BUS-021", "BUS-010")
+
+    def __init__(self) -> None:
+        self._last: dict[_Node, _Uptime] = {}
+        self._doubts: dict[_Node, _Doubt] = {}
+        self._two: dict[_Node, list[_Uptime]] = {}
+        self._asked: dict[_Node, int] = {}
+
+    def look(self, view: View) -> Iterator[Occurrence]:
+        """Every NodeStatus."""
+        for name in RESTARTS:
+            asking = view.table(name)
+            if asking is not None:
+                keys = zip(asking.bus.tolist(), asking["dst"].tolist(), strict=True)
+                self._asked.update(zip(keys, asking.t.tolist(), strict=True))
+        table = view.table(STATUS)
+        if table is None:
+            return
+        uptime, t, bus, src = table["uptime_sec"], table.t, table.bus, table.src
+        for row in np.flatnonzero(table.trusted).tolist():
+            node, here = (int(bus[row]), int(src[row])), _Uptime(int(t[row]), int(uptime[row]))
+            last = self._last.get(node)
+            if node in self._two or node in self._doubts or (last is not None and here.seconds < last.seconds):
+                frames = tuple(view.transfers.frames(int(table.row[row])))
+                yield from self._doubtful(node, here, Occurrence("BUS-021", here.t, *node, STATUS, frames, {}))
+            else:
+                self._last[node] = here
+
+    def settle(self, _view: View) -> Iterator[Occurrence]:
+        """Restarts shortly before the end."""
+        for doubt in self._doubts.values():
+            yield doubt.found
+
+    def _doubtful(self, node: _Node, here: _Uptime, place: Occurrence) -> Iterator[Occurrence]:
+        if node in self._two:
+            yield from self._of_two(node, here, place)
+            if node in self._two:
+                return
+        doubt = self._doubts.get(node)
+        if doubt is not None:
+            doubt.seen += 1
+            if doubt.new.runs_on(here.t, here.seconds):
+                doubt.new, doubt.new_again = here, doubt.new_again + 1
+            elif doubt.old.runs_on(here.t, here.seconds):
+                doubt.old, doubt.old_again = here, doubt.old_again + 1
+            else:
+                doubt.seen = PATIENCE
+            if doubt.old_again and doubt.new_again:
+                del self._doubts[node]
+                self._two[node] = [doubt.old, doubt.new]
+                yield _two(replace(place, frames=(*doubt.found.frames, *place.frames), t=doubt.found.t), doubt)
+                return
+            if doubt.seen < PATIENCE:
+                return
+            del self._doubts[node]
+            self._last[node] = doubt.old if doubt.old_again else doubt.new
+            yield doubt.found
+        self._restart(node, here, place)
+
+    def _of_two(self, node: _Node, here: _Uptime, place: Occurrence) -> Iterator[Occurrence]:
+        """A report while two devices are known; they are forgotten once one of them is gone."""
+        two = self._two[node]
+        mine = next((k for k in (1, 0) if two[k].runs_on(here.t, here.seconds)), None)
+        other = None if mine is None else two[1 - mine]
+        if mine is None or other is None or (here.t != NO_TIME and here.t - other.t > EXPIRY):
+            del self._two[node]
+            self._last[node] = here
+            return
+        two[mine] = here
+        if mine:
+            yield _two(place, _Doubt(place, two[0], two[1]))
+
+    def _restart(self, node: _Node, here: _Uptime, place: Occurrence) -> None:
+        last = self._last.get(node, here)
+        self._last[node] = here
+        if here.seconds >= last.seconds or (last.seconds >= WRAP - NEAR_WRAP and here.seconds < NEAR_WRAP):
+            return
+        asked = self._asked.get(node, NO_TIME)
+        wanted = NO_TIME not in (asked, here.t) and 0 <= here.t - asked <= ASKED
+        values = {"before": last.seconds, "uptime": here.seconds}
+        found = replace(place, values=values, severity="note" if wanted else None)
+        self._doubts[node] = _Doubt(found, last, here)
+
+
+def _two(place: Occurrence, doubt: _Doubt) -> Occurrence:
+    evidence = f"two uptimes that both run on, {doubt.old.seconds} s and {doubt.new.seconds} s"
+    return replace(place, rule="BUS-010", type="", values={"evidence": evidence})
+
+
+class UniqueIds(Watcher):
+    """Two devices by their unique IDs: the second has run since before the first one answered."""
+
+    rules: ClassVar[tuple[str, ...]] = ("BUS-010",)
+
+    def __init__(self) -> None:
+        self._known: dict[_Node, tuple[int, bytes]] = {}
+
+    def look(self, view: View) -> Iterator[Occurrence]:
+        """Every answer to GetNodeInfo."""
+        table = view.table(INFO)
+        if table is None:
+            return
+        for row in np.flatnonzero(table.trusted).tolist():
+            node, t = (int(table.bus[row]), int(table.src[row])), int(table.t[row])
+            unique = bytes(table.cell("hardware_version", row)["unique_id"])
+            at, before = self._known.get(node, (t, unique))
+            self._known[node] = t, unique
+            elapsed = 0.0 if NO_TIME in (t, at) else (t - at) / SECOND
+            if unique != before and table.cell("status", row)["uptime_sec"] + 1 > elapsed:
+                evidence = f"two unique IDs, {before.hex().upper()} and {unique.hex().upper()}"
+                frames = tuple(view.transfers.frames(int(table.row[row])))
+                yield Occurrence("BUS-010", t, *node, "", frames, {"evidence": evidence})
+
+
+WATCHERS: tuple[type[Watcher], ...] = (Uptimes, UniqueIds)

@@ -1,0 +1,140 @@
+"""What became of each rule: broken, kept, not exercised, or beyond what the recording can show."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Mapping, Sequence
+
+    from analyzer.facts.summary import Facts
+    from analyzer.rules.catalogue import Page
+
+Verdict = Literal["PASS", "FAIL", "WARN", "NOT EXERCISED", "INCONCLUSIVE"]
+
+# Why a rule cannot be judged without it, by the words of `catalogue.PROOFS`.
+_MISSING = {
+    "times": "times not recorded",
+    "drops": "drops not recorded",
+    "errors": "error frames not recorded",
+    "bit rate": "bit rate not given (--bitrate)",
+    "hardware times": "no hardware times",
+}
+_EITHER = {"bit rate", "hardware times"}  # where a page names both, one of them is enough
+_LOST = "the recorder lost frames there"
+
+
+@dataclass(frozen=True, slots=True)
+class Breach:
+    """A finding as far as a verdict needs it. `excused`: somebody has waived it."""
+
+    rule: str
+    severity: str
+    excused: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """One capture: its findings, what it exercised, and which proofs it has."""
+
+    breaches: Sequence[Breach]
+    words: Collection[str]
+    proofs: Collection[str]
+    lossy: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Ruling:
+    """The verdict of a rule over all captures; `needs` is the expression that no capture met."""
+
+    verdict: Verdict
+    findings: int = 0
+    reason: str = ""
+    needs: str = ""
+
+
+@dataclass(slots=True)
+class _Tally:
+    """The findings of one rule."""
+
+    severities: Counter[str] = field(default_factory=Counter)
+    excused: int = 0
+    lost: int = 0
+
+    @property
+    def count(self) -> int:
+        return self.severities.total() + self.excused + self.lost
+
+
+def proofs_of(facts: Facts, bit_rate: int | None) -> frozenset[str]:
+    """What a capture records of all that rules may want as proof."""
+    found = {
+        "times": facts.start is not None,
+        "drops": facts.judge.get("drops") == "yes",
+        "errors": facts.judge.get("errors") == "yes",
+        "bit rate": bit_rate is not None,
+        "hardware times": any("hardware" in stamp for stamp in facts.stamps),
+    }
+    return frozenset(word for word, there in found.items() if there)
+
+
+def met(expression: str, words: Collection[str]) -> bool:
+    """Whether `a, b|c` holds: "," is and, "|" is or, which binds less."""
+    return any(all(word.strip() in words for word in group.split(",")) for group in expression.split("|"))
+
+
+def lacking(page: Page, proofs: Collection[str]) -> list[str]:
+    """The proofs that a page wants and a capture does not have."""
+    wanted = set(page.inconclusive)
+    if wanted >= _EITHER and not _EITHER.isdisjoint(proofs):
+        wanted -= _EITHER
+    return [proof for proof in page.inconclusive if proof in wanted and proof not in proofs]
+
+
+def rulings(pages: Mapping[str, Page], enabled: Collection[str], sessions: Sequence[Session]) -> dict[str, Ruling]:
+    """The verdict of every rule, in the order of the pages."""
+    tallies = _tallies(pages, sessions)
+    return {rule: _ruling(page, rule in enabled, tallies.get(rule), sessions) for rule, page in pages.items()}
+
+
+def _tallies(pages: Mapping[str, Page], sessions: Iterable[Session]) -> dict[str, _Tally]:
+    found: dict[str, _Tally] = {}
+    for session in sessions:
+        for one in session.breaches:
+            tally, page = found.setdefault(one.rule, _Tally()), pages[one.rule]
+            if one.excused:
+                tally.excused += 1
+            elif session.lossy and one.severity == "note" and "recorder lost" in page.body.get("note", ""):
+                tally.lost += 1
+            else:
+                tally.severities[one.severity] += 1
+    return found
+
+
+def _ruling(page: Page, enabled: bool, tally: _Tally | None, sessions: Sequence[Session]) -> Ruling:
+    if not enabled:
+        return Ruling("NOT EXERCISED", reason="not selected" if page.enabled else "off unless selected")
+    if tally is not None:
+        return _broken(tally)
+    exercised = [session for session in sessions if met(page.exercised, session.words)]
+    if not exercised:
+        return Ruling("NOT EXERCISED", needs=page.exercised)
+    missing = [lacking(page, session.proofs) for session in exercised]
+    if all(missing):
+        return Ruling("INCONCLUSIVE", reason=", ".join(_MISSING.get(proof, proof) for proof in missing[0]))
+    unproven = sum(map(bool, missing))
+    reason = f"inconclusive in {unproven} of {len(exercised)} captures" if unproven else ""
+    return Ruling("PASS", reason=reason)
+
+
+def _broken(tally: _Tally) -> Ruling:
+    excused = f"{tally.excused} waived" if tally.excused else ""
+    if tally.severities["error"]:
+        return Ruling("FAIL", tally.count, excused)
+    if tally.severities["warning"]:
+        return Ruling("WARN", tally.count, excused)
+    if tally.lost:
+        return Ruling("INCONCLUSIVE", tally.count, _LOST)
+    return Ruling("PASS", tally.count, excused or "notes only")

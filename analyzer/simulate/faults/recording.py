@@ -1,0 +1,103 @@
+"""Faults of the recorder: clocks that jump, silence, lines cut in two, frames that it had no room for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from analyzer.simulate.faults.aid import nanoseconds, number
+from dissectors.traffic import MILLISECOND, SECOND, Fault, Frame, Step
+
+if TYPE_CHECKING:
+    from dissectors.traffic import Case, Sending
+
+_OVERFLOW = bytes((0, 1, 0, 0, 0, 0, 0, 0))
+_CONTROLLER = 0x04
+
+
+def _backward(case: Case, sending: Sending) -> Step:
+    back = nanoseconds(case, "back")
+    sending.frames[-1].shift = back
+    case.mark(sending.frames[-1])
+    case.say(f"a frame is stamped {back / MILLISECOND:g} ms too early")
+    return Step.DONE
+
+
+def _silence(case: Case) -> None:
+    """The bus stands still, and nobody has anything left to say about the time before."""
+    until = case.world.now + nanoseconds(case, "seconds")
+    case.world.block(until)
+
+    def hold(_: Case, sending: Sending) -> Step:
+        if sending.t < until:
+            for frame in sending.frames:
+                frame.lost = True
+            return Step.MORE
+        case.mark(sending)
+        return Step.DONE
+
+    case.say(f"nothing is recorded for {float(case.options['seconds']):g} s")
+    case.touch("frames", hold)
+
+
+def _cut(case: Case, sending: Sending) -> Step:
+    sending.frames[0].garbled = True
+    case.mark(sending.frames[0])
+    case.say("a line of the capture is cut in two")
+    return Step.DONE
+
+
+def _lose(case: Case, sending: Sending) -> Step:
+    """The receive buffer was too small: some frames are gone, and the controller says so."""
+    lost = number(case, "lost")
+    for frame in sending.frames:
+        frame.lost = True
+    gone = case.state["gone"] = case.state.get("gone", 0) + len(sending.frames)
+    if gone < lost:
+        return Step.MORE
+    error = Frame(_CONTROLLER, _OVERFLOW, error=True)
+    case.mark(error)
+    case.world.put([error])
+    case.say(f"the recorder's receive buffer ran over, {gone} frames are lost")
+    return Step.DONE
+
+
+FAULTS: tuple[Fault, ...] = (
+    Fault(
+        "CAP-001",
+        "a time stamp goes backward",
+        frames=_backward,
+        options={"back": 0.25},
+        limits={"back": (0.01, 60)},
+        harmless=True,
+        exact=True,
+        also=("CAP-002", "BUS-025"),
+    ),
+    Fault(
+        "CAP-002",
+        "nothing is recorded for a while",
+        start=_silence,
+        options={"seconds": 1.5},
+        limits={"seconds": (1.1, 3600)},
+        lasts=1800 * MILLISECOND,
+        also=("TRF-016", "TRF-019", "TYP-501", "PUSH-009", "BUS-007", "BUS-020", "BUS-025"),
+    ),
+    Fault(
+        "CAP-003",
+        "a line of the capture is cut in two",
+        frames=_cut,
+        fits=lambda sending: len(sending.frames) == 1,
+        harmless=True,
+        exact=True,
+        also=("TRF-016",),
+    ),
+    Fault(
+        "CAP-004",
+        "the recorder has no room for some frames, and says so",
+        frames=_lose,
+        options={"lost": 4},
+        limits={"lost": (1, 100)},
+        lasts=SECOND,
+        exact=True,
+        also=("CAN-004", "TRF-016", "TYP-501", "PUSH-009"),
+    ),
+)

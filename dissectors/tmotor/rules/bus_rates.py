@@ -1,0 +1,140 @@
+"""The bit rate: what ESCs have stored, what the bus runs at, what the printed timing gives."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Occurrence, Watcher
+from dissectors.tmotor.rules.joins import MOST_UNITS, leads, rows_by_bus
+from dissectors.tmotor.rules.series import usable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from dissectors.conformance import Found, Table, View
+
+_KBPS = (1000, 500, 250, 125, 100, 50)  # by code, 4.4.2 no 24
+_BITS = 131  # of a frame with 29-bit identifier and 8 bytes, without stuff bits, with the pause behind it
+_LEAST_NS = _BITS * 1000  # at the highest rate
+_SLACK_NS = 2000  # of stamps in whole microseconds
+_SAMPLED = 4096  # pairs of frames
+_LATE_SAMPLING = (500_000, 250_000, 125_000)
+
+
+class StoredRate(Watcher):
+    """A stored bit rate that is not that of the bus.
+
+    Without a known bit rate the spacing of 8-byte frames decides, if their times look like those of hardware: in 4096
+    pairs none follow each other faster than 1 Mbps allows.
+    """
+
+    rules = ("BUS-019",)
+
+    def __init__(self) -> None:
+        self._waiting: dict[tuple[int, int, int], Occurrence] = {}  # (bus, node, code)
+        self._spacing: dict[int, tuple[int, int]] = {}  # bus: pairs seen, the least spacing
+        self._last: dict[int, tuple[int, bool]] = {}
+
+    def look(self, view: View) -> Iterable[Found | Occurrence]:
+        """Compares each report with the known rate, or waits for the spacing."""
+        table = view.table("ParamGet")
+        if view.bit_rate is None and view.start != NO_TIME:
+            self._measure(view)
+        if table is not None:
+            for row in np.flatnonzero(usable(table) & (table["esc_can_rate"] < len(_KBPS))).tolist():
+                yield from self._judge(view, table, row)
+
+    def settle(self, _view: View) -> Iterable[Found | Occurrence]:
+        """Compares with the spacing of the whole capture's beginning."""
+        for one in self._waiting.values():
+            seen, least = self._spacing.get(one.bus, (0, 0))
+            needed = _BITS * MILLISECOND // int(one.values["kbps"])
+            if seen >= _SAMPLED and _LEAST_NS - _SLACK_NS <= least < needed - _SLACK_NS:
+                evidence = f"8-byte frames follow every {least / 1000:.0f} us, {needed / 1000:.0f} us are needed"
+                values = {**one.values, "evidence": evidence}
+                yield Occurrence(one.rule, one.t, one.bus, one.node, one.type, one.frames, values, lines=one.lines)
+
+    def _judge(self, view: View, table: Table, row: int) -> Iterator[Occurrence]:
+        bus, node, code = int(table.bus[row]), int(table.src[row]), int(table["esc_can_rate"][row])
+        kbps = _KBPS[code]
+        frames, t = leads(table, view, row), int(table.t[row])
+        values = {"code": code, "kbps": kbps}
+        if view.bit_rate is not None:
+            if view.bit_rate != kbps * 1000:
+                values_ = {**values, "evidence": f"the bus runs at {view.bit_rate / 1000:g} kbps"}
+                yield Occurrence("BUS-019", t, bus, node, "ParamGet", frames, values_)
+        elif code and len(self._waiting) < MOST_UNITS:
+            one = Occurrence("BUS-019", t, bus, node, "ParamGet", frames, values, lines=view.lines(frames))
+            self._waiting.setdefault((bus, node, code), one)
+
+    def _measure(self, view: View) -> None:
+        """The first pairs of 8-byte frames of each bus."""
+        frames = view.frames
+        for bus in range(len(view.buses)):
+            seen, least = self._spacing.get(bus, (0, SECOND))
+            if seen >= _SAMPLED:
+                continue
+            for index, rows in rows_by_bus(frames.bus, frames.t):
+                if index != bus:
+                    continue
+                picked = np.arange(len(frames)) if rows is None else rows
+                picked = picked[: 16 * _SAMPLED]
+                full, t = (frames.length[picked] == 8) & (frames.flags[picked] & 9 == 1), frames.t[picked]
+                before = self._last.get(bus, (int(t[0]), False))
+                pairs = full & np.concatenate(([before[1]], full[:-1]))
+                took = np.diff(t, prepend=before[0])[pairs][: _SAMPLED - seen]
+                if len(took):
+                    least = min(least, int(took.min()))
+                self._spacing[bus] = seen + len(took), least
+                self._last[bus] = int(t[-1]), bool(full[-1])
+
+
+class DifferentRates(Watcher):
+    """ESCs on one bus that have stored different bit rates."""
+
+    rules = ("BUS-029",)
+
+    def __init__(self) -> None:
+        self._codes: dict[int, dict[int, int]] = {}
+
+    def look(self, view: View) -> Iterable[Found | Occurrence]:
+        """Compares each new code with those of the other nodes; the rarer one is named last."""
+        table = view.table("ParamGet")
+        if table is None:
+            return
+        for row in np.flatnonzero(usable(table) & (table["esc_can_rate"] < len(_KBPS))).tolist():
+            bus, node, code = int(table.bus[row]), int(table.src[row]), int(table["esc_can_rate"][row])
+            codes = self._codes.setdefault(bus, {})
+            if codes.get(node) == code:
+                continue
+            codes[node] = code
+            others = sorted(other for other, its in codes.items() if its != code)
+            if others:
+                often = Counter(codes.values())
+                rare = often[code] <= often[codes[others[0]]]
+                first, second = (others[0], node) if rare else (node, others[0])
+                values = {
+                    "first_code": codes[first], "first_node": first,
+                    "second_code": codes[second], "second_node": second,
+                }  # fmt: skip
+                yield Occurrence(
+                    "BUS-029", int(table.t[row]), bus, second, "ParamGet", leads(table, view, row), values
+                )
+
+
+class SamplePoint(Watcher):
+    """What the printed timing gives at lower bit rates."""
+
+    rules = ("BUS-033",)
+
+    def settle(self, view: View) -> Iterable[Found | Occurrence]:
+        """From the bit rate alone."""
+        if view.bit_rate in _LATE_SAMPLING and view.buses:
+            values = {"kbps": round(view.bit_rate / 1000)}
+            yield Occurrence("BUS-033", view.start, 0, None, "", (), values)
+
+
+WATCHERS: tuple[type[Watcher], ...] = (StoredRate, DifferentRates, SamplePoint)

@@ -1,0 +1,192 @@
+"""PUSH-409: a node's status packets show what its ESCStatus shows (4.4.5, 4.4.3)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Found, Watcher
+from dissectors.tmotor.rules.packets import sender, sound
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from dissectors.conformance import Transfers, Values, View, Words
+
+_LONGEST = 2 * SECOND  # from a transfer's first frame to its last: until then a row of that time may still come
+_MOST = 1 << 17  # rows kept of either side; older ones are not compared
+# Column of the packet and of ESCStatus, settings for the share and for the least tolerance.
+_FIELDS = (
+    ("voltage", "voltage", "voltage_pct", "voltage_v"),
+    ("speed", "rpm", "speed_pct", "speed_rpm"),
+    ("current", "current", "current_pct", "current_a"),
+)
+
+
+class _Origin(NamedTuple):
+    """A packet's transfer, in the batch that had it."""
+
+    transfers: Transfers
+    row: int
+
+
+class _Rows(NamedTuple):
+    """Rows of one message or packet: node, time, a column for each field, number of the transfer."""
+
+    node: Words
+    t: Words
+    values: Words  # fields x rows
+    transfer: Words
+
+    def take(self, rows: Words) -> _Rows:
+        return _Rows(self.node[rows], self.t[rows], self.values[:, rows], self.transfer[rows])
+
+    def join(self, other: _Rows) -> _Rows:
+        return _Rows(*(np.concatenate(pair, axis=-1) for pair in zip(self, other, strict=True)))
+
+
+def _none() -> _Rows:
+    return _Rows(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((len(_FIELDS), 0)), np.empty(0, np.int64))
+
+
+class Agreement(Watcher):
+    """Compares each packet with the range of ESCStatus around it, as soon as nothing can come in between any more."""
+
+    rules = ("PUSH-409",)
+
+    def __init__(self) -> None:
+        """Nothing to compare."""
+        self._status = _none()
+        self._packets = _none()
+        self._batches: list[Transfers] = []
+
+    def look(self, view: View) -> Iterator[Found]:
+        """Packets long enough ago."""
+        self._add(view)
+        if view.end != NO_TIME:
+            window = self._window(view)
+            yield from self._judge(view, view.end - _LONGEST - window)
+            needed = int(self._packets.t.min(initial=view.end - _LONGEST)) - window
+            self._status = self._status.take(np.flatnonzero(self._status.t >= needed)[-_MOST:])
+
+    def settle(self, view: View) -> Iterator[Found]:
+        """The last ones."""
+        yield from self._judge(view, view.end)
+
+    def _window(self, view: View) -> int:
+        return round(view.number("PUSH-409", "window_ms") * MILLISECOND)
+
+    def _add(self, view: View) -> None:
+        packets = view.table("PUSHCAN.MotorStatus")
+        if packets is not None:
+            rows = np.flatnonzero(sound(packets) & (packets.t != NO_TIME))
+            values = np.array([packets[name][rows] for name, *_ in _FIELDS], np.float64)
+            new = _Rows(sender(packets)[rows], packets.t[rows], values, packets["transfer"][rows].astype(np.int64))
+            self._packets = self._packets.join(new)
+            self._batches.append(view.transfers)
+        status = view.table("ESCStatus")
+        if status is not None:
+            rows = np.flatnonzero(status.trusted & (status["bits_left"] >= 0) & (status.t != NO_TIME))
+            values = np.array([status[name][rows] for _, name, *_ in _FIELDS], np.float64)
+            new = _Rows(sender(status)[rows], status.t[rows], values, status["transfer"][rows].astype(np.int64))
+            self._status = self._status.join(new)
+
+    def _judge(self, view: View, until: int) -> Iterator[Found]:
+        """Compares packets up to a time, which are then done."""
+        done = self._packets.t <= until
+        if not done.any():
+            return
+        packets = self._packets.take(np.flatnonzero(done))
+        self._packets = self._packets.take(np.flatnonzero(~done)[-_MOST:])
+        yield from self._compare(view, packets)
+        left = self._packets.transfer
+        oldest = int(left.min()) if left.size else None
+        self._batches = [one for one in self._batches if oldest is not None and one.first + len(one) > oldest]
+
+    def _compare(self, view: View, packets: _Rows) -> Iterator[Found]:
+        window = self._window(view)
+        status = _by_node(self._status)
+        doubtful = _doubtful(packets, status, window, self._tolerance(view))
+        found: list[list[tuple[int, float]]] = [[] for _ in _FIELDS]
+        for k in doubtful.tolist():
+            low, high = np.searchsorted(status.node, [packets.node[k], packets.node[k] + 1])
+            first = low + np.searchsorted(status.t[low:high], packets.t[k] - window)
+            last = low + np.searchsorted(status.t[low:high], packets.t[k] + window, "right")
+            near = status.values[:, first:last]
+            for field, (least, most) in enumerate(zip(near.min(axis=1), near.max(axis=1), strict=True)):
+                value = packets.values[field, k]
+                share, floor = self._tolerance(view)[field]
+                if value < least - max(abs(least) * share, floor):
+                    found[field].append((k, float(least)))
+                elif value > most + max(abs(most) * share, floor):
+                    found[field].append((k, float(most)))
+        for field, rows in enumerate(found):
+            if rows:
+                yield self._found(packets, field, rows)
+
+    def _tolerance(self, view: View) -> list[tuple[float, float]]:
+        return [(view.number("PUSH-409", share) / 100, view.number("PUSH-409", floor)) for *_, share, floor in _FIELDS]
+
+    def _found(self, packets: _Rows, field: int, rows: Sequence[tuple[int, float]]) -> Found:
+        origins = [self._origin(int(packets.transfer[k])) for k, _ in rows]
+
+        def values(k: int) -> Values:
+            at, status = rows[k]
+            return {"field": _FIELDS[field][0], "packet": float(packets.values[field, at]), "status": status}
+
+        def column(name: str) -> Words:
+            return np.array([getattr(one.transfers, name)[one.row] for one in origins], np.int64)
+
+        return Found(
+            rule="PUSH-409", t=column("t"), bus=column("bus"), node=column("src"), type=column("code"),
+            frame=column("lead"), values=values, frames=_frames(origins),
+        )  # fmt: skip
+
+    def _origin(self, transfer: int) -> _Origin:
+        batch = next(one for one in self._batches if one.first <= transfer < one.first + len(one))
+        return _Origin(batch, transfer - batch.first)
+
+
+def _frames(origins: Sequence[_Origin]) -> Callable[[int], Sequence[int]]:
+    return lambda k: origins[k].transfers.frames(origins[k].row)
+
+
+def _by_node(rows: _Rows) -> _Rows:
+    """In the order of nodes, then times; those of a node come in order unless the clock was set back."""
+    order = np.argsort(rows.node.astype(np.uint16), kind="stable")
+    node, t = rows.node[order], rows.t[order]
+    if ((t[1:] < t[:-1]) & (node[1:] == node[:-1])).any():
+        order = np.lexsort((rows.t, rows.node))
+    return rows.take(order)
+
+
+def _doubtful(packets: _Rows, status: _Rows, window: int, tolerance: Sequence[tuple[float, float]]) -> Words:
+    """Packets outside of the range of the ESCStatus just before and just after them, both within the window.
+
+    `status` is in the order of nodes, then times.
+    """
+    found = [np.empty(0, np.int64)]
+    for node in np.unique(packets.node).tolist():
+        low, high = np.searchsorted(status.node, [node, node + 1])
+        mine = np.flatnonzero(packets.node == node)
+        if high - low == 0:
+            continue
+        t = packets.t[mine]
+        after = low + np.searchsorted(status.t[low:high], t)
+        both = (after > low) & (after < high)
+        mine, t, after = mine[both], t[both], after[both]
+        close = (status.t[after] - t <= window) & (t - status.t[after - 1] <= window)
+        mine, after = mine[close], after[close]
+        outside = np.zeros(len(mine), bool)
+        for field, (share, floor) in enumerate(tolerance):
+            one, other = status.values[field, after - 1], status.values[field, after]
+            value = packets.values[field, mine]
+            least, most = np.minimum(one, other), np.maximum(one, other)
+            outside |= value < least - np.maximum(np.abs(least) * share, floor)
+            outside |= value > most + np.maximum(np.abs(most) * share, floor)
+        found.append(mine[outside])
+    return np.concatenate(found)
+
+
+WATCHERS: tuple[type[Watcher], ...] = (Agreement,)

@@ -1,0 +1,220 @@
+"""What becomes of ParamCfg: whether the addressed ESC answers, and with the values that were set."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.conformance import NO_TIME, SECOND, Occurrence, Watcher
+from dissectors.tmotor.rules.joins import MOST_UNITS, Pauses, end, leads, units
+from dissectors.tmotor.rules.series import usable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from dissectors.conformance import Found, Table, View
+
+_ANY_UUID, _ANY_INDEX = 0xFFFFFFFF, 0xFF
+_OPEN8, _OPEN16, _AMBIGUOUS = 0xFF, 0xFFFF, 0x00FF
+_PAUSE = 2 * SECOND  # of the whole bus; no answer can be expected across it
+MOST_PENDING = 256
+MOST_UUIDS = 4096
+# Fields that are set and reported under one name, with what stands for "no change", 4.4.2.
+_FIELDS: Mapping[str, tuple[int, ...]] = {
+    "esc_ov_threshold": (_OPEN16, _AMBIGUOUS),
+    "esc_oc_threshold": (_OPEN16, _AMBIGUOUS),
+    "esc_ot_threshold": (_OPEN16, _AMBIGUOUS),
+    "esc_acc_threshold": (_OPEN16, _AMBIGUOUS),
+    "esc_dacc_threshold": (_OPEN16, _AMBIGUOUS),
+    "esc_rotate_dir": (-1, _AMBIGUOUS),
+    "esc_timing": (_OPEN8,),
+    "esc_signal_priority": (_OPEN8,),
+    "esc_led_mode": (_OPEN16, _AMBIGUOUS),
+    "esc_can_rate": (_OPEN8,),
+    "esc_fdb_rate": (_OPEN16, _AMBIGUOUS),
+    "esc_save_option": (_OPEN8,),
+}
+_ID = "esc_id_set"
+
+
+@dataclass(slots=True)
+class _Asked:
+    """A ParamCfg; `t` is its end, `query` whether all its bytes are 0xFF. `answered` are nodes, `silent` those that had to answer a query to all."""
+
+    t: int
+    bus: int
+    place: Occurrence
+    uuid: int
+    index: int
+    sets: dict[str, int]
+    query: bool
+    answered: set[int] = field(default_factory=set)
+    expected: tuple[int, ...] = ()
+
+    @property
+    def address(self) -> str:
+        if self.uuid != _ANY_UUID:
+            return f"uuid {self.uuid:08X}"
+        return "any ESC" if self.index == _ANY_INDEX else f"index {self.index}"
+
+    def meets(self, got: Mapping[str, int]) -> bool:
+        """Whether a ParamGet comes from the ESC that was addressed; an index may be the new one already."""
+        if self.uuid != _ANY_UUID:
+            return got["esc_uuid"] == self.uuid
+        new = self.sets.get(_ID, self.index)
+        return self.index == _ANY_INDEX or got["esc_index"] in (self.index, new)
+
+
+class Dialogue(Watcher):
+    """Follows every ParamCfg until its time is over; at most 256 at a time."""
+
+    rules = ("BUS-011", "BUS-012", "BUS-013", "BUS-014", "BUS-015")
+
+    def __init__(self) -> None:
+        self._pending: deque[_Asked] = deque()
+        self._seen: dict[tuple[int, int], int] = {}  # (bus, node): time of the last ESCStatus
+        self._since: dict[tuple[int, int], int] = {}  # of the first one
+        self._told: dict[tuple[int, int], int] = {}  # of the first ParamGet
+        self._uuids: dict[int, set[int]] = {}  # the indexes that each UUID was seen with
+        self._asked: dict[int, int] = {}  # time of the last ParamCfg, damaged ones too
+        self._pauses = Pauses(_PAUSE)
+
+    def look(self, view: View) -> Iterable[Found | Occurrence]:
+        """The messages of both kinds in order; deadlines in between and behind."""
+        if view.start == NO_TIME:
+            return
+        self._pauses.add(view)
+        settings, parameters = view.table("ParamCfg"), view.table("ParamGet")
+        for unit, rows in units(view).items():
+            who, reports = (unit.bus, unit.node), view.table("ESCStatus")
+            if reports is not None and (who in self._since or len(self._since) < MOST_UNITS):
+                first = int(end(view, reports, rows[:1])[0])
+                self._since[who] = min(self._since.get(who, first), first)
+        tables = [table for table in (settings, parameters) if table is not None]
+        order = [
+            (number, k, row) for k, one in enumerate(tables) for row, number in enumerate(one["transfer"].tolist())
+        ]
+        for number, k, row in sorted(order):
+            t = int(end(view, tables[k], np.array([row]))[0])
+            yield from self._due(view, t)
+            if tables[k] is settings:
+                self._ask(view, tables[k], (row, number, t))
+            else:
+                yield from self._hear(view, tables[k], row, t)
+        for unit, rows in units(view).items():
+            reports = view.table("ESCStatus")
+            if reports is not None and (unit.bus, unit.node) in self._since:
+                last = int(reports.t[rows[-1]])
+                self._seen[unit.bus, unit.node] = max(self._seen.get((unit.bus, unit.node), last), last)
+        yield from self._due(view, view.end)
+
+    def _ask(self, view: View, table: Table, what: tuple[int, int, int]) -> None:
+        row, number, t = what
+        bus = int(table.bus[row])
+        self._asked[bus] = t
+        if not usable(table)[row] or len(self._pending) >= MOST_PENDING:
+            return
+        frames = leads(table, view, row)
+        sets = {name: int(table[name][row]) for name, skip in _FIELDS.items() if int(table[name][row]) not in skip}
+        open_ = all(int(table[name][row]) == skip[0] for name, skip in _FIELDS.items())
+        if int(table[_ID][row]) not in (_OPEN16, _AMBIGUOUS):
+            sets[_ID] = int(table[_ID][row])
+        place = Occurrence("", int(table.t[row]), bus, int(table.src[row]), "ParamCfg", frames, {})
+        uuid, index = int(table["esc_uuid"][row]), int(table["esc_index"][row])
+        query = open_ and (uuid, index, int(table[_ID][row])) == (_ANY_UUID, _ANY_INDEX, _OPEN16)
+        asked = _Asked(t, bus, place, uuid, index, sets, query)
+        if asked.query:
+            asked.expected = tuple(sorted(self._reporting(view, bus, number, t)))
+        self._pending.append(asked)
+
+    def _reporting(self, view: View, bus: int, number: int, t: int) -> Iterator[int]:
+        """Nodes that have sent ESCStatus shortly before a transfer."""
+        window = round(view.number("BUS-012", "seen_s") * SECOND)
+        last = {node: seen for (where, node), seen in self._seen.items() if where == bus}
+        table = view.table("ESCStatus")
+        for unit, rows in units(view).items():
+            if table is not None and unit.bus == bus:
+                before = int(np.searchsorted(table["transfer"][rows].astype(np.int64), number))
+                if before:
+                    last[unit.node] = max(int(table.t[rows[before - 1]]), last.get(unit.node, NO_TIME))
+        yield from (node for node, seen in last.items() if t - seen <= window)
+
+    def _hear(self, view: View, table: Table, row: int, t: int) -> Iterator[Occurrence]:
+        bus, node = int(table.bus[row]), int(table.src[row])
+        window = view.number("BUS-014", "window_s")
+        asked, start = self._asked.get(bus), int(table.t[row])
+        settled = start - view.starts.get(bus, start) >= window * SECOND
+        if settled and (asked is None or start - asked > window * SECOND) and usable(table)[row]:
+            yield Occurrence(
+                "BUS-014", start, bus, node, "ParamGet", leads(table, view, row), {"window_s": window}
+            )
+        if not usable(table)[row]:
+            return
+        got = {name: int(table[name][row]) for name in ("esc_index", "esc_uuid", "esc_id_req", *_FIELDS)}
+        if got["esc_uuid"] in self._uuids or len(self._uuids) < MOST_UUIDS:
+            self._uuids.setdefault(got["esc_uuid"], set()).add(got["esc_index"])
+        self._told.setdefault((bus, node), t)
+        waiting = [one for one in self._pending if one.bus == bus and node not in one.answered and one.meets(got)]
+        if waiting:
+            waiting[0].answered.add(node)
+            later = {name for one in waiting[1:] for name in one.sets}
+            for name, expected in waiting[0].sets.items():
+                if name not in later and (wrong := _differs(name, expected, got)) is not None:
+                    values = {"field": name, "expected": expected, "value": wrong}
+                    yield Occurrence("BUS-013", start, bus, node, "ParamGet", leads(table, view, row), values)
+
+    def _due(self, view: View, t: int) -> Iterator[Occurrence]:
+        """Judges what has waited long enough; requests stay until every rule's time is over."""
+        limits = {rule: view.number(rule, name) for rule, name in (
+            ("BUS-011", "timeout_s"), ("BUS-012", "timeout_s"), ("BUS-015", "wait_s"))}  # fmt: skip
+        while self._pending and t - self._pending[0].t > max(limits.values()) * SECOND:
+            asked = self._pending.popleft()
+            if not self._pauses.inside(asked.bus, asked.t, asked.t + round(max(limits.values()) * SECOND)):
+                yield from self._judged(asked, limits)
+
+    def _judged(self, asked: _Asked, limits: Mapping[str, float]) -> Iterator[Occurrence]:
+        place = asked.place
+        if asked.expected:
+            for node in asked.expected:
+                if node not in asked.answered:
+                    values = {"missing_node": node, "limit_s": limits["BUS-012"]}
+                    yield Occurrence(
+                        "BUS-012", place.t, place.bus, node, place.type, place.frames, values,
+                        dialects={"dronecan": None},
+                    )  # fmt: skip
+        elif not asked.answered and not asked.query:
+            yield _at(place, "BUS-011", {"address": asked.address, "limit_s": limits["BUS-011"]})
+        what = self._unknown(asked)
+        if what:
+            yield _at(place, "BUS-015", {"uuid": asked.uuid, "esc_index": asked.index, "what": what})
+
+    def _unknown(self, asked: _Asked) -> str:
+        """What is wrong with an address, as far as is known; empty if nothing is."""
+        if asked.uuid == _ANY_UUID:
+            return ""
+        reporting = {who for who, first in self._since.items() if who[0] == asked.bus and first <= asked.t + SECOND}
+        complete = bool(reporting) and all(who in self._told for who in reporting)
+        if asked.uuid not in self._uuids:
+            return "no ESC has this uuid" if complete else ""
+        indexes = self._uuids[asked.uuid]
+        if asked.index == _ANY_INDEX or asked.index in indexes:
+            return ""
+        others = [uuid for uuid, shown in self._uuids.items() if asked.index in shown]
+        return f"that index has uuid {min(others):08X}" if others else ""
+
+
+def _differs(name: str, expected: int, got: Mapping[str, int]) -> int | None:
+    """The reported value if it is not the expected one."""
+    if name == _ID:
+        return None if expected in (got["esc_id_req"], got["esc_index"]) else got["esc_id_req"]
+    return None if got[name] == expected else got[name]
+
+
+def _at(place: Occurrence, rule: str, values: dict[str, str | int | float]) -> Occurrence:
+    return replace(place, rule=rule, values=values)
+
+
+WATCHERS: tuple[type[Watcher], ...] = (Dialogue,)

@@ -1,0 +1,197 @@
+"""What goes wrong between throttle commands and motors: BUS-006, -007, -016, -023, -026 to -028."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dissectors.tmotor.traffic.faults.occasions import chosen
+from dissectors.tmotor.traffic.faults.status import STATUS
+from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
+
+if TYPE_CHECKING:
+    from dissectors.traffic import Case, Sending
+
+_COMMAND = "RawCommand"
+_ABNORMAL = 4
+_LOOK = 50 * MILLISECOND
+_SECOND_SOURCE = 99
+
+
+def _later(case: Case, name: str = "seconds") -> int:
+    return case.world.now + round(float(case.options[name]) * SECOND)
+
+
+def _slow(case: Case) -> None:
+    """Every other command is left out for the whole flight: 200 Hz."""
+    pilot, turn = case.vehicle.autopilot.number, [0]
+
+    def thin(case: Case, sending: Sending) -> Step:
+        if sending.name != _COMMAND or sending.node != pilot or sending.changed:
+            return Step.MORE
+        turn[0] += 1
+        if turn[0] % 2:
+            case.mark(sending)
+            return Step.MORE
+        # It was never sent, so it takes no transfer ID.
+        case.vehicle.autopilot.transfer_ids[_COMMAND, None] = sending.transfer_id
+        sending.frames = []
+        return Step.MORE
+
+    case.say("the autopilot commands at half its rate")
+    case.touch("frames", thin)
+
+
+def _stop(case: Case) -> None:
+    """Waits until motors are commanded to turn."""
+    vehicle, world = case.vehicle, case.world
+
+    def look() -> None:
+        if not any(vehicle.pilot.last) or not vehicle.commanding:
+            world.at(world.now + _LOOK, look)
+            return
+        until = _later(case)
+        vehicle.commanding = False
+        case.watch(lambda sending: STATUS(sending) and sending.t > until - 50 * MILLISECOND, until + 50 * MILLISECOND)
+        case.say(f"no RawCommand for {float(case.options['seconds']):g} s")
+        world.at(until, go_on)
+
+    def go_on() -> None:
+        vehicle.commanding = True
+
+    look()
+
+
+def _silent_about_it(case: Case) -> None:
+    """A negative throttle that its ESC should report as abnormal (4.4.1 explanation 2), and does not."""
+    esc, until = chosen(case), _later(case)
+    before, node, index = case.vehicle.throttle_hook, esc.node.number, esc.index
+
+    def negative(commands: list[int]) -> list[int]:
+        return [-600 if k == index else value for k, value in enumerate(commands)]
+
+    def hide(_: Case, sending: Sending) -> Step:
+        if sending.t > until + 200 * MILLISECOND:
+            return Step.DONE
+        if STATUS(sending) and sending.node == node and not sending.changed:
+            word = sending.values["error_count"] & ~(1 << _ABNORMAL)
+            sending.values = {**sending.values, "error_count": word}
+        return Step.MORE
+
+    def back() -> None:
+        case.vehicle.throttle_hook = before
+
+    case.vehicle.throttle_hook = negative
+    case.touch("values", hide)
+    case.watch(lambda sending: sending.name == _COMMAND and sending.values["cmd"][index] < 0, until + SECOND)
+    case.say(f"throttle -600 for the ESC with index {index}, which never sets bit 4")
+    case.world.at(until, back)
+
+
+def _second(case: Case) -> None:
+    """A test tool commands, too; its throttles are zero."""
+    tool = case.world.device(_SECOND_SOURCE, "org.example.tool")
+    tool.silent = False
+    times = max(2, round(float(case.options["seconds"]) * 20))
+    channels = len(case.vehicle.escs)
+
+    def command(turn: int) -> None:
+        sending = tool.send(_COMMAND, {"cmd": [0] * channels})
+        sending.damaged = True
+        case.mark(sending)
+        if turn + 1 < times:
+            case.world.at(case.world.now + _LOOK, lambda: command(turn + 1))
+
+    case.say(f"node {_SECOND_SOURCE} sends RawCommand, too, {times} times")
+    command(0)
+
+
+def _channels(more: int, say: str) -> Fault:
+    rule = "BUS-026" if more < 0 else "BUS-027"
+
+    def start(case: Case) -> None:
+        vehicle, until = case.vehicle, _later(case)
+        before, usual = vehicle.throttle_hook, len(vehicle.escs)
+        if usual + more < 1:
+            return
+
+        def change(commands: list[int]) -> list[int]:
+            return [*commands, *[0] * more] if more > 0 else commands[:more]
+
+        def back() -> None:
+            vehicle.throttle_hook = before
+
+        vehicle.throttle_hook = change
+        case.watch(lambda sending: sending.name == _COMMAND and len(sending.values["cmd"]) != usual, until + SECOND)
+        case.say(f"RawCommand has {usual + more} channels for {usual} ESCs")
+        case.world.at(until, back)
+
+    return Fault(
+        rule, say, start=start, options={"seconds": 2.5}, limits={"seconds": (1.5, 3600)}, lasts=2600 * MILLISECOND,
+        also=("TYP-103", "BUS-028", "TYP-305"),
+    )  # fmt: skip
+
+
+def _stuck(case: Case) -> None:
+    """A motor that does not turn although it is commanded; its ESC says nothing about it."""
+    esc, world, until = chosen(case), case.world, 0
+    node = esc.node.number
+
+    def still(case: Case, sending: Sending) -> Step:
+        if sending.t > until:
+            return Step.DONE
+        if STATUS(sending) and sending.node == node and not sending.changed:
+            sending.values = {**sending.values, "rpm": 0}
+            case.mark(sending)
+        return Step.MORE
+
+    def look() -> None:
+        nonlocal until
+        if case.vehicle.command(esc.index) <= 1000:
+            world.at(world.now + _LOOK, look)
+            return
+        until = _later(case)
+        case.say(f"the ESC with index {esc.index} reports 0 rpm at throttle {case.vehicle.command(esc.index)}")
+        case.touch("values", still)
+
+    look()
+
+
+FAULTS: tuple[Fault, ...] = (
+    Fault("BUS-006", "RawCommand at half its rate", start=_slow, early=True, also=("BUS-018",)),
+    Fault(
+        "BUS-007",
+        "the autopilot stops commanding for a moment",
+        start=_stop,
+        options={"seconds": 0.4},
+        limits={"seconds": (0.15, 60)},
+        lasts=800 * MILLISECOND,
+        also=("TYP-305", "BUS-028", "BUS-025"),
+    ),
+    Fault(
+        "BUS-016",
+        "an ESC says nothing about a negative throttle",
+        start=_silent_about_it,
+        options={"seconds": 0.5},
+        lasts=SECOND,
+        also=("TYP-101", "BUS-028"),
+    ),
+    Fault(
+        "BUS-023",
+        "a second node sends RawCommand",
+        start=_second,
+        options={"seconds": 1.0},
+        lasts=SECOND,
+        also=("BUS-006", "BUS-028", "TYP-103"),
+    ),
+    _channels(-1, "RawCommand has a channel less than there are ESCs"),
+    _channels(1, "RawCommand has a channel more than there are ESCs"),
+    Fault(
+        "BUS-028",
+        "a motor does not turn although it is commanded",
+        start=_stuck,
+        options={"seconds": 1.6},
+        limits={"seconds": (1.2, 60)},
+        lasts=2 * SECOND,
+        also=("PUSH-409",),
+    ),
+)

@@ -1,0 +1,249 @@
+"""ESCs that contradict each other, their settings or the bus: BUS-009, -011 to -015, -018, -019, -025, -029."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from dissectors.tmotor.traffic.faults.occasions import chosen
+from dissectors.tmotor.traffic.faults.status import STATUS
+from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
+
+if TYPE_CHECKING:
+    from dissectors.traffic import Case, Sending
+
+_ANSWER = "ParamGet"
+_AGAIN = 200 * MILLISECOND
+
+
+def _until(case: Case) -> int:
+    return case.world.now + round(float(case.options["seconds"]) * SECOND)
+
+
+def _lose(case: Case, esc: Any, name: str, until: int) -> None:
+    """The next transfers of a type from an ESC are never sent, so they take no transfer IDs."""
+
+    def hold(_: Case, sending: Sending) -> Step:
+        if sending.t > until:
+            return Step.DONE
+        if sending.name == name and sending.node == esc.node.number and not sending.changed:
+            esc.node.transfer_ids[name, None] = sending.transfer_id
+            sending.frames = []
+            sending.damaged = True
+        return Step.MORE
+
+    case.touch("frames", hold)
+
+
+def _same_index(case: Case) -> None:
+    """An ESC that was configured with the index of its neighbour."""
+    escs = case.vehicle.escs
+    if len(escs) < 2:
+        return
+    one, other = escs[-2:]
+    until = _until(case)
+
+    def change(case: Case, sending: Sending) -> Step:
+        if sending.t > until:
+            return Step.DONE
+        if STATUS(sending) and sending.node == other.node.number and not sending.changed:
+            sending.values = {**sending.values, "esc_index": one.index}
+            case.mark(sending)
+        return Step.MORE
+
+    case.say(f"nodes {one.node.number} and {other.node.number} both report index {one.index}")
+    case.touch("values", change)
+
+
+def _no_answer(case: Case) -> None:
+    esc = chosen(case)
+    _lose(case, esc, _ANSWER, case.world.now + 1500 * MILLISECOND)
+    sending = case.vehicle.configure(esc.index, esc_led_mode=7)
+    case.mark(sending)
+    case.say(f"the ESC with index {esc.index} does not answer a ParamCfg")
+
+
+def _one_missing(case: Case) -> None:
+    esc = chosen(case)
+    _lose(case, esc, _ANSWER, case.world.now + 1500 * MILLISECOND)
+    case.mark(case.vehicle.query())
+    case.say(f"all ESCs but the one with index {esc.index} answer a query")
+
+
+def _refused(case: Case) -> None:
+    """The ESC answers with its old value."""
+    esc, value = chosen(case), int(case.options["value"])
+    before = esc.parameters["esc_ot_threshold"]
+    if before == value:
+        return
+
+    def old(case: Case, sending: Sending) -> Step:
+        if sending.name != _ANSWER or sending.node != esc.node.number:
+            return Step.SKIP
+        sending.values = {**sending.values, "esc_ot_threshold": before}
+        esc.parameters["esc_ot_threshold"] = before
+        case.mark(sending)
+        return Step.DONE
+
+    case.touch("values", old)
+    case.vehicle.configure(esc.index, esc_ot_threshold=value)
+    case.say(f"esc_ot_threshold set to {value}, reported as {before}")
+
+
+def _unasked(case: Case) -> None:
+    """Waits until nobody has asked for a while."""
+    esc, world = chosen(case), case.world
+    asked = [world.now]
+
+    def hear(_: Sending) -> None:
+        asked[0] = world.now
+
+    def look() -> None:
+        if world.now - asked[0] < 1300 * MILLISECOND:
+            world.at(world.now + _AGAIN, look)
+            return
+        case.mark(esc.node.send(_ANSWER, dict(esc.parameters)))
+        case.say(f"the ESC with index {esc.index} sends ParamGet without being asked")
+
+    world.hear("ParamCfg", hear)
+    look()
+
+
+def _stranger(case: Case) -> None:
+    """A ParamCfg for a device that is not there, once all that are have told who they are."""
+    vehicle, world = case.vehicle, case.world
+    vehicle.query()
+
+    def ask() -> None:
+        sending = vehicle.configure(0, esc_uuid=0x0BAD_CAFE, esc_index=0xFF, esc_led_mode=7)
+        case.mark(sending)
+        case.say("a ParamCfg for the UUID 0BADCAFE, which no ESC has")
+
+    world.at(world.now + 2 * _AGAIN, ask)
+
+
+def _other_rate(case: Case) -> None:
+    """The ESC says another rate than it sends with, whenever it is asked."""
+    esc = chosen(case)
+    wrong = 2 * esc.parameters["esc_fdb_rate"] if esc.parameters["esc_fdb_rate"] <= 200 else 10
+
+    def lie(case: Case, sending: Sending) -> Step:
+        if sending.name == _ANSWER and sending.node == esc.node.number and not sending.changed:
+            sending.values = {**sending.values, "esc_fdb_rate": wrong}
+            case.mark(sending)
+        return Step.MORE
+
+    case.touch("values", lie)
+    case.say(f"the ESC with index {esc.index} says {wrong} Hz and sends at {case.vehicle.rate} Hz")
+    case.world.at(case.world.now, lambda: case.vehicle.configure(esc.index, esc_save_option=0))
+
+
+def _bus_rate(case: Case) -> None:
+    esc, code = chosen(case), int(case.options["code"])
+
+    def lie(case: Case, sending: Sending) -> Step:
+        if sending.name == _ANSWER and sending.node == esc.node.number and not sending.changed:
+            sending.values = {**sending.values, "esc_can_rate": code}
+            case.mark(sending)
+        return Step.MORE
+
+    if esc.parameters["esc_can_rate"] == code:
+        return
+    case.touch("values", lie)
+    case.say(f"the ESC with index {esc.index} says bus rate code {code}")
+    case.vehicle.query()
+
+
+def _dropout(case: Case) -> None:
+    esc, until = chosen(case), _until(case)
+    before = esc.telemetry
+    if not before:
+        return
+    esc.telemetry = False
+
+    def back() -> None:
+        esc.telemetry = True
+
+    case.world.at(until, back)
+    node = esc.node.number
+    case.touch(
+        "frames",
+        lambda case, sending: _first(case, sending, node, until),
+    )
+    case.say(f"no ESCStatus of node {node} for {float(case.options['seconds']):g} s")
+
+
+def _first(case: Case, sending: Sending, node: int, after: int) -> Step:
+    if not STATUS(sending) or sending.node != node or sending.t < after:
+        return Step.MORE
+    case.mark(sending)
+    return Step.DONE
+
+
+FAULTS: tuple[Fault, ...] = (
+    Fault(
+        "BUS-009",
+        "two ESCs report one index",
+        start=_same_index,
+        options={"seconds": 1.0},
+        lasts=SECOND,
+        also=("BUS-025", "BUS-028", "TYP-103", "PUSH-011", "BUS-027"),
+    ),
+    Fault("BUS-011", "an ESC does not answer a ParamCfg", start=_no_answer, lasts=1600 * MILLISECOND),
+    Fault(
+        "BUS-012",
+        "one ESC does not answer a query to all",
+        start=_one_missing,
+        lasts=1600 * MILLISECOND,
+        also=("TYP-208", "TYP-209"),
+    ),
+    Fault(
+        "BUS-013",
+        "a setting is not taken over",
+        start=_refused,
+        options={"value": 95},
+        limits={"value": (1, 200)},
+        lasts=300 * MILLISECOND,
+    ),
+    Fault("BUS-014", "a ParamGet that nobody asked for", start=_unasked, lasts=2 * SECOND),
+    Fault(
+        "BUS-015",
+        "a ParamCfg for a device that is not there",
+        start=_stranger,
+        lasts=2 * SECOND,
+        also=("BUS-011", "TYP-208", "TYP-209"),
+    ),
+    Fault(
+        "BUS-018",
+        "an ESC reports at another rate than it says",
+        start=_other_rate,
+        lasts=2500 * MILLISECOND,
+        also=("BUS-013",),
+    ),
+    Fault(
+        "BUS-019",
+        "an ESC says another bus rate than the bus has",
+        start=_bus_rate,
+        options={"code": 3},
+        limits={"code": (0, 5)},
+        lasts=500 * MILLISECOND,
+        also=("BUS-029", "BUS-013", "TYP-208", "TYP-209"),
+    ),
+    Fault(
+        "BUS-025",
+        "the telemetry of an ESC drops out",
+        start=_dropout,
+        options={"seconds": 0.8},
+        limits={"seconds": (0.3, 60)},
+        lasts=1200 * MILLISECOND,
+        also=("BUS-018",),
+    ),
+    Fault(
+        "BUS-029",
+        "ESCs say different bus rates",
+        start=_bus_rate,
+        options={"code": 1},
+        limits={"code": (0, 5)},
+        lasts=500 * MILLISECOND,
+        also=("BUS-019", "BUS-013", "TYP-208", "TYP-209"),
+    ),
+)

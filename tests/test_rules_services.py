@@ -1,0 +1,104 @@
+"""Requests and responses: strays, silence, delay, repetitions and priorities."""
+
+from __future__ import annotations
+
+import pytest
+from encode import Transfer, log_line, transfer
+from faulted import CASES, agrees, faulted
+from judged import Said, judge
+
+RULES = ("TRF-021", "TRF-022", "TRF-023", "TRF-024", "TRF-025")
+MS = 1_000_000
+T0 = 1_700_000_000_000 * MS
+CALL = "uavcan.protocol.param.GetSet"
+CLIENT, SERVER = 10, 11
+
+
+def ask(transfer_id: int = 3, client: int = CLIENT, priority: int = 30) -> Transfer:
+    fields = {"index": 0, "value": {"empty": {}}, "name": b"a"}
+    return transfer(f"{CALL}.Request", fields, client, transfer_id, dst=SERVER, priority=priority)
+
+
+def answer(transfer_id: int = 3, client: int = CLIENT, priority: int = 30) -> Transfer:
+    empty = {"empty": {}}
+    fields = {"value": empty, "default_value": empty, "max_value": empty, "min_value": empty, "name": b"abc"}
+    return transfer(f"{CALL}.Response", fields, SERVER, transfer_id, dst=client, priority=priority)
+
+
+def beat(k: int) -> Transfer:
+    fields = {"uptime_sec": k, "health": 0, "mode": 0, "sub_mode": 0, "vendor_specific_status_code": 0}
+    return transfer("uavcan.protocol.NodeStatus", fields, 99, k)
+
+
+def seen(*sent: tuple[int, Transfer], end: int = 9000, without: tuple[int, ...] = ()) -> list[Said]:
+    """What the rules find of transfers at times in ms, between heartbeats; `without` are lines that are lost."""
+    beats = [(t, beat(t // 500)) for t in range(0, end + 1, 500)]
+    rows = [log_line(f) + "\n" for t, one in sorted([*beats, *sent], key=lambda x: x[0]) for f in one.frames(T0 + t * MS)]
+    rows = [row for k, row in enumerate(rows, 1) if k not in without]
+    found, *others = (judge("".join(rows), RULES, step=step) for step in (1, 7, None))
+    assert all(other == found for other in others)
+    return found
+
+
+@pytest.mark.parametrize("seed", CASES)
+@pytest.mark.parametrize("rule", RULES)
+def test_a_simulated_fault_is_found_where_the_witness_finds_it(rule: str, seed: int) -> None:
+    assert agrees(rule, seed)
+
+
+def test_an_answered_request_breaks_nothing() -> None:
+    assert seen((4010, ask()), (4020, answer())) == []
+
+
+@pytest.mark.parametrize("stray", [answer(4), answer(3, client=12)])
+def test_a_response_needs_a_request_of_its_nodes_and_id(stray: Transfer) -> None:
+    (one,) = seen((4010, ask()), (4020, answer()), (4030, stray))
+    assert (one.rule, one.severity, one.node) == ("TRF-021", "error", SERVER)
+
+
+def test_a_stray_response_names_its_id_and_client() -> None:
+    (one,) = seen((4010, answer(7)))
+    assert (one.text, one.first) == ("no request with transfer ID 7 from node 10", 10)
+
+
+def test_a_stray_response_early_in_the_capture_is_a_note() -> None:
+    assert [one.severity for one in seen((1990, answer()))] == ["note"]
+
+
+def test_a_request_is_too_old_after_two_seconds() -> None:
+    assert {one.rule for one in seen((4010, ask()), (6010, answer()))} == {"TRF-022", "TRF-023"}
+    assert {one.rule for one in seen((4010, ask()), (6011, answer()))} == {"TRF-022", "TRF-021"}
+
+
+def test_a_silent_server_is_reported_once_the_second_is_over() -> None:
+    (one,) = seen((4010, ask()))
+    assert (one.rule, one.severity, one.node, one.first) == ("TRF-022", "warning", CLIENT, 10)
+    assert one.text == "no answer of node 11 within 1.0 s"
+    assert seen((4010, ask()), end=5000) == []
+
+
+def test_a_slow_answer_is_a_note() -> None:
+    assert seen((4010, ask()), (4500, answer())) == []
+    (one,) = seen((4010, ask()), (4710, answer()))
+    assert (one.rule, one.severity, one.text[:16]) == ("TRF-023", "note", "answered after 0")
+
+
+def test_a_second_answer_is_reported_with_the_first() -> None:
+    (one,) = seen((4010, ask()), (4020, answer()), (4030, answer()))
+    assert (one.rule, one.text) == ("TRF-024", "second response, transfer ID 3")
+
+
+def test_an_answer_of_another_priority_is_a_note() -> None:
+    (one,) = seen((4010, ask(priority=30)), (4020, answer(priority=16)))
+    assert (one.rule, one.text) == ("TRF-025", "request 30, response 16")
+
+
+def test_a_damaged_request_counts_for_its_response() -> None:
+    request = transfer(f"{CALL}.Request", {"index": 0, "value": {"empty": {}}, "name": b"a" * 20}, CLIENT, 3, dst=SERVER)
+    assert len(request.frames()) == 4
+    for lost in (11, 13):
+        assert seen((4010, request), (4020, answer(priority=31)), without=(lost,)) == []
+
+
+def test_a_steady_flight_breaks_nothing() -> None:
+    assert judge(faulted(), RULES) == []

@@ -1,0 +1,172 @@
+"""PUSH-001 to PUSH-011: what packets look like, against the witness and by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import encode
+import pytest
+from judged import judge
+from packet_flights import STATUS, STEP, capture, compare, fly, motor, places, said, summed
+from witness.proof import finder
+
+if TYPE_CHECKING:
+    from packet_flights import Sent
+
+VECTORS = Path(__file__).with_name("vectors")
+FORM = ("PUSH-001", "PUSH-002", "PUSH-003", "PUSH-004", "PUSH-005", "PUSH-006", "PUSH-007", "PUSH-008", "PUSH-009")
+QUERY = "PUSHSCI.FocQuery"
+
+
+def push(*data: bytes, name: str = "PUSHCAN", gap: float = 20) -> str:
+    """Messages of one node, 20 ms apart."""
+    return capture((gap * k, 10, name, some) for k, some in enumerate(data))
+
+
+@pytest.mark.parametrize("rule", FORM)
+def test_a_fault_is_found_where_the_witness_finds_it(rule: str) -> None:
+    found = compare(rule, f"{rule}@4")
+    assert [one.count for one in found] == [1]
+
+
+@pytest.mark.parametrize("rule", [*FORM, "PUSH-010", "PUSH-011"])
+def test_a_clean_flight_has_none(rule: str) -> None:
+    assert said(rule, fly()[0]) == []
+
+
+def test_blocks_of_the_vectors() -> None:
+    text = (VECTORS / "violations.log").read_text(encoding="ascii")
+    found = [(one.rule, one.first, one.text) for one in judge(text, FORM) if one.first < 117]
+    assert found == [
+        ("PUSH-002", 89, "header 7B 8C inside PUSHSCI"),
+        ("PUSH-005", 94, "checksum 00, sum 79"),
+        ("PUSH-007", 99, "frame ID 0x16"),
+        ("PUSH-009", 109, "expected 2, got 5 (per unit)"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("rule", "data", "texts"),
+    [
+        ("PUSH-001", b"\x55\xaa" + motor(0), ["begins with 55 AA, header at byte 3"]),
+        ("PUSH-001", b"\x55\xaa\x15", ["begins with 55 AA 15, header nowhere"]),
+        ("PUSH-001", motor(0) + b"\x55", []),  # that is PUSH-004
+        ("PUSH-001", b"", []),  # that is TYP-504
+        ("PUSH-002", b"\xec\x96\x77", ["header EC 96 inside PUSHCAN"]),
+        ("PUSH-003", motor(0)[:6], []),
+        ("PUSH-004", motor(0)[:6], ["6 bytes for a length of 28"]),
+        ("PUSH-004", motor(0)[:3], ["3 bytes for a length of unknown"]),
+        ("PUSH-004", motor(0) + b"\x01\x02", ["30 bytes for a length of 28"]),
+        ("PUSH-004", motor(0) + motor(1), []),
+        ("PUSH-004", motor(0) + b"\x01" + motor(1) + b"\x02", ["29 bytes for a length of 28"] * 2),
+        ("PUSH-005", summed(b"\x7b\x8c\x16\x00\xa1\x08\x07"), []),
+        ("PUSH-005", b"\x7b\x8c\x16\x00\xa1\x08\x07\x00", ["checksum 00, sum CD"]),
+        ("PUSH-007", b"\x7b\x8c\x06\x00\xa1\x07\x00", ["frame ID 0x06"]),
+        ("PUSH-007", b"\x7b\x8c", []),
+        ("PUSH-008", motor(0, 0xA9), []),
+        ("PUSH-008", motor(0, 0xAA), ["unit 0xAA"]),
+        ("PUSH-008", motor(0, 0xFF), ["unit 0xFF"]),
+    ],
+)
+def test_data_of_one_message(rule: str, data: bytes, texts: list[str]) -> None:
+    assert [one.text for one in said(rule, push(data)) for _ in range(one.count)] == texts
+
+
+def test_a_wrong_length_stands_with_the_right_one() -> None:
+    whole = bytearray(motor(0))
+    whole[5] = 27
+    text = push(summed(bytes(whole[:-1])))
+    assert [one.text for one in said("PUSH-003", text)] == ["length 27, 28 for frame ID 0x15"]
+    assert said("PUSH-005", text) == []  # judged in packets of the right length only
+
+
+def test_only_a_query_goes_to_all_units() -> None:
+    query, setting = encode.packet(QUERY, 0, 0xFF), encode.packet("PUSHSCI.SetZero", 1, 0xFF)
+    assert places("PUSH-008", push(query, setting, name="PUSHSCI")) == [(3, "unit 0xFF")]
+
+
+@pytest.mark.parametrize(("end", "count"), [(28, 1), (None, 0)])
+def test_the_printed_range_of_the_sum(end: int | None, count: int) -> None:
+    values = {"bus_rate": 1, "report_rate": 50, "save_option": 1}
+    packet = encode.packet("PUSHSCI.FocParameters", 0, 0xA1, end, **values)
+    assert len(said("PUSH-006", push(packet, name="PUSHSCI"))) == count
+    assert said("PUSH-005", push(packet, name="PUSHSCI")) == []
+
+
+def test_a_damaged_transfer_says_nothing() -> None:
+    text = push(b"\x55\xaa" + motor(0))
+    assert judge(text, FORM) != []
+    assert judge(text.replace("#AA", "#AB", 1), FORM) == []
+
+
+def foc(count: int) -> bytes:
+    return encode.packet("PUSHCAN.FocFeedback", count, 0xA1, hardware_version=b"H", software_version=b"S")
+
+
+@pytest.mark.parametrize("step", [None, 1, 7])
+@pytest.mark.parametrize("pairs", [6, 60])
+def test_counts_of_each_frame_id(step: int | None, pairs: int) -> None:
+    data = [one for k in range(pairs) for one in (motor(k), foc(k))]
+    assert said("PUSH-009", push(*data), step) == []
+    data += [motor(pairs + 3), foc(pairs)]
+    found = said("PUSH-009", push(*data), step)
+    assert [one.text for one in found] == [f"expected {pairs}, got {pairs + 3} (per frame ID)"]
+    assert [one.count for one in found] == [1]
+
+
+@pytest.mark.parametrize("step", [None, 1, 7])
+@pytest.mark.parametrize("pairs", [6, 60])
+def test_counts_of_a_unit(step: int | None, pairs: int) -> None:
+    data = [one for k in range(pairs) for one in (motor(2 * k % 256), foc((2 * k + 1) % 256))]
+    assert said("PUSH-009", push(*data), step) == []
+    data.append(motor(2 * pairs + 1))
+    found = said("PUSH-009", push(*data), step)
+    assert [one.text for one in found] == [f"expected {2 * pairs}, got {2 * pairs + 1} (per unit)"]
+
+
+def test_a_count_wraps_and_units_count_alone() -> None:
+    data = [motor(count % 256, unit) for count in range(250, 260) for unit in (0xA1, 0xA2)]
+    assert said("PUSH-009", push(*data)) == []
+
+
+@pytest.mark.parametrize("step", [None, 3])
+@pytest.mark.parametrize("kept", [False, True])
+def test_lost_transfers_explain_counts(step: int | None, *, kept: bool) -> None:
+    """Without transfers 3 and 4 nothing is said; if the transfer IDs go on, or more is missing, it is."""
+    lines = push(*(motor(count) for count in range(8))).splitlines(keepends=True)
+    size = len(lines) // 8
+    text = "".join(lines[: 3 * size] + lines[5 * size :])
+    assert said("PUSH-009", text, step) == []
+    more = push(*(motor(count if count < 3 else count + 2 + kept) for count in range(8))).splitlines(keepends=True)
+    found = said("PUSH-009", "".join(more), step)
+    assert [one.text for one in found] == [f"expected 3, got {5 + kept} (per unit)"]
+
+
+def test_a_damaged_packet_explains_a_count() -> None:
+    unknown = bytearray(motor(1))
+    unknown[2] = 0x16
+    assert said("PUSH-009", push(motor(0), summed(bytes(unknown[:-1])), motor(2))) == []
+
+
+@pytest.mark.parametrize("rule", ["PUSH-010", "PUSH-011"])
+def test_what_holds_for_a_node_is_said_once(rule: str) -> None:
+    text, flight = fly(rule, seconds=4)
+    found = said(rule, text)
+    assert found == said(rule, text, STEP)
+    assert {one.node for one in found} >= {answer["node"] for answer in flight.answers(rule)}
+    assert {frame for one in found for frame in one.frames} <= set().union(*finder(rule)(flight.log))
+    assert len({(one.node, one.text) for one in found}) == len(found) > 0
+    assert all(one.count == 1 and one.severity == "note" for one in found)
+
+
+@pytest.mark.parametrize("step", [None, 1, 7])
+def test_a_new_index_is_a_new_pair(step: int | None) -> None:
+    def sent(at: float, index: int) -> list[Sent]:
+        return [(at, 10, "ESCStatus", STATUS | {"esc_index": index}), (at + 1, 10, "PUSHCAN", motor(int(at), 0xA2))]
+
+    text = capture(one for at, index in ((0, 1), (10, 0), (20, 0), (30, 1), (40, 3)) for one in sent(at, index))
+    found = said("PUSH-011", text, step)
+    assert [(one.key, one.count, len(one.frames), one.text) for one in found] == [
+        ("unit_id=162", 2, 2, "unit 0xA2 is index 0")
+    ]

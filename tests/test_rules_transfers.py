@@ -1,0 +1,164 @@
+"""Rules about the frames of one transfer: what fires them, where, and what is close to it but right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import encode
+import pytest
+from judged import judge
+from sent import flight
+from sequences import MS, SECOND, at, lines, push, retail, status, tail, throttle
+from witnessing import agree
+
+RULES = tuple(f"TRF-{number:03}" for number in (1, 2, 4, 5, 6, 7, 8, 9, 12, 13, 14, 15, 26, 27, 29))
+VIOLATIONS = (Path(__file__).parent / "vectors" / "violations.log").read_text()
+TOGGLE, ABOVE, LATE = 0x20, 10 * MS, 5 * SECOND
+
+
+def said(text: bytes, rule: str) -> list[tuple[str, int, int, str]]:
+    """Severity, number of occurrences, first frame and text of each finding, the same for every batch."""
+    found = judge(text, (rule,))
+    assert judge(text, (rule,), step=7) == found
+    return [(one.severity, one.count, one.first, one.text) for one in found]
+
+
+def usual(count: int = 4) -> list[encode.Frame]:
+    return [frame for k in range(count) for frame in status(k).frames()]
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_fault_of_the_simulator_is_found_where_the_witness_finds_it(rule: str) -> None:
+    agree(rule, flight(f"{rule}@1"))
+
+
+def test_a_clean_flight_breaches_none() -> None:
+    assert judge(flight(), RULES) == []
+
+
+def test_the_examples_of_the_document() -> None:
+    found = judge(VIOLATIONS, RULES)
+    assert judge(VIOLATIONS, RULES, step=1) == found
+    assert {(one.rule, frame) for one in found for frame in one.frames} == {
+        ("TRF-001", 8), ("TRF-006", 9), ("TRF-006", 14), ("TRF-005", 16), ("TRF-006", 20), ("TRF-007", 25),
+        ("TRF-005", 26), ("TRF-012", 42), ("TRF-013", 42), ("TRF-015", 46), ("TRF-026", 50), ("TRF-026", 51),
+    }  # fmt: skip
+
+
+def test_toggles_that_start_at_1() -> None:
+    throttles = [throttle(k).frames()[0] for k in range(4)]
+    single = lines(throttles, retail(throttle(4).frames()[0], TOGGLE))
+    assert said(single, "TRF-001") == [("error", 1, 5, "tail byte E4, toggle 1 in a single frame")]
+    assert said(lines(throttles), "TRF-001") == []
+    wrong = [retail(frame, TOGGLE) for frame in status(4).frames()]
+    assert said(lines(usual(), wrong), "TRF-002") == [("error", 1, 13, "first tail byte A4")]
+    assert said(lines(usual()), "TRF-002") == []
+
+
+def test_copies_inside_a_transfer() -> None:
+    first, second, third = status(4).frames()
+    for copied in ((first, first, second, third), (first, second, second, third)):
+        place = 14 if copied[1] is first else 15
+        text = f"frame {place} repeats frame {place - 1}"
+        assert said(lines(usual(), list(copied)), "TRF-004") == [("warning", 1, place, text)]
+    assert said(lines(usual(), [throttle(1).frames()[0]] * 2), "TRF-004") == []
+
+
+def test_what_is_left_without_a_start_is_one_occurrence() -> None:
+    _, *rest = push(4).frames()
+    later = [at(LATE + k * MS, frame) for k, frame in enumerate(rest)]
+    before = [frame for k in range(4) for frame in push(k).frames()]
+    assert said(lines(before, later), "TRF-005") == [("error", 1, 21, "transfer ID 4, first frame missing")]
+    assert said(lines(before, rest), "TRF-005") == [("note", 1, 21, "transfer ID 4, first frame missing")]
+    new = [at(LATE + 20 * MS + k * MS, frame) for k, frame in enumerate(usual(1)[1:] + usual(3)[3:])]
+    assert said(lines(before, new), "TRF-005") == [("note", 1, 21, "transfer ID 0, first frame missing")]
+    assert said(lines(before), "TRF-005") == []
+
+
+def test_frames_that_the_recorder_lost_explain_a_missing_start_and_a_missing_end() -> None:
+    _, *rest = push(4).frames()
+    before = [at(LATE * k, frame) for k in range(2) for frame in push(k).frames()]
+    spaced = [replace(frame, t=frame.t + k * MS) for k, frame in enumerate(before)]
+    later = [at(LATE + 100 * MS + k * MS, frame) for k, frame in enumerate([*rest, *push(5).frames()[:3]])]
+    last = [at(LATE + 110 * MS + k * MS, frame) for k, frame in enumerate(push(5).frames())]
+    text = lines(spaced, later, last)
+    lost = encode.drop_line("can0", 3, 3).encode() + b"\n"
+    for rule in ("TRF-005", "TRF-006"):
+        assert [severity for severity, *_ in said(text, rule)] == ["error"]
+        assert [severity for severity, *_ in said(text + lost, rule)] == ["note"]
+
+
+def test_a_transfer_that_another_one_leaves_behind() -> None:
+    cut = push(4).frames()[:2]
+    text = lines([frame for k in range(4) for frame in push(k).frames()], cut, push(4).frames())
+    assert said(text, "TRF-006") == [("error", 1, 21, "2 frames, 14 bytes received, then no end")]
+    assert said(lines(usual()), "TRF-006") == []
+
+
+@pytest.mark.parametrize(
+    ("after", "wanted"),
+    [
+        (2500 * MS, [("warning", 1, 13, "2.00 s since the first frame")]),
+        (1500 * MS, [("note", 1, 13, "1.50 s since the first frame")]),
+        (900 * MS, []),
+    ],
+)
+def test_transfers_that_take_long(after: int, wanted: list[tuple[str, int, int, str]]) -> None:
+    first, second, third = status(4).frames()
+    text = lines(usual(), at(LATE, first), second, at(LATE + after, third), at(LATE + 3 * SECOND, status(5).frames()[0]))
+    assert said(text, "TRF-007") == wanted
+
+
+def test_the_end_of_the_capture_cuts_a_transfer() -> None:
+    text = lines(usual(), status(4).frames()[:2])
+    assert said(text, "TRF-008") == [("note", 1, 13, "2 frames received when the capture ended")]
+    assert said(lines(usual()), "TRF-008") == []
+
+
+def test_another_transfer_id_inside() -> None:
+    first, second, third = status(4).frames()
+    text = lines(usual(), first, tail(second, 0x2C), third)
+    assert said(text, "TRF-009") == [("error", 1, 14, "transfer ID 12 inside 4")]
+    assert said(lines(usual()), "TRF-009") == []
+
+
+def test_frames_that_are_not_full_or_empty() -> None:
+    payload = status(4).frames()
+    short = replace(payload[1], data=payload[1].data[2:])
+    assert said(lines(usual(), payload[0], short, payload[2]), "TRF-012") == [
+        ("error", 1, 13, "6 bytes in frame 14, which is not the last")
+    ]
+    bare = replace(payload[2], data=payload[2].data[-1:])
+    text = lines(usual(), payload[0], payload[1], bare)
+    assert said(text, "TRF-013") == [("note", 1, 13, "last frame 15 has only the tail byte")]
+    assert said(text, "TRF-012") == said(lines(usual()), "TRF-013") == []
+    room = replace(payload[0], data=payload[0].data[:2] + payload[0].data[-1:])
+    assert said(lines(usual(), room, payload[1:]), "TRF-014") == [("error", 1, 13, "first frame of 3 bytes")]
+    roomy = replace(payload[0], data=payload[0].data[:3] + payload[0].data[-1:])
+    assert said(lines(usual(), roomy, payload[1:]), "TRF-014") == []
+
+
+def test_two_transfers_take_turns() -> None:
+    one, other = status(4).frames(), status(5).frames()
+    text = lines(usual(), [frame for pair in zip(one, other, strict=True) for frame in pair])
+    assert said(text, "TRF-026") == [("error", 2, 13, "transfer IDs 4 and 5 take turns")]
+    between = [push(9).frames()[0], *one[1:]]
+    assert said(lines(usual(), one[0], between), "TRF-026") == []
+
+
+def test_pauses() -> None:
+    first, second, third = status(4).frames()
+    text = lines(usual(), at(LATE, first), second, at(LATE + 301 * MS, third))
+    assert said(text, "TRF-027") == [("note", 1, 14, "300 ms between frames 14 and 15")]
+    assert judge(text, ("TRF-027",), numbers={"TRF-027": {"pause_ms": 400}}) == []
+    near = lines(usual(), at(LATE, first), second, at(LATE + 61 * MS, third))
+    assert said(near, "TRF-027") == []
+    (found,) = judge(near, ("TRF-027",), numbers={"TRF-027": {"pause_ms": 50}})
+    assert found.text == "60 ms between frames 14 and 15"
+
+
+def test_captures_without_times() -> None:
+    text = lines(usual(), status(4).frames()[1:], timed=False)
+    assert said(text, "TRF-007") == said(text, "TRF-027") == []
+    assert said(text, "TRF-005") == [("error", 1, 13, "transfer ID 4, first frame missing")]
