@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
-import sys
 from contextlib import ExitStack
-from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from analyzer.cli import DAMAGED, INTERRUPTED, OK, USAGE, options, streams
+from analyzer.cli import DAMAGED, INTERRUPTED, OK, USAGE, options, reports, streams
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from analyzer.cli.session import Session
     from analyzer.conformance import Choice
@@ -23,12 +20,8 @@ if TYPE_CHECKING:
     from analyzer.rules.catalogue import Page
     from analyzer.rules.gate import FailOn
     from analyzer.rules.settings import Settings
-    from analyzer.sinks.atomic import Target
     from dissectors import Registry
 
-_WIDTH, _WIDEST = 80, 120
-_FORMS = ("junit", "html", "json", "markdown")
-_SUFFIXES = {".html": "html", ".htm": "html", ".json": "json", ".xml": "junit", ".md": "markdown", ".txt": "text"}
 _EPILOG = """\
 Several captures are judged one by one, each with findings of its own in one report; --same-bus, --bus or --offset
 merges them into one first, as for the other commands.
@@ -95,6 +88,7 @@ class _UsageError(Exception):
 def run(args: argparse.Namespace) -> int:
     """Judges every capture, then writes the reports: each is there whole or not at all."""
     from analyzer.sinks.atomic import Target, TargetError  # noqa: PLC0415
+    from dissectors import DsdlError, ProfileError  # noqa: PLC0415
 
     try:
         wanted = _Wanted(args)
@@ -106,11 +100,11 @@ def run(args: argparse.Namespace) -> int:
             report, interrupted = wanted.judge()
             written = True
             for form, target, own in targets:
-                written = _written(form, report, target, own, everything=args.all) and written
-        _tell(args, report, silent=wanted.silent)
+                written = reports.written(form, report, target, own, everything=args.all) and written
+        reports.tell(args, report, silent=wanted.silent)
         if args.github:
-            written = _tell_github(report, aside=wanted.silent) and written
-    except _UsageError as error:
+            written = reports.tell_github(report, aside=wanted.silent) and written
+    except (_UsageError, ProfileError, DsdlError) as error:  # a folder's rules are read when they are needed
         streams.complain(str(error), "tailbyte check")
         return USAGE
     except TargetError as error:
@@ -119,21 +113,6 @@ def run(args: argparse.Namespace) -> int:
     if interrupted:
         return INTERRUPTED
     return report.gate.exit_status or (OK if written else DAMAGED)
-
-
-def _written(form: str, report: Report, target: Target, own: ExitStack, *, everything: bool) -> bool:
-    """Whether a report could be written; the others, and the exit status, do not depend on it."""
-    from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
-
-    try:
-        with own.pop_all():
-            target.file.write(_bytes(form, report, everything=everything))
-    except TargetError as error:
-        streams.complain(str(error))
-        return False
-    except BrokenPipeError:  # whoever reads has seen enough
-        streams.forget(1)
-    return True
 
 
 class _Wanted:
@@ -145,7 +124,7 @@ class _Wanted:
         self._args = args
         try:
             self.names = options.captures(args)
-            self.files = list(_files(args))
+            self.files = list(reports.files(args))
             for _, path in self.files:
                 options.refuse_input(args, path)
             self._fail_on: FailOn = FailOn.parse(args.fail_on or [DEFAULT])
@@ -272,71 +251,3 @@ def _settings(args: argparse.Namespace, choice: Choice, pages: Mapping[str, Page
 
 def _words(given: Iterable[str]) -> tuple[str, ...]:
     return tuple(word.strip() for text in given for word in text.split(",") if word.strip())
-
-
-def _files(args: argparse.Namespace) -> Iterator[tuple[str, str]]:
-    """Every report to write, as format and path. Raises `ValueError`."""
-    found = [(form, getattr(args, form)) for form in _FORMS if getattr(args, form) is not None]
-    for path in args.output:
-        form = _SUFFIXES.get(PurePath(path).suffix.lower())
-        if form is None:
-            raise ValueError(f"-o {path}: the name says no format: {' '.join(_SUFFIXES)}")
-        found.append((form, path))
-    seen: set[str] = set()
-    for form, path in found:
-        if not path:
-            raise ValueError(f"the {form} report has no name")
-        place = path if path == "-" else os.path.realpath(path)
-        if place in seen:
-            raise ValueError(f"{'standard output' if path == '-' else path}: two reports cannot be one file")
-        if not os.path.exists(path) or os.path.isfile(path):  # noqa: PTH110, PTH113 - devices take several
-            seen.add(place)
-        yield form, path
-
-
-def _bytes(form: str, report: Report, *, everything: bool) -> bytes:
-    from analyzer.report import html, json, junit, markdown, text  # noqa: PLC0415
-
-    render: dict[str, Callable[[Report], str]] = {
-        "html": html.render, "json": json.render, "junit": junit.render, "markdown": markdown.render,
-        "text": lambda report: text.render(report, everything=everything, utc=True),
-    }  # fmt: skip
-    return render[form](report).encode("utf-8", "backslashreplace")
-
-
-def _tell(args: argparse.Namespace, report: Report, *, silent: bool) -> None:
-    """The text. A reader that has seen enough does not change the exit status."""
-    if silent:
-        return
-    try:
-        _show(args, report)
-        sys.stdout.flush()
-    except BrokenPipeError:
-        streams.forget(1)
-
-
-def _show(args: argparse.Namespace, report: Report) -> None:
-    from analyzer.cli.pager import paged  # noqa: PLC0415
-    from analyzer.report.text import render  # noqa: PLC0415
-    from analyzer.views.terminal import Palette  # noqa: PLC0415
-
-    width = min(shutil.get_terminal_size().columns, _WIDEST) if sys.stdout.isatty() else _WIDTH
-    with paged(args) as out:
-        out.write(render(report, width=width, everything=args.all, palette=Palette(options.colour(args))))
-
-
-def _tell_github(report: Report, *, aside: bool) -> bool:
-    """Annotations in the log, which GitHub reads on both streams; whether the summary of the step could be written."""
-    from analyzer.report.github import commands, summary  # noqa: PLC0415
-
-    (streams.tell if aside else sys.stdout.write)(commands(report))
-    path = os.environ.get("GITHUB_STEP_SUMMARY")
-    if not path:
-        return True
-    try:
-        with open(path, "a", encoding="utf-8", errors="backslashreplace") as file:  # noqa: PTH123 - a plain append
-            file.write(summary(report))
-    except OSError as error:
-        streams.complain(f"GITHUB_STEP_SUMMARY {path}: {error.strerror or error}")
-        return False
-    return True

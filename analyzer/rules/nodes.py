@@ -95,7 +95,7 @@ class Allocations(Watcher):
                 values = {"unique_id": unique.hex().upper(), "given_node": node, "state": state or "given"}
                 yield Occurrence("BUS-030", *about, values, severity="error" if state else None)
             elif not src and table["first_part_of_unique_id"][row] and len(self._asked) < MOST:
-                values = {"unique_id": unique.hex().upper() + "..", "given_node": "no ID", "state": "asked in vain"}
+                values = {"unique_id": unique.hex().upper() + "..", "given_node": "none", "state": "asked in vain"}
                 lines = view.lines(about[-1])
                 self._asked.setdefault((bus, unique), Occurrence("BUS-030", *about, values, lines=lines))
 

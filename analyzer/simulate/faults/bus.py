@@ -71,13 +71,17 @@ def _twin(case: Case) -> None:
 
 
 def _mute(case: Case) -> None:
-    """NodeStatus of one node is not sent for a while, though the node goes on with its other work."""
-    node, until = sender(case), case.world.now + nanoseconds(case, "seconds")
+    """No NodeStatus of one node between two of them, though the node goes on with its other work."""
+    node, span, last = sender(case), nanoseconds(case, "seconds"), [-1]
 
     def hold(_: Case, sending: Sending) -> Step:
         if sending.name != _STATUS or sending.node != node.number or sending.changed:
             return Step.MORE
-        if sending.t >= until:
+        if last[0] < 0:
+            case.mark(sending)
+            last[0] = sending.t
+            return Step.MORE
+        if sending.t >= last[0] + span:
             case.mark(sending)
             return Step.DONE
         # It was never sent, so it takes no transfer ID.
@@ -187,7 +191,7 @@ FAULTS: tuple[Fault, ...] = (
         start=_mute,
         options={"seconds": 3.6},
         limits={"seconds": (3.1, 3600)},
-        lasts=_OFFLINE + 1200 * MILLISECOND,
+        lasts=_OFFLINE + 2700 * MILLISECOND,
         exact=True,
     ),
     Fault(

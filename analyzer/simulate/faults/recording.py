@@ -23,9 +23,25 @@ def _backward(case: Case, sending: Sending) -> Step:
 
 
 def _silence(case: Case) -> None:
-    """The bus stands still, and nobody has anything left to say about the time before."""
-    until = case.world.now + nanoseconds(case, "seconds")
-    case.world.block(until)
+    """The bus stands still from a frame on, and nobody has anything left to say about the time before."""
+    world, span = case.world, nanoseconds(case, "seconds")
+    last: list[Frame] = []
+    until = 0
+
+    def take(case: Case, sending: Sending) -> Step:
+        last.append(sending.frames[-1])
+        case.mark(last[0])
+        wait()
+        return Step.DONE
+
+    def wait() -> None:
+        nonlocal until
+        if last[0].t < 0:
+            world.at(world.now + MILLISECOND, wait)
+            return
+        until = world.now + span
+        world.block(until)
+        case.touch("frames", hold)
 
     def hold(_: Case, sending: Sending) -> Step:
         if sending.t < until:
@@ -36,7 +52,7 @@ def _silence(case: Case) -> None:
         return Step.DONE
 
     case.say(f"nothing is recorded for {float(case.options['seconds']):g} s")
-    case.touch("frames", hold)
+    case.touch("frames", take)
 
 
 def _cut(case: Case, sending: Sending) -> Step:
@@ -70,7 +86,7 @@ FAULTS: tuple[Fault, ...] = (
         limits={"back": (0.01, 60)},
         harmless=True,
         exact=True,
-        also=("CAP-002", "BUS-025"),
+        also=("CAP-002", "BUS-007", "BUS-025"),
     ),
     Fault(
         "CAP-002",

@@ -42,7 +42,10 @@ _ID = "esc_id_set"
 
 @dataclass(slots=True)
 class _Asked:
-    """A ParamCfg; `t` is its end, `query` whether all its bytes are 0xFF. `answered` are nodes, `silent` those that had to answer a query to all."""
+    """A ParamCfg; `t` is its end, `query` whether all its bytes are 0xFF.
+
+    `answered` are the nodes that sent a ParamGet, `expected` those that have to after a query to all.
+    """
 
     t: int
     bus: int

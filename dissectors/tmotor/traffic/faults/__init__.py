@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dissectors.tmotor.traffic.faults import (
     bus_commands,
+    bus_rates,
     bus_reports,
     device,
     habits,
@@ -43,4 +44,5 @@ FAULTS: tuple[Fault, ...] = (
     *packet_status.FAULTS,
     *bus_commands.FAULTS,
     *bus_reports.FAULTS,
+    *bus_rates.FAULTS,
 )

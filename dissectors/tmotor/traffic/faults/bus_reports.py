@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dissectors.tmotor.traffic.faults.occasions import chosen
 from dissectors.tmotor.traffic.faults.status import STATUS
 from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
 
 if TYPE_CHECKING:
-    from dissectors.traffic import Case, Sending
+    from dissectors.traffic import Case, Node, Sending
 
 _ANSWER = "ParamGet"
 _AGAIN = 200 * MILLISECOND
@@ -19,14 +19,14 @@ def _until(case: Case) -> int:
     return case.world.now + round(float(case.options["seconds"]) * SECOND)
 
 
-def _lose(case: Case, esc: Any, name: str, until: int) -> None:
-    """The next transfers of a type from an ESC are never sent, so they take no transfer IDs."""
+def _lose(case: Case, node: Node, name: str, until: int) -> None:
+    """The next transfers of a type from a node are never sent, so they take no transfer IDs."""
 
     def hold(_: Case, sending: Sending) -> Step:
         if sending.t > until:
             return Step.DONE
-        if sending.name == name and sending.node == esc.node.number and not sending.changed:
-            esc.node.transfer_ids[name, None] = sending.transfer_id
+        if sending.name == name and sending.node == node.number and not sending.changed:
+            node.transfer_ids[name, None] = sending.transfer_id
             sending.frames = []
             sending.damaged = True
         return Step.MORE
@@ -56,7 +56,7 @@ def _same_index(case: Case) -> None:
 
 def _no_answer(case: Case) -> None:
     esc = chosen(case)
-    _lose(case, esc, _ANSWER, case.world.now + 1500 * MILLISECOND)
+    _lose(case, esc.node, _ANSWER, case.world.now + 1500 * MILLISECOND)
     sending = case.vehicle.configure(esc.index, esc_led_mode=7)
     case.mark(sending)
     case.say(f"the ESC with index {esc.index} does not answer a ParamCfg")
@@ -64,7 +64,7 @@ def _no_answer(case: Case) -> None:
 
 def _one_missing(case: Case) -> None:
     esc = chosen(case)
-    _lose(case, esc, _ANSWER, case.world.now + 1500 * MILLISECOND)
+    _lose(case, esc.node, _ANSWER, case.world.now + 1500 * MILLISECOND)
     case.mark(case.vehicle.query())
     case.say(f"all ESCs but the one with index {esc.index} answer a query")
 
@@ -90,22 +90,17 @@ def _refused(case: Case) -> None:
 
 
 def _unasked(case: Case) -> None:
-    """Waits until nobody has asked for a while."""
-    esc, world = chosen(case), case.world
-    asked = [world.now]
+    """The ground station asks nothing for a while, then an ESC answers."""
+    esc, world, ground = chosen(case), case.world, case.vehicle.ground
 
-    def hear(_: Sending) -> None:
-        asked[0] = world.now
-
-    def look() -> None:
-        if world.now - asked[0] < 1300 * MILLISECOND:
-            world.at(world.now + _AGAIN, look)
-            return
-        case.mark(esc.node.send(_ANSWER, dict(esc.parameters)))
+    def answer() -> None:
+        on = esc.parameters["esc_startup_duration"] + world.now // SECOND
+        case.mark(esc.node.send(_ANSWER, {**esc.parameters, "esc_startup_duration": on}))
         case.say(f"the ESC with index {esc.index} sends ParamGet without being asked")
 
-    world.hear("ParamCfg", hear)
-    look()
+    at = world.now + 1300 * MILLISECOND
+    _lose(case, ground, "ParamCfg", at + _AGAIN)
+    world.at(at, answer)
 
 
 def _stranger(case: Case) -> None:
@@ -186,7 +181,7 @@ FAULTS: tuple[Fault, ...] = (
         start=_same_index,
         options={"seconds": 1.0},
         lasts=SECOND,
-        also=("BUS-025", "BUS-028", "TYP-103", "PUSH-011", "BUS-027"),
+        also=("BUS-018", "BUS-025", "BUS-028", "TYP-103", "PUSH-011", "BUS-027"),
     ),
     Fault("BUS-011", "an ESC does not answer a ParamCfg", start=_no_answer, lasts=1600 * MILLISECOND),
     Fault(

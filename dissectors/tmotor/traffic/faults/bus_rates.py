@@ -1,0 +1,274 @@
+"""Too much for one bus, and motors that something else drives: BUS-001 to -003, -008, -017, -024, -032, -034."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from dissectors.tmotor.traffic.answers import Answers
+from dissectors.tmotor.traffic.esc import UNITS, Esc, unique_ids
+from dissectors.tmotor.traffic.faults.carried import carries
+from dissectors.tmotor.traffic.faults.occasions import chosen
+from dissectors.tmotor.traffic.faults.status import STATUS
+from dissectors.tmotor.traffic.rates import rates
+from dissectors.tmotor.traffic.throttle import FULL
+from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from dissectors.traffic import Case, Sending
+
+_LOOK = 50 * MILLISECOND
+_FULL_RATE = 1_000_000
+# A slower bus does not carry what is too much at 1 Mbit/s.
+_CARRIES = 500_000
+_FASTEST = 400
+# Frames of one ESCStatus, and what else is on the bus in a second: RawCommand at its slowest.
+_STATUS_FRAMES, _COMMANDS = 3, 400
+_FIRST_ESC = 11
+_PUSH = carries("MotorStatus")
+
+
+def _once(case: Case, ready: Callable[[], bool], do: Callable[[], None]) -> None:
+    """Does it as soon as it can be done."""
+    if ready():
+        do()
+    else:
+        case.world.at(case.world.now + _LOOK, lambda: _once(case, ready, do))
+
+
+def _turning(case: Case) -> bool:
+    return all(case.vehicle.pilot.last)
+
+
+def _span(case: Case) -> int:
+    return round(float(case.options["seconds"]) * SECOND)
+
+
+def _hertz(case: Case, frames: int) -> int:
+    """The rate of ESCStatus with which there are so many frames a second; 0 if no ESC reports that fast."""
+    found = -(-(frames - _COMMANDS * case.world.bit_rate // _FULL_RATE) // (_STATUS_FRAMES * len(case.vehicle.escs)))
+    return found if 0 < found <= _FASTEST else 0
+
+
+def _hurry(case: Case, hertz: int) -> None:
+    """All ESCs report at a rate that nobody has set; so does the rate that they say."""
+    for esc in case.vehicle.escs:
+        esc.status_period = SECOND // hertz
+    case.say(f"{len(case.vehicle.escs)} ESCs report at {hertz} Hz")
+
+
+def _calm(case: Case) -> None:
+    for esc in case.vehicle.escs:
+        rate = esc.parameters["esc_fdb_rate"]
+        esc.status_period = SECOND // rate if rate else 0
+
+
+def _busy(case: Case) -> None:
+    """In flight, at 1 Mbit/s or near it."""
+    hertz = _hertz(case, int(case.options["frames"]))
+    if hertz and case.world.bit_rate >= _CARRIES:
+        _once(case, partial(_turning, case), lambda: _rush(case, hertz))
+
+
+def _busy_slow(case: Case) -> None:
+    """In flight, on a bus that is slower."""
+    rate = case.world.bit_rate
+    hertz = _hertz(case, int(case.options["frames"]) * rate // _FULL_RATE)
+    if hertz and rate < _FULL_RATE:
+        _once(case, partial(_turning, case), lambda: _rush(case, hertz))
+
+
+def _rush(case: Case, hertz: int) -> None:
+    until = case.world.now + _span(case)
+    _hurry(case, hertz)
+    case.watch(STATUS, until)
+    case.world.at(until, lambda: _calm(case))
+
+
+def _busy_at_rest(case: Case) -> None:
+    """From the first report on, until motors turn."""
+    hertz, over = _hertz(case, int(case.options["frames"])), [False]
+    if not hertz or case.world.bit_rate < _FULL_RATE:
+        return
+
+    def end() -> None:
+        over[0] = True
+        _calm(case)
+
+    _hurry(case, hertz)
+    case.watch(lambda sending: not over[0] and STATUS(sending))
+    _once(case, lambda: any(case.vehicle.pilot.last), end)
+
+
+def _crowd(case: Case) -> None:
+    """More ESCs that answer every question; no throttle is meant for them."""
+    world, wanted, there = case.world, int(case.options["nodes"]), len(case.vehicle.escs)
+    pace = rates(world.bit_rate, wanted, None)
+    free = (number for number in range(_FIRST_ESC, 100) if world.node(number) is None)
+    added = set()
+    for index, uuid in enumerate(unique_ids(case.random, max(0, wanted - there)), there):
+        node = world.device(next(free), "com.tmotor.esc")
+        esc = Esc(world, node, index, uuid, pace, stock=False)
+        esc.motor.voltage = case.vehicle.pack.voltage
+        Answers(esc, pace)
+        esc.reports.start(world.now + esc.status_period * index // wanted)
+        added.add(node.number)
+    case.watch(lambda sending: sending.node in added)
+    case.say(f"{len(added)} more ESCs, {max(wanted, there)} in all")
+
+
+def _bad_throttle(case: Case) -> None:
+    """Negative throttles: the ESC holds the last valid one until its timeout, then its motor runs out."""
+    esc, vehicle = chosen(case), case.vehicle
+    node, index = esc.node.number, esc.index
+
+    def negative(commands: list[int]) -> list[int]:
+        return [-600 if k == index else value for k, value in enumerate(commands)]
+
+    def begin() -> None:
+        before, until = vehicle.throttle_hook, case.world.now + _span(case)
+        vehicle.throttle_hook = negative
+
+        def back() -> None:
+            vehicle.throttle_hook = before
+
+        case.world.at(until, back)
+        case.watch(lambda sending: STATUS(sending) and sending.node == node, until)
+        case.say(f"throttle -600 for the ESC with index {index}, which holds its own for a moment")
+
+    _once(case, lambda: vehicle.pilot.last[index] > 0, begin)
+
+
+def _configured(case: Case) -> None:
+    """Every ESC is set to a rate; together they are too many."""
+    hertz = _hertz(case, int(case.options["frames"]))
+    if not hertz or case.world.bit_rate < _CARRIES:
+        return
+    for turn, esc in enumerate(case.vehicle.escs):
+        case.world.at(case.world.now + turn * _LOOK, partial(_set_rate, case, esc, hertz))
+    case.say(f"esc_fdb_rate of {len(case.vehicle.escs)} ESCs set to {hertz}")
+
+
+def _set_rate(case: Case, esc: Any, hertz: int) -> None:
+    case.mark(case.vehicle.configure(esc.index, esc_fdb_rate=hertz))
+    node = esc.node.number
+    case.watch(lambda sending: sending.name == "ParamGet" and sending.node == node, case.world.now + _LOOK)
+
+
+def _turned(case: Case) -> None:
+    """The encoder of an ESC has another zero point than the position in its packets, for the whole flight."""
+    esc = chosen(case, packets=True)
+    by, node = round(float(case.options["by"]) * 16_384 / 360), esc.node.number
+
+    def turn(case: Case, sending: Sending) -> Step:
+        word = sending.values.get("error_count", 0)
+        if STATUS(sending) and sending.node == node and not sending.changed and word >> 16 < 16_384:
+            encoder = ((word >> 16) + by) % 16_384
+            sending.values = {**sending.values, "error_count": word & 0xFFFF | encoder << 16}
+            case.mark(sending)
+        return Step.MORE
+
+    case.touch("values", turn)
+    case.say(f"the encoder of node {node} is {float(case.options['by']):g} degrees off")
+
+
+def _by_wire(case: Case) -> None:
+    """RawCommand stops, and the ESCs follow the same throttles that come as PWM widths (4.2)."""
+    vehicle, world = case.vehicle, case.world
+
+    def begin() -> None:
+        until = world.now + _span(case)
+        vehicle.commanding = False
+
+        def pulse() -> None:
+            if world.now >= until:
+                vehicle.commanding = True
+                return
+            for esc in vehicle.escs:
+                esc.hear([round(FULL * wanted) for wanted in vehicle.pilot.wanted])
+            world.at(world.now + 20 * MILLISECOND, pulse)
+
+        case.watch(lambda sending: _PUSH(sending) and until - sending.t < _span(case) - 100 * MILLISECOND, until)
+        case.say(f"no RawCommand for {float(case.options['seconds']):g} s, the ESCs follow PWM")
+        pulse()
+
+    _once(case, partial(_turning, case), begin)
+
+
+_LOADED = ("BUS-001", "BUS-003", "BUS-004", "BUS-018")
+
+FAULTS: tuple[Fault, ...] = (
+    Fault(
+        "BUS-001",
+        "too many reports while motors turn",
+        start=_busy,
+        options={"frames": 3000, "seconds": 1.6},
+        limits={"frames": (2500, 5000), "seconds": (1.2, 60)},
+        lasts=1800 * MILLISECOND,
+        also=_LOADED,
+    ),
+    Fault(
+        "BUS-002",
+        "too many reports while motors rest",
+        start=_busy_at_rest,
+        options={"frames": 4700},
+        limits={"frames": (4200, 5000)},
+        early=True,
+        also=_LOADED,
+    ),
+    Fault(
+        "BUS-003",
+        "too many reports for a slower bus",
+        start=_busy_slow,
+        options={"frames": 3000, "seconds": 1.6},
+        limits={"frames": (2500, 5000), "seconds": (1.2, 60)},
+        lasts=1800 * MILLISECOND,
+        also=_LOADED,
+    ),
+    Fault(
+        "BUS-008",
+        "more than 8 ESCs",
+        start=_crowd,
+        options={"nodes": 9},
+        limits={"nodes": (9, len(UNITS))},
+        lasts=500 * MILLISECOND,
+        also=("TYP-103", "BUS-026"),
+    ),
+    Fault(
+        "BUS-017",
+        "an ESC holds its throttle for a moment after negative ones",
+        start=_bad_throttle,
+        options={"seconds": 0.5},
+        limits={"seconds": (0.2, 60)},
+        lasts=700 * MILLISECOND,
+        also=("TYP-101", "TYP-305", "BUS-016", "BUS-028"),
+    ),
+    Fault(
+        "BUS-024",
+        "ESCs are set to more reports than a bus carries",
+        start=_configured,
+        options={"frames": 2600},
+        limits={"frames": (2450, 5000)},
+        lasts=1500 * MILLISECOND,
+        also=_LOADED,
+    ),
+    Fault(
+        "BUS-032",
+        "the encoder and the position in packets have different zero points",
+        start=_turned,
+        options={"by": 10.0},
+        limits={"by": (3, 357)},
+        early=True,
+    ),
+    Fault(
+        "BUS-034",
+        "PWM takes over when RawCommand stops",
+        start=_by_wire,
+        options={"seconds": 1.0},
+        limits={"seconds": (0.5, 60)},
+        lasts=1300 * MILLISECOND,
+        also=("BUS-007",),
+    ),
+)
