@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import date
 from os import PathLike, fspath
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
@@ -10,9 +11,12 @@ from typing import TYPE_CHECKING
 import dissectors
 from analyzer.ahead import ahead
 from analyzer.engine import Engine
+from analyzer.report import vehicle
+from analyzer.report.baseline import Baseline
 from analyzer.report.build import Order, Taken, build
 from analyzer.rules.catalogue import ORIGINS, load, matching
 from analyzer.rules.checking import Check
+from analyzer.rules.expected import load as load_vehicle
 from analyzer.rules.gate import DEFAULT, FailOn
 from analyzer.rules.settings import Settings
 from analyzer.sources import CaptureError
@@ -22,8 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from analyzer.engine import Totals
+    from analyzer.report.build import Demand, Revise
     from analyzer.report.model import Report
     from analyzer.rules.catalogue import Page
+    from analyzer.rules.expected import Expected
     from analyzer.sources import Source
     from analyzer.sources.merge import Merged
     from dissectors import Registry
@@ -70,6 +76,8 @@ def check(
     dialects: Mapping[int, Collection[str]] | None = None,
     same_bus: bool = False,
     dissectors_: Sequence[Path] = (),
+    profile: Name | None = None,
+    baseline: Name | None = None,
 ) -> Report:
     """Judges captures one by one, or as recordings of one bus with `same_bus`.
 
@@ -83,9 +91,11 @@ def check(
         dialects: readings of doubtful fields by node ID, against the node's own data.
         same_bus: merge the captures and leave out what repeats.
         dissectors_: folders with further data types.
+        profile: a vehicle file; what is given here as an argument goes before it.
+        baseline: the JSON of an older report, to tell what is new.
 
     A capture that cannot be read is in the report, as damage. Raises `LookupError` for an unknown rule and `ValueError`
-    for other arguments that make no sense.
+    for other arguments that make no sense (`ProfileError` and `BaselineError` are such).
     """
     names = [fspath(path) for path in ([paths] if isinstance(paths, (str, PathLike)) else paths)]
     if not names:
@@ -95,11 +105,29 @@ def check(
     choice = Choice(tuple(select), tuple(ignore), tuple(origins))
     selected, ignored = choice.rules(pages)
     settings = Settings(select=selected, ignore=ignored, bit_rate=bit_rate, dialects=dialects or {})
+    expected = None if profile is None else load_vehicle(Path(fspath(profile)), pages)
+    if expected is not None:
+        settings = expected.settings(settings, pages)
+    older = None if baseline is None else Baseline.load(Path(fspath(baseline)))
     groups = [names] if same_bus else [[name] for name in names]
     taken = [
         _take(group, label, registry, settings, same_bus) for group, label in zip(groups, ids(groups), strict=True)
     ]
-    return build(taken, registry, pages, settings, Order(tool(), FailOn.parse([fail_on]), choice.asked()))
+    asked = choice.asked() | ({} if baseline is None else {"baseline": fspath(baseline)})
+    return build(taken, registry, pages, settings, order(FailOn.parse([fail_on]), asked, expected, older))
+
+
+def order(fail_on: FailOn, asked: Mapping[str, object], expected: Expected | None, older: Baseline | None) -> Order:
+    """What is asked of a report, with what a vehicle file and an older report say; waivers count by today's date."""
+    revise: list[Revise] = []
+    demands: list[Demand] = []
+    if expected is not None:
+        revise.append(vehicle.revision(expected, date.today()))  # noqa: DTZ011 - the day where somebody reads it
+        demands.append(vehicle.demand(expected))
+    if older is not None:
+        revise.append(lambda draft: replace(draft, findings=older.compare(draft.findings, draft.captures)))
+    profile = "" if expected is None else expected.name or expected.path
+    return Order(tool(), fail_on, asked, profile, revise, demands)
 
 
 def ids(groups: Sequence[Sequence[str]]) -> list[str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, runtime_checkable
 
 from dissectors.rows import MILLISECOND, NO_TIME, SECOND, Events, Frames, Kept, Table, Transfers, Words
 
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MILLISECOND", "NO_TIME", "SECOND", "Conformance", "Events", "Exercise", "Found", "Frames", "Kept", "Look",
-    "Occurrence", "Severity", "Table", "Transfers", "Types", "Values", "View", "Watcher", "Words", "watches",
+    "Measures", "Occurrence", "Severity", "Table", "Transfers", "Types", "Values", "View", "Watcher", "Words",
+    "watches",
 ]  # fmt: skip
 
 Values = Mapping[str, Any]
@@ -214,6 +215,18 @@ class Exercise(Protocol):
 
     def words(self) -> Iterable[str]:
         """What was there, such as `motors running`."""
+
+
+@runtime_checkable
+class Measures(Protocol):
+    """What an `Exercise` may offer beside words.
+
+    Names that vehicle files ask for: `escs` (how many), `running_s` (seconds with motors turning), `unit N` (node ID of
+    power unit N, in decimal).
+    """
+
+    def facts(self) -> Mapping[str, float]:
+        """Numbers of the whole capture by name."""
 
 
 @dataclass(frozen=True, slots=True)

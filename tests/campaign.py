@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from analyzer.rules.findings import Key, Run
 
 SECONDS = 6.0
+BIT_RATE = 1_000_000
 # Where a fault finds no occasion in one flight, the next one may have it.
 FLIGHTS: tuple[dict[str, Any], ...] = (
     {"profile": "hover"}, {"profile": "mission"}, {"profile": "bench"}, {"profile": "hover", "seconds": 20.0},
@@ -102,7 +103,7 @@ def worst(runs: Iterable[tuple[Key, Run]]) -> Iterator[tuple[Key, Run]]:
 @lru_cache(maxsize=256)
 def usual(seed: int, which: int) -> frozenset[Trouble]:
     """What a flight shows without a fault."""
-    found = outcome(fly(seed=seed, which=which)[0], ("all",)).runs
+    found = outcome(fly(seed=seed, which=which)[0], ("all",), bit_rate=BIT_RATE).runs
     return frozenset((key.rule, key.severity, key.node) for key, _ in worst(found))
 
 
@@ -121,7 +122,7 @@ def tried(job: tuple[str, int]) -> tuple[str, Score]:
     """One capture."""
     rule, seed = job
     text, answer, which = flown(rule, seed)
-    runs = outcome(text, ("all",)).runs
+    runs = outcome(text, ("all",), bit_rate=BIT_RATE).runs
     score = Score(captures=1)
     if any(key.rule == rule and shows(run, answer) for key, run in runs):
         score.found = 1

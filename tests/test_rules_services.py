@@ -25,14 +25,14 @@ def answer(transfer_id: int = 3, client: int = CLIENT, priority: int = 30) -> Tr
     return transfer(f"{CALL}.Response", fields, SERVER, transfer_id, dst=client, priority=priority)
 
 
-def beat(k: int) -> Transfer:
+def status(k: int, src: int = SERVER) -> Transfer:
     fields = {"uptime_sec": k, "health": 0, "mode": 0, "sub_mode": 0, "vendor_specific_status_code": 0}
-    return transfer("uavcan.protocol.NodeStatus", fields, 99, k)
+    return transfer("uavcan.protocol.NodeStatus", fields, src, k)
 
 
 def seen(*sent: tuple[int, Transfer], end: int = 9000, without: tuple[int, ...] = ()) -> list[Said]:
     """What the rules find of transfers at times in ms, between heartbeats; `without` are lines that are lost."""
-    beats = [(t, beat(t // 500)) for t in range(0, end + 1, 500)]
+    beats = [(t, status(t // 500, 99)) for t in range(0, end + 1, 500)]
     rows = [log_line(f) + "\n" for t, one in sorted([*beats, *sent], key=lambda x: x[0]) for f in one.frames(T0 + t * MS)]
     rows = [row for k, row in enumerate(rows, 1) if k not in without]
     found, *others = (judge("".join(rows), RULES, step=step) for step in (1, 7, None))
@@ -54,6 +54,15 @@ def test_an_answered_request_breaks_nothing() -> None:
 def test_a_response_needs_a_request_of_its_nodes_and_id(stray: Transfer) -> None:
     (one,) = seen((4010, ask()), (4020, answer()), (4030, stray))
     assert (one.rule, one.severity, one.node) == ("TRF-021", "error", SERVER)
+
+
+def test_a_request_that_comes_out_long_after_its_response_counts() -> None:
+    """The client says nothing else, so its first request is held back until the second one."""
+    server = [(t, status(t // 1000)) for t in range(100, 16000, 1000)]
+    calls = [(4010, ask()), (4020, answer()), (15010, ask(4)), (15020, answer(4))]
+    assert seen(*server, *calls, end=16000) == []
+    (one,) = seen(*server, *calls, (8010, answer(5)), end=16000)
+    assert (one.rule, one.text) == ("TRF-021", "no request with transfer ID 5 from node 10")
 
 
 def test_a_stray_response_names_its_id_and_client() -> None:

@@ -7,7 +7,7 @@ import os
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from analyzer.cli import DAMAGED, INTERRUPTED, OK, USAGE, options, reports, streams
+from analyzer.cli import DAMAGED, INTERRUPTED, OK, USAGE, extracting, options, reports, streams
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -55,6 +55,9 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         help="a report in the format that the name says: .html .json .xml (JUnit) .md .txt; repeatable",
     )  # fmt: skip
     group.add_argument("--all", action="store_true", help="in the text: every finding, rule, node and setting")
+    group.add_argument(
+        "--extract", metavar="DIR", help="the smallest capture that still shows it, of each finding, as candump text"
+    )
     options.add_output(parser)
     parser.set_defaults(run=run, follow=False)
 
@@ -104,6 +107,9 @@ def run(args: argparse.Namespace) -> int:
         reports.tell(args, report, silent=wanted.silent)
         if args.github:
             written = reports.tell_github(report, aside=wanted.silent) and written
+        if args.extract and not interrupted:
+            source = extracting.Origin(args, wanted.groups, wanted.registry, wanted.settings)
+            written = extracting.extract(report, source, args.extract) and written
     except (_UsageError, ProfileError, DsdlError) as error:  # a folder's rules are read when they are needed
         streams.complain(str(error), "tailbyte check")
         return USAGE
@@ -122,11 +128,13 @@ class _Wanted:
         from analyzer.rules.gate import DEFAULT, FailOn  # noqa: PLC0415
 
         self._args = args
+        self.groups: dict[str, list[str]] = {}
         try:
             self.names = options.captures(args)
             self.files = list(reports.files(args))
             for _, path in self.files:
                 options.refuse_input(args, path)
+            extracting.refuse_streams(args, self.names)
             self._fail_on: FailOn = FailOn.parse(args.fail_on or [DEFAULT])
             self.registry: Registry = options.registry(args)
             self.pages: Mapping[str, Page] = _pages(self.registry)
@@ -149,9 +157,10 @@ class _Wanted:
 
         merge = bool(self._args.same_bus or self._args.bus or self._args.offset)
         groups = [self.names] if merge else [[name] for name in self.names]
+        self.groups = dict(zip(ids(groups), groups, strict=True))
         taken: list[Taken] = []
         interrupted = False
-        for group, label in zip(groups, ids(groups), strict=True):
+        for label, group in self.groups.items():
             one, interrupted = self._take(group, label)
             taken.append(one)
             if interrupted:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from analyzer.engine import LINES
 from analyzer.facts.names import short
+from analyzer.report import folding
 from analyzer.report.explain import needs
 from analyzer.report.model import (
     SEVERITIES,
@@ -67,7 +68,7 @@ class Draft:
     coverage: Coverage | None = None
 
 
-Revise = Callable[[Draft], Iterable[Finding]]  # the findings with waivers, or compared with a baseline
+Revise = Callable[[Draft], Draft]  # with waivers and labels, or compared with a baseline
 Demand = Callable[[Draft], Iterable[Requirement]]
 
 
@@ -90,12 +91,13 @@ def build(
     enabled = settings.enabled(pages)
     captures = tuple(_capture(one, registry, pages, settings) for one in taken)
     found = [finding for one in taken for finding in _findings(one, pages)]
-    draft = Draft(tuple(taken), captures, _ranked(found))
+    shown, folded = folding.fold(_ranked(found))
+    draft = Draft(tuple(taken), captures, shown)
     for revise in order.revise:
-        draft = replace(draft, findings=tuple(revise(draft)))
+        draft = revise(draft)
     findings = tuple(replace(finding, fails=_fails(finding, order.fail_on)) for finding in draft.findings)
-    rulings = verdicts.rulings(pages, enabled, [_session(one, findings, settings) for one in taken])
-    rules = tuple(_rule(rule, pages[rule], ruling, settings) for rule, ruling in rulings.items())
+    rulings = verdicts.rulings(pages, enabled, [_session(one, findings, folded, settings) for one in taken])
+    rules = tuple(folding.ruled(_rule(rule, pages[rule], ruling, settings), folded) for rule, ruling in rulings.items())
     seen = coverage.added([one.checked.seen for one in taken])
     covered = Coverage(
         dict(seen.types), dict(seen.packets), {name: dict(values) for name, values in seen.values.items()},
@@ -106,7 +108,7 @@ def build(
     return Report(
         tool=order.tool,
         settings=_settings(pages, settings, order),
-        captures=captures,
+        captures=draft.captures,
         findings=findings,
         rules=rules,
         coverage=covered,
@@ -285,12 +287,10 @@ def _actuates(sent: NodeFacts, registry: Registry) -> bool:
 # ---- verdicts and gate ----------------------------------------------------------------------------------------------
 
 
-def _session(one: Taken, findings: Iterable[Finding], settings: Settings) -> verdicts.Session:
-    breaches = [
-        verdicts.Breach(finding.rule, finding.severity, excused=finding.waiver is not None)
-        for finding in findings
-        if finding.capture == one.id
-    ]
+def _session(
+    one: Taken, findings: Sequence[Finding], folded: Sequence[Finding], settings: Settings
+) -> verdicts.Session:
+    breaches = folding.breaches(one.id, findings, folded)
     facts = one.checked.facts
     proofs = verdicts.proofs_of(facts, settings.bit_rate)
     return verdicts.Session(breaches, one.checked.outcome.words, proofs, lossy=facts.judge["drops"] == "yes")

@@ -37,7 +37,8 @@ class Page:
     """One rule.
 
     `text` is the line of a finding, filled from the values of an occurrence, of which `key` keeps findings apart.
-    `tests` are checks of single fields that need no code of their own. `body` is the page as it was read.
+    `tests` are checks of single fields that need no code of their own. `drops`: its breaches are notes where the
+    recorder lost frames, which may be why. `body` is the page as it was read.
     """
 
     rule: str
@@ -54,6 +55,7 @@ class Page:
     inconclusive: tuple[str, ...]
     tests: tuple[Table, ...]
     body: Mapping[str, Any]
+    drops: bool = False
 
     def say(self, values: Values) -> str:
         """What is wrong, in a line."""
@@ -99,6 +101,7 @@ def page(rule: str, table: Table) -> Page:
         table.string(key)
     table.strings("also")
     table.flag("fault")
+    drops = table.flag("drops")
     made = Page(
         rule=rule,
         title=texts["title"],
@@ -114,6 +117,7 @@ def page(rule: str, table: Table) -> Page:
         inconclusive=proofs,
         tests=tests,
         body=table.body,
+        drops=drops,
     )
     table.finish()
     return made

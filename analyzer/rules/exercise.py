@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.tables import FD, KINDS, STATUSES
+from dissectors.conformance import Measures
 from dissectors.schema import Array, Compound, Primitive
 
 if TYPE_CHECKING:
@@ -79,6 +80,10 @@ class Exercises:
     def words(self) -> frozenset[str]:
         """What was there."""
         return frozenset(self._words.union(self._pairs(), *(one.words() for one in self._more)))
+
+    def facts(self) -> dict[str, float]:
+        """Numbers of the whole capture, as dissectors offer them."""
+        return {name: value for one in self._more if isinstance(one, Measures) for name, value in one.facts().items()}
 
     def _transport(self, view: View) -> None:
         frames, transfers = view.frames, view.transfers

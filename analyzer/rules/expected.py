@@ -4,7 +4,7 @@ Mistakes are `ProfileError` with file and line. What a vehicle file can hold:
 
     bit_rate = 1000000
     escs = 6
-    [node.11]                 # by node ID: label, role of no consequence, messages per second by type
+    [node.11]                 # by node ID: a label instead of the channel, messages per second by type
     label = "front left"
     rates = { ESCStatus = 50 }
     [unit]                    # power unit of a packet = node ID
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 MOST_BIT_RATE = 8_000_000
 MOST_ESCS = 32
 MOST_NODE = 127
+TOLERANCE = 0.1  # of an expected rate
 
 
 @dataclass(frozen=True, slots=True)

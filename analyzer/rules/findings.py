@@ -118,11 +118,12 @@ class Findings:
             one.type, page.key_of(one.values), tuple(one.dialects.items()),
         )  # fmt: skip
         place = (one.t, one.frames[0] if one.frames else -1)
-        example = Shown(
-            *place, page.say(one.values), str(one.values.get("cause", "")), tuple(one.frames),
-            one.lines or view.lines(one.frames),
-        )  # fmt: skip
-        self._put(key, Run(place, place, 1, [example]))
+        run = Run(place, place, 1)
+        if not self._continues(key, run):
+            cause = str(one.values.get("cause", ""))
+            lines = one.lines or view.lines(one.frames)
+            run.examples = [Shown(*place, page.say(one.values), cause, tuple(one.frames), lines)]
+        self._put(key, run)
 
     def _add_many(self, found: Found, view: View, near_drops: Sequence[bool] | None) -> None:
         for rows, noted in _groups(found, near_drops):

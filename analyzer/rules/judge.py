@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from analyzer.rules import watchers
@@ -30,13 +30,15 @@ if TYPE_CHECKING:
 class Outcome:
     """What the rules found: runs by what keeps them apart, by place; what the capture exercised, in words.
 
-    `labels` name units by (bus, node), `readings` say how each node's doubtful fields were read.
+    `labels` name units by (bus, node), `readings` say how each node's doubtful fields were read, `facts` are numbers of
+    the capture as `dissectors.conformance.Measures` names them.
     """
 
     runs: tuple[tuple[Key, Run], ...]
     words: frozenset[str]
     labels: Mapping[tuple[int, int], str]
     readings: tuple[Statement, ...]
+    facts: Mapping[str, float] = field(default_factory=dict)
 
 
 class Judge:
@@ -86,6 +88,7 @@ class Judge:
             words=self._exercises.words(),
             labels=self._labels,
             readings=readings,
+            facts=self._exercises.facts(),
         )
 
     def _take(self, found: Iterable[Found | Occurrence], view: View) -> None:

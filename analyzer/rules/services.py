@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from bisect import insort
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
@@ -19,23 +20,29 @@ REQUEST, RESPONSE = KINDS.index("request"), KINDS.index("response")
 ANSWER = SECOND  # when a client gives up
 SLOW = SECOND // 2
 OPEN = 2 * SECOND  # how long a response belongs to a request
-LATE = 5 * SECOND  # a request can come out 2.0 s after its start, if its end was lost
-MOST = 4096  # open requests, and responses without one; older ones are left out
+LATE = 3 * SECOND  # a request can come out 2.0 s after its start, if its end was lost
+MOST = 256  # transfers of a link that wait
+MOST_LINKS = 1024  # older ones are left out
 _WHOLE = frozenset(STATUSES.index(word) for word in ("ok", "unchecked", "bad crc"))
+_NODES = 128
 
-_Key = tuple[int, int, int, int, int]
+_Link = tuple[int, int, int, int]
 
 
 class _Part(NamedTuple):
-    """A request or response as a transfer."""
+    """A request or response as a transfer; they are put in the order of their first frames."""
 
+    frames: Sequence[int]
+    kind: int
     t: int
     t_end: int
     bus: int
     node: int
     type: str
     priority: int
-    frames: Sequence[int]
+    transfer_id: int
+    whole: bool
+    lines: tuple[str, ...]
 
 
 @dataclass(slots=True)
@@ -43,102 +50,145 @@ class _Call:
     """A request, its first response, and whether its silence was reported; a damaged one needs no answer."""
 
     request: _Part
-    whole: bool
     response: _Part | None = None
     missed: bool = False
 
 
+@dataclass(slots=True)
+class _Talk:
+    """What one client and one server say about one service: what waits, and calls by transfer ID."""
+
+    client: int
+    server: int
+    waiting: list[_Part] = field(default_factory=list)
+    calls: dict[int, _Call] = field(default_factory=dict)
+    asked: bool = False
+    answered: bool = False
+
+
 class Services(Watcher):
-    """Follows calls by (interface, service, client, server, transfer ID)."""
+    """Follows calls by (interface, service, client, server, transfer ID).
+
+    The core holds a session back until it is proven, so a request can come out long after its response. Each transfer
+    waits for `LATE`, and a response for the first request of its session, a request for a sign of its server.
+    """
 
     rules: ClassVar[tuple[str, ...]] = ("TRF-021", "TRF-022", "TRF-023", "TRF-024", "TRF-025")
 
     def __init__(self) -> None:
-        self._calls: dict[_Key, _Call] = {}
-        self._strays: list[tuple[_Key, Occurrence]] = []
+        self._talks: dict[_Link, _Talk] = {}
+        self._heard: set[int] = set()
+        self._now = NO_TIME
 
     def look(self, view: View) -> Iterator[Occurrence]:
         """Calls of this batch, and those whose time is over."""
         t = view.transfers
+        if not len(t):
+            return
+        now = np.maximum.accumulate(np.maximum(t.t_end, self._now))
+        who = t.bus.astype(np.int64) * _NODES + t.src
+        done = 0
         for row in np.flatnonzero(t.kind >= REQUEST).tolist():
-            whole, src, dst = int(t.status[row]) in _WHOLE, int(t.src[row]), int(t.dst[row])
+            self._heard.update(np.unique(who[done:row]).tolist())
+            done, self._now = row, int(now[row])
+            src, dst, kind = int(t.src[row]), int(t.dst[row]), int(t.kind[row])
+            frames = tuple(t.frames(row))
             part = _Part(
-                int(t.t[row]), int(t.t_end[row]), int(t.bus[row]), src, view.type_name(int(t.code[row])),
-                int(t.priority[row]), tuple(t.frames(row)),
+                frames, kind, int(t.t[row]), int(t.t_end[row]), int(t.bus[row]), src,
+                view.type_name(int(t.code[row])), int(t.priority[row]), int(t.transfer_id[row]),
+                int(t.status[row]) in _WHOLE, view.lines(frames),
             )  # fmt: skip
-            nodes = (src, dst) if int(t.kind[row]) == REQUEST else (dst, src)
-            key = (part.bus, int(t.type_id[row]), *nodes, int(t.transfer_id[row]))
-            if int(t.kind[row]) == REQUEST:
-                yield from self._ask(key, part, whole=whole)
-            elif whole:
-                yield from self._answer(key, part, view)
-        yield from self._pass(view.end, LATE)
+            client, server = (src, dst) if kind == REQUEST else (dst, src)
+            link = (part.bus, int(t.type_id[row]), client, server)
+            if link not in self._talks and len(self._talks) >= MOST_LINKS:
+                yield from _settled(self._talks.pop(next(iter(self._talks))), view)
+            talk = self._talks.setdefault(link, _Talk(client, server))
+            yield from self._release(talk, part.bus, view)
+            insort(talk.waiting, part)
+            talk.asked |= kind == REQUEST
+            talk.answered |= kind == RESPONSE
+            if len(talk.waiting) > MOST:
+                yield from _next(talk, talk.waiting.pop(0), view)
+        self._heard.update(np.unique(who[done:]).tolist())
+        self._now = int(now[-1])
+        for (bus, *_), talk in self._talks.items():
+            yield from self._release(talk, bus, view)
 
     def settle(self, view: View) -> Iterator[Occurrence]:
         """What the end of the capture leaves open."""
-        yield from self._pass(view.end, 0)
+        for talk in self._talks.values():
+            yield from _settled(talk, view)
 
-    def _ask(self, key: _Key, part: _Part, *, whole: bool) -> Iterator[Occurrence]:
-        if not whole:
-            # It may come out behind its response; that one is no stray then.
-            self._strays = [one for one in self._strays if one[0] != key or not 0 <= one[1].t - part.t <= OPEN]
-        before = self._calls.pop(key, None)
-        if before is not None:
-            yield from _judged(key, before, part.t)
-        if len(self._calls) >= MOST:
-            self._calls.pop(next(iter(self._calls)))
-        self._calls[key] = _Call(part, whole)
-
-    def _answer(self, key: _Key, part: _Part, view: View) -> Iterator[Occurrence]:
-        call = self._calls.get(key)
-        if call is None or part.t - call.request.t > OPEN:
-            if len(self._strays) < MOST:
-                early = part.t == NO_TIME or part.t - view.starts[part.bus] < OPEN
-                stray = _about("TRF-021", part, {"transfer_id": key[4], "dst": key[2]})
-                self._strays.append((key, replace(stray, severity="note") if early else stray))
+    def _release(self, talk: _Talk, bus: int, view: View) -> Iterator[Occurrence]:
+        """Judges what has waited long enough, and reports calls that can no longer be answered."""
+        if self._now == NO_TIME or not talk.asked:
             return
-        request = call.request
-        timed = NO_TIME not in (part.t_end, request.t_end)
-        delay = part.t_end - request.t_end if timed else 0
-        if call.response is None:
-            yield from _judged(key, call, part.t_end)
-            call.response = part
-            if delay > SLOW:
-                yield _about("TRF-023", part, {"seconds": delay / SECOND}, request)
-        else:
-            yield _about("TRF-024", part, {"transfer_id": key[4]}, call.response)
-        if part.priority != request.priority:
-            values = {"expected": request.priority, "priority": part.priority}
-            yield _about("TRF-025", part, values, request)
-
-    def _pass(self, now: int, late: int) -> Iterator[Occurrence]:
-        """Reports what can no longer become right, and forgets what can no longer be answered."""
-        for key, call in list(self._calls.items()):
-            yield from _judged(key, call, now)
-            if now - call.request.t > LATE:
-                del self._calls[key]
-        kept = []
-        for key, stray in self._strays:
-            if late and (now == NO_TIME or now - stray.t <= late):
-                kept.append((key, stray))
-            else:
-                yield stray
-        self._strays = kept
+        if not talk.answered and bus * _NODES + talk.server not in self._heard:
+            return
+        until = self._now - LATE
+        while talk.waiting and talk.waiting[0].t < until:
+            yield from _next(talk, talk.waiting.pop(0), view)
+        for key, call in list(talk.calls.items()):
+            yield from _judged(talk, call, until)
+            if until - call.request.t > OPEN:
+                del talk.calls[key]
 
 
-def _judged(key: _Key, call: _Call, now: int) -> Iterator[Occurrence]:
+def _settled(talk: _Talk, view: View) -> Iterator[Occurrence]:
+    """All that waits, and what is still open at the end."""
+    for part in talk.waiting:
+        yield from _next(talk, part, view)
+    for call in talk.calls.values():
+        yield from _judged(talk, call, view.end)
+
+
+def _next(talk: _Talk, part: _Part, view: View) -> Iterator[Occurrence]:
+    """The next transfer in the order of the capture."""
+    call = talk.calls.get(part.transfer_id)
+    if part.kind == REQUEST:
+        if call is not None:
+            yield from _judged(talk, call, part.t)
+        talk.calls[part.transfer_id] = _Call(part)
+    elif part.whole:
+        yield from _answer(talk, call, part, view)
+
+
+def _answer(talk: _Talk, call: _Call | None, part: _Part, view: View) -> Iterator[Occurrence]:
+    if call is None or part.t - call.request.t > OPEN:
+        early = part.t == NO_TIME or part.t - view.starts[part.bus] < OPEN
+        stray = _about("TRF-021", part, {"transfer_id": part.transfer_id, "dst": talk.client})
+        yield replace(stray, severity="note") if early else stray
+        return
+    request = call.request
+    timed = NO_TIME not in (part.t_end, request.t_end)
+    delay = part.t_end - request.t_end if timed else 0
+    if call.response is None:
+        yield from _judged(talk, call, part.t_end)
+        call.response = part
+        if delay > SLOW:
+            yield _about("TRF-023", part, {"seconds": delay / SECOND}, request)
+    else:
+        yield _about("TRF-024", part, {"transfer_id": part.transfer_id}, call.response)
+    if part.priority != request.priority:
+        values = {"expected": request.priority, "priority": part.priority}
+        yield _about("TRF-025", part, values, request)
+
+
+def _judged(talk: _Talk, call: _Call, now: int) -> Iterator[Occurrence]:
     """Reports a call once that `now` has waited too long."""
     request = call.request
-    if call.whole and call.response is None and not call.missed and NO_TIME not in (now, request.t_end):
+    if request.whole and call.response is None and not call.missed and NO_TIME not in (now, request.t_end):
         call.missed = now - request.t_end > ANSWER
         if call.missed:
-            yield _about("TRF-022", request, {"dst": key[3], "limit_s": ANSWER / SECOND})
+            yield _about("TRF-022", request, {"dst": talk.server, "limit_s": ANSWER / SECOND})
 
 
 def _about(rule: str, part: _Part, values: Values, other: _Part | None = None) -> Occurrence:
     """One breach, with the transfer it is compared with behind it."""
-    frames = (*part.frames, *(other.frames if other else ()))
-    return Occurrence(rule, part.t, part.bus, part.node or None, part.type, frames, values)
+    frames, lines = part.frames, part.lines
+    if other is not None:
+        frames, lines = (*frames, *other.frames), (*lines, *other.lines)
+    return Occurrence(rule, part.t, part.bus, part.node or None, part.type, frames, values, lines=lines)
 
 
 WATCHERS: tuple[type[Watcher], ...] = (Services,)

@@ -18,6 +18,8 @@ STATUS = "uavcan.protocol.NodeStatus"
 INFO = "uavcan.protocol.GetNodeInfo.Response"
 RESTARTS = ("uavcan.protocol.RestartNode.Request", "uavcan.protocol.file.BeginFirmwareUpdate.Request")
 ASKED = 10 * SECOND  # how long a restart may take that somebody asked for
+MOST_ASKED = 15  # earlier requests for each node that are remembered
+MOST_RESTARTS = 4096  # that wait for a request that comes out late
 WRAP = 1 << 32  # of uptime_sec
 NEAR_WRAP = 10  # seconds
 PATIENCE = 3  # reports after a lower uptime that decide
@@ -61,15 +63,20 @@ class Uptimes(Watcher):
         self._last: dict[_Node, _Uptime] = {}
         self._doubts: dict[_Node, _Doubt] = {}
         self._two: dict[_Node, list[_Uptime]] = {}
-        self._asked: dict[_Node, int] = {}
+        self._asked: dict[_Node, list[int]] = {}
+        self._restarts: list[Occurrence] = []
 
     def look(self, view: View) -> Iterator[Occurrence]:
         """Every NodeStatus."""
         for name in RESTARTS:
             asking = view.table(name)
             if asking is not None:
-                keys = zip(asking.bus.tolist(), asking["dst"].tolist(), strict=True)
-                self._asked.update(zip(keys, asking.t.tolist(), strict=True))
+                for bus, node, at in zip(asking.bus.tolist(), asking["dst"].tolist(), asking.t.tolist(), strict=True):
+                    self._asked[bus, node] = [*self._asked.get((bus, node), ())[-MOST_ASKED:], at]
+        yield from self._reports(view)
+        yield from self._ripe(view.end)
+
+    def _reports(self, view: View) -> Iterator[Occurrence]:
         table = view.table(STATUS)
         if table is None:
             return
@@ -79,14 +86,30 @@ class Uptimes(Watcher):
             last = self._last.get(node)
             if node in self._two or node in self._doubts or (last is not None and here.seconds < last.seconds):
                 frames = tuple(view.transfers.frames(int(table.row[row])))
-                yield from self._doubtful(node, here, Occurrence("BUS-021", here.t, *node, STATUS, frames, {}))
+                place = Occurrence("BUS-021", here.t, *node, STATUS, frames, {}, lines=view.lines(frames))
+                yield from self._doubtful(node, here, place)
             else:
                 self._last[node] = here
 
     def settle(self, _view: View) -> Iterator[Occurrence]:
         """Restarts shortly before the end."""
-        for doubt in self._doubts.values():
-            yield doubt.found
+        for found in (*self._restarts, *(doubt.found for doubt in self._doubts.values())):
+            yield self._graded(found)
+
+    def _ripe(self, now: int) -> Iterator[Occurrence]:
+        """Restarts, once even a request that came out late is known."""
+        waiting, self._restarts = self._restarts, []
+        for found in waiting:
+            if len(waiting) > MOST_RESTARTS or (NO_TIME not in (now, found.t) and now - found.t > ASKED):
+                yield self._graded(found)
+            else:
+                self._restarts.append(found)
+
+    def _graded(self, found: Occurrence) -> Occurrence:
+        """A restart is a note if somebody asked for it."""
+        asked = self._asked.get((found.bus, found.node or 0), ())
+        wanted = any(NO_TIME not in (at, found.t) and 0 <= found.t - at <= ASKED for at in asked)
+        return replace(found, severity="note") if wanted else found
 
     def _doubtful(self, node: _Node, here: _Uptime, place: Occurrence) -> Iterator[Occurrence]:
         if node in self._two:
@@ -105,13 +128,14 @@ class Uptimes(Watcher):
             if doubt.old_again and doubt.new_again:
                 del self._doubts[node]
                 self._two[node] = [doubt.old, doubt.new]
-                yield _two(replace(place, frames=(*doubt.found.frames, *place.frames), t=doubt.found.t), doubt)
+                frames, lines = (*doubt.found.frames, *place.frames), (*doubt.found.lines, *place.lines)
+                yield _two(replace(place, frames=frames, lines=lines, t=doubt.found.t), doubt)
                 return
             if doubt.seen < PATIENCE:
                 return
             del self._doubts[node]
             self._last[node] = doubt.old if doubt.old_again else doubt.new
-            yield doubt.found
+            self._restarts.append(doubt.found)
         self._restart(node, here, place)
 
     def _of_two(self, node: _Node, here: _Uptime, place: Occurrence) -> Iterator[Occurrence]:
@@ -132,10 +156,8 @@ class Uptimes(Watcher):
         self._last[node] = here
         if here.seconds >= last.seconds or (last.seconds >= WRAP - NEAR_WRAP and here.seconds < NEAR_WRAP):
             return
-        asked = self._asked.get(node, NO_TIME)
-        wanted = NO_TIME not in (asked, here.t) and 0 <= here.t - asked <= ASKED
         values = {"before": last.seconds, "uptime": here.seconds}
-        found = replace(place, values=values, severity="note" if wanted else None)
+        found = replace(place, values=values)
         self._doubts[node] = _Doubt(found, last, here)
 
 
@@ -159,7 +181,10 @@ class UniqueIds(Watcher):
             return
         for row in np.flatnonzero(table.trusted).tolist():
             node, t = (int(table.bus[row]), int(table.src[row])), int(table.t[row])
-            unique = bytes(table.cell("hardware_version", row)["unique_id"])
+            hardware = table.cell("hardware_version", row)
+            if hardware is None or hardware["unique_id"] is None:  # the answer ends before it
+                continue
+            unique = bytes(hardware["unique_id"])
             at, before = self._known.get(node, (t, unique))
             self._known[node] = t, unique
             elapsed = 0.0 if NO_TIME in (t, at) else (t - at) / SECOND

@@ -106,7 +106,7 @@ def _tallies(pages: Mapping[str, Page], sessions: Iterable[Session]) -> dict[str
             tally, page = found.setdefault(one.rule, _Tally()), pages[one.rule]
             if one.excused:
                 tally.excused += 1
-            elif session.lossy and one.severity == "note" and "recorder lost" in page.body.get("note", ""):
+            elif session.lossy and one.severity == "note" and page.drops:
                 tally.lost += 1
             else:
                 tally.severities[one.severity] += 1

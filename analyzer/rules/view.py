@@ -108,8 +108,8 @@ class Past:
         self.end = max(self.end, int(t.max()))
         bus = frames.bus[known]
         for index in np.flatnonzero(np.bincount(bus)).tolist():
-            first = int(t[bus == index].min()) if index not in self.starts else self.starts[index]
-            self.starts[index] = first
+            if index not in self.starts:
+                self.starts[index] = int(t[np.argmax(bus == index)])
 
 
 class View:

@@ -191,7 +191,7 @@ FAULTS: tuple[Fault, ...] = (
         start=_mute,
         options={"seconds": 3.6},
         limits={"seconds": (3.1, 3600)},
-        lasts=_OFFLINE + 2700 * MILLISECOND,
+        lasts=_OFFLINE + 2050 * MILLISECOND,
         exact=True,
     ),
     Fault(

@@ -24,6 +24,7 @@ from dissectors.tmotor.rules import (
     reports,
     sequence,
     throttle_loss,
+    unit_map,
     vehicle,
 )
 
@@ -35,6 +36,6 @@ _MODULES = (
 
 CONFORMANCE = Conformance(
     watchers=tuple(watcher for module in _MODULES for watcher in module.WATCHERS),
-    exercises=vehicle.EXERCISES,
+    exercises=(*vehicle.EXERCISES, *unit_map.EXERCISES),
     labels=vehicle.labels,
 )

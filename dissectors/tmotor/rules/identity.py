@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,11 +14,12 @@ from dissectors.tmotor.rules.series import NODES, sender, usable
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.conformance import Table, View
+    from dissectors.conformance import Table, View, Words
 
 _STATUS = "uavcan.protocol.NodeStatus"
 _MOST_DEVICES = 4096
 _MOST_CLAIMS = 256
+_STATE = 6  # numbers of a NodeStatus
 
 
 @dataclass(slots=True)
@@ -58,20 +60,23 @@ class Identity(Watcher):
     def look(self, view: View) -> Iterator[Occurrence]:
         """Reports and states of nodes, in order."""
         reports, states = view.table("ParamGet"), view.table(_STATUS)
-        rows: list[tuple[int, Table, int]] = []
-        for table in (reports, states):
-            if table is None:
-                continue
-            good = np.flatnonzero(usable(table))
-            if reports is not None or self._claims:
-                rows += ((int(table["transfer"][row]), table, row) for row in good.tolist())
-            else:
-                self._uptimes[sender(table, good)] = table["uptime_sec"][good]
-        for number, table, row in sorted(rows, key=lambda one: one[0]):
-            if table.name == _STATUS:
-                yield from self._state(table, row)
-            else:
-                yield from self._report(view, table, row, number)
+        waiting = deque(() if reports is None else _rows(reports, usable(reports), "esc_uuid", "esc_index"))
+        since = 0
+        while waiting and reports is not None and not self._claims:
+            since = waiting[0][0]
+            yield from self._report(view, reports, waiting.popleft())
+        rest: list[tuple[int, ...]] = []
+        if states is not None:
+            good = usable(states)
+            later = good & (states["transfer"] >= since) & bool(self._claims)
+            plain = np.flatnonzero(good & ~later)  # while no claim waits, a NodeStatus only says the uptime
+            self._uptimes[sender(states, plain)] = states["uptime_sec"][plain]
+            rest = _rows(states, later, "uptime_sec")
+        for row in sorted((*waiting, *rest)):
+            if len(row) == _STATE:
+                yield from self._state(row)
+            elif reports is not None:
+                yield from self._report(view, reports, row)
         self._listen(view)
 
     def settle(self, _view: View) -> Iterator[Occurrence]:
@@ -80,33 +85,32 @@ class Identity(Watcher):
             if not claim.silent:
                 yield claim.breach
 
-    def _report(self, view: View, table: Table, row: int, number: int) -> Iterator[Occurrence]:
-        bus, node, t = int(table.bus[row]), int(table.src[row]), int(table.t[row])
-        uuid, index = int(table["esc_uuid"][row]), int(table["esc_index"][row])
+    def _report(self, view: View, table: Table, what: tuple[int, ...]) -> Iterator[Occurrence]:
+        number, row, bus, node, t, uuid, index = what
         if len(self._owners) >= _MOST_DEVICES or len(self._places) >= _MOST_DEVICES:
             self._owners.clear()
             self._places.clear()
         owner = self._owners.setdefault((bus, uuid), _Known(node, t))
         place = self._places.setdefault((bus, node, index), _Known(uuid, t))
         if owner.what != node:
-            what, known, instead, watched = f"nodes {owner.what} and {node}", owner, node, owner.what
+            why, known, instead, watched = f"nodes {owner.what} and {node}", owner, node, owner.what
         elif place.what != uuid:
-            what, known, instead, watched = f"index {index} had {place.what:08X} before", place, uuid, node
+            why, known, instead, watched = f"index {index} had {place.what:08X} before", place, uuid, node
         else:
             owner.t = place.t = t
             return
-        frames = tuple(view.transfers.frames(int(table.row[row])))
+        frames = tuple(view.transfers.frames(row))
         breach = Occurrence(
-            "TYP-403", t, bus, node, table.name, frames, {"uuid": uuid, "what": what}, lines=view.lines(frames)
+            "TYP-403", t, bus, node, table.name, frames, {"uuid": uuid, "what": why}, lines=view.lines(frames)
         )
         if len(self._claims) >= _MOST_CLAIMS:
             yield self._claims.pop(0).breach
         self._claims.append(_Claim(breach, watched, known.t, number, known, instead, silent=watched != node))
 
-    def _state(self, table: Table, row: int) -> Iterator[Occurrence]:
+    def _state(self, what: tuple[int, ...]) -> Iterator[Occurrence]:
         """A NodeStatus decides the claims that wait for its node."""
-        bus, node, t = int(table.bus[row]), int(table.src[row]), int(table.t[row])
-        uptime, code = int(table["uptime_sec"][row]), bus << 7 | node
+        _, _, bus, node, t, uptime = what
+        code = bus << 7 | node
         fell = uptime < self._uptimes[code]
         self._uptimes[code] = uptime
         waiting = [claim for claim in self._claims if (claim.breach.bus, claim.node) == (bus, node)]
@@ -128,6 +132,12 @@ class Identity(Watcher):
                 later = slice(max(claim.number + 1 - transfers.first, 0), None)
                 heard = (transfers.src[later] == claim.node) & (transfers.bus[later] == claim.breach.bus)
                 claim.silent = not heard.any()
+
+
+def _rows(table: Table, good: Words, *names: str) -> list[tuple[int, ...]]:
+    """Number of the transfer, its row, bus, node, time and some columns of each good row."""
+    columns = table["transfer"], table.row, table.bus, table.src, table.t, *(table[name] for name in names)
+    return list(zip(*(column[good].tolist() for column in columns), strict=True))
 
 
 WATCHERS: tuple[type[Watcher], ...] = (Identity,)

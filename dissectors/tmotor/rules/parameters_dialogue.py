@@ -13,7 +13,7 @@ from dissectors.tmotor.rules.joins import MOST_UNITS, Pauses, end, leads, units
 from dissectors.tmotor.rules.series import usable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from dissectors.conformance import Found, Table, View
 
@@ -97,16 +97,15 @@ class Dialogue(Watcher):
                 first = int(end(view, reports, rows[:1])[0])
                 self._since[who] = min(self._since.get(who, first), first)
         tables = [table for table in (settings, parameters) if table is not None]
-        order = [
-            (number, k, row) for k, one in enumerate(tables) for row, number in enumerate(one["transfer"].tolist())
-        ]
-        for number, k, row in sorted(order):
-            t = int(end(view, tables[k], np.array([row]))[0])
-            yield from self._due(view, t)
+        window = view.number("BUS-014", "window_s")
+        heard = [] if parameters is None else _heads(parameters)
+        for number, k, row, t, good in _in_order(view, tables):
+            if self._pending:
+                yield from self._due(view, t)
             if tables[k] is settings:
-                self._ask(view, tables[k], (row, number, t))
-            else:
-                yield from self._hear(view, tables[k], row, t)
+                self._ask(view, tables[k], (row, number, t), good=good)
+            elif good:
+                yield from self._hear(view, tables[k], (row, t, *heard[row]), window)
         for unit, rows in units(view).items():
             reports = view.table("ESCStatus")
             if reports is not None and (unit.bus, unit.node) in self._since:
@@ -114,11 +113,11 @@ class Dialogue(Watcher):
                 self._seen[unit.bus, unit.node] = max(self._seen.get((unit.bus, unit.node), last), last)
         yield from self._due(view, view.end)
 
-    def _ask(self, view: View, table: Table, what: tuple[int, int, int]) -> None:
+    def _ask(self, view: View, table: Table, what: tuple[int, int, int], *, good: bool) -> None:
         row, number, t = what
         bus = int(table.bus[row])
         self._asked[bus] = t
-        if not usable(table)[row] or len(self._pending) >= MOST_PENDING:
+        if not good or len(self._pending) >= MOST_PENDING:
             return
         frames = leads(table, view, row)
         sets = {name: int(table[name][row]) for name, skip in _FIELDS.items() if int(table[name][row]) not in skip}
@@ -145,21 +144,18 @@ class Dialogue(Watcher):
                     last[unit.node] = max(int(table.t[rows[before - 1]]), last.get(unit.node, NO_TIME))
         yield from (node for node, seen in last.items() if t - seen <= window)
 
-    def _hear(self, view: View, table: Table, row: int, t: int) -> Iterator[Occurrence]:
-        bus, node = int(table.bus[row]), int(table.src[row])
-        window = view.number("BUS-014", "window_s")
-        asked, start = self._asked.get(bus), int(table.t[row])
+    def _hear(self, view: View, table: Table, what: tuple[int, ...], window: float) -> Iterator[Occurrence]:
+        row, t, bus, node, start, uuid, index = what
+        asked = self._asked.get(bus)
         settled = start - view.starts.get(bus, start) >= window * SECOND
-        if settled and (asked is None or start - asked > window * SECOND) and usable(table)[row]:
-            yield Occurrence(
-                "BUS-014", start, bus, node, "ParamGet", leads(table, view, row), {"window_s": window}
-            )
-        if not usable(table)[row]:
+        if settled and (asked is None or start - asked > window * SECOND):
+            yield Occurrence("BUS-014", start, bus, node, "ParamGet", leads(table, view, row), {"window_s": window})
+        if uuid in self._uuids or len(self._uuids) < MOST_UUIDS:
+            self._uuids.setdefault(uuid, set()).add(index)
+        self._told.setdefault((bus, node), t)
+        if not self._pending:
             return
         got = {name: int(table[name][row]) for name in ("esc_index", "esc_uuid", "esc_id_req", *_FIELDS)}
-        if got["esc_uuid"] in self._uuids or len(self._uuids) < MOST_UUIDS:
-            self._uuids.setdefault(got["esc_uuid"], set()).add(got["esc_index"])
-        self._told.setdefault((bus, node), t)
         waiting = [one for one in self._pending if one.bus == bus and node not in one.answered and one.meets(got)]
         if waiting:
             waiting[0].answered.add(node)
@@ -207,6 +203,22 @@ class Dialogue(Watcher):
             return ""
         others = [uuid for uuid, shown in self._uuids.items() if asked.index in shown]
         return f"that index has uuid {min(others):08X}" if others else ""
+
+
+def _in_order(view: View, tables: Sequence[Table]) -> list[tuple[int, int, int, int, bool]]:
+    """Number of the transfer, which table, row, time of the last frame and whether it is usable, of all rows."""
+    order: list[tuple[int, int, int, int, bool]] = []
+    for k, table in enumerate(tables):
+        columns = table["transfer"], end(view, table, np.arange(len(table))), usable(table)
+        lists = (column.tolist() for column in columns)
+        order += ((number, k, row, t, good) for row, (number, t, good) in enumerate(zip(*lists, strict=True)))
+    return sorted(order)
+
+
+def _heads(table: Table) -> list[tuple[int, ...]]:
+    """Bus, node, time, UUID and index of each ParamGet."""
+    columns = table.bus, table.src, table.t, table["esc_uuid"], table["esc_index"]
+    return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 def _differs(name: str, expected: int, got: Mapping[str, int]) -> int | None:

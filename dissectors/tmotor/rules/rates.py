@@ -50,7 +50,7 @@ class _Past:
     """The frames of a bus that a coming second may hold, and since when motors turn or rest."""
 
     t: Words = field(default_factory=lambda: np.empty(0, np.int64))
-    sender: Words = field(default_factory=lambda: np.empty(0, np.int64))
+    sender: Words = field(default_factory=lambda: np.empty(0, np.uint8))
     turning: bool = False
     since: int = NO_TIME
     peaks: dict[Limit, _Peak] = field(default_factory=dict)
@@ -78,15 +78,19 @@ class Load(Watcher):
             _, times, states = changes.get(bus, (0, np.empty(0, np.int64), np.empty(0, bool)))
             named = len(fresh) if suspects else min(len(fresh), MOST_KEPT)
             sender = np.concatenate((past.sender, _senders(view, rows, named)))
+            ordered = np.maximum.accumulate(t) if suspects and bool((t[1:] < t[:-1]).any()) else t
             since, turning = np.concatenate(([past.since], times)), np.concatenate(([past.turning], states))
             for limit in suspects:
                 at = _over(t, limit.frames, old)
-                k = np.searchsorted(since[1:], t[at], "right")
-                at = at[(turning[k] == limit.turning) & (since[k] <= t[at] - SECOND)]
-                for part in np.split(at, np.flatnonzero(np.diff(t[at]) > SECOND) + 1):
+                ends = _at(t, at)
+                k = np.searchsorted(since[1:], ends, "right") if len(times) else np.zeros(1, np.int64)
+                fits = (turning[k] == limit.turning) & (since[k] + SECOND <= ends)
+                if not fits.all():
+                    at, ends = at[fits], ends[fits]
+                for part in np.split(at, np.flatnonzero(ends[1:] - ends[:-1] > SECOND) + 1):
                     if len(part):
-                        numbers = frames.first + (part - old if rows is None else rows[part - old])
-                        yield from self._note(view, (bus, past), limit, (t, sender), (part, numbers))
+                        number = frames.first + int(part[0] - old if rows is None else rows[part[0] - old])
+                        yield from self._note(view, (bus, past), limit, (t, ordered, sender), (part, number))
             past.since, past.turning = int(since[-1]), bool(turning[-1])
             keep = min(int(np.searchsorted(t, t[-1] - SECOND)), len(t) - max(limit.frames for limit in limits) - 1)
             keep = max(keep, len(t) - MOST_KEPT, 0)
@@ -99,20 +103,22 @@ class Load(Watcher):
             yield from self._over_by(bus, past, None)
 
     def _note(
-        self, view: View, where: tuple[int, _Past], limit: Limit, frames: tuple[Words, Words], at: tuple[Words, Words],
+        self, view: View, where: tuple[int, _Past], limit: Limit, frames: tuple[Words, Words, Words],
+        at: tuple[Words, int],
     ) -> Iterator[Occurrence]:  # fmt: skip
-        (bus, past), (t, sender), (rows, numbers) = where, frames, at
+        (bus, past), (t, ordered, sender), (rows, first) = where, frames, at
         known = past.peaks.get(limit)
         if known is not None and t[rows[0]] - known.last > SECOND:
             yield _said(bus, limit, past.peaks.pop(limit))
-        first = int(numbers[0])
         peak = past.peaks.setdefault(limit, _Peak(int(t[rows[0]]), first, view.lines((first,)), int(t[rows[-1]])))
         peak.last = int(t[rows[-1]])
-        ordered = np.maximum.accumulate(t)
-        starts = np.searchsorted(ordered, ordered[rows] - SECOND, "right")
-        counts = np.minimum(rows - starts + 1, MOST_KEPT)
-        best = int(np.argmax(counts))
-        if counts[best] > peak.frames:
+        sample = _counts(ordered, rows[::_STRIDE])
+        least = max(peak.frames, int(sample.max()) - 1)
+        rows = rows[int(np.searchsorted(rows, least)) :]
+        rows = rows[_at(ordered, rows) - _at(ordered, rows, least) < SECOND]  # those with more frames than that
+        counts = _counts(ordered, rows)
+        if int(counts.max(initial=0)) > peak.frames:
+            best = int(np.argmax(counts))
             peak.frames = int(counts[best])
             stop = int(rows[best]) + 1
             peak.talkers = _talkers(sender[len(sender) - len(t) + stop - peak.frames : len(sender) - len(t) + stop])
@@ -151,11 +157,26 @@ def _over(t: Words, most: int, old: int) -> Words:
     return np.flatnonzero((took >= 0) & (took < SECOND)) + first
 
 
+def _at(values: Words, rows: Words, before: int = 0) -> Words:
+    """Values so many rows before ascending ones; no copy if those are without gaps."""
+    if len(rows) and int(rows[-1]) - int(rows[0]) == len(rows) - 1:
+        part: Words = values[int(rows[0]) - before : int(rows[-1]) + 1 - before]
+    else:
+        part = values[rows - before]
+    return part
+
+
+def _counts(ordered: Words, rows: Words) -> Words:
+    """Frames of the seconds that end at rows."""
+    starts = np.searchsorted(ordered, ordered[rows] - SECOND, "right")
+    return np.minimum(rows - starts + 1, MOST_KEPT)
+
+
 def _senders(view: View, rows: Words | None, last: int) -> Words:
     """Source nodes of a bus's last frames in this batch; 0 for 11-bit identifiers."""
     frames = view.frames
     which = slice(max(len(frames) - last, 0), None) if rows is None else rows[max(len(rows) - last, 0) :]
-    return np.where(frames.flags[which] & _EXTENDED, frames.id[which] & 0x7F, 0).astype(np.int64)
+    return np.where(frames.flags[which] & _EXTENDED, frames.id[which] & 0x7F, 0).astype(np.uint8)
 
 
 def _talkers(sender: Words) -> str:

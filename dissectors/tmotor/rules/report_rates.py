@@ -10,7 +10,7 @@ import numpy as np
 
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Occurrence, Watcher
 from dissectors.tmotor.rules.joins import MOST_UNITS, Pauses, Periods, Unit, commands, leads, units
-from dissectors.tmotor.rules.series import usable
+from dissectors.tmotor.rules.series import sender, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -60,24 +60,25 @@ class ReportRate(Watcher):
         periods = _periods(view)
         sets = [] if settings is None else _numbers(settings, usable(settings) & (settings["esc_fdb_rate"] != _OPEN))
         if parameters is not None:
-            for row in np.flatnonzero(usable(parameters)).tolist():
+            for row in _changes(parameters):
                 number, who = int(parameters["transfer"][row]), (int(parameters.bus[row]), int(parameters.src[row]))
                 one = self._measured(who)
                 if one is None:
                     continue
+                configured = int(parameters["esc_fdb_rate"][row])
+                if configured == one.configured:
+                    continue
                 self._measure(view, who, periods, (done.get(who, -1), number))
                 done[who] = number
-                configured = int(parameters["esc_fdb_rate"][row])
                 known = self._set or any(before < number for before in sets)
-                if configured != one.configured and (one.configured is not None or known):
+                if one.configured is not None or known:
                     yield from _judged(view, one, who)
                     one.restart()
-                if configured != one.configured:
-                    frames = leads(parameters, view, row)
-                    one.configured = configured
-                    one.place = Occurrence(
-                        "BUS-018", int(parameters.t[row]), *who, "ParamGet", frames, {}, lines=view.lines(frames)
-                    )
+                frames = leads(parameters, view, row)
+                one.configured = configured
+                one.place = Occurrence(
+                    "BUS-018", int(parameters.t[row]), *who, "ParamGet", frames, {}, lines=view.lines(frames)
+                )
         for who in {(unit.bus, unit.node) for unit in units(view)}:
             if self._measured(who) is not None:
                 self._measure(view, who, periods, (done.get(who, -1), None))
@@ -99,8 +100,10 @@ class ReportRate(Watcher):
         for unit, every in units(view).items():
             if table is None or (unit.bus, unit.node) != who:
                 continue
-            number = table["transfer"][every].astype(np.int64)
-            rows = every[(number > after) & (number < (number[-1] + 1 if before is None else before))]
+            rows = every
+            if after >= 0 or before is not None:
+                number = table["transfer"][every].astype(np.int64)
+                rows = every[(number > after) & (number < (number[-1] + 1 if before is None else before))]
             if not len(rows):
                 continue
             one.indexes[unit.index] += len(rows)
@@ -118,6 +121,16 @@ def _periods(view: View) -> Words:
     gap, step = transfers.gap[row].astype(np.int64), transfers.step[row].astype(np.int64)
     good = transfers.has("gap")[row] & transfers.has("step")[row] & (step > 0)
     return np.where(good, gap // np.maximum(step, 1), 0)
+
+
+def _changes(table: Table) -> Iterator[int]:
+    """Usable ParamGet, in order, without those that say the same rate as the node's one before in the batch."""
+    rows = np.flatnonzero(usable(table))
+    node, rate = sender(table, rows), table["esc_fdb_rate"][rows]
+    order = np.argsort(node, kind="stable")
+    node, rate = node[order], rate[order]
+    same = (node[1:] == node[:-1]) & (rate[1:] == rate[:-1])
+    yield from np.sort(rows[order[np.concatenate(([True], ~same))[: len(rows)]]]).tolist()
 
 
 def _numbers(table: Table, rows: Words) -> list[int]:

@@ -54,6 +54,11 @@ class Vehicle:
             self._words.add("several ESCs")
         return self._words
 
+    def facts(self) -> dict[str, float]:
+        """How many ESCs there are, on all buses that repeat each other, and seconds with motors turning."""
+        escs = {(node, index) for (_, node), indexes in self.escs.items() for index in indexes}
+        return {"escs": len(escs), "running_s": self.running_ns / SECOND}
+
     def _note_motion(self, view: View) -> None:
         started = {bus: _first(view, bus) for bus in range(len(view.buses)) if not self._motion.known(bus)}
         changes = self._motion.add(view)

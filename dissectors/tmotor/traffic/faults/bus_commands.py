@@ -9,6 +9,8 @@ from dissectors.tmotor.traffic.faults.status import STATUS
 from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from dissectors.traffic import Case, Sending
 
 _COMMAND = "RawCommand"
@@ -61,13 +63,15 @@ def _stop(case: Case) -> None:
     look()
 
 
+def negative(index: int) -> Callable[[list[int]], list[int]]:
+    """A hook that gives one channel a negative throttle."""
+    return lambda commands: [-600 if k == index else value for k, value in enumerate(commands)]
+
+
 def _silent_about_it(case: Case) -> None:
     """A negative throttle that its ESC should report as abnormal (4.4.1 explanation 2), and does not."""
     esc, until = chosen(case), _later(case)
     before, node, index = case.vehicle.throttle_hook, esc.node.number, esc.index
-
-    def negative(commands: list[int]) -> list[int]:
-        return [-600 if k == index else value for k, value in enumerate(commands)]
 
     def hide(_: Case, sending: Sending) -> Step:
         if sending.t > until + 200 * MILLISECOND:
@@ -80,7 +84,7 @@ def _silent_about_it(case: Case) -> None:
     def back() -> None:
         case.vehicle.throttle_hook = before
 
-    case.vehicle.throttle_hook = negative
+    case.vehicle.throttle_hook = negative(index)
     case.touch("values", hide)
     case.watch(lambda sending: sending.name == _COMMAND and sending.values["cmd"][index] < 0, until + SECOND)
     case.say(f"throttle -600 for the ESC with index {index}, which never sets bit 4")

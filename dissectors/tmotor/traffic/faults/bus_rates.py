@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from dissectors.tmotor.traffic.answers import Answers
 from dissectors.tmotor.traffic.esc import UNITS, Esc, unique_ids
+from dissectors.tmotor.traffic.faults.bus_commands import negative
 from dissectors.tmotor.traffic.faults.carried import carries
 from dissectors.tmotor.traffic.faults.occasions import chosen
 from dissectors.tmotor.traffic.faults.status import STATUS
@@ -53,7 +54,7 @@ def _hertz(case: Case, frames: int) -> int:
 
 
 def _hurry(case: Case, hertz: int) -> None:
-    """All ESCs report at a rate that nobody has set; so does the rate that they say."""
+    """All ESCs report at a rate that nobody has set; they do not say so."""
     for esc in case.vehicle.escs:
         esc.status_period = SECOND // hertz
     case.say(f"{len(case.vehicle.escs)} ESCs report at {hertz} Hz")
@@ -124,12 +125,9 @@ def _bad_throttle(case: Case) -> None:
     esc, vehicle = chosen(case), case.vehicle
     node, index = esc.node.number, esc.index
 
-    def negative(commands: list[int]) -> list[int]:
-        return [-600 if k == index else value for k, value in enumerate(commands)]
-
     def begin() -> None:
         before, until = vehicle.throttle_hook, case.world.now + _span(case)
-        vehicle.throttle_hook = negative
+        vehicle.throttle_hook = negative(index)
 
         def back() -> None:
             vehicle.throttle_hook = before

@@ -1,0 +1,107 @@
+"""What a vehicle file says of a report: labels, waivers, and what a capture must show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from analyzer.facts.names import short
+from analyzer.report.model import Requirement, Waiver
+from analyzer.rules.expected import TOLERANCE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from datetime import date
+
+    from analyzer.report.build import Demand, Draft, Revise, Taken
+    from analyzer.report.model import Finding
+    from analyzer.rules.expected import Excuse, Expected
+
+_UNJUDGED = ("NOT EXERCISED", "INCONCLUSIVE")
+
+
+def revision(expected: Expected, today: date) -> Revise:
+    """Puts the labels of the vehicle's nodes in place of channels, and waivers on the findings that they cover."""
+    labels = {number: node.label for number, node in expected.nodes.items() if node.label}
+
+    def named(finding: Finding) -> Finding:
+        excuse = expected.excuse(finding.rule, finding.node, finding.type, today)
+        waiver = None if excuse is None else Waiver(excuse.reason, excuse.owner, excuse.expires.isoformat())
+        label = finding.label if finding.node is None else labels.get(finding.node, finding.label)
+        return replace(finding, label=label, waiver=waiver)
+
+    def revise(draft: Draft) -> Draft:
+        captures = tuple(
+            replace(one, nodes=tuple(replace(node, label=labels.get(node.node, node.label)) for node in one.nodes))
+            for one in draft.captures
+        )
+        return replace(draft, captures=captures, findings=tuple(map(named, draft.findings)))
+
+    return revise
+
+
+def expired(expected: Expected, today: date) -> Iterator[str]:
+    """A line for each waiver that does not count any more."""
+    for one in expected.excuses:
+        if one.expires < today:
+            yield (
+                f"{expected.path}: the waiver of {_covered(one)} by {one.owner} expired on {one.expires.isoformat()} "
+                "and does not count"
+            )
+
+
+def demand(expected: Expected) -> Demand:
+    """The requirements of the file. Types and rules hold for all captures together, everything else for each one."""
+
+    def requirements(draft: Draft) -> Iterator[Requirement]:
+        several = len(draft.taken) > 1
+        for one in draft.taken:
+            for needed in () if one.unopened else _of_capture(expected, one):
+                yield replace(needed, what=f"{needed.what} in {one.id}") if several else needed
+        yield from _of_all(expected, draft)
+
+    return requirements
+
+
+def _covered(one: Excuse) -> str:
+    return " ".join([one.rule, *([] if one.node is None else [f"node {one.node}"]), *([one.type] if one.type else [])])
+
+
+def _of_capture(expected: Expected, one: Taken) -> Iterator[Requirement]:
+    facts, wanted = one.checked.outcome.facts, expected.demand
+    for node in sorted(expected.nodes):
+        yield from _of_node(expected, node, one)
+    escs, running = int(facts.get("escs", 0)), facts.get("running_s", 0.0)
+    if expected.escs is not None:
+        yield Requirement(f"{expected.escs} ESCs", escs == expected.escs, str(escs))
+    if wanted.escs is not None:
+        yield Requirement(f"at least {wanted.escs} ESCs", escs >= wanted.escs, str(escs))
+    if wanted.running_s is not None:
+        yield Requirement(f"motors turning for {wanted.running_s:g} s", running >= wanted.running_s, f"{running:.1f} s")
+    for unit, number in sorted(expected.units.items()):
+        found = facts.get(f"unit {unit}")
+        said = "no status of it" if found is None else f"node {found:g}"
+        yield Requirement(f"power unit 0x{unit:02X} at node {number}", found == number, said)
+
+
+def _of_node(expected: Expected, number: int, one: Taken) -> Iterator[Requirement]:
+    node = expected.nodes[number]
+    name = f"node {number}" + (f" ({node.label})" if node.label else "")
+    sent = [what for what in one.checked.facts.nodes if what.node == number]
+    yield Requirement(name, bool(sent), f"{sum(what.count for what in sent)} transfers")
+    for kind, rate in node.rates.items():
+        rates = [what.hz for what in sent if kind in (what.sends, short(what.sends)) and what.hz is not None]
+        met = any(abs(hz - rate) <= TOLERANCE * rate for hz in rates) if rates else rate == 0
+        shown = " and ".join(f"{hz:.4g}/s" for hz in rates) or "no rate"
+        yield Requirement(f"{kind} of {name} at {rate:g}/s", met, shown)
+
+
+def _of_all(expected: Expected, draft: Draft) -> Iterator[Requirement]:
+    for kind in expected.demand.types:
+        count = draft.coverage.types.get(kind, draft.coverage.packets.get(kind, 0)) if draft.coverage else 0
+        yield Requirement(f"type {kind}", count > 0, f"{count} transfers")
+    rulings = {ruling.rule: ruling for ruling in draft.rules}
+    for rule in expected.demand.rules:
+        ruling = rulings[rule]
+        found = ruling.verdict + (f" ({ruling.reason})" if ruling.reason else "")
+        yield Requirement(f"rule {rule} judged", ruling.verdict not in _UNJUDGED, found)

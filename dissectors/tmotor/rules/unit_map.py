@@ -1,0 +1,42 @@
+"""Which node speaks for which power unit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.tmotor.rules.packets import FIRST_UNIT, LAST_UNIT, sound
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from dissectors.conformance import Exercise, View
+
+
+class UnitMap:
+    """The node of each unit by its status packets 0xA1 to 0xC0; a unit that two nodes claim is left out."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[int, set[int]] = {}
+
+    def look(self, view: View) -> None:
+        """The next batch."""
+        packets = view.table("PUSHCAN.MotorStatus")
+        if packets is None:
+            return
+        pairs = (packets.src.astype(np.int64) << 8 | packets["unit_id"])[sound(packets)]
+        for pair in np.unique(pairs).tolist():
+            if FIRST_UNIT <= pair & 0xFF <= LAST_UNIT:
+                self._nodes.setdefault(pair & 0xFF, set()).add(pair >> 8)
+
+    def words(self) -> Iterable[str]:
+        """None of its own."""
+        return ()
+
+    def facts(self) -> dict[str, float]:
+        """Node IDs by `unit N`."""
+        return {f"unit {unit}": min(nodes) for unit, nodes in self._nodes.items() if len(nodes) == 1}
+
+
+EXERCISES: tuple[type[Exercise], ...] = (UnitMap,)

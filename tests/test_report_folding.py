@@ -1,0 +1,62 @@
+"""One lost frame is one finding in the report, and only where both are about the same transfers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from command import CAPTURES
+from reports import finding
+
+import analyzer
+from analyzer.report.folding import breaches, fold
+from analyzer.report.model import Example, Finding, Place, Waiver
+
+FAULTS = CAPTURES / "mission-8-faults.log"
+
+
+def about(rule: str, *frames: int, count: int = 0, **more: Any) -> Finding:
+    one = finding("TRF-003", type="ESCStatus", **more)
+    return replace(
+        one, rule=rule, count=count or len(frames), first=Place(frames[0], None), last=Place(frames[-1], None),
+        frames=frames, examples=tuple(Example(frame, None, "") for frame in frames),
+    )  # fmt: skip
+
+
+def test_a_broken_transfer_is_one_finding() -> None:
+    report = analyzer.check(FAULTS, select=["TRF-003", "TRF-006"])
+    assert [one.rule for one in report.findings] == ["TRF-003"]
+    assert report.findings[0].text == "wrong toggle bit at the sender, before frame 5712"
+    (verdict,) = [one for one in report.rules if one.rule == "TRF-006"]
+    assert (verdict.verdict, verdict.findings, verdict.reason) == ("FAIL", 0, "see TRF-003")
+    (alone,) = analyzer.check(FAULTS, select=["TRF-006"]).findings
+    assert alone.frames == report.findings[0].frames
+
+
+def test_causes_that_differ_are_folded_together() -> None:
+    lost, swapped, ended = about("TRF-003", 5, 9), about("TRF-003", 7), about("TRF-006", 5, 7, 9)
+    assert fold([ended, lost, swapped]) == ((lost, swapped), (ended,))
+
+
+@pytest.mark.parametrize(
+    "ended",
+    [
+        about("TRF-006", 6), about("TRF-006", 5, 6), about("TRF-006", 5, count=2), about("TRF-006", 5, node=25),
+        about("TRF-006", 5, bus="can1"), about("TRF-006", 5, capture="2"), about("TRF-006", 5, severity="note"),
+        about("TRF-007", 5),
+    ],
+)  # fmt: skip
+def test_others_stay(ended: Finding) -> None:
+    lost = about("TRF-003", 5)
+    assert fold([lost, ended]) == ((lost, ended), ())
+
+
+def test_what_is_folded_is_waived_with_what_says_it() -> None:
+    lost, ended = about("TRF-003", 5), about("TRF-006", 5)
+    waived = replace(lost, waiver=Waiver("known", "me", "2030-01-01"))
+    for shown, excused in ((lost, False), (waived, True)):
+        assert [(one.rule, one.excused) for one in breaches("1", [shown], [ended])] == [
+            ("TRF-003", excused), ("TRF-006", excused),
+        ]  # fmt: skip
+    assert breaches("2", [lost], [ended]) == []
