@@ -89,7 +89,7 @@ def test_standard_traffic_has_no_protocol_error() -> None:
     found = judge((TESTS / "vectors" / "neighbours.log").read_bytes(), ("all",))
     pages = load(registry())
     assert [one.rule for one in found if one.severity == "error" and pages[one.rule].category == "protocol"] == []
-    assert {"BUS-022", "TRF-021"} <= {one.rule for one in found}
+    assert "BUS-022" in {one.rule for one in found}
 
 
 @pytest.mark.parametrize("foreign", [J1939, VESC], ids=["J1939", "VESC"])

@@ -14,8 +14,7 @@ from witnessing import agree
 
 from analyzer.rules.foreign import MOST_NAMED, protocol
 
-RULES = tuple(
-    f"CAN-{number:03}" for number in (1, 2, 3, 5, 6, 7, 8, 9, 10, 11, 12, 14, 15, 17, 18, 19))
+RULES = tuple(f"CAN-{number:03}" for number in (1, 2, 3, 5, 6, 7, 8, 9, 10, 11, 12, 14, 15, 17, 18, 19))
 VIOLATIONS = (Path(__file__).parent / "vectors" / "violations.log").read_text()
 BATTERY = encode.Frame(0x351, bytes(8), extended=False)
 ENGINE = encode.Frame(0x0CF00401, bytes.fromhex("F1A5A34050F3007D"))

@@ -49,8 +49,9 @@ def test_a_node_that_sends_without_status_is_reported() -> None:
 
 def test_a_late_status_is_a_note_and_jitter_is_nothing() -> None:
     rest = (4000, 5000)
-    assert [one.severity for one in seen(*every(range(10, 5000, 100), arming), *beats(0, 1000, 3000, *rest))] == ["note"]
-    assert seen(*every(range(10, 5000, 100), arming), *beats(0, 1000, 2400, 3200, *rest)) == []
+    spoken = every(range(10, 5000, 100), arming)
+    assert [one.severity for one in seen(*spoken, *beats(0, 1000, 3000, *rest))] == ["note"]
+    assert seen(*spoken, *beats(0, 1000, 2400, 3200, *rest)) == []
 
 
 def test_a_status_missing_to_the_end_is_reported() -> None:
@@ -124,7 +125,8 @@ def test_two_unique_ids_are_two_devices_and_no_replaced_one() -> None:
 
 
 def test_health_and_mode_are_reported_by_what_they_say() -> None:
-    sick = [(k * 1000, status(50 + k, transfer_id=k, health=2 if k > 1 else 0, mode=3 if k > 3 else 0)) for k in range(6)]
+    states = ((0, 0), (0, 0), (2, 0), (2, 0), (2, 3), (2, 3))
+    sick = [(k * 1000, status(50 + k, transfer_id=k, health=h, mode=mode)) for k, (h, mode) in enumerate(states)]
     assert [(one.text, one.count, one.severity) for one in seen(*sick)] == [
         ("health error, mode operational", 2, "warning"),
         ("health error, mode software update", 2, "warning"),

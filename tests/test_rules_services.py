@@ -20,7 +20,7 @@ def ask(transfer_id: int = 3, client: int = CLIENT, priority: int = 30) -> Trans
 
 
 def answer(transfer_id: int = 3, client: int = CLIENT, priority: int = 30) -> Transfer:
-    empty = {"empty": {}}
+    empty: dict[str, object] = {"empty": {}}
     fields = {"value": empty, "default_value": empty, "max_value": empty, "min_value": empty, "name": b"abc"}
     return transfer(f"{CALL}.Response", fields, SERVER, transfer_id, dst=client, priority=priority)
 
@@ -33,7 +33,8 @@ def status(k: int, src: int = SERVER) -> Transfer:
 def seen(*sent: tuple[int, Transfer], end: int = 9000, without: tuple[int, ...] = ()) -> list[Said]:
     """What the rules find of transfers at times in ms, between heartbeats; `without` are lines that are lost."""
     beats = [(t, status(t // 500, 99)) for t in range(0, end + 1, 500)]
-    rows = [log_line(f) + "\n" for t, one in sorted([*beats, *sent], key=lambda x: x[0]) for f in one.frames(T0 + t * MS)]
+    order = sorted([*beats, *sent], key=lambda x: x[0])
+    rows = [log_line(f) + "\n" for t, one in order for f in one.frames(T0 + t * MS)]
     rows = [row for k, row in enumerate(rows, 1) if k not in without]
     found, *others = (judge("".join(rows), RULES, step=step) for step in (1, 7, None))
     assert all(other == found for other in others)
@@ -103,7 +104,8 @@ def test_an_answer_of_another_priority_is_a_note() -> None:
 
 
 def test_a_damaged_request_counts_for_its_response() -> None:
-    request = transfer(f"{CALL}.Request", {"index": 0, "value": {"empty": {}}, "name": b"a" * 20}, CLIENT, 3, dst=SERVER)
+    fields = {"index": 0, "value": {"empty": {}}, "name": b"a" * 20}
+    request = transfer(f"{CALL}.Request", fields, CLIENT, 3, dst=SERVER)
     assert len(request.frames()) == 4
     for lost in (11, 13):
         assert seen((4010, request), (4020, answer(priority=31)), without=(lost,)) == []

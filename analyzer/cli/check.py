@@ -7,7 +7,7 @@ import os
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from analyzer.cli import DAMAGED, INTERRUPTED, OK, USAGE, extracting, options, reports, streams
+from analyzer.cli import DAMAGED, INTERRUPTED, OK, USAGE, check_init, extracting, options, reports, streams
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,9 +15,11 @@ if TYPE_CHECKING:
     from analyzer.cli.session import Session
     from analyzer.conformance import Choice
     from analyzer.engine import Batch
-    from analyzer.report.build import Order, Taken
+    from analyzer.report.baseline import Baseline
+    from analyzer.report.build import Taken
     from analyzer.report.model import Report
     from analyzer.rules.catalogue import Page
+    from analyzer.rules.expected import Expected
     from analyzer.rules.gate import FailOn
     from analyzer.rules.settings import Settings
     from dissectors import Registry
@@ -77,6 +79,11 @@ def _add_rules(parser: argparse.ArgumentParser) -> None:
         help="what exit status 1 is for: protocol, device, capture or any; error, warning or note; comma-separated; "
         "or never (default: protocol:error)",
     )  # fmt: skip
+    group.add_argument("--profile", metavar="FILE.toml", help="what is expected of the vehicle, with its own limits")
+    group.add_argument("--baseline", metavar="OLD.json", help="an older --json: what it has already does not fail")
+    group.add_argument(
+        "--init", action="store_true", help="write a file for --profile from a healthy capture to -o FILE instead"
+    )
     group.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
     group.add_argument(
         "--dialect", action="append", default=[], type=options.dialect, metavar="NODE=CHOICE",
@@ -95,6 +102,8 @@ def run(args: argparse.Namespace) -> int:
 
     try:
         wanted = _Wanted(args)
+        if args.init:
+            return wanted.initial()
         with ExitStack() as stack:
             targets = []
             for form, path in wanted.files:  # opened before the work: what cannot be written is known at once
@@ -131,7 +140,7 @@ class _Wanted:
         self.groups: dict[str, list[str]] = {}
         try:
             self.names = options.captures(args)
-            self.files = list(reports.files(args))
+            self.files = [("toml", check_init.target(args))] if args.init else list(reports.files(args))
             for _, path in self.files:
                 options.refuse_input(args, path)
             extracting.refuse_streams(args, self.names)
@@ -140,10 +149,32 @@ class _Wanted:
             self.pages: Mapping[str, Page] = _pages(self.registry)
             self.choice: Choice = _choice(args)
             self.settings: Settings = _settings(args, self.choice, self.pages)
+            self._read_expectations()
         except LookupError as error:
             raise _UsageError(error.args[0]) from None
         except (argparse.ArgumentTypeError, OSError, ValueError) as error:  # ProfileError and DsdlError are ValueError
             raise _UsageError(str(error)) from None
+
+    def _read_expectations(self) -> None:
+        """The vehicle file and the older report; a waiver that is over is told of."""
+        from pathlib import Path  # noqa: PLC0415
+
+        self._expected: Expected | None = None
+        self._older: Baseline | None = None
+        if self._args.profile is not None:
+            from datetime import date  # noqa: PLC0415
+
+            from analyzer.report.vehicle import expired  # noqa: PLC0415
+            from analyzer.rules.expected import load  # noqa: PLC0415
+
+            self._expected = load(Path(self._args.profile), self.pages)
+            self.settings = self._expected.settings(self.settings, self.pages)
+            for line in expired(self._expected, date.today()):  # noqa: DTZ011 - the day where somebody reads it
+                streams.complain(line, "tailbyte check")
+        if self._args.baseline is not None:
+            from analyzer.report.baseline import Baseline  # noqa: PLC0415
+
+            self._older = Baseline.load(Path(self._args.baseline))
 
     @property
     def silent(self) -> bool:
@@ -152,11 +183,22 @@ class _Wanted:
 
     def judge(self) -> tuple[Report, bool]:
         """The report, and whether the reading was interrupted."""
+        taken, interrupted = self._take_all()
+        return self._build(taken), interrupted
+
+    def initial(self) -> int:
+        """Writes a vehicle file instead of a report; the exit status."""
+        taken, interrupted = self._take_all()
+        ((_, path),) = self.files
+        return check_init.write(path, self._build(taken), taken[0], self.registry, interrupted=interrupted)
+
+    def _take_all(self) -> tuple[list[Taken], bool]:
         from analyzer.conformance import ids  # noqa: PLC0415
-        from analyzer.report.build import build  # noqa: PLC0415
 
         merge = bool(self._args.same_bus or self._args.bus or self._args.offset)
         groups = [self.names] if merge else [[name] for name in self.names]
+        if self._args.init and len(groups) > 1:
+            raise _UsageError("--init takes one capture, or several of one bus with --same-bus")
         self.groups = dict(zip(ids(groups), groups, strict=True))
         taken: list[Taken] = []
         interrupted = False
@@ -165,16 +207,19 @@ class _Wanted:
             taken.append(one)
             if interrupted:
                 break
-        return build(taken, self.registry, self.pages, self.settings, self._order()), interrupted
+        return taken, interrupted
 
-    def _order(self) -> Order:
-        from analyzer.conformance import tool  # noqa: PLC0415
-        from analyzer.report.build import Order  # noqa: PLC0415
+    def _build(self, taken: Sequence[Taken]) -> Report:
+        from analyzer.conformance import order  # noqa: PLC0415
+        from analyzer.report.build import build  # noqa: PLC0415
 
         asked: dict[str, object] = dict(self.choice.asked())
         if self._args.dialect:
             asked["dialects"] = [f"{node}={choice}" for node, choice in self._args.dialect]
-        return Order(tool(), self._fail_on, asked)
+        if self._args.baseline is not None:
+            asked["baseline"] = self._args.baseline
+        told = order(self._fail_on, asked, self._expected, self._older)
+        return build(taken, self.registry, self.pages, self.settings, told)
 
     def _take(self, names: Sequence[str], label: str) -> tuple[Taken, bool]:
         """One capture, or several as one. Complaints have been made when this is back."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dissectors import Registry
 
 NOT_JUDGED = 4
-_CLASHING = ("profile", "baseline", "junit", "html", "json", "markdown", "github")
+_CLASHING = ("profile", "baseline", "junit", "html", "json", "markdown", "github", "extract")
 
 
 def target(args: argparse.Namespace) -> str:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from analyzer.report.model import Capture, NodeUse
     from dissectors import Registry
 
-_FEWEST = 5  # transfers that show a rate
+_FEWEST = 8  # transfers that show a rate
 _THROUGHOUT = 0.9  # of the capture, for a type that is sent all the time
 _SECOND = 1_000_000_000
 
@@ -34,7 +34,7 @@ def _lines(taken: Taken, capture: Capture, registry: Registry, bit_rate: int | N
         yield f"escs = {escs}"
     done: set[int] = set()
     for node in capture.nodes:
-        if 1 <= node.node and node.node not in done:
+        if node.node >= 1 and node.node not in done:
             done.add(node.node)
             yield from _node(node, taken, registry)
     units = {int(name[5:]): int(node) for name, node in facts.items() if name.startswith("unit ")}

@@ -92,9 +92,7 @@ def shows(wanted: Wanted, text: bytes, registry: Registry, settings: Settings) -
     )
 
 
-def _cut(
-    wanted: Sequence[Wanted], pieces: Iterable[Piece], reach: int | None
-) -> Iterator[tuple[Wanted, bytes, int]]:
+def _cut(wanted: Sequence[Wanted], pieces: Iterable[Piece], reach: int | None) -> Iterator[tuple[Wanted, bytes, int]]:
     """The text around each finding."""
     writers = [Writer("candump") for _ in wanted]
     texts = [bytearray(writer.start()) for writer in writers]

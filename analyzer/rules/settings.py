@@ -35,6 +35,4 @@ class Settings:
 
     def all_numbers(self, pages: Mapping[str, Page]) -> dict[str, dict[str, float]]:
         """The numbers in force, of every rule that has some."""
-        return {
-            rule: {**page.settings, **self.numbers.get(rule, {})} for rule, page in pages.items() if page.settings
-        }
+        return {rule: {**page.settings, **self.numbers.get(rule, {})} for rule, page in pages.items() if page.settings}

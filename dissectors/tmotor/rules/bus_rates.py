@@ -120,9 +120,7 @@ class DifferentRates(Watcher):
                     "first_code": codes[first], "first_node": first,
                     "second_code": codes[second], "second_node": second,
                 }  # fmt: skip
-                yield Occurrence(
-                    "BUS-029", int(table.t[row]), bus, second, "ParamGet", leads(table, view, row), values
-                )
+                yield Occurrence("BUS-029", int(table.t[row]), bus, second, "ParamGet", leads(table, view, row), values)
 
 
 class SamplePoint(Watcher):

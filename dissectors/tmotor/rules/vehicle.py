@@ -273,9 +273,7 @@ def _uncommanded(
     at = np.flatnonzero(runs & ((had == NO_TIME) | (t - np.maximum(had, 0) > window)))
     if len(at):
         shown = dict(zip(rows[at].tolist(), counts[at].tolist(), strict=True))
-        yield view.among_rows(
-            "BUS-026", table, rows[at], lambda row: {"esc_index": unit.index, "channels": shown[row]}
-        )
+        yield view.among_rows("BUS-026", table, rows[at], lambda row: {"esc_index": unit.index, "channels": shown[row]})
 
 
 class SpareChannels(Watcher):
