@@ -171,10 +171,9 @@ def _take(names: Sequence[str], label: str, registry: Registry, settings: Settin
     for part in source.parts:
         part.hashed = True
     engine, checking, unopened = Engine(registry), Check(registry, settings), ""
-    batches = ahead(engine.run(source.chunks()))
     try:
-        for batch in batches:
-            checking.feed(batch)
+        for measured in ahead(checking.measured(engine.run(source.chunks()))):
+            checking.feed(measured)
     except CaptureError as error:
         unopened = reason_of(error, names[0])
     return Taken(

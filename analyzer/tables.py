@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+MOST_COUNTED = 1 << 16  # numbers in a row, rather than to sort what occurs of them
 KINDS = ("message", "anonymous", "request", "response")
 VERDICTS = (
     "used",  # exactly one transfer names the frame
@@ -181,12 +182,44 @@ def _column(field: pa.Field, columns: Mapping[str, Any], rows: int) -> pa.Array:
 def numbers(array: pa.Array) -> npt.NDArray[Any]:
     """A column of numbers, times or flags as numpy, null cells with an arbitrary value."""
     if pa.types.is_boolean(array.type):
-        return np.asarray(array.to_numpy(zero_copy_only=False))
+        return _bits(array.buffers()[1], array.offset, len(array))
     width = array.type.bit_width // 8
     kind = {pa.float32(): "f4", pa.float64(): "f8"}.get(array.type)
     if kind is None:
         kind = f"{'u' if pa.types.is_unsigned_integer(array.type) else 'i'}{width}"
     return np.frombuffer(array.buffers()[1], kind, len(array), array.offset * width)
+
+
+def valid(array: pa.Array) -> npt.NDArray[np.bool_]:
+    """The cells that have a value."""
+    if not array.null_count:
+        return np.ones(len(array), bool)
+    bitmap = array.buffers()[0]
+    return np.asarray(array.is_valid()) if bitmap is None else _bits(bitmap, array.offset, len(array))
+
+
+def _bits(bitmap: pa.Buffer, start: int, count: int) -> npt.NDArray[np.bool_]:
+    first = start // 8
+    packed = np.frombuffer(bitmap, np.uint8, (start + count + 7) // 8 - first, first)
+    return np.unpackbits(packed, count=start % 8 + count, bitorder="little")[start % 8 :].view(bool)
+
+
+def counted(codes: npt.NDArray[Any]) -> tuple[list[int], list[int]]:
+    """The integers that occur, in order, and how often; those that lie close together need no sorting."""
+    if not len(codes):
+        return [], []
+    low, high = int(codes.min()), int(codes.max())
+    if high - low >= MOST_COUNTED:
+        values, counts = np.unique(codes, return_counts=True)
+        return values.tolist(), counts.tolist()
+    often = np.bincount(codes if low == 0 else codes - codes.dtype.type(low))
+    values = np.flatnonzero(often)
+    return (values + low).tolist(), often[values].tolist()
+
+
+def distinct(codes: npt.NDArray[Any]) -> list[int]:
+    """The integers that occur, in order."""
+    return counted(codes)[0]
 
 
 def raw_times(array: pa.Array) -> list[int | None]:

@@ -21,13 +21,11 @@ from typing import TYPE_CHECKING, Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from flown import Flown, simulation
 from judged import outcome, registry
 
 from analyzer.rules.catalogue import load, matching
-from analyzer.simulate import Settings, Simulation
 from analyzer.simulate.faults import catalogue
-from analyzer.simulate.text import line
-from dissectors.traffic import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -89,11 +87,9 @@ def rules() -> list[str]:
 def fly(*orders: str, seed: int, which: int) -> tuple[str, list[dict[str, Any]]]:
     """A flight as candump text, and the answers to its faults."""
     more = {"seconds": SECONDS, **FLIGHTS[which]}
-    duration = round(more.pop("seconds") * SECOND)
     wanted = tuple(catalogue.order(order) for order in orders)
-    made = Simulation(Settings(seed=seed, duration=duration, orders=wanted, **more), registry())
-    text = "".join(line(frame, made.settings.start, ("can0", "can1")) for frame in made.frames())
-    return text, made.key()["faults"]
+    made = Flown(simulation(seed=seed, orders=wanted, **more))
+    return made.text, made.simulation.key()["faults"]
 
 
 def worst(runs: Iterable[tuple[Key, Run]]) -> Iterator[tuple[Key, Run]]:

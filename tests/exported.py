@@ -6,11 +6,15 @@ import csv
 import json
 import math
 import re
+from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from google.protobuf import descriptor_pool, message_factory
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from mcap.reader import make_reader
 
 from analyzer.tables import EVENTS, FRAME_ANOMALIES, KINDS, STATUSES, TRANSFER_ANOMALIES, VERDICTS
 
@@ -21,6 +25,7 @@ if TYPE_CHECKING:
     import analyzer
 
     Row = dict[str, Any]
+    Topics = dict[str, list[tuple[int, Any]]]
 
 BITS = {"extended": 1, "remote": 2, "fd": 8, "brs": 16, "esi": 32}
 
@@ -127,6 +132,23 @@ def read(path: Path) -> pa.Table:
         return pq.read_table(path)
     with pa.ipc.open_file(path) as reader:
         return reader.read_all()
+
+
+def read_mcap(path: Path) -> Topics:
+    """Log time and message by topic; all descriptors go into one pool, as in a viewer."""
+    pool, types, topics = descriptor_pool.DescriptorPool(), dict[str, Any](), defaultdict(list)
+    with path.open("rb") as file:
+        for of, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+            assert message.log_time == message.publish_time
+            if channel.message_encoding != "protobuf":
+                topics[channel.topic].append((message.log_time, message.data))
+                continue
+            if of.name not in types:
+                for descriptor in FileDescriptorSet.FromString(of.data).file:
+                    pool.Add(descriptor)
+                types[of.name] = message_factory.GetMessageClass(pool.FindMessageTypeByName(of.name))
+            topics[channel.topic].append((message.log_time, types[of.name].FromString(message.data)))
+    return dict(topics)
 
 
 def read_csv(path: Path) -> Iterator[dict[str, str]]:

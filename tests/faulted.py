@@ -1,41 +1,21 @@
-"""Flights with faults as text for the judge, and as the witness reads them."""
+"""Flights with faults as candump text."""
 
 from __future__ import annotations
 
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from functools import lru_cache
+from typing import Any
 
-from judged import judge, registry
-from witness.proof import finder
-from witness.reader import Log
+from flown import Flown, simulation
 
-from analyzer.simulate import Settings, Simulation
 from analyzer.simulate.faults import catalogue
-from analyzer.simulate.text import line
 
-if TYPE_CHECKING:
-    from judged import Said
-
-SECOND = 10**9
-CASES = (1, 7)
+SEED = 5
 
 
-@cache
-def faulted(*orders: str, seconds: int = 10, **settings: Any) -> str:
-    """What `tailbyte simulate` writes, with faults given as on its command line."""
+@lru_cache(maxsize=16)
+def flight(*orders: str, seconds: float = 4, seed: int = SEED, **settings: Any) -> str:
+    """What `tailbyte simulate` writes with faults given as on its command line; each of them finds its occasion."""
     wanted = tuple(catalogue.order(order) for order in orders)
-    run = Simulation(Settings(duration=seconds * SECOND, orders=wanted, **settings), registry())
-    return "".join(line(frame, run.settings.start, ("can0", "can1")) for frame in run.frames())
-
-
-def agrees(rule: str, seed: int) -> list[Said]:
-    """The findings of a fault's rule: each is one of the witness's and the other way round, in any batch size."""
-    text = faulted(f"{rule}@5", seed=seed)
-    proofs = finder(rule)(Log(text))
-    found = judge(text, (rule,))
-    assert proofs
-    assert found
-    assert all(any(proof & set(one.frames) for one in found) for proof in proofs)
-    assert all(any(frame in proof for proof in proofs) for one in found for frame in one.frames[:1])
-    assert judge(text, (rule,), step=7) == found
-    return found
+    flown = Flown(simulation(seconds, seed=seed, orders=wanted, **settings))
+    assert flown.simulation.unused == ()
+    return flown.text

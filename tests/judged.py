@@ -64,6 +64,14 @@ def judge(text: str | bytes, rules: Rules = None, step: int | None = None, **set
     ]  # fmt: skip
 
 
+def whole(text: str | bytes, rules: Rules = None, steps: tuple[int, ...] = (1, 7), **settings: Any) -> list[Said]:
+    """What it found, which must be the same in batches of so many lines."""
+    found = judge(text, rules, **settings)
+    for step in steps:
+        assert judge(text, rules, step, **settings) == found
+    return found
+
+
 def _batches(engine: Engine, text: bytes, step: int | None) -> Iterator[Batch]:
     if step is None:
         yield from engine.run([text])

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from hypothesis import strategies as st
+
 from analyzer.report.model import (
     BusUse,
     Capture,
@@ -41,6 +43,13 @@ TITLES: dict[str, tuple[str, Severity, Category, Origin, str]] = {
     "BUS-005": ("Error frames come often", "warning", "capture", "heuristic", "-"),
     "TYP-011": ("Union tag out of range", "error", "protocol", "dronecan", "-"),
 }
+
+
+# What a capture, a path or a profile might hold to fool a terminal, a browser, a parser or a runner of workflows.
+NASTY = ("\x1b[2J", "<script>alert(1)</script>", "]]>", "::error::x", "##[error]x", "a|b", "`a`", "\u202eabc", "\0",
+         "\n", "\r\n::error::x", "\udc80", "\U000e0001", "[x](http://x)", "@somebody", "![x](//x)", "%0A", "-rf",
+         "'; ls #", "漢字", '" x="', "a,file=x", "```")  # fmt: skip
+TEXTS = st.lists(st.sampled_from(NASTY) | st.text(st.characters(codec=None), max_size=9), max_size=4).map("".join)
 
 
 def finding(rule: str, at: int | None = 0, *, node: int | None = 24, frame: int | None = 1, **more: Any) -> Finding:

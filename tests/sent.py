@@ -1,36 +1,24 @@
-"""Captures for the tests of rules: flights of the simulator with faults, and what the witness says of them."""
+"""Captures made by hand: transfers at their times, and the one that every node sends."""
 
 from __future__ import annotations
 
-from functools import cache
-from typing import TYPE_CHECKING
+from operator import itemgetter
+from typing import Any
 
-from judged import registry
-from witness.proof import finder
-from witness.reader import Log
+from encode import Transfer, log_line, transfer
+from sequences import MS, START
 
-from analyzer.simulate import Settings, Simulation
-from analyzer.simulate.faults import catalogue
-from analyzer.simulate.text import line
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from judged import Said
+ALIVE = "uavcan.protocol.NodeStatus"
+Sent = tuple[float, Transfer]  # ms from the start
 
 
-@cache
-def flight(*orders: str, seconds: int = 3) -> str:
-    """What `tailbyte simulate` writes with these faults; each of them finds its occasion."""
-    wanted = tuple(catalogue.order(order) for order in orders)
-    run = Simulation(Settings(duration=seconds * 10**9, orders=wanted), registry())
-    text = "".join(line(frame, run.settings.start, ("can0", "can1")) for frame in run.frames())
-    assert run.unused == ()
-    return text
+def log(*sent: Sent) -> str:
+    """The frames of transfers, in the order of their first ones."""
+    order = sorted(sent, key=itemgetter(0))
+    return "".join(log_line(frame) + "\n" for t, one in order for frame in one.frames(START + round(t * MS)))
 
 
-def witnessed(rule: str, text: str, said: Iterable[Said]) -> bool:
-    """Are the places of a rule's findings those that the independent witness finds?"""
-    mine = [one for one in said if one.rule == rule]
-    wanted = sorted(min(frames) for frames in finder(rule)(Log(text)))
-    return sorted(frame for one in mine for frame in one.frames) == wanted
+def alive(uptime: int, src: int = 11, transfer_id: int = 0, **more: Any) -> Transfer:
+    """A NodeStatus: all is well unless `more` says otherwise; uptime in s."""
+    well = dict.fromkeys(("health", "mode", "sub_mode", "vendor_specific_status_code"), 0)
+    return transfer(ALIVE, well | {"uptime_sec": uptime} | more, src, transfer_id)

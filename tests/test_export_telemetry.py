@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 import pytest
 from command import CAPTURES, HOVER
-from exported import expected, names_of, same
-from google.protobuf import descriptor_pool, message_factory
+from exported import expected, names_of, read_mcap, same
+from google.protobuf import descriptor_pool
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
 from mcap.reader import make_reader
 
@@ -26,28 +26,10 @@ if TYPE_CHECKING:
     from google.protobuf.message import Message
 
     Main = Callable[..., tuple[int, str, str]]
-    Topics = dict[str, list[tuple[int, Any]]]
 
 FAULTS = CAPTURES / "faults.log"
 ALL = sorted(path for path in CAPTURES.iterdir() if path.suffix in (".log", ".txt"))
 BASIC = ("frames", "transfers", "events")
-
-
-def read(path: Path) -> Topics:
-    """Log time and message by topic; all descriptors go into one pool, as in a viewer."""
-    pool, types, topics = descriptor_pool.DescriptorPool(), dict[str, Any](), defaultdict(list)
-    with path.open("rb") as file:
-        for of, channel, message in make_reader(file, validate_crcs=True).iter_messages():
-            assert message.log_time == message.publish_time
-            if channel.message_encoding != "protobuf":
-                topics[channel.topic].append((message.log_time, message.data))
-                continue
-            if of.name not in types:
-                for descriptor in FileDescriptorSet.FromString(of.data).file:
-                    pool.Add(descriptor)
-                types[of.name] = message_factory.GetMessageClass(pool.FindMessageTypeByName(of.name))
-            topics[channel.topic].append((message.log_time, types[of.name].FromString(message.data)))
-    return dict(topics)
 
 
 def value(message: Message) -> dict[str, Any]:
@@ -99,7 +81,7 @@ def alike(got: Any, wanted: Any) -> bool:
 @pytest.mark.parametrize("capture", ALL, ids=lambda path: path.stem)
 def test_every_message_is_there(command: Main, tmp_path: Path, capture: Path) -> None:
     command("export", capture, "-o", tmp_path / "out.mcap")
-    topics = read(tmp_path / "out.mcap")
+    topics = read_mcap(tmp_path / "out.mcap")
     opened = analyzer.open_capture(capture)
     wanted: dict[str, list[tuple[int, Any]]] = defaultdict(list)
     for name in names_of(opened):
@@ -129,7 +111,7 @@ def test_raw_frames_are_beside_and_read_again(command: Main, tmp_path: Path) -> 
 
 def test_events_are_log_messages(command: Main, tmp_path: Path) -> None:
     command("export", FAULTS, "-o", tmp_path / "out.mcap")
-    topics = read(tmp_path / "out.mcap")
+    topics = read_mcap(tmp_path / "out.mcap")
     said = sorted(
         (t, log.level, log.message, log.name) for name in ("/can0/events", "/events") for t, log in topics[name]
     )
@@ -153,9 +135,9 @@ def test_events_are_log_messages(command: Main, tmp_path: Path) -> None:
 def test_chosen_tables_and_windows(command: Main, tmp_path: Path) -> None:
     path = tmp_path / "out.mcap"
     command("export", HOVER, "-o", path, "--table", "ESCStatus")
-    assert set(read(path)) == {f"/can0/node_{node}/ESCStatus" for node in (11, 12, 13, 14)}
+    assert set(read_mcap(path)) == {f"/can0/node_{node}/ESCStatus" for node in (11, 12, 13, 14)}
     command("export", HOVER, "-o", path, "--table", "frames", "--frames", "100-199")
-    assert {topic: len(rows) for topic, rows in read(path).items()} == {"/can0/can": 100}
+    assert {topic: len(rows) for topic, rows in read_mcap(path).items()} == {"/can0/can": 100}
 
 
 def test_many_batches_make_the_same_messages(command: Main, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,7 +146,7 @@ def test_many_batches_make_the_same_messages(command: Main, tmp_path: Path, monk
     monkeypatch.setattr("analyzer.sources.stored.CHUNK", 2000)
     monkeypatch.setattr("analyzer.sinks.telemetry.CHUNK", 500)
     command("export", FAULTS, "-o", tmp_path / "many.mcap")
-    one, many = read(tmp_path / "one.mcap"), read(tmp_path / "many.mcap")
+    one, many = read_mcap(tmp_path / "one.mcap"), read_mcap(tmp_path / "many.mcap")
     assert {topic: sorted(map(str, rows)) for topic, rows in one.items()} == {
         topic: sorted(map(str, rows)) for topic, rows in many.items()
     }
@@ -207,7 +189,7 @@ def test_names_that_would_collide_are_told_apart() -> None:
 def test_more_senders_than_there_are_channels(command: Main, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("analyzer.sinks.telemetry.MOST_CHANNELS", 2)
     command("export", HOVER, "-o", tmp_path / "out.mcap", "--table", "ESCStatus")
-    counts = {topic: len(rows) for topic, rows in read(tmp_path / "out.mcap").items()}
+    counts = {topic: len(rows) for topic, rows in read_mcap(tmp_path / "out.mcap").items()}
     assert counts == {"/can0/node_11/ESCStatus": 60, "/can0/node_12/ESCStatus": 60, "/others/ESCStatus": 120}
 
 
@@ -221,7 +203,7 @@ def test_rerun_opens_it(command: Main, tmp_path: Path) -> None:
         return done.stdout
 
     checked = ask("mcap", "check", tmp_path / "out.mcap")
-    assert checked.count("\nok ") == len(read(tmp_path / "out.mcap"))
+    assert checked.count("\nok ") == len(read_mcap(tmp_path / "out.mcap"))
     ask("mcap", "convert", tmp_path / "out.mcap", "-o", tmp_path / "out.rrd")
     from rerun.chunk import RrdReader  # noqa: PLC0415 - it takes its time
 

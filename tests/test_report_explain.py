@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from hypothesis import example, given, settings
-from test_report_text import NASTY, TEXTS
+from reports import NASTY, TEXTS
 
 from analyzer.report import explain
 from analyzer.views.terminal import Palette, display_width

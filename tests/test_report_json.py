@@ -11,7 +11,7 @@ import jsonschema
 import pytest
 import reports
 from hypothesis import example, given, settings
-from test_report_text import NASTY, TEXTS
+from reports import NASTY, TEXTS
 
 from analyzer.report import json, model
 

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 import reports
 from hypothesis import example, given, settings
-from test_report_text import NASTY, TEXTS
+from reports import NASTY, TEXTS
 
 from analyzer.report import junit
 from analyzer.report.model import Example

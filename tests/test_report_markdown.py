@@ -8,7 +8,7 @@ import pytest
 import reports
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from test_report_text import NASTY, TEXTS
+from reports import NASTY, TEXTS
 
 from analyzer.report import github, markdown
 

@@ -12,6 +12,7 @@ import pytest
 import reports
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from reports import NASTY, TEXTS
 
 from analyzer.report import lines, text, wording
 from analyzer.report.problems import Problem, problems, ranked
@@ -19,11 +20,6 @@ from analyzer.views.terminal import Palette, display_width
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-NASTY = ("\x1b[2J", "<script>alert(1)</script>", "]]>", "::error::x", "##[error]x", "a|b", "`a`", "\u202eabc", "\0",
-         "\n", "\r\n::error::x", "\udc80", "\U000e0001", "[x](http://x)", "@somebody", "![x](//x)", "%0A", "-rf",
-         "'; ls #", "漢字", '" x="', "a,file=x", "```")  # fmt: skip
-TEXTS = st.lists(st.sampled_from(NASTY) | st.text(st.characters(codec=None), max_size=9), max_size=4).map("".join)
 
 
 @pytest.fixture(autouse=True)

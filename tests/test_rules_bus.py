@@ -11,7 +11,7 @@ from judged import judge, registry
 
 from analyzer import _native
 from analyzer.engine import Engine
-from analyzer.rules.load import MOST_STEPS, BusLoad
+from analyzer.rules.course import MOST_STEPS, Course
 from analyzer.rules.view import Past
 from analyzer.simulate import bits
 from analyzer.tables import BRS, EXTENDED, FD, REMOTE
@@ -64,8 +64,8 @@ def capture(*runs: tuple[int, int, int], bus: str = "can0") -> str:
     return "".join(log_line(Sent(0x1F04060A, bytes.fromhex("5A" * 7 + "C0"), t, bus)) + "\n" for t in times)
 
 
-def loads(text: str, step: int = 100_000) -> BusLoad:
-    past, engine, load = Past(registry(), {}), Engine(registry()), BusLoad()
+def loads(text: str, step: int = 100_000) -> Course:
+    past, engine, load = Past(registry(), {}), Engine(registry()), Course()
     rows = text.encode().splitlines(keepends=True)
     for at in range(0, len(rows), step):
         for batch in [*engine.feed(b"".join(rows[at : at + step])), engine.flush()]:
@@ -80,22 +80,23 @@ def test_seconds_begin_with_the_capture() -> None:
     text = capture((0, 100, 1_000_000), (2, 50, 1_000_000))
     for step in (7, 100_000):
         load = loads(text, step)
-        assert load.buses == [0]
-        assert load.series(0) == (START, SECOND, [100, 0, 50], [100 * SIZE, 0, 50 * SIZE])
+        assert (load.start, load.step) == (START, SECOND)
+        assert load.frames(0) == (100, 0, 50)
+        assert load.bits(0) == (100 * SIZE, 0, 50 * SIZE)
 
 
 def test_interfaces_are_counted_apart() -> None:
     load = loads(capture((0, 10, 1_000_000)) + capture((1, 20, 1_000_000), bus="can1"))
-    assert [load.series(bus)[2] for bus in load.buses] == [[10], [20]]
-    assert load.series(1)[0] == START + SECOND
-    assert load.series(2)[2:] == ([], [])
+    assert [load.frames(bus) for bus in range(3)] == [(10, 0), (0, 20), ()]
+    assert load.bits(2) == ()
 
 
 def test_steps_widen_when_there_are_too_many() -> None:
     text = capture(*((at * 3, 1, 1) for at in range(MOST_STEPS)))
-    start, step, frames, wire = loads(text).series(0)
-    assert (start, step, sum(frames), sum(wire)) == (START, 4 * SECOND, MOST_STEPS, MOST_STEPS * SIZE)
-    assert len(frames) <= MOST_STEPS
+    load = loads(text)
+    assert (load.start, load.step) == (START, 4 * SECOND)
+    assert (sum(load.frames(0)), sum(load.bits(0))) == (MOST_STEPS, MOST_STEPS * SIZE)
+    assert len(load.frames(0)) <= MOST_STEPS
 
 
 def test_loads_above_the_limits() -> None:

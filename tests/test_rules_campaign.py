@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 from campaign import Score, pages, rules, shows, table, tried
+from faulted import flight
 from judged import outcome
-from sent import flight
 
 SEED = 1
 

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import encode
 import pytest
+from faulted import flight
 from judged import judge, registry
 from sequences import MS, at, lines, status
 
 from analyzer.rules.catalogue import load
-from analyzer.simulate import Settings, Simulation
-from analyzer.simulate.text import line
-from dissectors.traffic import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -46,8 +44,7 @@ def cut(name: str) -> str:
 @pytest.mark.parametrize("escs", [4, 8])
 @pytest.mark.parametrize("profile", ["hover", "mission", "bench", "startup"])
 def test_a_simulated_flight_without_faults(profile: str, escs: int, stock: bool, seed: int) -> None:
-    made = Simulation(Settings(profile, escs=escs, duration=8 * SECOND, seed=seed, stock=stock), registry())
-    text = "".join(line(frame, made.settings.start, ("can0", "can1")) for frame in made.frames())
+    text = flight(profile=profile, escs=escs, seconds=8, seed=seed, stock=stock)
     assert len(text.splitlines()) > 4000
     assert worse_than_notes(judge(text)) == []
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import encode
+from faulted import flight
 from judged import outcome, registry
 from senders import Traffic
-from sent import flight
 from sequences import STATUS, lines, status, throttle
 
 from analyzer.engine import Engine

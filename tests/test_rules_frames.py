@@ -7,10 +7,10 @@ from pathlib import Path
 
 import encode
 import pytest
-from judged import judge
-from sent import flight
+from faulted import flight
+from judged import judge, whole
+from proved import agree
 from sequences import MS, at, lines, push, status, tail, throttle
-from witnessing import agree
 
 from analyzer.rules.foreign import MOST_NAMED, protocol
 
@@ -22,9 +22,7 @@ ENGINE = encode.Frame(0x0CF00401, bytes.fromhex("F1A5A34050F3007D"))
 
 def said(text: bytes, rule: str) -> list[tuple[str, int, str]]:
     """Severity, number of occurrences and text of each finding, the same for every batch."""
-    found = judge(text, (rule,))
-    assert judge(text, (rule,), step=7) == found
-    return [(one.severity, one.count, one.text) for one in found]
+    return [(one.severity, one.count, one.text) for one in whole(text, (rule,), (7,))]
 
 
 def telemetry(count: int = 4) -> list[encode.Frame]:
@@ -41,8 +39,7 @@ def test_a_clean_flight_breaches_none() -> None:
 
 
 def test_the_examples_of_the_document() -> None:
-    found = judge(VIOLATIONS, RULES)
-    assert judge(VIOLATIONS, RULES, step=1) == found
+    found = whole(VIOLATIONS, RULES, (1,))
     assert {(one.rule, one.first, one.text) for one in found if one.severity == "error"} == {
         ("CAN-006", 122, "service 1, destination 0"),
         ("CAN-005", 127, "1F040A0A with 0 data bytes"),

@@ -8,11 +8,12 @@ from pathlib import Path
 import encode
 import pytest
 from encode import Frame, Transfer, log_line
+from faulted import flight
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from judged import Said, judge
-from proved import flight
+from judged import Said, judge, whole
 from witness.proof import finder
+from witness.reader import Log
 
 from analyzer.rules import integrity
 
@@ -40,10 +41,7 @@ def good(count: int = 3, first: int = 0) -> list[Frame]:
 
 def found(capture: str) -> list[Said]:
     """What the rules say, the same for every batch size."""
-    whole = judge(capture, RULES)
-    assert judge(capture, RULES, step=7) == whole
-    assert judge(capture, RULES, step=1) == whole
-    return whole
+    return whole(capture, RULES)
 
 
 def brief(capture: str) -> list[tuple[str, str, int, tuple[int, ...]]]:
@@ -229,9 +227,8 @@ ORDERS = [
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_what_the_witness_finds(order: str) -> None:
-    capture, log = flight(order, seconds=2)
-    said = judge(capture, RULES)
-    assert judge(capture, RULES, step=501) == said
+    capture = flight(order, seconds=2)
+    said, log = whole(capture, RULES, (501,)), Log(capture)
     assert said or order == "TRF-012@1.2"
     for rule in RULES:
         wanted = finder(rule)(log)

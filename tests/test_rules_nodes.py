@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from encode import Transfer, log_line, transfer
-from faulted import faulted
-from judged import Said, judge
+from encode import Transfer, transfer
+from faulted import flight
+from judged import Said, judge, whole
+from sent import ALIVE, Sent, alive, log
 
 RULES = ("BUS-010", "BUS-020", "BUS-021", "BUS-022", "BUS-030", "BUS-031")
-MS = 1_000_000
-T0 = 1_700_000_000_000 * MS
-STATUS = "uavcan.protocol.NodeStatus"
 ALLOCATION = "uavcan.protocol.dynamic_node_id.Allocation"
-Sent = tuple[int, Transfer]
-
-
-def status(uptime: int, src: int = 11, transfer_id: int = 0, health: int = 0, mode: int = 0) -> Transfer:
-    fields = {"uptime_sec": uptime, "health": health, "mode": mode, "sub_mode": 0, "vendor_specific_status_code": 0}
-    return transfer(STATUS, fields, src, transfer_id)
 
 
 def arming(k: int, src: int = 11) -> Transfer:
@@ -31,19 +23,16 @@ def every(span: range, make: Any) -> list[Sent]:
 
 def seen(*sent: Sent) -> list[Said]:
     """What the rules find of transfers at times in ms, however the capture is cut."""
-    rows = [log_line(f) + "\n" for t, one in sorted(sent, key=lambda x: x[0]) for f in one.frames(T0 + t * MS)]
-    found, *others = (judge("".join(rows), RULES, step=step) for step in (1, 7, None))
-    assert all(other == found for other in others)
-    return found
+    return whole(log(*sent), RULES)
 
 
 def beats(*times: int) -> list[Sent]:
-    return [(t, status(100 + t // 1000, transfer_id=k)) for k, t in enumerate(times)]
+    return [(t, alive(100 + t // 1000, transfer_id=k)) for k, t in enumerate(times)]
 
 
 def test_a_node_that_sends_without_status_is_reported() -> None:
     (one,) = seen(*every(range(10, 9000, 200), arming), *beats(0, 1000, 5000, 6000, 7000, 8000, 9000))
-    assert (one.rule, one.severity, one.node, one.type) == ("BUS-020", "warning", 11, STATUS)
+    assert (one.rule, one.severity, one.node, one.type) == ("BUS-020", "warning", 11, ALIVE)
     assert (one.text, one.first) == ("none for 3.8 s, node still sends", 7)
 
 
@@ -59,8 +48,8 @@ def test_a_status_missing_to_the_end_is_reported() -> None:
     assert (one.severity, one.text) == ("warning", "none for 3.9 s, node still sends")
 
 
-def test_a_node_that_is_silent_altogether_owes_no_status() -> None:
-    others = every(range(5, 9000, 200), lambda k: status(k // 5, src=20, transfer_id=k))
+def test_a_node_that_is_silent_altogether_owes_no_alive() -> None:
+    others = every(range(5, 9000, 200), lambda k: alive(k // 5, src=20, transfer_id=k))
     assert seen(*every(range(10, 1100, 100), arming), *beats(0, 1000, 8000), *others) == []
 
 
@@ -77,7 +66,7 @@ def test_a_node_that_never_sent_a_status_is_one_note() -> None:
 
 
 def test_a_lower_uptime_is_a_restart() -> None:
-    up = [(k * 1000, status(uptime, transfer_id=k)) for k, uptime in enumerate((311, 312, 0, 1, 2, 3, 4))]
+    up = [(k * 1000, alive(uptime, transfer_id=k)) for k, uptime in enumerate((311, 312, 0, 1, 2, 3, 4))]
     (one,) = seen(*up)
     assert (one.rule, one.severity, one.text, one.first) == ("BUS-021", "warning", "uptime 312 s, then 0 s", 3)
     assert [one.rule for one in seen(*up[:3])] == ["BUS-021"]
@@ -85,19 +74,19 @@ def test_a_lower_uptime_is_a_restart() -> None:
 
 def test_a_wrap_of_the_uptime_is_no_restart() -> None:
     top = (1 << 32) - 2
-    assert seen(*((k * 1000, status((top + k) % (1 << 32), transfer_id=k)) for k in range(5))) == []
+    assert seen(*((k * 1000, alive((top + k) % (1 << 32), transfer_id=k)) for k in range(5))) == []
 
 
 def test_a_restart_that_was_asked_for_is_a_note() -> None:
-    up = [(k * 1000, status(uptime, transfer_id=k)) for k, uptime in enumerate((311, 312, 0, 1, 2, 3, 4))]
+    up = [(k * 1000, alive(uptime, transfer_id=k)) for k, uptime in enumerate((311, 312, 0, 1, 2, 3, 4))]
     ask = Transfer("request", 5, 10, bytes.fromhex("4E9EFDBEAC"), 0x569E05394A3017F0, dst=11)
     found = seen(*up, (1500, ask))
     assert [(one.rule, one.severity) for one in found] == [("BUS-021", "note")]
 
 
 def test_two_uptimes_that_both_run_on_are_two_devices() -> None:
-    first = [(k * 1000, status(312 + k, transfer_id=2 * k)) for k in range(8)]
-    second = [(k * 1000 + 400, status(5 + k, transfer_id=2 * k + 1)) for k in range(8)]
+    first = [(k * 1000, alive(312 + k, transfer_id=2 * k)) for k in range(8)]
+    second = [(k * 1000 + 400, alive(5 + k, transfer_id=2 * k + 1)) for k in range(8)]
     (one,) = seen(*first, *second)
     assert (one.rule, one.node, one.type, one.first) == ("BUS-010", 11, "", 2)
     assert one.text.startswith("two uptimes that both run on")
@@ -126,12 +115,12 @@ def test_two_unique_ids_are_two_devices_and_no_replaced_one() -> None:
 
 def test_health_and_mode_are_reported_by_what_they_say() -> None:
     states = ((0, 0), (0, 0), (2, 0), (2, 0), (2, 3), (2, 3))
-    sick = [(k * 1000, status(50 + k, transfer_id=k, health=h, mode=mode)) for k, (h, mode) in enumerate(states)]
+    sick = [(k * 1000, alive(50 + k, transfer_id=k, health=h, mode=mode)) for k, (h, mode) in enumerate(states)]
     assert [(one.text, one.count, one.severity) for one in seen(*sick)] == [
         ("health error, mode operational", 2, "warning"),
         ("health error, mode software update", 2, "warning"),
     ]
-    fresh = [(k * 1000, status(8 + k, transfer_id=k, mode=1)) for k in range(4)]
+    fresh = [(k * 1000, alive(8 + k, transfer_id=k, mode=1)) for k in range(4)]
     assert sorted((one.severity, one.count) for one in seen(*fresh)) == [("note", 2), ("warning", 2)]
 
 
@@ -167,4 +156,4 @@ def test_two_time_masters_are_named_together() -> None:
 
 
 def test_a_steady_flight_breaks_nothing() -> None:
-    assert [one for one in judge(faulted(), RULES) if one.severity != "note"] == []
+    assert [one for one in judge(flight(seconds=10), RULES) if one.severity != "note"] == []

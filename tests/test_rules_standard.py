@@ -7,8 +7,9 @@ from pathlib import Path
 
 import encode
 import pytest
-from judged import judge
-from sent import flight, witnessed
+from faulted import flight
+from judged import judge, whole
+from proved import exact
 from sequences import STATUS, lines, status
 from witness.proof import finder
 from witness.reader import Log
@@ -42,15 +43,14 @@ def test_a_fault_of_the_simulator_is_found_where_the_witness_finds_it(rule: str)
     (mine,) = [one for one in said if one.rule == rule]
     assert mine.count == 1
     assert mine.text == TEXTS[rule]
-    assert witnessed(rule, text, said)
+    assert exact(rule, text) == [mine]
     also = {"TYP-002"} if rule == "TYP-005" else set()
     assert {one.rule for one in said} - {rule} == also
 
 
 @pytest.mark.parametrize("rule", RULES)
 def test_nothing_depends_on_the_batches(rule: str) -> None:
-    text = flight(f"{rule}@1")
-    assert judge(text, RULES, step=7) == judge(text, RULES)
+    assert whole(flight(f"{rule}@1"), RULES, (7,))
 
 
 @pytest.mark.parametrize("file", ["violations.log", "tm_golden.log", "tm_golden_fd.log"])

@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import encode
 import pytest
-from judged import judge
-from proved import flight, proved
+from faulted import flight
+from judged import judge, whole
+from proved import exact, proved
+from sent import Sent, log
 from sequences import STATUS
-
-MS = 1_000_000
-
-
-def lines(*sent: tuple[int, encode.Transfer]) -> str:
-    """Transfers at times in ms."""
-    frames = [frame for t, one in sent for frame in one.frames(t * MS)]
-    return "".join(encode.log_line(frame) + "\n" for frame in sorted(frames, key=lambda frame: frame.t))
 
 
 def command(*cmd: int, number: int = 0, **more: object) -> encode.Transfer:
@@ -43,7 +37,7 @@ def report(index: int, number: int = 0, node: int = 11, **more: object) -> encod
     ],
 )
 def test_a_fault_is_found_where_it_is(order: str, severity: str, count: int, text: str) -> None:
-    (one,) = proved(order[:7], order)
+    (one,) = exact(order[:7], flight(order))
     assert (one.severity, one.count, one.text) == (severity, count, text)
 
 
@@ -51,14 +45,13 @@ def test_a_fault_is_found_where_it_is(order: str, severity: str, count: int, tex
     "rule", ["CAN-013", "CAN-016", "TYP-006", "TYP-101", "TYP-102", "TYP-103", "TYP-104", "TYP-105"]
 )
 def test_a_sound_flight_is_clean(rule: str) -> None:
-    text, _ = flight(escs=5)
-    assert not judge(text, (rule,))
+    assert not judge(flight(escs=5), (rule,))
 
 
 def test_priority_is_a_warning_only_for_reports_of_the_t_motor_dialect() -> None:
-    (one,) = proved("CAN-013", "CAN-013", each=False)
+    (one,) = proved("CAN-013", flight("CAN-013"))
     assert (one.severity, one.node, one.type, one.text) == ("warning", 12, "ESCStatus", "priority 16, 31 is LOWEST")
-    stock = lines(
+    stock = log(
         (0, command(1, priority=7)), (10, report(0, priority=16)),
         (20, command(1, number=1, priority=0)), (30, report(0, 1, priority=16)), (40, command(1, number=2)),
     )  # fmt: skip
@@ -71,12 +64,12 @@ def test_priority_is_a_warning_only_for_reports_of_the_t_motor_dialect() -> None
 
 
 def test_foc_ctrl_is_told_once_a_node() -> None:
-    (one,) = proved("CAN-016", "CAN-016", each=False)
+    (one,) = proved("CAN-016", flight("CAN-016"))
     assert (one.severity, one.node, one.text) == ("note", 125, "type 1035 is not part of V2.2")
 
 
 def test_both_limits_are_told_for_each_channel() -> None:
-    found = judge(lines((0, command(5, -8192, -8191, -1)), (5, command(0, 8191, number=1))), ("TYP-101", "TYP-102"))
+    found = judge(log((0, command(5, -8192, -8191, -1)), (5, command(0, 8191, number=1))), ("TYP-101", "TYP-102"))
     assert [(one.rule, one.key, one.text) for one in found] == [
         ("TYP-101", "channel=2", "ch2 = -8192"),
         ("TYP-101", "channel=3", "ch3 = -8191"),
@@ -87,10 +80,9 @@ def test_both_limits_are_told_for_each_channel() -> None:
 
 def test_channels_are_counted_only_after_a_second_of_reports() -> None:
     def found(*late: int) -> list[tuple[int, str]]:
-        sent = [(0, report(0)), (900, report(2, 1)), *((t, command(1, 2, number=k)) for k, t in enumerate(late))]
-        text = lines(*sent)
-        (result,) = {tuple(judge(text, ("TYP-103",), step=step)) for step in (None, 1, 7)}
-        return [(one.count, one.text) for one in result]
+        sent: list[Sent] = [(t, command(1, 2, number=k)) for k, t in enumerate(late)]
+        said = whole(log((0, report(0)), (900, report(2, 1)), *sent), ("TYP-103",))
+        return [(one.count, one.text) for one in said]
 
     assert not found(50, 950)
     assert found(1100, 1800) == [(2, "2 channels, highest index 2")]
@@ -98,15 +90,15 @@ def test_channels_are_counted_only_after_a_second_of_reports() -> None:
 
 
 def test_a_word_of_16_bits_needs_its_zeros_and_its_low_bits() -> None:
-    assert len(judge(lines((0, command(232, 192, 0, 0))), ("TYP-105",))) == 1
+    assert len(judge(log((0, command(232, 192, 0, 0))), ("TYP-105",))) == 1
     for near in ((232, 192, 0, 1), (232, 193, 0, 0), (232, 0, 0, 0), (4096, 64, 0, 0), (-1, 64, 0, 0)):
-        assert not judge(lines((0, command(*near))), ("TYP-105",)), near
-    assert not judge(lines((0, command(232, 192, 0))), ("TYP-105",))
-    assert not judge(lines((0, command(232, 192, 0, 0, fd=True))), ("TYP-105",))
+        assert not judge(log((0, command(*near))), ("TYP-105",)), near
+    assert not judge(log((0, command(232, 192, 0))), ("TYP-105",))
+    assert not judge(log((0, command(232, 192, 0, 0, fd=True))), ("TYP-105",))
 
 
 def test_can_fd_has_a_length_by_right() -> None:
-    text = lines((0, command(1, 2, fd=True)), (5, command(fd=True, number=1)))
+    text = log((0, command(1, 2, fd=True)), (5, command(fd=True, number=1)))
     assert not judge(text, ("TYP-006", "TYP-104"))
-    (one,) = judge(lines((0, command())), ("TYP-104",))
+    (one,) = judge(log((0, command())), ("TYP-104",))
     assert (one.node, one.text) == (10, "no channels")

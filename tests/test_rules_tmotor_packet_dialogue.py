@@ -6,8 +6,10 @@ from typing import Any
 
 import encode
 import pytest
+from faulted import flight
 from judged import judge
-from packet_flights import STATUS, Sent, capture, compare, fly, motor, said
+from packet_log import STATUS, Sent, capture, motor, said
+from proved import proved
 
 RULES = ("PUSH-102", "PUSH-103", "PUSH-201", "PUSH-304", "PUSH-409")
 STEPS = pytest.mark.parametrize("step", [None, 1, 7])
@@ -35,11 +37,11 @@ def end(at: float) -> Sent:
 
 @pytest.mark.parametrize("rule", RULES)
 def test_a_fault_is_found_where_the_witness_finds_it(rule: str) -> None:
-    assert compare(rule, f"{rule}@4")
+    assert [one.count for one in proved(rule, flight(f"{rule}@4", seconds=10))] == [1]
 
 
 def test_a_clean_flight_has_none() -> None:
-    assert judge(fly(seconds=20)[0], RULES) == []
+    assert judge(flight(seconds=20), RULES) == []
 
 
 @STEPS

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING
 
 import encode
 import pytest
-from judged import judge
-from packet_flights import STATUS, STEP, capture, compare, fly, motor, places, said, summed
+from faulted import SEED, flight
+from judged import judge, whole
+from packet_log import STATUS, capture, motor, said, summed
+from proved import proved
+from witness.flights import fly
 from witness.proof import finder
 
 if TYPE_CHECKING:
-    from packet_flights import Sent
+    from packet_log import Sent
 
 VECTORS = Path(__file__).with_name("vectors")
 FORM = ("PUSH-001", "PUSH-002", "PUSH-003", "PUSH-004", "PUSH-005", "PUSH-006", "PUSH-007", "PUSH-008", "PUSH-009")
@@ -26,13 +29,13 @@ def push(*data: bytes, name: str = "PUSHCAN", gap: float = 20) -> str:
 
 @pytest.mark.parametrize("rule", FORM)
 def test_a_fault_is_found_where_the_witness_finds_it(rule: str) -> None:
-    found = compare(rule, f"{rule}@4")
+    found = proved(rule, flight(f"{rule}@4", seconds=10))
     assert [one.count for one in found] == [1]
 
 
 @pytest.mark.parametrize("rule", [*FORM, "PUSH-010", "PUSH-011"])
 def test_a_clean_flight_has_none(rule: str) -> None:
-    assert said(rule, fly()[0]) == []
+    assert said(rule, flight(seconds=10)) == []
 
 
 def test_blocks_of_the_vectors() -> None:
@@ -83,7 +86,8 @@ def test_a_wrong_length_stands_with_the_right_one() -> None:
 
 def test_only_a_query_goes_to_all_units() -> None:
     query, setting = encode.packet(QUERY, 0, 0xFF), encode.packet("PUSHSCI.SetZero", 1, 0xFF)
-    assert places("PUSH-008", push(query, setting, name="PUSHSCI")) == [(3, "unit 0xFF")]
+    (one,) = said("PUSH-008", push(query, setting, name="PUSHSCI"))
+    assert (one.frames, one.text) == ((3,), "unit 0xFF")
 
 
 @pytest.mark.parametrize(("end", "count"), [(28, 1), (None, 0)])
@@ -151,11 +155,9 @@ def test_a_damaged_packet_explains_a_count() -> None:
 
 @pytest.mark.parametrize("rule", ["PUSH-010", "PUSH-011"])
 def test_what_holds_for_a_node_is_said_once(rule: str) -> None:
-    text, flight = fly(rule, seconds=4)
-    found = said(rule, text)
-    assert found == said(rule, text, STEP)
-    assert {one.node for one in found} >= {answer["node"] for answer in flight.answers(rule)}
-    assert {frame for one in found for frame in one.frames} <= set().union(*finder(rule)(flight.log))
+    found, witness = whole(flight(rule), (rule,), (401,)), fly(rule, seconds=4, seed=SEED)
+    assert {one.node for one in found} >= {answer["node"] for answer in witness.answers(rule)}
+    assert {frame for one in found for frame in one.frames} <= set().union(*finder(rule)(witness.log))
     assert len({(one.node, one.text) for one in found}) == len(found) > 0
     assert all(one.count == 1 and one.severity == "note" for one in found)
 

@@ -7,8 +7,10 @@ from typing import Any
 
 import encode
 import pytest
+from faulted import flight
 from judged import judge
-from packet_flights import MOTOR, Sent, capture, compare, fly, motor, motors, said
+from packet_log import MOTOR, Sent, capture, motor, motors, said
+from proved import proved
 
 VECTORS = Path(__file__).with_name("vectors")
 RULES = (
@@ -29,11 +31,11 @@ def texts(rule: str, text: str) -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize("rule", RULES)
 def test_a_fault_is_found_where_the_witness_finds_it(rule: str) -> None:
-    assert [one.count for one in compare(rule, f"{rule}@4")] == [1]
+    assert [one.count for one in proved(rule, flight(f"{rule}@4", seconds=10))] == [1]
 
 
 def test_a_clean_flight_has_none() -> None:
-    assert judge(fly()[0], RULES) == []
+    assert judge(flight(seconds=10), RULES) == []
 
 
 def test_the_block_of_the_vectors() -> None:

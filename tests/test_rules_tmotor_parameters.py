@@ -6,28 +6,25 @@ from typing import Any
 
 import encode
 import pytest
-from judged import judge
-from proved import flight, proved
+from faulted import flight
+from judged import judge, whole
+from proved import exact
+from sent import Sent, alive, log
 
-MS = 1_000_000
 _FIELDS = [field.split(":")[0] for field in encode.TYPES["ParamGet"].layout.split()]
 REPORT: dict[str, Any] = dict.fromkeys(_FIELDS, 1) | {"rsvd": [], "esc_uuid": 0x11223344, "esc_product_date": 20240703}
 WRITE: dict[str, Any] = dict.fromkeys([f.split(":")[0] for f in encode.TYPES["ParamCfg"].layout.split()], 1)
 WRITE |= {"esc_uuid": 0x11223344, "esc_save_option": 0}
-STATUS = {"health": 0, "mode": 0, "sub_mode": 0, "vendor_specific_status_code": 0}
 
 
 class Capture:
     """Transfers in the order of sending, at times in ms."""
 
     def __init__(self) -> None:
-        self.text = ""
-        self._sent = 0
+        self.sent: list[Sent] = []
 
     def send(self, t: int, name: str, node: int, **fields: Any) -> Capture:
-        for frame in encode.transfer(name, fields, node, self._sent).frames(t * MS):
-            self.text += encode.log_line(frame) + "\n"
-        self._sent += 1
+        self.sent.append((t, encode.transfer(name, fields, node, len(self.sent))))
         return self
 
     def report(self, t: int, node: int = 11, **fields: Any) -> Capture:
@@ -37,11 +34,11 @@ class Capture:
         return self.send(t, "ParamCfg", 125, **WRITE | fields)
 
     def alive(self, t: int, uptime: int, node: int = 11) -> Capture:
-        return self.send(t, "uavcan.protocol.NodeStatus", node, uptime_sec=uptime, **STATUS)
+        self.sent.append((t, alive(uptime, node, len(self.sent))))
+        return self
 
     def told(self, *rules: str) -> list[str]:
-        (result,) = {tuple(judge(self.text, rules, step=step)) for step in (None, 1, 7)}
-        return [one.text for one in result for _ in range(one.count)]
+        return [one.text for one in whole(log(*self.sent), rules) for _ in range(one.count)]
 
 
 @pytest.mark.parametrize(
@@ -59,14 +56,13 @@ class Capture:
     ],
 )
 def test_a_fault_is_found_where_it_is(order: str, severity: str, text: str) -> None:
-    (one,) = proved(order[:7], order)
+    (one,) = exact(order[:7], flight(order))
     assert (one.severity, one.count, one.text) == (severity, 1, text)
 
 
 def test_a_sound_flight_has_queries_only() -> None:
-    text, _ = flight(escs=5)
-    assert not judge(text, ("TYP-209", "TYP-210", "TYP-401", "TYP-402", "TYP-403"))
-    (one,) = proved("TYP-208", escs=5)
+    assert not judge(flight(escs=5), ("TYP-209", "TYP-210", "TYP-401", "TYP-402", "TYP-403"))
+    (one,) = exact("TYP-208", flight(escs=5))
     assert (one.severity, one.text) == ("note", "asked by node 125")
 
 

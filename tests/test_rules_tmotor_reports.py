@@ -10,12 +10,13 @@ from typing import Any
 
 import encode
 import pytest
-from judged import judge
-from proved import flight, proved
+from faulted import flight
+from judged import judge, whole
+from proved import exact, proved
+from sent import log
 from sequences import STATUS
 
 VECTORS = Path(__file__).parent / "vectors"
-MS = 1_000_000
 IDLE = 2 << 12
 ERROR = 6 << 12
 WORDS = ("TYP-303", "TYP-304", "TYP-305", "TYP-306", "TYP-307")
@@ -23,13 +24,11 @@ WORDS = ("TYP-303", "TYP-304", "TYP-305", "TYP-306", "TYP-307")
 
 def sent(k: int, node: int = 11, name: str = "ESCStatus", **fields: Any) -> str:
     usual = STATUS | {"esc_index": 0, "error_count": IDLE} if name == "ESCStatus" else {}
-    frames = encode.transfer(name, usual | fields, node, k).frames(k * 20 * MS)
-    return "".join(encode.log_line(frame) + "\n" for frame in frames)
+    return log((k * 20, encode.transfer(name, usual | fields, node, k)))
 
 
 def told(text: str, *rules: str, **settings: Any) -> list[tuple[str, str, int, str]]:
-    (result,) = {tuple(judge(text, rules, step=step, **settings)) for step in (None, 1, 7)}
-    return [(one.rule, one.severity, one.count, one.text) for one in result]
+    return [(one.rule, one.severity, one.count, one.text) for one in whole(text, rules, **settings)]
 
 
 def words(*values: int, node: int = 11) -> str:
@@ -54,7 +53,7 @@ def words(*values: int, node: int = 11) -> str:
     ],
 )
 def test_a_fault_is_found_where_it_is(order: str, severity: str, count: int, text: str) -> None:
-    (one,) = proved(order[:7], order)
+    (one,) = exact(order[:7], flight(order))
     assert (one.severity, one.count, one.text) == (severity, count, text)
 
 
@@ -63,7 +62,7 @@ def test_a_fault_is_found_where_it_is(order: str, severity: str, count: int, tex
     [("TYP-009:node=12", "360 values of 120 transfers end in 000"), ("TYP-307:node=12", "4, then 5")],
 )
 def test_a_habit_is_told_once_a_node(order: str, text: str) -> None:
-    (one,) = proved(order[:7], order, each=False)
+    (one,) = proved(order[:7], flight(order))
     assert (one.severity, one.node, one.count, one.text) == ("note", 12, 1, text)
 
 
@@ -76,8 +75,8 @@ def test_the_vectors_break_the_status_word_where_they_say() -> None:
 
 
 def test_each_node_has_its_unit() -> None:
-    text, _ = flight("TYP-301")
-    units = {one.node: one.text.partition(",")[0] for one in judge(text, ("TYP-301",), step=401)}
+    said = judge(flight("TYP-301"), ("TYP-301",), step=401)
+    units = {one.node: one.text.partition(",")[0] for one in said}
     assert units == {11: "degrees Celsius", 12: "degrees Celsius", 13: "kelvin", 14: "degrees Celsius"}
     mixed = sent(0, temperature=150.0) + sent(1, temperature=math.nan) + sent(2, temperature=250.0)
     assert told(mixed, "TYP-301") == [("TYP-301", "note", 1, "undecided, samples 150.0 to 250.0")]
@@ -85,9 +84,8 @@ def test_each_node_has_its_unit() -> None:
 
 
 def test_a_sound_flight_is_clean() -> None:
-    text, _ = flight(escs=5)
     rules = ("TYP-009", "TYP-010", "TYP-302", "TYP-308", *WORDS)
-    assert not judge(text, rules)
+    assert not judge(flight(escs=5), rules)
 
 
 def test_a_stock_esc_has_no_status_word() -> None:
@@ -137,8 +135,7 @@ def test_error_mode_says_what_went_before() -> None:
         "after mode 4, faults: throttle loss, stall",
     )
     assert told(words(ERROR, IDLE), "TYP-306")[0][2:] == (1, "after mode unknown, faults: none")
-    later = judge(words(4 << 12, ERROR, IDLE, ERROR), ("TYP-306",), step=3)
-    assert later == judge(words(4 << 12, ERROR, IDLE, ERROR), ("TYP-306",))
+    assert whole(words(4 << 12, ERROR, IDLE, ERROR), ("TYP-306",), (3,))
 
 
 def test_a_word_counts_if_it_only_rises_in_small_steps() -> None:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from itertools import count
-from typing import TYPE_CHECKING
 
 import encode
 import pytest
-from judged import judge
-from proved import flight, proved
+from faulted import flight
+from judged import judge, whole
+from proved import exact
+from sent import log
+from sequences import MS, START
 
-if TYPE_CHECKING:
-    from judged import Said
-
-MS = 1_000_000
 RULES = ("TYP-501", "TYP-502", "TYP-503", "TYP-504")
 DATA = [0x7B, 0x8C, 0x15]
 
@@ -23,20 +21,15 @@ def capture(*sent: tuple[int, int, int], data: list[int] | None = None, broken: 
     text, fresh = "", count()
     for k, (number, sequence, t) in enumerate(sent):
         fields = {"data_sequence": sequence, "data": data or [*DATA, next(fresh)]}
-        frames = encode.transfer("PUSHCAN", fields, 11, number).frames(t * MS)
+        frames = encode.transfer("PUSHCAN", fields, 11, number).frames(START + t * MS)
         if k == broken:
             frames = frames[:1]
         text += "".join(encode.log_line(frame) + "\n" for frame in frames)
     return text
 
 
-def found(text: str) -> list[Said]:
-    (result,) = {tuple(judge(text, RULES, step=step)) for step in (None, 1, 7)}
-    return list(result)
-
-
 def told(*sent: tuple[int, int, int], **more: int) -> list[tuple[str, str]]:
-    return [(one.rule, one.text) for one in found(capture(*sent, **more))]
+    return [(one.rule, one.text) for one in whole(capture(*sent, **more), RULES)]
 
 
 @pytest.mark.parametrize(
@@ -53,13 +46,12 @@ def told(*sent: tuple[int, int, int], **more: int) -> list[tuple[str, str]]:
     ],
 )
 def test_a_fault_is_found_where_it_is(order: str, severity: str, text: str) -> None:
-    (one,) = proved(order[:7], order)
+    (one,) = exact(order[:7], flight(order))
     assert (one.severity, one.count, one.text) == (severity, 1, text)
 
 
 def test_a_sound_flight_is_clean() -> None:
-    text, _ = flight(escs=5)
-    assert not judge(text, RULES)
+    assert not judge(flight(escs=5), RULES)
 
 
 def test_transfers_that_did_not_arrive_explain_their_numbers() -> None:
@@ -83,26 +75,24 @@ def test_a_wrap_is_no_restart() -> None:
 
 
 def test_the_same_data_again_is_a_note() -> None:
-    (one,) = found(capture((0, 5, 0), (1, 5, 20), data=DATA))
+    (one,) = whole(capture((0, 5, 0), (1, 5, 20), data=DATA), RULES)
     assert (one.severity, one.text) == ("note", "5 again, the same data")
-    (one,) = found(capture((0, 5, 0), (1, 5, 20)))
+    (one,) = whole(capture((0, 5, 0), (1, 5, 20)), RULES)
     assert (one.severity, one.text) == ("warning", "5 again, other data")
 
 
 def test_each_node_counts_on_its_own() -> None:
-    one = [encode.transfer("PUSHCAN", {"data_sequence": k, "data": DATA}, 11, k).frames(k * 40 * MS) for k in range(6)]
-    two = [
-        encode.transfer("PUSHCAN", {"data_sequence": 90 + k, "data": DATA}, 12, k).frames((k * 40 + 20) * MS)
-        for k in range(6)
-    ]
-    frames = sorted((frame for sent in (*one, *two) for frame in sent), key=lambda frame: frame.t)
-    assert not found("".join(encode.log_line(frame) + "\n" for frame in frames))
+    def sent(k: int, node: int, first: int) -> encode.Transfer:
+        return encode.transfer("PUSHCAN", {"data_sequence": first + k, "data": DATA}, node, k)
+
+    both = [(k * 40 + late, sent(k, *who)) for k in range(6) for late, who in ((0, (11, 0)), (20, (12, 90)))]
+    assert not whole(log(*both), RULES)
 
 
 def test_a_gap_beside_lost_frames_is_a_note() -> None:
     text = capture((0, 5, 0), (1, 6, 20))
     gap = capture((2, 9, 40))
-    drop = "(0.030000) can0 20000004#0001000000000000\n"  # the controller's receive buffer ran over
+    drop = "(1700000000.030000) can0 20000004#0001000000000000\n"  # the controller's receive buffer ran over
     (alone,) = judge(text + gap, RULES)
     (beside,) = judge(text + drop + gap, RULES)
     assert (alone.severity, beside.severity) == ("warning", "note")

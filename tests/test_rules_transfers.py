@@ -7,10 +7,10 @@ from pathlib import Path
 
 import encode
 import pytest
-from judged import judge
-from sent import flight
+from faulted import flight
+from judged import judge, whole
+from proved import agree
 from sequences import MS, SECOND, at, lines, push, retail, status, tail, throttle
-from witnessing import agree
 
 RULES = tuple(f"TRF-{number:03}" for number in (1, 2, 4, 5, 6, 7, 8, 9, 12, 13, 14, 15, 26, 27, 29))
 VIOLATIONS = (Path(__file__).parent / "vectors" / "violations.log").read_text()
@@ -19,9 +19,7 @@ TOGGLE, LATE = 0x20, 5 * SECOND
 
 def said(text: bytes, rule: str) -> list[tuple[str, int, int, str]]:
     """Severity, number of occurrences, first frame and text of each finding, the same for every batch."""
-    found = judge(text, (rule,))
-    assert judge(text, (rule,), step=7) == found
-    return [(one.severity, one.count, one.first, one.text) for one in found]
+    return [(one.severity, one.count, one.first, one.text) for one in whole(text, (rule,), (7,))]
 
 
 def usual(count: int = 4) -> list[encode.Frame]:
@@ -38,8 +36,7 @@ def test_a_clean_flight_breaches_none() -> None:
 
 
 def test_the_examples_of_the_document() -> None:
-    found = judge(VIOLATIONS, RULES)
-    assert judge(VIOLATIONS, RULES, step=1) == found
+    found = whole(VIOLATIONS, RULES, (1,))
     assert {(one.rule, frame) for one in found for frame in one.frames} == {
         ("TRF-001", 8), ("TRF-006", 9), ("TRF-006", 14), ("TRF-005", 16), ("TRF-006", 20), ("TRF-007", 25),
         ("TRF-005", 26), ("TRF-012", 42), ("TRF-013", 42), ("TRF-015", 46), ("TRF-026", 50), ("TRF-026", 51),

@@ -8,12 +8,10 @@ from typing import Any, NamedTuple
 
 import pytest
 from campaign import pages, shows, worst
-from judged import outcome, registry
+from flown import Flown, simulation
+from judged import outcome
 
-from analyzer.simulate import Settings, Simulation
 from analyzer.simulate.faults import catalogue
-from analyzer.simulate.text import line
-from dissectors.traffic import SECOND
 
 FULL, HALF = 1_000_000, 500_000
 RULES = tuple(rule for rule in catalogue.faults() if rule.partition("-")[0] in {"BUS", "CAP"})
@@ -21,7 +19,7 @@ RULES = tuple(rule for rule in catalogue.faults() if rule.partition("-")[0] in {
 BIT_RATES = {"BUS-003": HALF, "BUS-004": FULL, "BUS-019": FULL}
 
 
-class Flown(NamedTuple):
+class Told(NamedTuple):
     """A flight as candump text, the answers of its key, and the frames that each answer is about."""
 
     text: str
@@ -29,12 +27,10 @@ class Flown(NamedTuple):
 
 
 @cache
-def fly(order: str = "", bit_rate: int = FULL, seconds: int = 8, escs: int = 4) -> Flown:
+def fly(order: str = "", bit_rate: int = FULL, seconds: int = 8, escs: int = 4) -> Told:
     orders = (catalogue.order(order),) if order else ()
-    settings = Settings(duration=seconds * SECOND, bit_rate=bit_rate, escs=escs, orders=orders)
-    made = Simulation(settings, registry())
-    text = "".join(line(frame, settings.start, settings.buses) for frame in made.frames())
-    return Flown(text, made.key()["faults"])
+    made = Flown(simulation(seconds, bit_rate=bit_rate, escs=escs, orders=orders))
+    return Told(made.text, made.simulation.key()["faults"])
 
 
 @cache

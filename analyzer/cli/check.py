@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
     from analyzer.cli.session import Session
     from analyzer.conformance import Choice
-    from analyzer.engine import Batch
     from analyzer.report.baseline import Baseline
     from analyzer.report.build import Taken
     from analyzer.report.model import Report
     from analyzer.rules.catalogue import Page
+    from analyzer.rules.checking import Check, Measured
     from analyzer.rules.expected import Expected
     from analyzer.rules.gate import FailOn
     from analyzer.rules.settings import Settings
@@ -235,8 +235,8 @@ class _Wanted:
             for part in session.source.parts:
                 part.hashed = True
             try:
-                for batch in self._batches(session):
-                    checking.feed(batch)
+                for measured in self._measured(session, checking):
+                    checking.feed(measured)
             except CaptureError as error:
                 unopened = reason_of(error, names[0])
                 raise
@@ -254,12 +254,12 @@ class _Wanted:
         )
         return taken, session.status == INTERRUPTED
 
-    def _batches(self, session: Session) -> Iterator[Batch]:
+    def _measured(self, session: Session, checking: Check) -> Iterator[Measured]:
         from analyzer.ahead import ahead  # noqa: PLC0415
         from analyzer.cli.progress import Progress  # noqa: PLC0415
         from analyzer.sources import StopReading  # noqa: PLC0415
 
-        batches: Iterator[Batch] = session.batches()
+        batches = checking.measured(session.batches())
         if all(os.path.isfile(part.name) for part in session.source.parts):  # noqa: PTH113 - signals end other reading here, in this thread
             batches = ahead(batches)
         with Progress(session.source) as progress:

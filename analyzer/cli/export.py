@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from contextlib import AbstractContextManager
 
+    from analyzer.cli.export_findings import Judging
     from analyzer.cli.goal import Goal
     from analyzer.cli.progress import Progress
     from analyzer.cli.session import Session
@@ -42,7 +43,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     parser.add_argument(
         "--table", action="append", default=[], metavar="NAME",
-        help="only this table: frames, transfers, events, NodeStatus or another type or packet; repeatable",
+        help="only this table: frames, transfers, events, NodeStatus or another type or packet; repeatable; "
+        "findings: what `check` finds, into MCAP",
     )  # fmt: skip
     options.add_window(parser)
     parser.set_defaults(run=run)
@@ -84,15 +86,16 @@ class _Reading:
     """The capture part by part, with what is inside the window counted."""
 
     def __init__(self, session: Session, window: Window) -> None:
-        self._session, self._window = session, window
+        self._session, self.window = session, window
         self._frames = self._transfers = self._events = 0
 
-    def parts(self) -> Iterator[Part]:
-        """What is inside the window. Ends the session when there is no use in going on."""
+    def parts(self, judging: Judging | None = None) -> Iterator[Part]:
+        """What is inside the window; all is judged. Ends the session when there is no use in going on."""
         from analyzer.sinks.part import PartSelection  # noqa: PLC0415
 
-        selection = PartSelection(self._window, self._session.again)
-        for part in selection.parts(self._session.batches()):
+        selection = PartSelection(self.window, self._session.again)
+        batches = self._session.batches()
+        for part in selection.parts(batches if judging is None else judging.over(batches)):
             self._frames += len(part.frames)
             self._transfers += len(part.transfers)
             self._events += len(part.events)
@@ -100,7 +103,7 @@ class _Reading:
             self._session.go_on()
         self._session.go_on()
         self._session.require(selection.problem)
-        self._session.require_inside(self._frames + self._transfers + self._events, self._window)
+        self._session.require_inside(self._frames + self._transfers + self._events, self.window)
 
     @property
     def outside(self) -> str:
@@ -141,19 +144,25 @@ def _tables(goal: Goal, args: argparse.Namespace, session: Session, reading: _Re
 
 
 def _telemetry(goal: Goal, session: Session, reading: _Reading) -> None:
+    from analyzer.cli.export_findings import Judging  # noqa: PLC0415
     from analyzer.sinks import losses  # noqa: PLC0415
     from analyzer.sinks.atomic import Target  # noqa: PLC0415
+    from analyzer.sinks.export import FINDINGS  # noqa: PLC0415
     from analyzer.sinks.telemetry import TelemetryExport  # noqa: PLC0415
 
+    judging = Judging(session) if FINDINGS in (goal.tables or [FINDINGS]) else None
     with Target(goal.path) as target:
         export = TelemetryExport(target.file, goal.tables, _about(session))
         with _progress(session) as progress:
-            for part in progress.over(reading.parts()):
+            for part in progress.over(reading.parts(judging)):
                 export.add(part)
+        if judging is not None:
+            export.add_findings(judging.report(), windowed=bool(reading.window))
         export.finish()
         session.go_on()
     events = f", {export.events} events" if export.events else ""
-    what = f"{export.messages} messages{events} and {export.frames} frames"
+    findings = f", {export.findings} findings" if export.findings else ""
+    what = f"{export.messages} messages{events}{findings} and {export.frames} frames"
     _account(session, what, target.name, reading.outside)
     if lost := losses(export.lost):
         streams.tell(f"-- frames in MCAP cannot hold: {lost}\n")
@@ -201,10 +210,11 @@ def _say_stale(session: Session, goal: Goal, written: set[str]) -> None:
 
 def _about(session: Session) -> dict[str, str]:
     from analyzer.cli import version  # noqa: PLC0415
+    from analyzer.views.terminal import escape  # noqa: PLC0415
 
     return {
         "tailbyte.version": version(),
-        "tailbyte.capture": session.source.name,
+        "tailbyte.capture": escape(session.source.name),  # may hold bytes that are no text
         "tailbyte.times": "UTC; in a capture without dates from an arbitrary start",
     }
 

@@ -41,6 +41,8 @@ def goal(output: str, form: str | None, tables: Sequence[str]) -> Goal:
     form = form or named or "parquet"
     if output == "-" and form != "csv" and sys.stdout.isatty():
         raise ValueError(f"{form} is nothing for a terminal")
+    if form != "mcap" and "findings" in tables:
+        raise ValueError("findings go into MCAP: give FILE.mcap, or use tailbyte check")
     if form == "mcap":
         return _mcap(output, tables, into=into)
     folder = into or (named is None and output != "-" and not one)
@@ -51,7 +53,7 @@ def goal(output: str, form: str | None, tables: Sequence[str]) -> Goal:
 
 def _mcap(output: str, tables: Sequence[str], *, into: bool) -> Goal:
     if "transfers" in tables:
-        raise ValueError("MCAP holds messages, frames and events, but no table of transfers")
+        raise ValueError("MCAP holds messages, frames, events and findings, but no table of transfers")
     if into:
         raise ValueError(f"{output}: is a folder, and MCAP is one file: give it a name")
     return Goal("mcap", output, folder=False, tables=tuple(tables))

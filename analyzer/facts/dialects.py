@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.facts.meaning import meaning
-from analyzer.tables import numbers
+from analyzer.tables import distinct, numbers
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
@@ -51,7 +51,7 @@ class Dialects:
         """A batch of one message."""
         trusted = numbers(table.column("trusted"))
         nodes = (numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src")))[trusted]
-        self._nodes.setdefault(message.name, set()).update(_node(code) for code in np.unique(nodes).tolist())
+        self._nodes.setdefault(message.name, set()).update(map(_node, distinct(nodes)))
         if not message.readings:
             return
         self._messages[message.table] = message
@@ -69,10 +69,10 @@ class Dialects:
         values, nodes = values[good], nodes[good]
         low, stop = _limits(message, evidence)
         inside = (values >= low) & (values < stop)
-        for code in np.unique(nodes).tolist():
-            here = inside[nodes == code]
+        hits, misses = distinct(nodes[inside]), distinct(nodes[~inside])
+        for code in {*hits, *misses}:
             hit, miss = seen.get(_node(code), (False, False))
-            seen[_node(code)] = (hit or bool(here.any()), miss or not here.all())
+            seen[_node(code)] = (hit or code in hits, miss or code in misses)
 
     def choice(self, message: str, reading: str, node: Node) -> str:
         """What one node's reading of a message's field is so far, empty if there is no such reading."""

@@ -12,7 +12,7 @@ from analyzer.facts.cells import pylist
 from analyzer.facts.dialects import Dialects, Statement
 from analyzer.facts.names import type_name
 from analyzer.facts.traffic import BIT_RATE, SECOND, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
-from analyzer.tables import EVENTS, KINDS, STAMPS, VERDICTS, numbers
+from analyzer.tables import EVENTS, KINDS, STAMPS, VERDICTS, distinct, numbers, valid
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -114,16 +114,24 @@ class Facts:
 class Summary:
     """Adds up batches; `finish` gives the facts.
 
+    Args:
+        registry: the types that the capture is decoded with.
+        forced: readings by node ID that stand against any evidence.
+        read: the readings of nodes, if somebody else adds them up already.
+
     Bounds: `MOST_TALKS` combinations of bus, node and type, `MOST_IDS` foreign identifiers, `MOST_NODES` versions.
     """
 
-    def __init__(self, registry: Registry, forced: Mapping[int, Collection[str]] | None = None) -> None:
+    def __init__(
+        self, registry: Registry, forced: Mapping[int, Collection[str]] | None = None, read: Dialects | None = None
+    ) -> None:  # fmt: skip
         self._registry = registry
         self._buses: dict[int, BusCount] = {}
         self._names: tuple[str, ...] = ()
         self._talks = Talks()
         self._foreign = ForeignIds()
-        self._dialects = Dialects(forced)
+        self._dialects = Dialects(forced) if read is None else read
+        self._reads = read is None
         self._software: dict[tuple[int, int], str] = {}
         self._dropped = False
 
@@ -138,7 +146,8 @@ class Summary:
             message = self._registry.message(*sent)
             table = batch.messages.get(message.table) if message is not None else None
             if message is not None and table is not None:
-                self._dialects.add(message, table)
+                if self._reads:
+                    self._dialects.add(message, table)
                 self._note_channels(sent, table)
         for table in batch.messages.values():
             self._note_software(table)
@@ -183,7 +192,7 @@ class Summary:
         data = frames.column("data")
         sizes = np.diff(np.frombuffer(data.buffers()[1], np.int32)[data.offset : data.offset + len(data) + 1])
         t, valid = times(frames)
-        for index in np.unique(bus).tolist():
+        for index in distinct(bus):
             here = bus == index
             self._buses.setdefault(index, BusCount()).add(sizes[here], flags[here], t[here & valid])
 
@@ -191,11 +200,14 @@ class Summary:
         """People's numbers of the ESCs that a node speaks for: the profile calls that column `channel`."""
         if "channel" not in table.schema.names:
             return
-        columns = [pylist(table.column(name)) for name in ("bus", "src", "channel", "trusted")]
-        for bus, src, channel in {row[:3] for row in zip(*columns, strict=True) if row[3]}:
-            talk = self._talks.all.get((bus, src, sent))
-            if talk is not None and channel is not None and len(talk.channels) < MOST_CHANNELS:
-                talk.channels.add(round(channel))
+        column = table.column("channel")
+        good = numbers(table.column("trusted")) & valid(column)
+        node = numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src"))
+        channels = np.rint(numbers(column)).astype(np.int64)
+        for code in distinct((node << 32 | channels & 0xFFFF_FFFF)[good]):
+            talk = self._talks.all.get((code >> 40, code >> 32 & 0xFF, sent))
+            if talk is not None and len(talk.channels) < MOST_CHANNELS:
+                talk.channels.add(code & 0xFFFF_FFFF)
 
     def _note_software(self, table: pa.RecordBatch) -> None:
         """A version that a node reports of itself, as a text or as major and minor."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analyzer.tables import EXTENDED, FD, REMOTE, STATUSES, VERDICTS, numbers
+from analyzer.tables import EXTENDED, FD, REMOTE, STATUSES, VERDICTS, counted, numbers, valid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,7 +34,7 @@ _FOREIGN = VERDICTS.index("foreign")
 def times(table: pa.RecordBatch, column: str = "t") -> tuple[Words, Words]:
     """A time column as nanoseconds, and which of them there are."""
     array = table.column(column)
-    return numbers(array), np.asarray(array.is_valid())
+    return numbers(array), valid(array)
 
 
 @dataclass(slots=True)
@@ -61,8 +61,7 @@ class BusCount:
         first, last = int(t.min()), int(t.max())
         self.first = first if self.first is None else min(self.first, first)
         self.last = last if self.last is None else max(self.last, last)
-        seconds, counts = np.unique((t - self.first) // SECOND, return_counts=True)
-        for second, count in zip(seconds.tolist(), counts.tolist(), strict=True):
+        for second, count in zip(*counted((t - self.first) // SECOND), strict=True):
             self._count = count + (self._count if second == self._second else 0)
             self._second = second
             self.peak = max(self.peak, self._count)
@@ -104,13 +103,13 @@ class Talks:
         names = ("bus", "src", "variant", "kind", "type_id")
         bus, src, variant, kind, type_id = (numbers(transfers.column(name)).astype(np.int64) for name in names)
         broken = ~np.isin(numbers(transfers.column("status")), _WHOLE)
-        t, valid = times(transfers)
+        t, timed = times(transfers)
         codes, inverse = np.unique(bus << 40 | src << 32 | variant << 24 | kind << 16 | type_id, return_inverse=True)
         count, bad = np.bincount(inverse), np.bincount(inverse, weights=broken)
         first = np.full(len(codes), np.iinfo(np.int64).max)
         last = np.full(len(codes), np.iinfo(np.int64).min)
-        np.minimum.at(first, inverse[valid], t[valid])
-        np.maximum.at(last, inverse[valid], t[valid])
+        np.minimum.at(first, inverse[timed], t[timed])
+        np.maximum.at(last, inverse[timed], t[timed])
         for k, code in enumerate(codes.tolist()):
             talk = self._talk((code >> 40, code >> 32 & 0xFF, _type(code)), int(count[k]))
             if talk is None:
@@ -152,8 +151,7 @@ class ForeignIds:
         ids, flags = numbers(frames.column("id")), numbers(frames.column("flags"))
         verdicts = numbers(frames.column("verdict")).copy()
         codes = ids.astype(np.int64) << 1 | (flags & EXTENDED != 0)
-        foreign, counts = np.unique(codes[verdicts == _FOREIGN], return_counts=True)
-        for code, count in zip(foreign.tolist(), counts.tolist(), strict=True):
+        for code, count in zip(*counted(codes[verdicts == _FOREIGN]), strict=True):
             self._change(code, count)
         if len(frames):
             self._kept.append((batch.first_frame, codes, verdicts))

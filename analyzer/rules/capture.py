@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.rules.drops import drops_in, overflowed, when
-from analyzer.tables import EVENTS, FRAME_ANOMALIES
+from analyzer.tables import EVENTS, FRAME_ANOMALIES, distinct
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Found, Occurrence, Watcher, watches
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class Backwards(Watcher):
                 rows,
                 lambda row: {"milliseconds": back[row] / MILLISECOND, "frame": frames.first + row + 1},
             )
-        for bus in np.flatnonzero(np.bincount(frames.bus)).tolist():
+        for bus in distinct(frames.bus):
             at = len(frames) - 1 - int(np.argmax(frames.bus[::-1] == bus))
             if frames.t[at] == NO_TIME:
                 mine = np.flatnonzero((frames.bus == bus) & (frames.t != NO_TIME))

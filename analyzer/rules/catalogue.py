@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import string
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast, get_args
 
@@ -66,7 +67,8 @@ class Page:
         return ", ".join(f"{name}={values[name]}" for name in self.key)
 
 
-def load(registry: Registry) -> dict[str, Page]:
+@lru_cache(maxsize=1)
+def load(registry: Registry) -> Mapping[str, Page]:
     """Every page by rule, in the order of layers and numbers; a vendor's page goes before a general one."""
     files = [Path(__file__).with_name("catalogue.toml")]
     files += [profile.folder / FILE for profile in registry.profiles]

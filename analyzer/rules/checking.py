@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from analyzer.facts.cells import pylist
 from analyzer.facts.summary import MOST_NODES, Summary
+from analyzer.rules.columns import Frames
 from analyzer.rules.course import Course
 from analyzer.rules.coverage import Tracker
 from analyzer.rules.judge import Judge
+from analyzer.rules.load import bit_times
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     import pyarrow as pa
 
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from analyzer.rules.judge import Outcome
     from analyzer.rules.settings import Settings
     from dissectors import Registry
+    from dissectors.conformance import Words
 
 MOST_NAME = 80  # characters
 _INFO = "uavcan.protocol.GetNodeInfo.Response"
@@ -38,20 +41,33 @@ class Checked:
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
 
 
+class Measured(NamedTuple):
+    """A batch, and the `bit_times` of its frames."""
+
+    batch: Batch
+    bits: Words
+
+
 class Check:
-    """Adds up batches of one capture; memory is bounded."""
+    """Adds up batches of one capture, first `measured` and then fed; memory is bounded."""
 
     def __init__(self, registry: Registry, settings: Settings) -> None:
         self.judge = Judge(registry, settings)
-        self._summary = Summary(registry, settings.dialects)
+        self._summary = Summary(registry, read=self.judge.dialects)
         self._seen = Tracker(registry)
         self._course = Course()
         self._names: dict[tuple[int, int], str] = {}
 
-    def feed(self, batch: Batch) -> None:
+    def measured(self, batches: Iterable[Batch]) -> Iterator[Measured]:
+        """What no rule is needed for: another thread may do this while `feed` judges what came before."""
+        for batch in batches:
+            self._summary.add(batch)
+            yield Measured(batch, bit_times(Frames(batch.frames)))
+
+    def feed(self, measured: Measured) -> None:
         """The next batch."""
-        view = self.judge.feed(batch)
-        self._summary.add(batch)
+        batch, bits = measured
+        view = self.judge.feed(batch, bits)
         self._seen.look(view)
         self._course.look(view)
         if (table := batch.messages.get(_INFO)) is not None:

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.facts.cells import pylist
-from analyzer.tables import numbers
+from analyzer.tables import numbers, valid
 from dissectors.conformance import NO_TIME
 
 if TYPE_CHECKING:
@@ -265,11 +265,6 @@ def _not_finite(array: pa.Array, name: str) -> Iterator[tuple[str, Words, Words]
             rows = rows[valid(array)[rows]]
         if len(rows):
             yield name, rows, values[rows]
-
-
-def valid(array: pa.Array) -> Words:
-    """Rows that have a value."""
-    return np.asarray(array.is_valid()) if array.null_count else np.ones(len(array), bool)
 
 
 def listed(array: pa.Array) -> tuple[Words, Words]:

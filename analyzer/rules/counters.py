@@ -29,11 +29,12 @@ EXPIRY = 10 * SECOND  # a node is judged anew after this time without a breach
 LONGEST = 15 * SECOND  # held back at most
 MOST_HELD = 1024  # breaches a node; the oldest ones are reported first
 EVERY = SECOND  # what goes on is counted once in this time
+REPEATED, RESTARTED = "TRF-018", "TRF-019"
 _RULES = {
     1 << TRANSFER_ANOMALIES.index("transfer id gap"): "TRF-016",
     1 << TRANSFER_ANOMALIES.index("duplicate"): "TRF-017",
-    1 << TRANSFER_ANOMALIES.index("transfer id repeated"): "TRF-018",
-    1 << TRANSFER_ANOMALIES.index("transfer id restarted"): "TRF-019",
+    1 << TRANSFER_ANOMALIES.index("transfer id repeated"): REPEATED,
+    1 << TRANSFER_ANOMALIES.index("transfer id restarted"): RESTARTED,
 }
 _BITS = sum(_RULES)
 
@@ -75,7 +76,7 @@ class _Node:
 
     def calm(self) -> None:
         """Gives up looking for a cause of what is held."""
-        self.found += self.held
+        self.found += _restarts(self.held)
         self.held = []
         self.senders.clear()
         self.shared = None
@@ -241,6 +242,18 @@ def _breach(view: View, row: int) -> Breach | None:
 def _explains(cause: Occurrence, one: Breach) -> bool:
     """Two devices explain every breach of a node, a shared counter those of its messages that are no copies."""
     return cause.rule == "BUS-010" or (one.of_message and one.rule != "TRF-017")
+
+
+def _restarts(held: list[Breach]) -> Iterator[Breach]:
+    """The breaches; a session that was at 0 when its node restarted did not stand still: others began anew with it."""
+    anew = [one for one in held if one.rule == RESTARTED]
+    known = {one.session for one in anew}
+    for one in held:
+        if one.rule == REPEATED and not one.transfer_id and one.session not in known:
+            if any(abs(one.t - other.t) <= QUIET for other in anew):
+                one = one._replace(rule=RESTARTED)
+            known.add(one.session)
+        yield one
 
 
 def _founds(node: _Node) -> Iterator[Found]:

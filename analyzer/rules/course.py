@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from analyzer.tables import distinct
 from dissectors.conformance import NO_TIME, SECOND
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ class Course:
         if len(t):
             self._index(int(t.max()))
             at = np.maximum((t - self.start) // self.step, 0)
-            for one in np.flatnonzero(np.bincount(key)).tolist():
+            for one in distinct(key):
                 self._put(self._transfers, one, at[key == one])
 
     def frames(self, bus: int) -> tuple[int, ...]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.tables import FD, KINDS, STATUSES
+from analyzer.tables import FD, KINDS, STATUSES, distinct
 from dissectors.conformance import Measures
 from dissectors.schema import Array, Compound, Primitive
 
@@ -90,7 +90,7 @@ class Exercises:
         if len(frames):
             self._words.add("frames")
             if len(self._buses) < len(view.buses):
-                self._buses.update(np.flatnonzero(np.bincount(frames.bus)).tolist())
+                self._buses.update(distinct(frames.bus))
             if int(np.bitwise_or.reduce(frames.flags)) & FD:
                 self._words.add("fd")
         if len(self._buses) > 1:

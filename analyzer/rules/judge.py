@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from analyzer.engine import Batch
-    from analyzer.facts.dialects import Statement
+    from analyzer.facts.dialects import Dialects, Statement
     from analyzer.rules.catalogue import Page
     from analyzer.rules.findings import Key, Run
     from analyzer.rules.view import View
     from dissectors import Registry
-    from dissectors.conformance import Found, Occurrence
+    from dissectors.conformance import Found, Occurrence, Words
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +64,14 @@ class Judge:
         made = watchers.all_of(registry, self.enabled, brought)
         self._watchers = [one for one in made if not self.enabled.keys().isdisjoint(one.rules)]
 
-    def feed(self, batch: Batch) -> View:
-        """The next batch; gives it as the rules saw it."""
-        view = self._past.add(batch)
+    @property
+    def dialects(self) -> Dialects:
+        """How nodes' doubtful fields are read, from the batches so far."""
+        return self._past.dialects
+
+    def feed(self, batch: Batch, bits: Words | None = None) -> View:
+        """The next batch; gives it as the rules saw it. `bits` are the `bit_times` of its frames, if they are known."""
+        view = self._past.add(batch, bits)
         self._exercises.look(view)
         for name_units in self._name_units:
             self._labels |= {(bus, node): label for bus, node, label in name_units(view)}

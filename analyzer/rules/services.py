@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from analyzer.tables import KINDS, STATUSES
+from analyzer.tables import EXTENDED, KINDS, STATUSES, distinct
 from dissectors.conformance import NO_TIME, SECOND, Occurrence, Watcher
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ MOST = 256  # transfers of a link that wait
 MOST_LINKS = 1024  # older ones are left out
 _WHOLE = frozenset(STATUSES.index(word) for word in ("ok", "unchecked", "bad crc"))
 _NODES = 128
+# Of the identifier of a service frame: that it is one, that it asks, and all but the priority and these.
+_SERVICE, _ASKS, _LINK = 1 << 7, 1 << 15, 0xFF_7F7F
 
 _Link = tuple[int, int, int, int]
 
@@ -70,7 +72,8 @@ class Services(Watcher):
     """Follows calls by (interface, service, client, server, transfer ID).
 
     The core holds a session back until it is proven, so a request can come out long after its response. Each transfer
-    waits for `LATE`, and a response for the first request of its session, a request for a sign of its server.
+    waits for `LATE`, and a response for the first request of its session, a request for a sign of its server and for a
+    response that may have been sent, but is held back.
     """
 
     rules: ClassVar[tuple[str, ...]] = ("TRF-021", "TRF-022", "TRF-023", "TRF-024", "TRF-025")
@@ -78,10 +81,12 @@ class Services(Watcher):
     def __init__(self) -> None:
         self._talks: dict[_Link, _Talk] = {}
         self._heard: set[int] = set()
+        self._held: set[_Link] = set()
         self._now = NO_TIME
 
     def look(self, view: View) -> Iterator[Occurrence]:
         """Calls of this batch, and those whose time is over."""
+        self._note_held(view)
         t = view.transfers
         if not len(t):
             return
@@ -89,7 +94,7 @@ class Services(Watcher):
         who = t.bus.astype(np.int64) * _NODES + t.src
         done = 0
         for row in np.flatnonzero(t.kind >= REQUEST).tolist():
-            self._heard.update(np.unique(who[done:row]).tolist())
+            self._heard.update(distinct(who[done:row]))
             done, self._now = row, int(now[row])
             src, dst, kind = int(t.src[row]), int(t.dst[row]), int(t.kind[row])
             frames = tuple(t.frames(row))
@@ -103,27 +108,35 @@ class Services(Watcher):
             if link not in self._talks and len(self._talks) >= MOST_LINKS:
                 yield from _settled(self._talks.pop(next(iter(self._talks))), view)
             talk = self._talks.setdefault(link, _Talk(client, server))
-            yield from self._release(talk, part.bus, view)
+            yield from self._release(talk, link, view)
             insort(talk.waiting, part)
             talk.asked |= kind == REQUEST
             talk.answered |= kind == RESPONSE
             if len(talk.waiting) > MOST:
                 yield from _next(talk, talk.waiting.pop(0), view)
-        self._heard.update(np.unique(who[done:]).tolist())
+        self._heard.update(distinct(who[done:]))
         self._now = int(now[-1])
-        for (bus, *_), talk in self._talks.items():
-            yield from self._release(talk, bus, view)
+        for link, talk in self._talks.items():
+            yield from self._release(talk, link, view)
 
     def settle(self, view: View) -> Iterator[Occurrence]:
         """What the end of the capture leaves open."""
         for talk in self._talks.values():
             yield from _settled(talk, view)
 
-    def _release(self, talk: _Talk, bus: int, view: View) -> Iterator[Occurrence]:
+    def _note_held(self, view: View) -> None:
+        """Links with frames that look like a response, whether or not that is out yet."""
+        frames = view.frames
+        rows = np.flatnonzero((frames.id & (_SERVICE | _ASKS) == _SERVICE) & (frames.flags & EXTENDED != 0))
+        for code in distinct(frames.bus[rows].astype(np.int64) << 32 | frames.id[rows] & _LINK):
+            if len(self._held) < MOST_LINKS:
+                self._held.add((code >> 32, code >> 16 & 0xFF, code >> 8 & 0x7F, code & 0x7F))
+
+    def _release(self, talk: _Talk, link: _Link, view: View) -> Iterator[Occurrence]:
         """Judges what has waited long enough, and reports calls that can no longer be answered."""
         if self._now == NO_TIME or not talk.asked:
             return
-        if not talk.answered and bus * _NODES + talk.server not in self._heard:
+        if not talk.answered and (link in self._held or link[0] * _NODES + talk.server not in self._heard):
             return
         until = self._now - LATE
         while talk.waiting and talk.waiting[0].t < until:

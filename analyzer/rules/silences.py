@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from analyzer.tables import EVENTS
+from analyzer.tables import EVENTS, distinct
 from dissectors.conformance import NO_TIME, SECOND, Occurrence, Watcher
 
 if TYPE_CHECKING:
@@ -48,15 +48,18 @@ class Silences(Watcher):
                 row = int(np.argmax(code == node))
                 self._first[node] = _place(view, row, view.type_name(int(t.code[row])))
         table = view.table(STATUS)
-        reports = () if table is None else table.row[table.trusted & (table.t != NO_TIME)].tolist()
-        for row in reports:
-            node, now = int(code[row]), int(t.t[row])
-            last = self._status.get(node)
-            if last is not None and now - last.t > view.number("BUS-020", "late_s") * SECOND:
-                rows = np.flatnonzero(code[:row] == node)
-                active = int(t.t[rows[-1]]) if len(rows) else int(before[node])
-                yield from _silence(view, last, active, max(one for one in resumed if one <= now))
-            self._status[node] = _place(view, row, STATUS)
+        reports = np.empty(0, np.int64) if table is None else table.row[table.trusted & (table.t != NO_TIME)]
+        for node in distinct(code[reports]):
+            rows = reports[code[reports] == node]
+            known = self._status.get(node)
+            pauses = np.diff(t.t[rows], prepend=int(t.t[rows[0]]) if known is None else known.t)
+            late = pauses > view.number("BUS-020", "late_s") * SECOND
+            for at in np.flatnonzero(late).tolist():
+                last = known if known is not None and not at else _place(view, int(rows[at - 1]), STATUS)
+                sent = np.flatnonzero(code[: rows[at]] == node)
+                active = int(t.t[sent[-1]]) if len(sent) else int(before[node])
+                yield from _silence(view, last, active, max(one for one in resumed if one <= t.t[rows[at]]))
+            self._status[node] = _place(view, int(rows[-1]), STATUS)
         self._resumed = resumed[-1]
 
     def settle(self, view: View) -> Iterator[Occurrence]:

@@ -12,9 +12,9 @@ from analyzer.facts.dialects import Dialects
 from analyzer.facts.names import type_name
 from analyzer.rules.columns import Events, Frames, Table, Transfers
 from analyzer.rules.definitions import Definitions
-from analyzer.rules.load import split
+from analyzer.rules.load import bit_times, split
 from analyzer.rules.recent import Recent
-from analyzer.tables import EVENT_ROWS, EXTENDED, FRAMES, TRANSFERS, VERDICTS, empty
+from analyzer.tables import EVENT_ROWS, EXTENDED, FRAMES, TRANSFERS, VERDICTS, distinct, empty
 from dissectors.conformance import NO_TIME, Found
 
 if TYPE_CHECKING:
@@ -59,9 +59,9 @@ class Past:
         self._definitions: dict[str, Message | None] = {}
         self._tables = frozenset(registry.names())
 
-    def add(self, batch: Batch) -> View:
-        """The next batch, as rules see it."""
-        view = View(self, batch)
+    def add(self, batch: Batch, bits: Words | None = None) -> View:
+        """The next batch, as rules see it; `bits` are the `bit_times` of its frames, if they are known."""
+        view = View(self, batch, bits)
         self.buses = batch.buses
         self.recent.add(view.frames)
         self._note_times(view.frames)
@@ -107,7 +107,7 @@ class Past:
         self.start = int(t.min()) if self.start == NO_TIME else min(self.start, int(t.min()))
         self.end = max(self.end, int(t.max()))
         bus = frames.bus[known]
-        for index in np.flatnonzero(np.bincount(bus)).tolist():
+        for index in distinct(bus):
             if index not in self.starts:
                 self.starts[index] = int(t[np.argmax(bus == index)])
 
@@ -115,8 +115,9 @@ class Past:
 class View:
     """One batch for the rules; `None` for a batch makes a view without rows."""
 
-    def __init__(self, past: Past, batch: Batch | None) -> None:
+    def __init__(self, past: Past, batch: Batch | None, bits: Words | None = None) -> None:
         self._past = past
+        self._bits = bits
         self._messages = {} if batch is None else batch.messages
         first_transfer = 0 if batch is None else batch.first_transfer
         self.frames = Frames(empty(FRAMES), 0) if batch is None else Frames(batch.frames, batch.first_frame)
@@ -129,7 +130,8 @@ class View:
     @cached_property
     def seconds(self) -> Sequence[Second]:
         """Frames and bits by interface and second, counted from the first frame of the capture."""
-        return split(self.frames, self._past.origin)
+        bits = bit_times(self.frames) if self._bits is None else self._bits
+        return split(self.frames, bits, self._past.origin)
 
     @cached_property
     def settled(self) -> list[tuple[int, int, int]]:

@@ -21,11 +21,12 @@ if TYPE_CHECKING:
     from dissectors import Registry
 
 BASIC = ("frames", "transfers", "events")
+FINDINGS = "findings"  # no table: only telemetry has them
 
 
 def resolve(registry: Registry, name: str) -> str:
-    """The table that a person means. Raises `LookupError`."""
-    return name if name in BASIC else find_table(registry, name)[1]
+    """The table that a person means, or the findings. Raises `LookupError`."""
+    return name if name in (*BASIC, FINDINGS) else find_table(registry, name)[1]
 
 
 class TableExport:

@@ -1,9 +1,10 @@
 """MCAP with decoded telemetry that Foxglove and Rerun open: a topic for each message type and node, raw frames beside.
 
 `/can0/node_23/<table>` holds Protocol Buffers messages with the columns of that table; `/can0/from_can_bus` and its
-neighbours hold the frames as `sinks.mcap` writes them, and `/can0/events` error frames, drops and what was unreadable
-as `foxglove.Log`. Log time is the time of a transfer's first frame, 0 in a capture without times. An unreadable line,
-which has no time of its own, stands at that of the frame in front of it.
+neighbours hold the frames as `sinks.mcap` writes them; `/can0/events` error frames, drops and what was unreadable, and
+`/findings` what the rules found, as `foxglove.Log`. Log time is the time of a transfer's first frame, 0 in a capture
+without times. An unreadable line, which has no time of its own, stands at that of the frame in front of it. Findings
+are known at the end and written last; readers go by time, with the index of each chunk.
 """
 
 from __future__ import annotations
@@ -12,20 +13,22 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from analyzer import _native
-from analyzer.sinks import portable
+from analyzer.sinks import portable, telemetry_findings, telemetry_log
 from analyzer.sinks.mcap import CHUNK, McapSink
+from analyzer.sinks.telemetry_findings import Extent
+from analyzer.sinks.telemetry_log import stamps
 from analyzer.sinks.telemetry_rows import encode
 from analyzer.sinks.telemetry_schema import Schema, log_schema, schema
 from analyzer.tables import EVENTS, numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Mapping, Sequence
 
     import numpy.typing as npt
 
+    from analyzer.report.model import Report
     from analyzer.sinks.part import Part
 
     Encoded = tuple[bytes, bytes, bytes, bytes]
@@ -35,9 +38,6 @@ _FIRST_CHANNEL = 2048
 # IDs have 16 bits. What nodes beyond this many channels send goes to one topic a type, `/others/<table>`.
 MOST_CHANNELS = 60_000
 _NO_TIME = int(np.iinfo(np.int64).min)
-_SECOND = 1_000_000_000
-_INFO, _WARNING, _ERROR = 2, 3, 4
-_LEVELS = {"error frame": _ERROR, "drop": _ERROR, "gap": _WARNING, "unreadable": _WARNING, "comment": _INFO}
 # How the native core hands over frames and events, and Arrow does not.
 _FILLED = {"t": _NO_TIME, "bus": 0, "tx_errors": 0, "rx_errors": 0}
 
@@ -50,7 +50,7 @@ class TelemetryExport:
         wanted: names of tables, `frames` and `events` among them; all if empty.
         about: what is known of the capture.
 
-    `frames`, `messages` (of the topics of nodes) and `events` count what was written so far.
+    `frames`, `messages` (of the topics of nodes), `events` and `findings` count what was written so far.
     """
 
     def __init__(self, file: BinaryIO, wanted: Collection[str], about: Mapping[str, str]) -> None:
@@ -60,10 +60,12 @@ class TelemetryExport:
         self._schemas: dict[str, Schema] = {}
         self._channels: dict[tuple[str, str, int], int] = {}
         self._latest = 0
-        self.frames = self.messages = self.events = 0
+        self._extent = Extent()
+        self.frames = self.messages = self.events = self.findings = 0
 
     def add(self, part: Part) -> None:
         """Rows of every table; they are in the file afterwards."""
+        self._extent.add(part)
         if self._wants("frames"):
             self._sink.write(_piece(part))
             self.frames += len(part.frames)
@@ -74,9 +76,14 @@ class TelemetryExport:
         if self._wants("events") and len(part.events):
             tables.append(self._events(part))
             self.events += len(part.events)
-        head = self._sink.container.head()
-        for chunk in _native.message_records(tables, len(head), CHUNK):
-            self._sink.container.chunk(chunk)
+        self._put(tables)
+
+    def add_findings(self, report: Report, *, windowed: bool) -> None:
+        """What the rules found in the whole capture, after its last part; of a window, what meets it."""
+        times, log = telemetry_findings.log(report, self._extent, self._file, windowed=windowed)
+        if len(log):
+            self._put([self._logged(log, times, [self._log_channel("findings")] * len(log))])
+        self.findings = min(len(log), telemetry_findings.MOST)
 
     def finish(self) -> None:
         """Writes the end of the file."""
@@ -97,7 +104,7 @@ class TelemetryExport:
         found, inverse = np.unique(bus << 8 | src, return_inverse=True)
         about = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()} | _units(rows.schema)
         of = [self._channel(name, buses[key >> 8], key & 0xFF, about) for key in found.tolist()]
-        times = _times(table.column("t"))
+        times = stamps(table.column("t"))
         ends, data = encode(rows, self._schemas[name].columns)
         return np.array(of, np.uint16)[inverse].tobytes(), times.tobytes(), ends, data
 
@@ -123,35 +130,19 @@ class TelemetryExport:
         self._channels[key] = number
 
     def _events(self, part: Part) -> Encoded:
-        table = part.events
-        times, own = self._event_times(part), table.column("t")
-        bus = [None if k is None else part.buses[k] for k in table.column("bus").to_pylist()]
-        channels = [self._events_channel(name or "") for name in bus]
-        kinds = [EVENTS[kind] for kind in numbers(table.column("kind")).tolist()]
-        lines = numbers(table.column("line")).tolist()
-        texts = table.column("text").to_pylist()
-        counts = numbers(table.column("class")).tolist()
-        said = [_said(*row) for row in zip(kinds, lines, texts, counts, strict=True)]
-        stamp = pa.StructArray.from_arrays(
-            [pa.array(times // _SECOND, pa.uint64()), pa.array(times % _SECOND, pa.uint32())],
-            names=["seconds", "nanos"], mask=pc.is_null(own),
-        )  # fmt: skip
-        log = pa.RecordBatch.from_pydict(
-            {
-                "timestamp": stamp,
-                "level": pa.array([_LEVELS[kind] for kind in kinds], pa.uint8()),
-                "message": pa.array(said, pa.string()),
-                "name": pa.array(bus, pa.string()),
-                "file": pa.array([self._about.get("tailbyte.capture", "")] * len(table), pa.string()),
-            }
-        )
-        ends, data = encode(log, self._schemas["events"].columns)
+        buses = [None if k is None else part.buses[k] for k in part.events.column("bus").to_pylist()]
+        channels = [self._log_channel("events", bus or "") for bus in buses]
+        times = self._event_times(part)
+        return self._logged(telemetry_log.events(part, times, buses, self._file), times, channels)
+
+    def _logged(self, log: pa.RecordBatch, times: npt.NDArray[Any], channels: Sequence[int]) -> Encoded:
+        ends, data = encode(log, log_schema().columns)
         return np.array(channels, np.uint16).tobytes(), times.tobytes(), ends, data
 
     def _event_times(self, part: Part) -> npt.NDArray[Any]:
         """What has no time of its own gets that of the frame in front of it in the capture."""
         frames, events = part.frames, part.events
-        times, known = _times(events.column("t")), _times(frames.column("t"))
+        times, known = stamps(events.column("t")), stamps(frames.column("t"))
         missing = np.asarray(events.column("t").is_null())
         before = np.searchsorted(numbers(frames.column("line")), numbers(events.column("line"))[missing])
         near = known if len(known) else np.array([self._latest])
@@ -159,13 +150,20 @@ class TelemetryExport:
         self._latest = int(max(near[-1], self._latest))
         return times
 
-    def _events_channel(self, bus: str) -> int:
-        self._schemas.setdefault("events", log_schema())
-        key = "events", bus, 0
+    def _log_channel(self, what: str, bus: str = "") -> int:
+        key = what, bus, 0
         if key not in self._channels:
-            topic = f"/{self._sink.topic(bus)}/events" if bus else "/events"
-            self._open(key, topic, self._schemas["events"], {})
+            self._open(key, f"/{self._sink.topic(bus)}/{what}" if bus else f"/{what}", log_schema(), {})
         return self._channels[key]
+
+    def _put(self, tables: list[Encoded]) -> None:
+        head = self._sink.container.head()
+        for chunk in _native.message_records(tables, len(head), CHUNK):
+            self._sink.container.chunk(chunk)
+
+    @property
+    def _file(self) -> str:
+        return self._about.get("tailbyte.capture", "")
 
     def _wants(self, name: str) -> bool:
         return not self._wanted or name in self._wanted
@@ -173,16 +171,6 @@ class TelemetryExport:
 
 def _units(columns: pa.Schema) -> dict[str, str]:
     return {f"unit.{f.name}": f.metadata[b"unit"].decode() for f in columns if b"unit" in (f.metadata or {})}
-
-
-def _said(kind: str, line: int, text: str, count: int) -> str:
-    number = f" of {count} frames" if kind == "drop" and count else ""
-    return f"{kind}{number} (record {line})" + (f": {text}" if text else "")
-
-
-def _times(column: pa.Array) -> npt.NDArray[Any]:
-    """Nanoseconds from 1970 on; 0 where there is no time, or an earlier one."""
-    return np.where(np.asarray(column.is_null()), 0, np.maximum(numbers(column), 0))
 
 
 def _piece(part: Part) -> _native.Piece:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import cache
 
 import pyarrow as pa
 from google.protobuf import timestamp_pb2
@@ -115,6 +116,7 @@ def _unique(name: str, taken: set[str]) -> str:
     return found
 
 
+@cache
 def log_schema() -> Schema:
     """`foxglove.Log`, as viewers know it; columns `timestamp`, `level`, `message`, `name` and `file`."""
     file = FileDescriptorProto(

@@ -117,10 +117,10 @@ def tables(log: Log) -> None:
     engine.finish()
 
 
-def process(log: Log) -> int:
+def process(*words: str) -> Callable[[Log], int]:
     """The whole command, from start-up to the end."""
     command = shutil.which("tailbyte", path=str(Path(sys.executable).parent)) or "tailbyte"
-    return spawn([command, "decode", "-q", str(log.path)])
+    return lambda log: spawn([command, *words, str(log.path)])
 
 
 def python_can(log: Log) -> None:
@@ -169,7 +169,8 @@ def measure(path: Path, folder: Path, runs: int) -> str:
         Row("wc -l", frames, count_lines),
         Row("tailbyte core, to typed columns", frames, core),
         Row("tailbyte Engine, to Arrow tables", frames, tables),
-        Row("tailbyte decode -q, whole process", frames, process),
+        Row("tailbyte decode -q, whole process", frames, process("decode", "-q")),
+        Row("tailbyte check, whole process", frames, process("check")),
         Row("python-can reader", min(frames, READER_FRAMES), python_can),
         Row(REFERENCE, min(frames, DECODER_FRAMES), pydronecan),
     ]

@@ -33,12 +33,8 @@ def _bit(case: Case, sending: Sending) -> Step:
     return Step.DONE
 
 
-def _other_seed(sending: Sending, check: int) -> bytes:
-    return check.to_bytes(2, "little") + sending.payload
-
-
 def _without(sending: Sending) -> bytes:
-    return _other_seed(sending, wire.crc16(sending.payload))
+    return wire.crc16(sending.payload).to_bytes(2, "little") + sending.payload
 
 
 def _swapped(sending: Sending) -> bytes:

@@ -39,12 +39,17 @@ def _pause(case: Case) -> None:
     case.world.at(case.world.now + _NEXT_LINE, lambda: transmit(case, node, LOG, text("warm start, calibrated"), shape))
 
 
+def _shows(case: Case, sending: Sending) -> bool:
+    """Whether a transfer of several frames, of the node that the settings name, is there to be changed."""
+    return not sending.changed and telemetry(sending) and case.options.get("node") in (None, sending.node)
+
+
 def _cut(case: Case) -> None:
     """The recording ends inside the next transfer that can show it."""
-    world, wanted = case.world, case.options.get("node")
+    world = case.world
 
-    def last(_: Case, sending: Sending) -> Step:
-        if sending.changed or not telemetry(sending) or wanted not in (None, sending.node):
+    def last(case: Case, sending: Sending) -> Step:
+        if not _shows(case, sending):
             return Step.SKIP
         case.mark(sending)
         world.cut(sending.frames[0])
@@ -77,7 +82,7 @@ def _interleave(case: Case, sending: Sending) -> Step:
 
 def _second(case: Case) -> None:
     """All traffic is on both interfaces from now on, but for one transfer."""
-    world, begin, wanted = case.world, case.world.now, case.options.get("node")
+    world, begin = case.world, case.world.now
     missing: list[Sending] = []
 
     def twin(frame: Frame) -> Frame | None:
@@ -86,8 +91,8 @@ def _second(case: Case) -> None:
             return None
         return replace(frame, bus=1, t=frame.t + _LATER)
 
-    def leave_out(_: Case, sending: Sending) -> Step:
-        if sending.changed or not telemetry(sending) or wanted not in (None, sending.node) or unshown(sending):
+    def leave_out(case: Case, sending: Sending) -> Step:
+        if not _shows(case, sending) or unshown(sending):
             return Step.SKIP
         missing.append(sending)
         case.mark(sending)

@@ -136,15 +136,10 @@ def _nothing_left(case: Case) -> None:
     """A text of which nothing is left for the last frame: with its CRC it fills two."""
 
     def shape(sending: Sending) -> None:
-        sending.frames = wire.chain(sending.frames[0].id, [*_sevens(sending), b""], sending.transfer_id)
+        sending.frames = wire.chain(wire.can_id(sending), [*recut(sending), b""], sending.transfer_id)
 
     case.say("a transfer that fills two frames ends with a third without payload")
     transmit(case, sender(case), LOG, text("heat 12%"), shape)
-
-
-def _sevens(sending: Sending) -> list[bytes]:
-    body = wire.checked(sending.payload, sending.signature)
-    return [body[at : at + 7] for at in range(0, len(body), 7)]
 
 
 _OWN: tuple[Fault, ...] = (
