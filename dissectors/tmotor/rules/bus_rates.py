@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Occurrence, Watcher
-from dissectors.tmotor.rules.joins import MOST_UNITS, leads, rows_by_bus
-from dissectors.tmotor.rules.series import usable
+from dissectors.tmotor.rules.joins import MOST_UNITS, rows_by_bus
+from dissectors.tmotor.rules.rows import breach, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -21,6 +22,8 @@ _BITS = 131  # of a frame with 29-bit identifier and 8 bytes, without stuff bits
 _LEAST_NS = _BITS * 1000  # at the highest rate
 _SLACK_NS = 2000  # of stamps in whole microseconds
 _SAMPLED = 4096  # pairs of frames
+_LOOKED_AT = 16 * _SAMPLED  # frames of a batch
+_UNSEEN = (0, SECOND)  # pairs, and what is more than the least spacing of any
 _LATE_SAMPLING = (500_000, 250_000, 125_000)
 
 
@@ -50,46 +53,40 @@ class StoredRate(Watcher):
     def settle(self, _view: View) -> Iterable[Found | Occurrence]:
         """Compares with the spacing of the whole capture's beginning."""
         for one in self._waiting.values():
-            seen, least = self._spacing.get(one.bus, (0, 0))
+            seen, least = self._spacing.get(one.bus, _UNSEEN)
             needed = _BITS * MILLISECOND // int(one.values["kbps"])
             if seen >= _SAMPLED and _LEAST_NS - _SLACK_NS <= least < needed - _SLACK_NS:
                 evidence = f"8-byte frames follow every {least / 1000:.0f} us, {needed / 1000:.0f} us are needed"
-                values = {**one.values, "evidence": evidence}
-                yield Occurrence(one.rule, one.t, one.bus, one.node, one.type, one.frames, values, lines=one.lines)
+                yield replace(one, values={**one.values, "evidence": evidence})
 
     def _judge(self, view: View, table: Table, row: int) -> Iterator[Occurrence]:
         bus, node, code = int(table.bus[row]), int(table.src[row]), int(table["esc_can_rate"][row])
-        kbps = _KBPS[code]
-        frames, t = leads(table, view, row), int(table.t[row])
-        values = {"code": code, "kbps": kbps}
+        values = {"code": code, "kbps": _KBPS[code]}
         if view.bit_rate is not None:
-            if view.bit_rate != kbps * 1000:
-                values_ = {**values, "evidence": f"the bus runs at {view.bit_rate / 1000:g} kbps"}
-                yield Occurrence("BUS-019", t, bus, node, "ParamGet", frames, values_)
-        elif code and len(self._waiting) < MOST_UNITS:
-            one = Occurrence("BUS-019", t, bus, node, "ParamGet", frames, values, lines=view.lines(frames))
-            self._waiting.setdefault((bus, node, code), one)
+            if view.bit_rate != _KBPS[code] * 1000:
+                known = {**values, "evidence": f"the bus runs at {view.bit_rate / 1000:g} kbps"}
+                yield breach(view, table, row, "BUS-019", known)
+        elif code and len(self._waiting) < MOST_UNITS and (bus, node, code) not in self._waiting:
+            self._waiting[bus, node, code] = breach(view, table, row, "BUS-019", values, held=True)
 
     def _measure(self, view: View) -> None:
         """The first pairs of 8-byte frames of each bus."""
         frames = view.frames
-        for bus in range(len(view.buses)):
-            seen, least = self._spacing.get(bus, (0, SECOND))
+        if all(self._spacing.get(bus, _UNSEEN)[0] >= _SAMPLED for bus in range(len(view.buses))):
+            return
+        for bus, rows in rows_by_bus(frames.bus, frames.t):
+            seen, least = self._spacing.get(bus, _UNSEEN)
             if seen >= _SAMPLED:
                 continue
-            for index, rows in rows_by_bus(frames.bus, frames.t):
-                if index != bus:
-                    continue
-                picked = np.arange(len(frames)) if rows is None else rows
-                picked = picked[: 16 * _SAMPLED]
-                full, t = (frames.length[picked] == 8) & (frames.flags[picked] & 9 == 1), frames.t[picked]
-                before = self._last.get(bus, (int(t[0]), False))
-                pairs = full & np.concatenate(([before[1]], full[:-1]))
-                took = np.diff(t, prepend=before[0])[pairs][: _SAMPLED - seen]
-                if len(took):
-                    least = min(least, int(took.min()))
-                self._spacing[bus] = seen + len(took), least
-                self._last[bus] = int(t[-1]), bool(full[-1])
+            picked = slice(_LOOKED_AT) if rows is None else rows[:_LOOKED_AT]
+            full, t = (frames.length[picked] == 8) & (frames.flags[picked] & 9 == 1), frames.t[picked]
+            before = self._last.get(bus, (int(t[0]), False))
+            pairs = full & np.concatenate(([before[1]], full[:-1]))
+            took = np.diff(t, prepend=before[0])[pairs][: _SAMPLED - seen]
+            if len(took):
+                least = min(least, int(took.min()))
+            self._spacing[bus] = seen + len(took), least
+            self._last[bus] = int(t[-1]), bool(full[-1])
 
 
 class DifferentRates(Watcher):
@@ -120,7 +117,7 @@ class DifferentRates(Watcher):
                     "first_code": codes[first], "first_node": first,
                     "second_code": codes[second], "second_node": second,
                 }  # fmt: skip
-                yield Occurrence("BUS-029", int(table.t[row]), bus, second, "ParamGet", leads(table, view, row), values)
+                yield breach(view, table, row, "BUS-029", values, node=second)
 
 
 class SamplePoint(Watcher):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dissectors.conformance import NO_TIME, SECOND, Watcher, watches
-from dissectors.tmotor.rules.series import usable
+from dissectors.tmotor.rules.rows import usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.conformance import Occurrence, Watcher, watches
+from dissectors.conformance import Watcher, watches
 from dissectors.tmotor.rules.reports import mode
-from dissectors.tmotor.rules.series import NODES, Previous, sender, usable
+from dissectors.tmotor.rules.rows import NODES, breach, sender, usable
+from dissectors.tmotor.rules.series import Previous
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
-    from dissectors.conformance import Found, Table, Values, View, Words
+    from dissectors.conformance import Found, Occurrence, Table, Values, View, Words
 
 _FLOATS = ("voltage", "current", "temperature")
 _LOW_BITS = 7  # what the mask of 5.2 as printed never lets through
@@ -22,26 +23,6 @@ _UNITS = {"K": "kelvin", "degC": "degrees Celsius"}
 # Where the bit fields of a C compiler stand in the little-endian word of bytes 11 to 14: first bit and width.
 _C_SPEED, _C_THROTTLE, _C_INDEX, _C_PADDING = (0, 18), (18, 7), (25, 5), (30, 2)
 _C_START, _C_END = 10, 14
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A report that is kept as evidence."""
-
-    t: int
-    frames: Sequence[int]
-    lines: tuple[str, ...]
-
-
-def _place(view: View, table: Table, row: int) -> Place:
-    frames = tuple(view.transfers.frames(int(table.row[row])))
-    return Place(int(table.t[row]), frames, view.lines(frames))
-
-
-def _occurrence(rule: str, code: int, place: Place, values: Values) -> Occurrence:
-    return Occurrence(
-        rule, place.t, code >> 7, code & 0x7F, "ESCStatus", place.frames, values, lines=place.lines
-    )  # fmt: skip
 
 
 def _first_rows(node: Words) -> Iterator[tuple[int, int]]:
@@ -54,7 +35,7 @@ def _first_rows(node: Words) -> Iterator[tuple[int, int]]:
 class _Coarse:
     """A node all of whose floats end in 000 so far; `different` are the first of its values."""
 
-    place: Place
+    place: Occurrence
     transfers: int = 0
     values: int = 0
     different: set[int] = field(default_factory=set)
@@ -90,7 +71,7 @@ class Encoder(Watcher):
                 self._coarse.pop(code, None)
                 continue
             if code not in self._coarse:
-                self._coarse[code] = _Coarse(_place(view, table, int(rows[at])))
+                self._coarse[code] = _Coarse(breach(view, table, int(rows[at]), "TYP-009", {}, held=True))
             one, mine = self._coarse[code], node == code
             good = finite[:, mine]
             one.transfers += int(mine.sum())
@@ -101,11 +82,9 @@ class Encoder(Watcher):
     def settle(self, view: View) -> Iterator[Occurrence]:
         """Nodes with enough transfers and values."""
         transfers, different = (view.number("TYP-009", name) for name in ("min_transfers", "min_values"))
-        for code, one in sorted(self._coarse.items()):
+        for _, one in sorted(self._coarse.items()):
             if one.transfers >= transfers and len(one.different) >= different:
-                yield _occurrence(
-                    "TYP-009", code, one.place, {"values": one.values, "transfers": one.transfers}
-                )  # fmt: skip
+                yield replace(one.place, values={"values": one.values, "transfers": one.transfers})
 
 
 @watches("TYP-010")
@@ -142,7 +121,7 @@ class Temperature(Watcher):
     def __init__(self) -> None:
         self._lowest = np.full(NODES, np.inf, np.float32)
         self._highest = np.full(NODES, -np.inf, np.float32)
-        self._places: dict[int, Place] = {}
+        self._places: dict[int, Occurrence] = {}
 
     def look(self, view: View) -> Iterator[Found]:
         """Widens the ranges."""
@@ -152,7 +131,7 @@ class Temperature(Watcher):
             node, degrees = sender(table, rows), table["temperature"][rows]
             for code, at in _first_rows(node):
                 if code not in self._places:
-                    self._places[code] = _place(view, table, int(rows[at]))
+                    self._places[code] = breach(view, table, int(rows[at]), "TYP-301", {}, held=True)
             np.minimum.at(self._lowest, node, degrees)
             np.maximum.at(self._highest, node, degrees)
         yield from ()
@@ -164,14 +143,14 @@ class Temperature(Watcher):
             name, _, forced = choice.partition(" ")
             unit = " ".join(filter(None, (_UNITS.get(name, name), forced)))
             lowest, highest = float(self._lowest[code]), float(self._highest[code])
-            yield _occurrence("TYP-301", code, place, {"unit": unit, "lowest": lowest, "highest": highest})
+            yield replace(place, values={"unit": unit, "lowest": lowest, "highest": highest})
 
 
 @dataclass(slots=True)
 class _Count:
     """The first rise of a node's word, and how often it rose."""
 
-    place: Place
+    place: Occurrence
     before: int
     value: int
     rises: int = 0
@@ -210,14 +189,15 @@ class Counter(Watcher):
                 self._counts.pop(code, None)
             else:
                 if code not in self._counts:
-                    self._counts[code] = _Count(_place(view, table, int(rows[at])), int(before[at]), int(word[at]))
+                    place = breach(view, table, int(rows[at]), "TYP-307", {}, held=True)
+                    self._counts[code] = _Count(place, int(before[at]), int(word[at]))
                 self._counts[code].rises += 1
 
     def settle(self, _view: View) -> Iterator[Occurrence]:
         """Nodes that counted to the end."""
         for code, one in sorted(self._counts.items()):
             if one.rises > 1 and not self._other[code]:
-                yield _occurrence("TYP-307", code, one.place, {"before": one.before, "value": one.value})
+                yield replace(one.place, values={"before": one.before, "value": one.value})
 
 
 WATCHERS: tuple[type[Watcher], ...] = (Encoder, low_bits_first, Temperature, Counter)

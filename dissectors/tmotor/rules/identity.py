@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.conformance import NO_TIME, SECOND, Occurrence, Watcher
-from dissectors.tmotor.rules.series import NODES, sender, usable
+from dissectors.conformance import NO_TIME, SECOND, Watcher
+from dissectors.tmotor.rules.rows import NODES, breach, sender, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.conformance import Table, View, Words
+    from dissectors.conformance import Occurrence, Table, View, Words
 
 _STATUS = "uavcan.protocol.NodeStatus"
 _MOST_DEVICES = 4096
@@ -99,13 +99,10 @@ class Identity(Watcher):
         else:
             owner.t = place.t = t
             return
-        frames = tuple(view.transfers.frames(row))
-        breach = Occurrence(
-            "TYP-403", t, bus, node, table.name, frames, {"uuid": uuid, "what": why}, lines=view.lines(frames)
-        )
+        found = breach(view, table, row, "TYP-403", {"uuid": uuid, "what": why}, held=True)
         if len(self._claims) >= _MOST_CLAIMS:
             yield self._claims.pop(0).breach
-        self._claims.append(_Claim(breach, watched, known.t, number, known, instead, silent=watched != node))
+        self._claims.append(_Claim(found, watched, known.t, number, known, instead, silent=watched != node))
 
     def _state(self, what: tuple[int, ...]) -> Iterator[Occurrence]:
         """A NodeStatus decides the claims that wait for its node."""
@@ -135,9 +132,11 @@ class Identity(Watcher):
 
 
 def _rows(table: Table, good: Words, *names: str) -> list[tuple[int, ...]]:
-    """Number of the transfer, its row, bus, node, time and some columns of each good row."""
-    columns = table["transfer"], table.row, table.bus, table.src, table.t, *(table[name] for name in names)
-    return list(zip(*(column[good].tolist() for column in columns), strict=True))
+    """Number of the transfer, row, bus, node, time and some columns of each good row."""
+    rows = np.flatnonzero(good)
+    columns = table["transfer"], table.bus, table.src, table.t, *(table[name] for name in names)
+    number, *others = (column[rows].tolist() for column in columns)
+    return list(zip(number, rows.tolist(), *others, strict=True))
 
 
 WATCHERS: tuple[type[Watcher], ...] = (Identity,)

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dissectors.conformance import NO_TIME
-from dissectors.tmotor.rules.series import usable
+from dissectors.tmotor.rules.rows import usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -45,6 +45,15 @@ class Commands:
     counts: Words
     cmd: Words
 
+    def before(self, table: Table, rows: Words) -> Words:
+        """How many of them ended before each row of another table."""
+        return np.searchsorted(self.number, table["transfer"][rows].astype(np.int64))
+
+    def paused(self, last: int, longest: int) -> Words:
+        """Those that came later than so many ns after the one before them; `last` is the time of the one before all."""
+        first = last == NO_TIME or bool(self.t[0] - last > longest)
+        return np.concatenate((np.array([first]), np.diff(self.t) > longest))
+
 
 _units: WeakKeyDictionary[View, Mapping[Unit, Words]] = WeakKeyDictionary()
 _commands: WeakKeyDictionary[View, Mapping[int, Commands]] = WeakKeyDictionary()
@@ -69,11 +78,6 @@ def commands(view: View) -> Mapping[int, Commands]:
 def end(view: View, table: Table, rows: Words) -> Words:
     """Times of the last frames of rows."""
     return view.transfers.t_end[table.row[rows]]
-
-
-def leads(table: Table, view: View, row: int) -> tuple[int, ...]:
-    """The frames of one row's transfer."""
-    return tuple(view.transfers.frames(int(table.row[row])))
 
 
 def _rows(view: View, table: Table) -> Words:
@@ -182,9 +186,8 @@ class Pauses:
     def add(self, view: View) -> None:
         """The next batch."""
         frames = view.frames
-        if not len(frames):
-            return
-        for bus, t in by_bus(frames.bus, frames.t):
+        for bus, rows in rows_by_bus(frames.bus, frames.t):
+            t = frames.t if rows is None else frames.t[rows]
             coarse = np.append(t[::64], t[-1])
             self._between(bus, self.last.get(bus, int(t[0])), int(t[0]))
             for k in np.flatnonzero((np.diff(coarse) > self._least) | (np.diff(coarse) < 0)).tolist():
@@ -203,12 +206,6 @@ class Pauses:
             known = self._known.setdefault(bus, [])
             known.append((start, stop))
             del known[:-1024]
-
-
-def by_bus(bus: Words, t: Words) -> Iterator[tuple[int, Words]]:
-    """Times by bus, without missing ones."""
-    for index, rows in rows_by_bus(bus, t):
-        yield index, t if rows is None else t[rows]
 
 
 def rows_by_bus(bus: Words, t: Words) -> Iterator[tuple[int, Words | None]]:

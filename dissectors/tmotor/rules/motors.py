@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Occurrence, Watcher
-from dissectors.tmotor.rules.joins import MOST_UNITS, NO_CHANNEL, Commands, Unit, commands, leads, units
+from dissectors.tmotor.rules.joins import MOST_UNITS, NO_CHANNEL, Commands, Unit, commands, units
+from dissectors.tmotor.rules.packets import ALL_UNITS, FIRST_UNIT
+from dissectors.tmotor.rules.rows import breach, sound
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -19,7 +21,6 @@ _FULL = 8191
 _CHANNELS = 32
 _HIGH, _ZERO = 1, 2  # what a channel is: above the limit, or 0; 0 stands for anything else
 _UNDRIVEN = (5, 7, 8)  # coast down and both folds turn without throttle
-_ALL_UNITS, _FIRST_UNIT = 0xFF, 0xA1
 _RELEASED = (0x00, 0x66)  # control modes that drive nothing
 _LATE = 20 * MILLISECOND  # a command that is so old is missing
 
@@ -39,7 +40,7 @@ class _Throttle:
         count = min(len(sent.cmd), _CHANNELS)
         kind = _kinds(sent.cmd[:count], high)
         changed = np.concatenate((kind[:, :1] != self.kind[:count, None], kind[:, 1:] != kind[:, :-1]), axis=1)
-        changed |= _paused(self.t, sent.t, timeout)
+        changed |= sent.paused(self.t, timeout)
         for channel in np.flatnonzero(changed.any(axis=1)).tolist():
             self.since[channel] = sent.t[np.flatnonzero(changed[channel])[-1]]
         fine = sent.cmd[:count] >= 0
@@ -142,7 +143,7 @@ class Following(Watcher):
         """Reports of an ESC whose unit a control packet drives."""
         out = np.zeros(len(joined.rows), bool)
         number = joined.table["transfer"][joined.rows].astype(np.int64)
-        for unit in (_ALL_UNITS, _FIRST_UNIT + joined.unit.index):
+        for unit in (ALL_UNITS, FIRST_UNIT + joined.unit.index):
             place = (joined.unit.bus, unit)
             said = driven.get(place, [])
             states = np.array([self._driven.get(place, False), *(one for _, one in said)])
@@ -155,17 +156,11 @@ def _kinds(cmd: Words, high: int) -> Words:
     return kind
 
 
-def _paused(before: int, t: Words, timeout: int) -> Words:
-    """Commands behind a pause."""
-    first = before == NO_TIME or bool(t[0] - before > timeout)
-    return np.concatenate((np.array([first]), np.diff(t) > timeout))
-
-
 def _join(table: Table, unit: Unit, rows: Words, throttle: _Throttle, sent: Commands | None) -> _Joined:
     t, cmd = np.array([throttle.t]), throttle.cmd[unit.index : unit.index + 1]
     k = np.zeros(len(rows), np.int64)
     if sent is not None:
-        k = np.searchsorted(sent.number, table["transfer"][rows].astype(np.int64))
+        k = sent.before(table, rows)
         now = sent.cmd[unit.index] if unit.index < len(sent.cmd) else np.full(len(sent.t), NO_CHANNEL, np.int16)
         t, cmd = np.concatenate((t, sent.t)), np.concatenate((cmd, now))
     return _Joined(unit, table, rows, table.t[rows], k, t[k], cmd[k])
@@ -177,16 +172,12 @@ def _since(throttle: _Throttle, sent: Commands | None, channel: int, high: int, 
     if sent is None or channel >= len(sent.cmd):
         return before if sent is None else np.concatenate((before, sent.t))
     kind = np.concatenate((throttle.kind[channel : channel + 1], _kinds(sent.cmd[channel], high)))
-    start = (kind[1:] != kind[:-1]) | _paused(throttle.t, sent.t, timeout)
+    start = (kind[1:] != kind[:-1]) | sent.paused(throttle.t, timeout)
     return np.concatenate((before, np.maximum.accumulate(np.where(start, sent.t, before[0]))))
 
 
 def _report(view: View, rule: str, joined: _Joined, at: int, values: Mapping[str, Any]) -> Occurrence:
-    frames = leads(joined.table, view, int(joined.rows[at]))
-    unit = joined.unit
-    return Occurrence(
-        rule, int(joined.t[at]), unit.bus, unit.node, "ESCStatus", frames, values, lines=view.lines(frames)
-    )
+    return breach(view, joined.table, int(joined.rows[at]), rule, values, held=True)
 
 
 def _negative(view: View, state: _State, joined: _Joined, negative: Words) -> Iterator[Occurrence]:
@@ -239,7 +230,7 @@ def _driven(view: View) -> dict[tuple[int, int], list[tuple[int, bool]]]:
     """By bus and unit byte: from which transfer on a control packet drives it, or releases it."""
     table, found = view.table("PUSHSCI.OutputControl"), dict[tuple[int, int], list[tuple[int, bool]]]()
     if table is not None:
-        for row in np.flatnonzero(table.trusted & table["packet_ok"]).tolist():
+        for row in np.flatnonzero(sound(table)).tolist():
             driven = int(table["control_mode"][row]) not in _RELEASED
             place = int(table.bus[row]), int(table["unit_id"][row])
             found.setdefault(place, []).append((int(table["transfer"][row]), driven))

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Found, Watcher
-from dissectors.tmotor.rules.packets import sender, sound
+from dissectors.conformance import MILLISECOND, NO_TIME, Found, Watcher
+from dissectors.tmotor.rules.packets import LONGEST
+from dissectors.tmotor.rules.rows import sender, sound, usable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from dissectors.conformance import Transfers, Values, View, Words
+    from dissectors.conformance import Table, Transfers, Values, View, Words
 
-_LONGEST = 2 * SECOND  # from a transfer's first frame to its last: until then a row of that time may still come
 _MOST = 1 << 17  # rows kept of either side; older ones are not compared
 # Column of the packet and of ESCStatus, settings for the share and for the least tolerance.
 _FIELDS = (
@@ -47,7 +47,14 @@ class _Rows(NamedTuple):
 
 
 def _none() -> _Rows:
-    return _Rows(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((len(_FIELDS), 0)), np.empty(0, np.int64))
+    return _Rows(np.empty(0, np.uint16), np.empty(0, np.int64), np.empty((len(_FIELDS), 0)), np.empty(0, np.int64))
+
+
+def _timed(table: Table, good: Words, names: Sequence[str]) -> _Rows:
+    """Good rows of a table that have a time, with some of its columns."""
+    rows = np.flatnonzero(good & (table.t != NO_TIME))
+    values = np.array([table[name][rows] for name in names], np.float64)
+    return _Rows(sender(table, rows), table.t[rows], values, table["transfer"][rows].astype(np.int64))
 
 
 class Agreement(Watcher):
@@ -66,8 +73,8 @@ class Agreement(Watcher):
         self._add(view)
         if view.end != NO_TIME:
             window = self._window(view)
-            yield from self._judge(view, view.end - _LONGEST - window)
-            needed = int(self._packets.t.min(initial=view.end - _LONGEST)) - window
+            yield from self._judge(view, view.end - LONGEST - window)
+            needed = int(self._packets.t.min(initial=view.end - LONGEST)) - window
             self._status = self._status.take(np.flatnonzero(self._status.t >= needed)[-_MOST:])
 
     def settle(self, view: View) -> Iterator[Found]:
@@ -78,19 +85,12 @@ class Agreement(Watcher):
         return round(view.number("PUSH-409", "window_ms") * MILLISECOND)
 
     def _add(self, view: View) -> None:
-        packets = view.table("PUSHCAN.MotorStatus")
+        packets, status = view.table("PUSHCAN.MotorStatus"), view.table("ESCStatus")
         if packets is not None:
-            rows = np.flatnonzero(sound(packets) & (packets.t != NO_TIME))
-            values = np.array([packets[name][rows] for name, *_ in _FIELDS], np.float64)
-            new = _Rows(sender(packets)[rows], packets.t[rows], values, packets["transfer"][rows].astype(np.int64))
-            self._packets = self._packets.join(new)
+            self._packets = self._packets.join(_timed(packets, sound(packets), [name for name, *_ in _FIELDS]))
             self._batches.append(view.transfers)
-        status = view.table("ESCStatus")
         if status is not None:
-            rows = np.flatnonzero(status.trusted & (status["bits_left"] >= 0) & (status.t != NO_TIME))
-            values = np.array([status[name][rows] for _, name, *_ in _FIELDS], np.float64)
-            new = _Rows(sender(status)[rows], status.t[rows], values, status["transfer"][rows].astype(np.int64))
-            self._status = self._status.join(new)
+            self._status = self._status.join(_timed(status, usable(status), [name for _, name, *_ in _FIELDS]))
 
     def _judge(self, view: View, until: int) -> Iterator[Found]:
         """Compares packets up to a time, which are then done."""
@@ -107,16 +107,17 @@ class Agreement(Watcher):
     def _compare(self, view: View, packets: _Rows) -> Iterator[Found]:
         window = self._window(view)
         status = _by_node(self._status)
-        doubtful = _doubtful(packets, status, window, self._tolerance(view))
+        tolerance = self._tolerance(view)
+        doubtful = _doubtful(packets, status, window, tolerance)
         found: list[list[tuple[int, float]]] = [[] for _ in _FIELDS]
         for k in doubtful.tolist():
-            low, high = np.searchsorted(status.node, [packets.node[k], packets.node[k] + 1])
+            low, high = _span(status, int(packets.node[k]))
             first = low + np.searchsorted(status.t[low:high], packets.t[k] - window)
             last = low + np.searchsorted(status.t[low:high], packets.t[k] + window, "right")
             near = status.values[:, first:last]
             for field, (least, most) in enumerate(zip(near.min(axis=1), near.max(axis=1), strict=True)):
                 value = packets.values[field, k]
-                share, floor = self._tolerance(view)[field]
+                share, floor = tolerance[field]
                 if value < least - max(abs(least) * share, floor):
                     found[field].append((k, float(least)))
                 elif value > most + max(abs(most) * share, floor):
@@ -154,11 +155,17 @@ def _frames(origins: Sequence[_Origin]) -> Callable[[int], Sequence[int]]:
 
 def _by_node(rows: _Rows) -> _Rows:
     """In the order of nodes, then times; those of a node come in order unless the clock was set back."""
-    order = np.argsort(rows.node.astype(np.uint16), kind="stable")
+    order = np.argsort(rows.node, kind="stable")
     node, t = rows.node[order], rows.t[order]
     if ((t[1:] < t[:-1]) & (node[1:] == node[:-1])).any():
         order = np.lexsort((rows.t, rows.node))
     return rows.take(order)
+
+
+def _span(rows: _Rows, node: int) -> tuple[int, int]:
+    """Where the rows of a node begin and end, in the order of nodes."""
+    low, high = np.searchsorted(rows.node, np.array([node, node + 1], rows.node.dtype))
+    return int(low), int(high)
 
 
 def _doubtful(packets: _Rows, status: _Rows, window: int, tolerance: Sequence[tuple[float, float]]) -> Words:
@@ -167,8 +174,8 @@ def _doubtful(packets: _Rows, status: _Rows, window: int, tolerance: Sequence[tu
     `status` is in the order of nodes, then times.
     """
     found = [np.empty(0, np.int64)]
-    for node in np.unique(packets.node).tolist():
-        low, high = np.searchsorted(status.node, [node, node + 1])
+    for node in np.flatnonzero(np.bincount(packets.node)).tolist():
+        low, high = _span(status, node)
         mine = np.flatnonzero(packets.node == node)
         if high - low == 0:
             continue

@@ -17,14 +17,14 @@ from dissectors.tmotor.rules.packets import (
     HEADERS,
     TYPE_IDS,
     UNRECOGNIZED,
-    Latest,
     carrier,
     occurrence,
     packet_tables,
     place,
-    sender,
     unit_key,
 )
+from dissectors.tmotor.rules.rows import sender
+from dissectors.tmotor.rules.series import Latest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -89,7 +89,7 @@ class Losses:
             for k in np.flatnonzero((t.kind[rows] == 0) & ((gone > 0) | broken)).tolist():
                 row = int(rows[k])
                 name = "PUSHCAN" if t.type_id[row] == TYPE_IDS["PUSHCAN"] else "PUSHSCI"
-                node = int(t.bus[row]) << 8 | int(t.src[row])
+                node = int(t.bus[row]) << 7 | int(t.src[row])
                 if gone[k] > 0:
                     found.append((name, node, t.first + row, int(gone[k])))
                 if broken[k]:

@@ -12,26 +12,34 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Watcher
-from dissectors.tmotor.rules.packets import ALL_UNITS, FIRST_UNIT, carrier, occurrence, packet_tables, sound
+from dissectors.tmotor.rules.packets import (
+    ALL_UNITS,
+    FIRST_UNIT,
+    LONGEST,
+    NO_CHANGE_8,
+    NO_CHANGE_16,
+    carrier,
+    occurrence,
+    packet_tables,
+)
+from dissectors.tmotor.rules.rows import sound
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from dissectors.conformance import Occurrence, Table, View, Words
 
-_LONGEST = 2 * SECOND  # from a transfer's first frame to its last
 _MOST = 16_384  # questions under way; an older one is forgotten
-_NO_CHANGE_8, _NO_CHANGE_16 = 0xFF, 0xFFFF
 _ALL_INDEXES = 0xFF
 # Name in a finding, column of the set packet, column of the feedback, what leaves it as it is.
 _SHARED = (
-    ("acceleration", "acceleration_limit", "acceleration_limit", _NO_CHANGE_16),
-    ("deceleration", "deceleration_limit", "deceleration_limit", _NO_CHANGE_16),
-    ("direction", "rotation_direction", "rotation_direction", _NO_CHANGE_16),
-    ("throttle priority", "throttle_priority.priority", "throttle_priority", _NO_CHANGE_8),
-    ("LED", "led", "led", _NO_CHANGE_16),
-    ("bus rate", "bus_rate", "bus_rate", _NO_CHANGE_8),
-    ("report rate", "report_rate", "report_rate", _NO_CHANGE_16),
+    ("acceleration", "acceleration_limit", "acceleration_limit", NO_CHANGE_16),
+    ("deceleration", "deceleration_limit", "deceleration_limit", NO_CHANGE_16),
+    ("direction", "rotation_direction", "rotation_direction", NO_CHANGE_16),
+    ("throttle priority", "throttle_priority.priority", "throttle_priority", NO_CHANGE_8),
+    ("LED", "led", "led", NO_CHANGE_16),
+    ("bus rate", "bus_rate", "bus_rate", NO_CHANGE_8),
+    ("report rate", "report_rate", "report_rate", NO_CHANGE_16),
 )
 
 
@@ -122,7 +130,7 @@ class _Dialogue(Watcher):
         self._before(view)
         for _ in self._waiting.answered(_Answers(view.table(self.answered)), limit):
             pass
-        for one in self._waiting.expired(view.end - _LONGEST, limit) if view.end != NO_TIME else ():
+        for one in self._waiting.expired(view.end - LONGEST, limit) if view.end != NO_TIME else ():
             yield one.found
 
     def settle(self, view: View) -> Iterator[Occurrence]:
@@ -144,8 +152,7 @@ class _Dialogue(Watcher):
         name = "limit_ms" if self.unit == MILLISECOND else "limit_s"
         for row in np.flatnonzero(sound(table)).tolist():
             for unit in self._units(view, table, row):
-                found = occurrence(view, table, row, rule, {"unit_id": unit, name: limit})
-                found = replace(found, lines=view.lines(found.frames))
+                found = occurrence(view, table, row, rule, {"unit_id": unit, name: limit}, held=True)
                 yield _Question(int(table.bus[row]), unit, int(table["transfer"][row]), found, {})
 
 
@@ -221,7 +228,7 @@ class Feedback(Watcher):
                 if not self._touched(question, int(feedback["transfer"][row])):
                     yield from _differing(view, feedback, row, question)
         if view.end != NO_TIME:
-            self._waiting.expired(view.end - _LONGEST, window)
+            self._waiting.expired(view.end - LONGEST, window)
 
     def _note(self, table: Table | None) -> None:
         if table is not None:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.conformance import NO_TIME, SECOND, Watcher
-from dissectors.tmotor.rules.packets import occurrence, sender, sound, unit_key
+from dissectors.tmotor.rules.packets import occurrence, unit_key
+from dissectors.tmotor.rules.rows import sender, sound
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.conformance import Occurrence, Table, View, Words
+    from dissectors.conformance import Occurrence, Table, View
 
 _WRAP = 1 << 16
 _SLACK = 2  # s, of a clock that counts whole seconds
@@ -97,11 +98,10 @@ class Lives(Watcher):
         restarted = now.powered > was.powered or 0 < more <= elapsed
         if now.runtime < was.runtime and not restarted and (now.runtime - was.runtime) % _WRAP > elapsed:
             values = {"field": "runtime", "before": was.runtime, "value": now.runtime}
-            found = occurrence(view, table, row, "PUSH-407", values)
+            found = occurrence(view, table, row, "PUSH-407", values, held=known)
             if not known:
                 yield found
                 return
-            found = replace(found, lines=view.lines(found.frames))
             self._doubts.append(_Doubt(int(sender(table)[row]), was.t, int(table["transfer"][row]), found))
             if len(self._doubts) > _MOST_HELD:
                 yield self._doubts.pop(0).found
@@ -121,18 +121,13 @@ class Lives(Watcher):
             elif max(seen) <= doubt.since:
                 yield doubt.found
         self._doubts = kept
-        for node in _unique(nodes[good]):
+        for node in np.flatnonzero(np.bincount(nodes[good])).tolist():
             if node in self._started or len(self._started) < _MOST_UNITS:
                 self._started[node] = int(started[good & (nodes == node)][-1])
 
 
 def _life(table: Table, row: int) -> _Life:
     return _Life(int(table.t[row]), int(table["power_on_count"][row]), int(table["runtime"][row]))
-
-
-def _unique(nodes: Words) -> list[int]:
-    found: list[int] = np.unique(nodes).tolist()
-    return found
 
 
 WATCHERS: tuple[type[Watcher], ...] = (Lives,)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.conformance import Watcher
-from dissectors.tmotor.rules.packets import FIRST_UNIT, LAST_UNIT, occurrence, packet_tables, sender, sound
+from dissectors.tmotor.rules.packets import FIRST_UNIT, LAST_UNIT, occurrence, packet_tables, unit_key
+from dissectors.tmotor.rules.rows import sender, sound, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -69,7 +70,7 @@ class Mapping(Watcher):
     def _compare(
         self, view: View, packets: Table, status: Table | None, said: dict[int, Words]
     ) -> Iterator[Occurrence]:
-        pairs = sender(packets) << 8 | packets["unit_id"]
+        pairs = unit_key(packets)
         good = sound(packets)
         for pair in np.flatnonzero(np.bincount(pairs[good], minlength=1)).tolist():
             node, unit = pair >> 8, pair & 0xFF
@@ -98,14 +99,11 @@ class Mapping(Watcher):
 
 def _said(status: Table, known: dict[int, int]) -> dict[int, Words]:
     """Rows of the nodes that say another index than is known of them, or several."""
-    good = status.trusted & (status["bits_left"] >= 0)
-    nodes = sender(status)
-    # Node IDs have 7 bits: the table of counts is small as long as there are few interfaces.
-    packed = (nodes >> 8 << 7 | nodes & 0x7F) << _INDEXES | status["esc_index"]
+    good, nodes = usable(status), sender(status)
+    packed = nodes.astype(np.int64) << _INDEXES | status["esc_index"]
     new: dict[int, Words] = {}
     for code in np.flatnonzero(np.bincount(packed[good], minlength=1)).tolist():
-        index, place = code & (1 << _INDEXES) - 1, code >> _INDEXES
-        node = place >> 7 << 8 | place & 0x7F
+        node, index = code >> _INDEXES, code & (1 << _INDEXES) - 1
         if node not in new and known.get(node) != index and (node in known or len(known) < _MOST):
             new[node] = np.flatnonzero(good & (nodes == node))
     return new

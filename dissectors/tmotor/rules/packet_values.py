@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.conformance import watches
-from dissectors.tmotor.rules.packets import hexadecimal, occurrence, sound
+from dissectors.tmotor.rules.packets import NO_CHANGE_8, NO_CHANGE_16, hexadecimal, occurrence
+from dissectors.tmotor.rules.rows import sound
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from dissectors.conformance import Found, Occurrence, Table, Values, View, Watcher, Words
 
-_NO_CHANGE_8, _NO_CHANGE_16 = 0xFF, 0xFFFF
 _SWITCHES = {
     "throttle priority": "throttle_priority.priority",
     "position loop": "throttle_priority.position_loop",
@@ -40,11 +40,11 @@ def foc_parameters(view: View) -> Iterator[Occurrence]:
         return
     for row in np.flatnonzero(sound(table)).tolist():
         found = [(name, int(table[column][row])) for name, column in _SWITCHES.items()]
-        wrong = [(name, value) for name, value in found if value > 1 and value != _NO_CHANGE_8]
+        wrong = [(name, value) for name, value in found if value > 1 and value != NO_CHANGE_8]
         rate, reports = int(table["bus_rate"][row]), int(table["report_rate"][row])
-        if rate > _MOST_RATE and rate != _NO_CHANGE_8:
+        if rate > _MOST_RATE and rate != NO_CHANGE_8:
             wrong.append(("bus rate", rate))
-        if reports > _MOST_REPORTS and reports != _NO_CHANGE_16:
+        if reports > _MOST_REPORTS and reports != NO_CHANGE_16:
             wrong.append(("report rate", reports))
         for name, value in wrong:
             yield occurrence(view, table, row, "PUSH-101", {"field": name, "value": value})
@@ -158,7 +158,7 @@ def foc_feedback(view: View) -> Iterator[Occurrence]:
             if value > most:
                 cut = name == "save option" and value == _SAVE_CUT
                 values = {"field": name, "value": str(value)}
-                yield occurrence(view, table, row, "PUSH-502", values, "note" if cut else None)
+                yield occurrence(view, table, row, "PUSH-502", values, severity="note" if cut else None)
 
 
 def _readable(version: Sequence[int]) -> bool:

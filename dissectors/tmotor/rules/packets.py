@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dissectors.conformance import Occurrence
+from dissectors.conformance import SECOND
+from dissectors.tmotor.rules.rows import breach, sender
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from dissectors.conformance import Severity, Table, Values, View, Words
+    from dissectors.conformance import Occurrence, Table, Values, View, Words
 
 HEADERS = {"PUSHSCI": b"\xec\x96", "PUSHCAN": b"\x7b\x8c"}
 CARRIER_OF = {header: name for name, header in HEADERS.items()}
@@ -29,7 +30,9 @@ FORMS = {
 KNOWN_IDS = {"PUSHSCI": frozenset({0x06, 0x08, 0x1A, 0x1E}), "PUSHCAN": frozenset({0x15, 0x1E})}
 ALL_UNITS = 0xFF
 FIRST_UNIT, LAST_UNIT = 0xA1, 0xA9
+NO_CHANGE_8, NO_CHANGE_16 = 0xFF, 0xFFFF  # in a set packet
 UNRECOGNIZED = "unrecognized"
+LONGEST = 2 * SECOND  # from a transfer's first frame to its last: until then a row of that time may still come
 
 
 def carrier(table: Table) -> str:
@@ -50,30 +53,14 @@ def packet_tables(view: View) -> Iterator[Table]:
             yield table
 
 
-def sound(table: Table) -> Words:
-    """Rows whose packet is whole, with the right length and checksum, in a transfer that can be relied on."""
-    return table["packet_ok"] & table.trusted
-
-
-def sender(table: Table) -> Words:
-    """Bus and source node of each row as one number."""
-    return table.bus.astype(np.int64) << 8 | table.src
-
-
 def unit_key(table: Table) -> Words:
     """Bus, source node and power unit of each row as one number."""
-    return sender(table) << 8 | table["unit_id"]
+    return sender(table).astype(np.int64) << 8 | table["unit_id"]
 
 
-def occurrence(
-    view: View, table: Table, row: int, rule: str, values: Values, severity: Severity | None = None
-) -> Occurrence:
-    """A breach in one row of a packet's or a carrier's table."""
-    transfers, at = view.transfers, int(table.row[row])
-    return Occurrence(
-        rule, int(transfers.t[at]), int(transfers.bus[at]), int(transfers.src[at]), carrier(table),
-        transfers.frames(at), values, severity,
-    )  # fmt: skip
+def occurrence(view: View, table: Table, row: int, rule: str, values: Values, **about: Any) -> Occurrence:
+    """A breach in one row of a packet's or a carrier's table; it is said of the carrier."""
+    return breach(view, table, row, rule, values, type=carrier(table), **about)
 
 
 def place(table: Table) -> Words:
@@ -156,30 +143,6 @@ class Carried:
             low, high = np.searchsorted(part.row, [row, row + 1])
             found += map(int, part["offset"][low:high])
         return sorted(found)
-
-
-class Latest:
-    """A number for each key, the last one said; 0 where there is none. Keys are small numbers from 0."""
-
-    def __init__(self) -> None:
-        self._values: dict[int, Any] = {}
-
-    def get(self, key: int) -> int:
-        """What is known of a key."""
-        page = self._values.get(key >> _PAGE)
-        return 0 if page is None else int(page[key & _REST])
-
-    def keep(self, keys: Words, values: Words) -> None:
-        """The values of a batch in their order; the last one of a key stays. A page of 32,768 for each bus."""
-        pages = keys >> _PAGE
-        for number in [int(pages[0])] if (pages == pages[0]).all() else np.unique(pages).tolist():
-            page = self._values.setdefault(number, np.zeros(1 << _PAGE, np.int64))
-            here = pages == number
-            page[keys[here] & _REST] = values[here]
-
-
-_PAGE = 15
-_REST = (1 << _PAGE) - 1
 
 
 def hexadecimal(data: Sequence[int]) -> str:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.conformance import NO_TIME, SECOND, Occurrence, Watcher, watches
-from dissectors.tmotor.rules.series import usable
+from dissectors.conformance import NO_TIME, SECOND, Watcher, watches
+from dissectors.tmotor.rules.rows import breach, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.conformance import Found, Table, Values, View, Words
+    from dissectors.conformance import Found, Occurrence, Table, Values, View, Words
 
 _QUERY = b"\xff" * 27
 # Fields of ParamCfg with 16 bits; the UUID is the only one with 32.
@@ -162,10 +162,8 @@ class Lifetime(Watcher):
             for name, value in now.items():
                 wrapped = name == "esc_startup_times" and before[name] > _NEARLY_FULL and value < _JUST_BEGUN
                 if value < before[name] and not wrapped:
-                    frames = view.transfers.frames(int(table.row[row]))
                     told = {"field": name, "before": before[name], "value": value}
-                    bus, node = device[0], int(table.src[row])
-                    yield Occurrence("TYP-402", int(table.t[row]), bus, node, table.name, frames, told)
+                    yield breach(view, table, row, "TYP-402", told)
 
 
 @watches("TYP-404")

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.conformance import NO_TIME, SECOND, Occurrence, Watcher
-from dissectors.tmotor.rules.joins import MOST_UNITS, Pauses, end, leads, units
-from dissectors.tmotor.rules.series import usable
+from dissectors.conformance import NO_TIME, SECOND, Watcher
+from dissectors.tmotor.rules.joins import MOST_UNITS, Pauses, end, units
+from dissectors.tmotor.rules.rows import breach, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from dissectors.conformance import Found, Table, View
+    from dissectors.conformance import Found, Occurrence, Table, View
 
 _ANY_UUID, _ANY_INDEX = 0xFFFFFFFF, 0xFF
 _OPEN8, _OPEN16, _AMBIGUOUS = 0xFF, 0xFFFF, 0x00FF
@@ -119,12 +119,11 @@ class Dialogue(Watcher):
         self._asked[bus] = t
         if not good or len(self._pending) >= MOST_PENDING:
             return
-        frames = leads(table, view, row)
         sets = {name: int(table[name][row]) for name, skip in _FIELDS.items() if int(table[name][row]) not in skip}
         open_ = all(int(table[name][row]) == skip[0] for name, skip in _FIELDS.items())
         if int(table[_ID][row]) not in (_OPEN16, _AMBIGUOUS):
             sets[_ID] = int(table[_ID][row])
-        place = Occurrence("", int(table.t[row]), bus, int(table.src[row]), "ParamCfg", frames, {})
+        place = breach(view, table, row, "", {})
         uuid, index = int(table["esc_uuid"][row]), int(table["esc_index"][row])
         query = open_ and (uuid, index, int(table[_ID][row])) == (_ANY_UUID, _ANY_INDEX, _OPEN16)
         asked = _Asked(t, bus, place, uuid, index, sets, query)
@@ -149,7 +148,7 @@ class Dialogue(Watcher):
         asked = self._asked.get(bus)
         settled = start - view.starts.get(bus, start) >= window * SECOND
         if settled and (asked is None or start - asked > window * SECOND):
-            yield Occurrence("BUS-014", start, bus, node, "ParamGet", leads(table, view, row), {"window_s": window})
+            yield breach(view, table, row, "BUS-014", {"window_s": window})
         if uuid in self._uuids or len(self._uuids) < MOST_UUIDS:
             self._uuids.setdefault(uuid, set()).add(index)
         self._told.setdefault((bus, node), t)
@@ -163,7 +162,7 @@ class Dialogue(Watcher):
             for name, expected in waiting[0].sets.items():
                 if name not in later and (wrong := _differs(name, expected, got)) is not None:
                     values = {"field": name, "expected": expected, "value": wrong}
-                    yield Occurrence("BUS-013", start, bus, node, "ParamGet", leads(table, view, row), values)
+                    yield breach(view, table, row, "BUS-013", values)
 
     def _due(self, view: View, t: int) -> Iterator[Occurrence]:
         """Judges what has waited long enough; requests stay until every rule's time is over."""
@@ -180,15 +179,12 @@ class Dialogue(Watcher):
             for node in asked.expected:
                 if node not in asked.answered:
                     values = {"missing_node": node, "limit_s": limits["BUS-012"]}
-                    yield Occurrence(
-                        "BUS-012", place.t, place.bus, node, place.type, place.frames, values,
-                        dialects={"dronecan": None},
-                    )  # fmt: skip
+                    yield replace(place, rule="BUS-012", node=node, values=values, dialects={"dronecan": None})
         elif not asked.answered and not asked.query:
-            yield _at(place, "BUS-011", {"address": asked.address, "limit_s": limits["BUS-011"]})
+            yield replace(place, rule="BUS-011", values={"address": asked.address, "limit_s": limits["BUS-011"]})
         what = self._unknown(asked)
         if what:
-            yield _at(place, "BUS-015", {"uuid": asked.uuid, "esc_index": asked.index, "what": what})
+            yield replace(place, rule="BUS-015", values={"uuid": asked.uuid, "esc_index": asked.index, "what": what})
 
     def _unknown(self, asked: _Asked) -> str:
         """What is wrong with an address, as far as is known; empty if nothing is."""
@@ -226,10 +222,6 @@ def _differs(name: str, expected: int, got: Mapping[str, int]) -> int | None:
     if name == _ID:
         return None if expected in (got["esc_id_req"], got["esc_index"]) else got["esc_id_req"]
     return None if got[name] == expected else got[name]
-
-
-def _at(place: Occurrence, rule: str, values: dict[str, str | int | float]) -> Occurrence:
-    return replace(place, rule=rule, values=values)
 
 
 WATCHERS: tuple[type[Watcher], ...] = (Dialogue,)

@@ -9,6 +9,7 @@ import numpy as np
 
 from dissectors.conformance import MILLISECOND, NO_TIME, Watcher
 from dissectors.tmotor.rules.joins import MOST_UNITS, units
+from dissectors.tmotor.rules.rows import sender, sound
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -55,15 +56,14 @@ class Angles(Watcher):
                 reports[unit.bus, unit.node] = rows
             else:
                 self._indexes[unit.bus, unit.node] = -1
-        still = np.empty(0, np.int64)
+        still, node = np.empty(0, np.int64), np.empty(0, np.uint16)
         if packets is not None:
-            still = np.flatnonzero(packets.trusted & packets["packet_ok"] & (packets["speed"] == 0))
-        talking = {(int(packets.bus[row]), int(packets.src[row])) for row in still} if packets is not None else set()
+            still = np.flatnonzero(sound(packets) & (packets["speed"] == 0))
+            node = sender(packets, still)
+        talking = {(code >> 7, code & 0x7F) for code in np.flatnonzero(np.bincount(node)).tolist()}
         for who in sorted(talking | reports.keys()):
             if self._indexes.get(who) != -1 and (who in self._last or len(self._last) < MOST_UNITS):
-                mine = still
-                if packets is not None:
-                    mine = still[(packets.bus[still] == who[0]) & (packets.src[still] == who[1])]
+                mine = still[node == (who[0] << 7 | who[1])]
                 yield from self._compare(view, who, reports.get(who), (packets, mine))
 
     def _compare(

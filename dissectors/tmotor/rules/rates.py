@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Occurrence, Watcher
-from dissectors.tmotor.rules.joins import Motion, Periods, commands, leads, rows_by_bus
+from dissectors.tmotor.rules.joins import Motion, Periods, commands, rows_by_bus
+from dissectors.tmotor.rules.rows import breach
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -208,16 +209,13 @@ class CommandRate(Watcher):
             return
         for bus, sent in commands(view).items():
             for node in np.flatnonzero(np.bincount(sent.src)).tolist():
-                t, who = sent.t[sent.src == node], (bus, node)
+                mine, who = np.flatnonzero(sent.src == node), (bus, node)
+                t = sent.t[mine]
                 if who not in self._first:
                     if len(self._first) >= MOST_SENDERS:
                         continue
-                    row = int(sent.rows[np.flatnonzero(sent.src == node)[0]])
-                    frames = leads(sent.table, view, row)
                     self._periods[who] = Periods()
-                    self._first[who] = Occurrence(
-                        "BUS-006", int(t[0]), bus, node, "RawCommand", frames, {}, lines=view.lines(frames)
-                    )
+                    self._first[who] = breach(view, sent.table, int(sent.rows[mine[0]]), "BUS-006", {}, held=True)
                 self._periods[who].add(np.diff(t, prepend=self._last.get(who, int(t[0]))))
                 self._last[who] = int(t[-1])
         yield from ()
@@ -231,11 +229,8 @@ class CommandRate(Watcher):
                 continue
             median = periods.below(0.5)
             if abs(median - nominal) > tolerance * nominal:
-                found, slow = self._first[who], periods.below(_MIN_TO_SAY)
-                values = {"hertz": SECOND / median, "slow_ms": slow / MILLISECOND}
-                yield Occurrence(
-                    found.rule, found.t, found.bus, found.node, found.type, found.frames, values, lines=found.lines
-                )
+                values = {"hertz": SECOND / median, "slow_ms": periods.below(_MIN_TO_SAY) / MILLISECOND}
+                yield replace(self._first[who], values=values)
 
 
 WATCHERS: tuple[type[Watcher], ...] = (Load, CommandRate)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Occurrence, Watcher
-from dissectors.tmotor.rules.joins import MOST_UNITS, Pauses, Periods, Unit, commands, leads, units
-from dissectors.tmotor.rules.series import sender, usable
+from dissectors.tmotor.rules.joins import MOST_UNITS, Pauses, Periods, Unit, commands, units
+from dissectors.tmotor.rules.rows import breach, frames_of, sender, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -72,13 +72,10 @@ class ReportRate(Watcher):
                 done[who] = number
                 known = self._set or any(before < number for before in sets)
                 if one.configured is not None or known:
-                    yield from _judged(view, one, who)
+                    yield from _judged(view, one)
                     one.restart()
-                frames = leads(parameters, view, row)
                 one.configured = configured
-                one.place = Occurrence(
-                    "BUS-018", int(parameters.t[row]), *who, "ParamGet", frames, {}, lines=view.lines(frames)
-                )
+                one.place = breach(view, parameters, row, "BUS-018", {}, held=True)
         for who in {(unit.bus, unit.node) for unit in units(view)}:
             if self._measured(who) is not None:
                 self._measure(view, who, periods, (done.get(who, -1), None))
@@ -86,8 +83,8 @@ class ReportRate(Watcher):
 
     def settle(self, view: View) -> Iterable[Found | Occurrence]:
         """The last settings."""
-        for who, one in self._nodes.items():
-            yield from _judged(view, one, who)
+        for one in self._nodes.values():
+            yield from _judged(view, one)
 
     def _measured(self, who: tuple[int, int]) -> _Measured | None:
         if who not in self._nodes and len(self._nodes) >= MOST_MEASURED:
@@ -137,7 +134,7 @@ def _numbers(table: Table, rows: Words) -> list[int]:
     return [int(number) for number in table["transfer"][np.flatnonzero(rows)]]
 
 
-def _judged(view: View, one: _Measured, who: tuple[int, int]) -> Iterator[Occurrence]:
+def _judged(view: View, one: _Measured) -> Iterator[Occurrence]:
     """A rate that is not as configured."""
     enough = one.periods.count + 1 >= view.number("BUS-018", "min_transfers")
     if one.configured is None or one.configured == _OPEN or one.place is None or not enough:
@@ -147,7 +144,7 @@ def _judged(view: View, one: _Measured, who: tuple[int, int]) -> Iterator[Occurr
     escs = sum(count > max(one.indexes.values()) * _STRAY for count in one.indexes.values())
     measured = SECOND / one.periods.below(0.5) / escs
     if abs(measured - one.configured) > view.number("BUS-018", "tolerance_pct") / 100 * one.configured:
-        yield replace(one.place, node=who[1], values={"configured": one.configured, "measured": measured})
+        yield replace(one.place, values={"configured": one.configured, "measured": measured})
 
 
 class Predicted(Watcher):
@@ -173,10 +170,8 @@ class Predicted(Watcher):
                 bus, node, rate = int(table.bus[row]), int(table.src[row]), int(table["esc_fdb_rate"][row])
                 if self._rates.setdefault(bus, {}).get(node) == rate:
                     continue
-                frames_, self._rates[bus][node] = leads(table, view, row), rate
-                self._place[bus] = Occurrence(
-                    "BUS-024", int(table.t[row]), bus, None, "ParamGet", frames_, {}, lines=view.lines(frames_)
-                )
+                self._rates[bus][node] = rate
+                self._place[bus] = breach(view, table, row, "BUS-024", {}, held=True, node=None)
         yield from ()
 
     def settle(self, view: View) -> Iterable[Found | Occurrence]:
@@ -246,12 +241,12 @@ class Dropout(Watcher):
             at = np.concatenate((at[at < _MEMORY], full[long]))
         for k in at.tolist():
             if k >= old:
-                frames = leads(table, view, int(rows[k - old]))
+                frames = frames_of(view, table, int(rows[k - old]))
                 evidence = frames, view.lines(frames)
             else:
                 evidence = known.frames, known.lines
             self._silent(view, unit, t, k, evidence)
-        frames = leads(table, view, int(rows[-1]))
+        frames = frames_of(view, table, int(rows[-1]))
         self._heard[unit] = _Heard(t[-_MEMORY - 1 :].copy(), frames, view.lines(frames))
 
     def _silent(

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.conformance import Watcher, watches
-from dissectors.tmotor.rules.series import NODES, Previous, sender, usable
+from dissectors.tmotor.rules.rows import NODES, sender, usable
+from dissectors.tmotor.rules.series import Previous
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.conformance import NO_TIME, SECOND, Watcher
-from dissectors.tmotor.rules.series import Previous, sender, usable
+from dissectors.tmotor.rules.rows import sender, usable
+from dissectors.tmotor.rules.series import Previous
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

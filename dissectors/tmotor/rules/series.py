@@ -1,4 +1,4 @@
-"""What a node sent before: previous rows of the same node, across batches."""
+"""What was said before, across batches: the previous rows of the same node, the last number of a key."""
 
 from __future__ import annotations
 
@@ -6,22 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dissectors.tmotor.rules.rows import NODES
+
 if TYPE_CHECKING:
-    from dissectors.conformance import Table, Words
+    from dissectors.conformance import Words
 
-NODES = 1 << 15  # 8 bits of bus, 7 of node ID
-
-
-def usable(table: Table) -> Words:
-    """Rows with a good CRC that hold every field."""
-    return table.trusted & (table["bits_left"] >= 0)
-
-
-def sender(table: Table, rows: Words) -> Words:
-    """Bus and node of rows in one number below `NODES`."""
-    node = table.bus[rows].astype(np.uint16) << 7
-    node |= table.src[rows] & 0x7F
-    return node
+_PAGE = 15
+_REST = (1 << _PAGE) - 1
 
 
 class Previous:
@@ -60,3 +51,23 @@ class Previous:
         row[order[1:]] = order[:-1]
         row[order[starts]] = -1
         return before, row
+
+
+class Latest:
+    """A number for each key, the last one said; 0 where there is none. Keys are small numbers from 0."""
+
+    def __init__(self) -> None:
+        self._values: dict[int, Words] = {}
+
+    def get(self, key: int) -> int:
+        """What is known of a key."""
+        page = self._values.get(key >> _PAGE)
+        return 0 if page is None else int(page[key & _REST])
+
+    def keep(self, keys: Words, values: Words) -> None:
+        """The values of a batch in their order; the last one of a key stays. A page of 32,768 for each bus."""
+        pages = keys >> _PAGE
+        for number in np.flatnonzero(np.bincount(pages)).tolist():
+            page = self._values.setdefault(number, np.zeros(1 << _PAGE, np.int64))
+            here = pages == number
+            page[keys[here] & _REST] = values[here]

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Occurrence, Watcher
-from dissectors.tmotor.rules.joins import MOST_UNITS, Motion, Pauses, commands, leads
+from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Watcher
+from dissectors.tmotor.rules.joins import MOST_UNITS, Motion, Pauses, commands
+from dissectors.tmotor.rules.rows import breach, sound
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from dissectors.conformance import Found, Table, View, Words
+    from dissectors.conformance import Found, Occurrence, Table, View, Words
     from dissectors.tmotor.rules.joins import Commands
 
 _RUNNING = 5  # so many commands without a pause are a stream that can stop
@@ -85,13 +86,9 @@ class Stopped(Watcher):
         at = -1 if changes is None else int(np.searchsorted(changes[0], sent.number[k], "right")) - 1
         turning = before if changes is None or at < 0 else bool(changes[2][at])
         rests = not turning and not sent.cmd[:, k][sent.cmd[:, k] >= -(1 << 13)].any()
-        row = int(sent.rows[k])
-        frames = leads(sent.table, view, row)
+        severity = "note" if rests else None
         stream.t = int(sent.t[k])
-        stream.place = Occurrence(
-            "BUS-007", stream.t, int(sent.table.bus[row]), int(sent.src[k]), "RawCommand", frames, {},
-            severity="note" if rests else None, lines=view.lines(frames),
-        )  # fmt: skip
+        stream.place = breach(view, sent.table, int(sent.rows[k]), "BUS-007", {}, held=True, severity=severity)
 
     def _stop(self, view: View, bus: int, stream: _Stream, stop: int) -> Iterator[Occurrence]:
         if stream.count < _RUNNING or stream.place is None or self._pauses is None:
@@ -111,7 +108,7 @@ def _losing(view: View) -> dict[int, tuple[Words, Words]]:
     mode, found = table["error_count.mode"], table["error_count.throttle_loss"] & table.trusted
     rows = np.flatnonzero(found & (mode >= _MODES[0]) & (mode <= _MODES[1]))
     bus, number, index = table.bus[rows], table["transfer"][rows].astype(np.int64), table["esc_index"][rows]
-    return {place: (number[bus == place], index[bus == place]) for place in np.unique(bus).tolist()}
+    return {place: (number[bus == place], index[bus == place]) for place in np.flatnonzero(np.bincount(bus)).tolist()}
 
 
 class TakenOver(Watcher):
@@ -130,7 +127,7 @@ class TakenOver(Watcher):
         now, table = commands(view), view.table("PUSHCAN.MotorStatus")
         if table is not None:
             wait = view.number("BUS-034", "wait_ms") * MILLISECOND
-            turning = table.trusted & table["packet_ok"] & (table["speed"] != 0)
+            turning = sound(table) & (table["speed"] != 0)
             since = self._since(table, now)
             late = (since != NO_TIME) & (table.t - np.maximum(since, 0) > wait)
             for row in np.flatnonzero(turning & late & (table["pwm"] > 0) & (table["throttle"] > 0)).tolist():
@@ -138,8 +135,7 @@ class TakenOver(Watcher):
                 if self._said.get((bus, node)) != last and len(self._said) < MOST_UNITS:
                     self._said[bus, node] = last
                     values = {"microseconds": float(table["pwm"][row]), "rpm": int(table["speed"][row])}
-                    frames = leads(table, view, row)
-                    yield Occurrence("BUS-034", int(table.t[row]), bus, node, "PUSHCAN.MotorStatus", frames, values)
+                    yield breach(view, table, row, "BUS-034", values)
         for bus, sent in now.items():
             self._last[bus] = int(sent.t[-1])
 
@@ -150,7 +146,7 @@ class TakenOver(Watcher):
             mine, t = table.bus == bus, np.array([self._last.get(bus, NO_TIME)])
             if bus in now:
                 t = np.concatenate((t, now[bus].t))
-                since[mine] = t[np.searchsorted(now[bus].number, table["transfer"][mine].astype(np.int64))]
+                since[mine] = t[now[bus].before(table, mine)]
             else:
                 since[mine] = t[0]
         return since

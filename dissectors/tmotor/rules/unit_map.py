@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.tmotor.rules.packets import FIRST_UNIT, LAST_UNIT, sound
+from dissectors.tmotor.rules.packets import FIRST_UNIT, LAST_UNIT
+from dissectors.tmotor.rules.rows import sound
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class UnitMap:
-    """The node of each unit by its status packets 0xA1 to 0xC0; a unit that two nodes claim is left out."""
+    """The node of each unit by its status packets 0xA1 to 0xA9; a unit that two nodes claim is left out."""
 
     def __init__(self) -> None:
         self._nodes: dict[int, set[int]] = {}
@@ -26,7 +27,7 @@ class UnitMap:
         if packets is None:
             return
         pairs = (packets.src.astype(np.int64) << 8 | packets["unit_id"])[sound(packets)]
-        for pair in np.unique(pairs).tolist():
+        for pair in np.flatnonzero(np.bincount(pairs)).tolist():
             if FIRST_UNIT <= pair & 0xFF <= LAST_UNIT:
                 self._nodes.setdefault(pair & 0xFF, set()).add(pair >> 8)
 

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Occurrence, Watcher
-from dissectors.tmotor.rules.joins import MOST_UNITS, NO_CHANNEL, Motion, commands, leads, units
+from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Watcher
+from dissectors.tmotor.rules.joins import MOST_UNITS, NO_CHANNEL, Motion, commands, units
+from dissectors.tmotor.rules.rows import breach
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from dissectors.conformance import Exercise, Found, Table, View, Words
+    from dissectors.conformance import Exercise, Found, Occurrence, Table, View, Words
     from dissectors.tmotor.rules.joins import Commands, Unit
 
 
@@ -125,10 +126,7 @@ class TooMany(Watcher):
         for (bus, node), row in sorted(fresh.items(), key=lambda one: one[1]):
             self._nodes[bus].add(node)
             if len(self._nodes[bus]) == most + 1:
-                frames = leads(table, view, row)
-                self._found[bus] = Occurrence(
-                    "BUS-008", int(table.t[row]), bus, None, "ESCStatus", frames, {}, lines=view.lines(frames)
-                )
+                self._found[bus] = breach(view, table, row, "BUS-008", {}, held=True, node=None)
         yield from ()
 
     def settle(self, _view: View) -> Iterable[Found | Occurrence]:
@@ -248,9 +246,7 @@ class _Sent:
 
 def _runs(before: _Sent, sent: Commands, window: int) -> Words:
     """For each command since when there has been no pause longer than the window."""
-    previous = np.concatenate(([before.t], sent.t[:-1]))
-    pause = (sent.t - np.maximum(previous, 0) > window) | (previous == NO_TIME)
-    return np.maximum.accumulate(np.where(pause, sent.t, before.since))
+    return np.maximum.accumulate(np.where(sent.paused(before.t, window), sent.t, before.since))
 
 
 def _uncommanded(
@@ -264,9 +260,7 @@ def _uncommanded(
         had = np.maximum.accumulate(np.where(sent.counts > unit.index, sent.t, before.with_index[unit.index]))
         fresh = (sent.t, _runs(before, sent, window), sent.counts, had)
         columns = [np.concatenate(pair) for pair in zip(columns, fresh, strict=True)]
-    k = np.zeros(len(rows), np.int64)
-    if sent is not None:
-        k = np.searchsorted(sent.number, table["transfer"][rows].astype(np.int64))
+    k = np.zeros(len(rows), np.int64) if sent is None else sent.before(table, rows)
     t = table.t[rows]
     last, since, counts, had = (column[k] for column in columns)
     runs = (last != NO_TIME) & (t - np.maximum(last, 0) <= window) & (t - np.maximum(since, 0) >= window)
@@ -292,11 +286,7 @@ class SpareChannels(Watcher):
             known = self._first.setdefault(bus, [])
             for channel in range(len(known), len(sent.cmd)):
                 row = int(sent.rows[np.flatnonzero(sent.counts > channel)[0]])
-                frames = leads(sent.table, view, row)
-                known.append(Occurrence(
-                    "BUS-027", int(sent.table.t[row]), bus, int(sent.table.src[row]), "RawCommand", frames,
-                    {"channel": channel + 1}, lines=view.lines(frames),
-                ))  # fmt: skip
+                known.append(breach(view, sent.table, row, "BUS-027", {"channel": channel + 1}, held=True))
         yield from ()
 
     def settle(self, _view: View) -> Iterable[Found | Occurrence]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.tmotor.traffic.faults.occasions import chosen
-from dissectors.tmotor.traffic.faults.status import STATUS
+from dissectors.tmotor.traffic.faults.occasions import chosen, misreport, once, put, span, unsent
+from dissectors.tmotor.traffic.faults.status import STATUS, status_of
 from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
 
 if TYPE_CHECKING:
@@ -15,12 +15,9 @@ if TYPE_CHECKING:
 
 _COMMAND = "RawCommand"
 _ABNORMAL = 4
-_LOOK = 50 * MILLISECOND
+_TURN = 50 * MILLISECOND
 _SECOND_SOURCE = 99
-
-
-def _later(case: Case, name: str = "seconds") -> int:
-    return case.world.now + round(float(case.options[name]) * SECOND)
+_DRIVEN = 1000  # a throttle at which a motor turns
 
 
 def _slow(case: Case) -> None:
@@ -34,9 +31,7 @@ def _slow(case: Case) -> None:
         if turn[0] % 2:
             case.mark(sending)
             return Step.MORE
-        # It was never sent, so it takes no transfer ID.
-        case.vehicle.autopilot.transfer_ids[_COMMAND, None] = sending.transfer_id
-        sending.frames = []
+        unsent(case.vehicle.autopilot, sending)
         return Step.MORE
 
     case.say("the autopilot commands at half its rate")
@@ -47,11 +42,8 @@ def _stop(case: Case) -> None:
     """Waits until motors are commanded to turn."""
     vehicle, world = case.vehicle, case.world
 
-    def look() -> None:
-        if not any(vehicle.pilot.last) or not vehicle.commanding:
-            world.at(world.now + _LOOK, look)
-            return
-        until = _later(case)
+    def begin() -> None:
+        until = world.now + span(case)
         vehicle.commanding = False
         case.watch(lambda sending: STATUS(sending) and sending.t > until - 50 * MILLISECOND, until + 50 * MILLISECOND)
         case.say(f"no RawCommand for {float(case.options['seconds']):g} s")
@@ -60,7 +52,7 @@ def _stop(case: Case) -> None:
     def go_on() -> None:
         vehicle.commanding = True
 
-    look()
+    once(case, lambda: any(vehicle.pilot.last) and vehicle.commanding, begin)
 
 
 def negative(index: int) -> Callable[[list[int]], list[int]]:
@@ -68,27 +60,33 @@ def negative(index: int) -> Callable[[list[int]], list[int]]:
     return lambda commands: [-600 if k == index else value for k, value in enumerate(commands)]
 
 
+def hook(case: Case, change: Callable[[list[int]], list[int]], until: int) -> None:
+    """Changes all throttles up to a time."""
+    vehicle = case.vehicle
+    before, vehicle.throttle_hook = vehicle.throttle_hook, change
+
+    def back() -> None:
+        vehicle.throttle_hook = before
+
+    case.world.at(until, back)
+
+
 def _silent_about_it(case: Case) -> None:
     """A negative throttle that its ESC should report as abnormal (4.4.1 explanation 2), and does not."""
-    esc, until = chosen(case), _later(case)
-    before, node, index = case.vehicle.throttle_hook, esc.node.number, esc.index
+    esc, until = chosen(case), case.world.now + span(case)
+    shown, index = status_of(esc.node.number), esc.index
 
     def hide(_: Case, sending: Sending) -> Step:
         if sending.t > until + 200 * MILLISECOND:
             return Step.DONE
-        if STATUS(sending) and sending.node == node and not sending.changed:
-            word = sending.values["error_count"] & ~(1 << _ABNORMAL)
-            sending.values = {**sending.values, "error_count": word}
+        if shown(sending) and not sending.changed:
+            put(sending, "error_count", sending.values["error_count"] & ~(1 << _ABNORMAL))
         return Step.MORE
 
-    def back() -> None:
-        case.vehicle.throttle_hook = before
-
-    case.vehicle.throttle_hook = negative(index)
+    hook(case, negative(index), until)
     case.touch("values", hide)
     case.watch(lambda sending: sending.name == _COMMAND and sending.values["cmd"][index] < 0, until + SECOND)
     case.say(f"throttle -600 for the ESC with index {index}, which never sets bit 4")
-    case.world.at(until, back)
 
 
 def _second(case: Case) -> None:
@@ -103,7 +101,7 @@ def _second(case: Case) -> None:
         sending.damaged = True
         case.mark(sending)
         if turn + 1 < times:
-            case.world.at(case.world.now + _LOOK, lambda: command(turn + 1))
+            case.world.at(case.world.now + _TURN, lambda: command(turn + 1))
 
     case.say(f"node {_SECOND_SOURCE} sends RawCommand, too, {times} times")
     command(0)
@@ -113,21 +111,16 @@ def _channels(more: int, say: str) -> Fault:
     rule = "BUS-026" if more < 0 else "BUS-027"
 
     def start(case: Case) -> None:
-        vehicle, until = case.vehicle, _later(case)
-        before, usual = vehicle.throttle_hook, len(vehicle.escs)
+        until, usual = case.world.now + span(case), len(case.vehicle.escs)
         if usual + more < 1:
             return
 
         def change(commands: list[int]) -> list[int]:
             return [*commands, *[0] * more] if more > 0 else commands[:more]
 
-        def back() -> None:
-            vehicle.throttle_hook = before
-
-        vehicle.throttle_hook = change
+        hook(case, change, until)
         case.watch(lambda sending: sending.name == _COMMAND and len(sending.values["cmd"]) != usual, until + SECOND)
         case.say(f"RawCommand has {usual + more} channels for {usual} ESCs")
-        case.world.at(until, back)
 
     return Fault(
         rule, say, start=start, options={"seconds": 2.5}, limits={"seconds": (1.5, 3600)}, lasts=2600 * MILLISECOND,
@@ -136,28 +129,19 @@ def _channels(more: int, say: str) -> Fault:
 
 
 def _stuck(case: Case) -> None:
-    """A motor that does not turn although it is commanded; its ESC says nothing about it."""
-    esc, world, until = chosen(case), case.world, 0
-    node = esc.node.number
+    """A motor that does not turn although it is commanded all the time; its ESC says nothing about it."""
+    esc = chosen(case)
+    shown = status_of(esc.node.number)
 
-    def still(case: Case, sending: Sending) -> Step:
-        if sending.t > until:
-            return Step.DONE
-        if STATUS(sending) and sending.node == node and not sending.changed:
-            sending.values = {**sending.values, "rpm": 0}
-            case.mark(sending)
-        return Step.MORE
+    def driven(commands: list[int]) -> list[int]:
+        return [max(one, _DRIVEN) if index == esc.index else one for index, one in enumerate(commands)]
 
-    def look() -> None:
-        nonlocal until
-        if case.vehicle.command(esc.index) <= 1000:
-            world.at(world.now + _LOOK, look)
-            return
-        until = _later(case)
+    def begin() -> None:
+        hook(case, driven, case.world.now + span(case))
         case.say(f"the ESC with index {esc.index} reports 0 rpm at throttle {case.vehicle.command(esc.index)}")
-        case.touch("values", still)
+        misreport(case, shown, "rpm", 0, case.world.now + span(case))
 
-    look()
+    once(case, lambda: case.vehicle.command(esc.index) > _DRIVEN, begin)
 
 
 FAULTS: tuple[Fault, ...] = (

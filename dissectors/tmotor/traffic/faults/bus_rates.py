@@ -7,18 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 from dissectors.tmotor.traffic.answers import Answers
 from dissectors.tmotor.traffic.esc import UNITS, Esc, unique_ids
-from dissectors.tmotor.traffic.faults.bus_commands import negative
+from dissectors.tmotor.traffic.faults.bus_commands import hook, negative
 from dissectors.tmotor.traffic.faults.carried import carries
-from dissectors.tmotor.traffic.faults.occasions import chosen
-from dissectors.tmotor.traffic.faults.status import STATUS
+from dissectors.tmotor.traffic.faults.occasions import chosen, once, put, span
+from dissectors.tmotor.traffic.faults.status import STATUS, status_of
 from dissectors.tmotor.traffic.rates import rates
 from dissectors.tmotor.traffic.throttle import FULL
 from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from dissectors.traffic import Case, Sending
+    from dissectors.traffic import Case, Sending, Start
 
 _LOOK = 50 * MILLISECOND
 _FULL_RATE = 1_000_000
@@ -31,20 +29,8 @@ _FIRST_ESC = 11
 _PUSH = carries("MotorStatus")
 
 
-def _once(case: Case, ready: Callable[[], bool], do: Callable[[], None]) -> None:
-    """Does it as soon as it can be done."""
-    if ready():
-        do()
-    else:
-        case.world.at(case.world.now + _LOOK, lambda: _once(case, ready, do))
-
-
 def _turning(case: Case) -> bool:
     return all(case.vehicle.pilot.last)
-
-
-def _span(case: Case) -> int:
-    return round(float(case.options["seconds"]) * SECOND)
 
 
 def _hertz(case: Case, frames: int) -> int:
@@ -70,7 +56,7 @@ def _busy(case: Case) -> None:
     """In flight, at 1 Mbit/s or near it."""
     hertz = _hertz(case, int(case.options["frames"]))
     if hertz and case.world.bit_rate >= _CARRIES:
-        _once(case, partial(_turning, case), lambda: _rush(case, hertz))
+        once(case, partial(_turning, case), lambda: _rush(case, hertz))
 
 
 def _busy_slow(case: Case) -> None:
@@ -78,11 +64,11 @@ def _busy_slow(case: Case) -> None:
     rate = case.world.bit_rate
     hertz = _hertz(case, int(case.options["frames"]) * rate // _FULL_RATE)
     if hertz and rate < _FULL_RATE:
-        _once(case, partial(_turning, case), lambda: _rush(case, hertz))
+        once(case, partial(_turning, case), lambda: _rush(case, hertz))
 
 
 def _rush(case: Case, hertz: int) -> None:
-    until = case.world.now + _span(case)
+    until = case.world.now + span(case)
     _hurry(case, hertz)
     case.watch(STATUS, until)
     case.world.at(until, lambda: _calm(case))
@@ -100,7 +86,7 @@ def _busy_at_rest(case: Case) -> None:
 
     _hurry(case, hertz)
     case.watch(lambda sending: not over[0] and STATUS(sending))
-    _once(case, lambda: any(case.vehicle.pilot.last), end)
+    once(case, lambda: any(case.vehicle.pilot.last), end)
 
 
 def _crowd(case: Case) -> None:
@@ -122,21 +108,16 @@ def _crowd(case: Case) -> None:
 
 def _bad_throttle(case: Case) -> None:
     """Negative throttles: the ESC holds the last valid one until its timeout, then its motor runs out."""
-    esc, vehicle = chosen(case), case.vehicle
-    node, index = esc.node.number, esc.index
+    esc = chosen(case)
+    shown, index = status_of(esc.node.number), esc.index
 
     def begin() -> None:
-        before, until = vehicle.throttle_hook, case.world.now + _span(case)
-        vehicle.throttle_hook = negative(index)
-
-        def back() -> None:
-            vehicle.throttle_hook = before
-
-        case.world.at(until, back)
-        case.watch(lambda sending: STATUS(sending) and sending.node == node, until)
+        until = case.world.now + span(case)
+        hook(case, negative(index), until)
+        case.watch(shown, until)
         case.say(f"throttle -600 for the ESC with index {index}, which holds its own for a moment")
 
-    _once(case, lambda: vehicle.pilot.last[index] > 0, begin)
+    once(case, lambda: case.vehicle.pilot.last[index] > 0, begin)
 
 
 def _configured(case: Case) -> None:
@@ -164,7 +145,7 @@ def _turned(case: Case) -> None:
         word = sending.values.get("error_count", 0)
         if STATUS(sending) and sending.node == node and not sending.changed and word >> 16 < 16_384:
             encoder = ((word >> 16) + by) % 16_384
-            sending.values = {**sending.values, "error_count": word & 0xFFFF | encoder << 16}
+            put(sending, "error_count", word & 0xFFFF | encoder << 16)
             case.mark(sending)
         return Step.MORE
 
@@ -177,7 +158,7 @@ def _by_wire(case: Case) -> None:
     vehicle, world = case.vehicle, case.world
 
     def begin() -> None:
-        until = world.now + _span(case)
+        until = world.now + span(case)
         vehicle.commanding = False
 
         def pulse() -> None:
@@ -188,25 +169,26 @@ def _by_wire(case: Case) -> None:
                 esc.hear([round(FULL * wanted) for wanted in vehicle.pilot.wanted])
             world.at(world.now + 20 * MILLISECOND, pulse)
 
-        case.watch(lambda sending: _PUSH(sending) and until - sending.t < _span(case) - 100 * MILLISECOND, until)
+        case.watch(lambda sending: _PUSH(sending) and until - sending.t < span(case) - 100 * MILLISECOND, until)
         case.say(f"no RawCommand for {float(case.options['seconds']):g} s, the ESCs follow PWM")
         pulse()
 
-    _once(case, partial(_turning, case), begin)
+    once(case, partial(_turning, case), begin)
 
 
 _LOADED = ("BUS-001", "BUS-003", "BUS-004", "BUS-018")
 
+
+def _flying(rule: str, title: str, start: Start) -> Fault:
+    """More reports in a second than a bus may carry while motors turn."""
+    return Fault(
+        rule, title, start=start, options={"frames": 3000, "seconds": 1.6},
+        limits={"frames": (2500, 5000), "seconds": (1.2, 60)}, lasts=1800 * MILLISECOND, also=_LOADED,
+    )  # fmt: skip
+
+
 FAULTS: tuple[Fault, ...] = (
-    Fault(
-        "BUS-001",
-        "too many reports while motors turn",
-        start=_busy,
-        options={"frames": 3000, "seconds": 1.6},
-        limits={"frames": (2500, 5000), "seconds": (1.2, 60)},
-        lasts=1800 * MILLISECOND,
-        also=_LOADED,
-    ),
+    _flying("BUS-001", "too many reports while motors turn", _busy),
     Fault(
         "BUS-002",
         "too many reports while motors rest",
@@ -216,15 +198,7 @@ FAULTS: tuple[Fault, ...] = (
         early=True,
         also=_LOADED,
     ),
-    Fault(
-        "BUS-003",
-        "too many reports for a slower bus",
-        start=_busy_slow,
-        options={"frames": 3000, "seconds": 1.6},
-        limits={"frames": (2500, 5000), "seconds": (1.2, 60)},
-        lasts=1800 * MILLISECOND,
-        also=_LOADED,
-    ),
+    _flying("BUS-003", "too many reports for a slower bus", _busy_slow),
     Fault(
         "BUS-008",
         "more than 8 ESCs",

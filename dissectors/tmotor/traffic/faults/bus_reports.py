@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from dissectors.tmotor.traffic.faults.occasions import chosen
-from dissectors.tmotor.traffic.faults.status import STATUS
+from dissectors.tmotor.traffic.faults.occasions import chosen, misreport, put, span, unsent
+from dissectors.tmotor.traffic.faults.status import STATUS, status_of
 from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
 
 if TYPE_CHECKING:
-    from dissectors.traffic import Case, Node, Sending
+    from dissectors.traffic import Case, Fits, Node, Sending
 
 _ANSWER = "ParamGet"
 _AGAIN = 200 * MILLISECOND
 
 
-def _until(case: Case) -> int:
-    return case.world.now + round(float(case.options["seconds"]) * SECOND)
+def _answers(esc: Any) -> Fits:
+    return lambda sending: sending.name == _ANSWER and sending.node == esc.node.number
 
 
 def _lose(case: Case, node: Node, name: str, until: int) -> None:
@@ -26,8 +26,7 @@ def _lose(case: Case, node: Node, name: str, until: int) -> None:
         if sending.t > until:
             return Step.DONE
         if sending.name == name and sending.node == node.number and not sending.changed:
-            node.transfer_ids[name, None] = sending.transfer_id
-            sending.frames = []
+            unsent(node, sending)
             sending.damaged = True
         return Step.MORE
 
@@ -40,18 +39,11 @@ def _same_index(case: Case) -> None:
     if len(escs) < 2:
         return
     one, other = escs[-2:]
-    until = _until(case)
-
-    def change(case: Case, sending: Sending) -> Step:
-        if sending.t > until:
-            return Step.DONE
-        if STATUS(sending) and sending.node == other.node.number and not sending.changed:
-            sending.values = {**sending.values, "esc_index": one.index}
-            case.mark(sending)
-        return Step.MORE
-
     case.say(f"nodes {one.node.number} and {other.node.number} both report index {one.index}")
-    case.touch("values", change)
+    until = case.world.now + span(case)
+    misreport(
+        case, lambda sending: STATUS(sending) and sending.node == other.node.number, "esc_index", one.index, until
+    )
 
 
 def _no_answer(case: Case) -> None:
@@ -79,7 +71,7 @@ def _refused(case: Case) -> None:
     def old(case: Case, sending: Sending) -> Step:
         if sending.name != _ANSWER or sending.node != esc.node.number:
             return Step.SKIP
-        sending.values = {**sending.values, "esc_ot_threshold": before}
+        put(sending, "esc_ot_threshold", before)
         esc.parameters["esc_ot_threshold"] = before
         case.mark(sending)
         return Step.DONE
@@ -120,58 +112,47 @@ def _other_rate(case: Case) -> None:
     """The ESC says another rate than it sends with, whenever it is asked."""
     esc = chosen(case)
     wrong = 2 * esc.parameters["esc_fdb_rate"] if esc.parameters["esc_fdb_rate"] <= 200 else 10
-
-    def lie(case: Case, sending: Sending) -> Step:
-        if sending.name == _ANSWER and sending.node == esc.node.number and not sending.changed:
-            sending.values = {**sending.values, "esc_fdb_rate": wrong}
-            case.mark(sending)
-        return Step.MORE
-
-    case.touch("values", lie)
+    misreport(case, _answers(esc), "esc_fdb_rate", wrong)
     case.say(f"the ESC with index {esc.index} says {wrong} Hz and sends at {case.vehicle.rate} Hz")
     case.world.at(case.world.now, lambda: case.vehicle.configure(esc.index, esc_save_option=0))
 
 
 def _bus_rate(case: Case) -> None:
     esc, code = chosen(case), int(case.options["code"])
-
-    def lie(case: Case, sending: Sending) -> Step:
-        if sending.name == _ANSWER and sending.node == esc.node.number and not sending.changed:
-            sending.values = {**sending.values, "esc_can_rate": code}
-            case.mark(sending)
-        return Step.MORE
-
     if esc.parameters["esc_can_rate"] == code:
         return
-    case.touch("values", lie)
+    misreport(case, _answers(esc), "esc_can_rate", code)
     case.say(f"the ESC with index {esc.index} says bus rate code {code}")
     case.vehicle.query()
 
 
 def _dropout(case: Case) -> None:
-    esc, until = chosen(case), _until(case)
-    before = esc.telemetry
-    if not before:
+    esc, until = chosen(case), case.world.now + span(case)
+    if not esc.telemetry:
         return
     esc.telemetry = False
+    shown = status_of(esc.node.number)
 
     def back() -> None:
         esc.telemetry = True
 
+    def first(case: Case, sending: Sending) -> Step:
+        if not shown(sending) or sending.t < until:
+            return Step.MORE
+        case.mark(sending)
+        return Step.DONE
+
     case.world.at(until, back)
-    node = esc.node.number
-    case.touch(
-        "frames",
-        lambda case, sending: _first(case, sending, node, until),
-    )
-    case.say(f"no ESCStatus of node {node} for {float(case.options['seconds']):g} s")
+    case.touch("frames", first)
+    case.say(f"no ESCStatus of node {esc.node.number} for {float(case.options['seconds']):g} s")
 
 
-def _first(case: Case, sending: Sending, node: int, after: int) -> Step:
-    if not STATUS(sending) or sending.node != node or sending.t < after:
-        return Step.MORE
-    case.mark(sending)
-    return Step.DONE
+def _coded(rule: str, title: str, code: int, other: str) -> Fault:
+    """A bus rate code that an ESC reports; `other` is the rule that it may break, too."""
+    return Fault(
+        rule, title, start=_bus_rate, options={"code": code}, limits={"code": (0, 5)}, lasts=500 * MILLISECOND,
+        also=(other, "BUS-013", "TYP-208", "TYP-209"),
+    )  # fmt: skip
 
 
 FAULTS: tuple[Fault, ...] = (
@@ -214,15 +195,7 @@ FAULTS: tuple[Fault, ...] = (
         lasts=2500 * MILLISECOND,
         also=("BUS-013",),
     ),
-    Fault(
-        "BUS-019",
-        "an ESC says another bus rate than the bus has",
-        start=_bus_rate,
-        options={"code": 3},
-        limits={"code": (0, 5)},
-        lasts=500 * MILLISECOND,
-        also=("BUS-029", "BUS-013", "TYP-208", "TYP-209"),
-    ),
+    _coded("BUS-019", "an ESC says another bus rate than the bus has", 3, "BUS-029"),
     Fault(
         "BUS-025",
         "the telemetry of an ESC drops out",
@@ -232,13 +205,5 @@ FAULTS: tuple[Fault, ...] = (
         lasts=1200 * MILLISECOND,
         also=("BUS-018",),
     ),
-    Fault(
-        "BUS-029",
-        "ESCs say different bus rates",
-        start=_bus_rate,
-        options={"code": 1},
-        limits={"code": (0, 5)},
-        lasts=500 * MILLISECOND,
-        also=("BUS-019", "BUS-013", "TYP-208", "TYP-209"),
-    ),
+    _coded("BUS-029", "ESCs say different bus rates", 1, "BUS-019"),
 )

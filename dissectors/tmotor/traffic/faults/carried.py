@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from dissectors.schema import Bits
-from dissectors.tmotor.traffic.faults.occasions import chosen, has_room
+from dissectors.tmotor.traffic.faults.occasions import chosen, has_room, put
 from dissectors.tmotor.traffic.packets import Raw, change, split
 from dissectors.traffic import Step
 
@@ -89,7 +89,7 @@ def rewrite(case: Case, sending: Sending, **wanted: Any) -> Step:
         for field, value in wanted.items()
     )
     data = bytes(sending.values["data"])
-    replace(sending, change(data, big_endian=_big_endian(case, sending), **wanted))
+    put(sending, "data", change(data, big_endian=_big_endian(case, sending), **wanted))
     case.say(f"{who(name, values)}: {told}")
     return Step.DONE
 
@@ -102,11 +102,6 @@ def misuse(case: Case, sending: Sending, field: str, value: int, wrong: Wrong | 
     packet = description(case, sending.name, found[0])
     bad = forbidden(packet, field, value) if wrong is None else wrong(value)
     return rewrite(case, sending, **{field: value}) if bad else Step.SKIP
-
-
-def replace(sending: Sending, data: bytes) -> None:
-    """Gives a transfer other data; who built it keeps its own."""
-    sending.values = {**sending.values, "data": data}
 
 
 def family(case: Case, carrier: str) -> PacketFamily:

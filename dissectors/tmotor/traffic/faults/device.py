@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dissectors.tmotor.traffic.faults.occasions import chosen
-from dissectors.tmotor.traffic.faults.status import STATUS
+from dissectors.tmotor.traffic.faults.occasions import chosen, once, span
+from dissectors.tmotor.traffic.faults.status import status_of
 from dissectors.tmotor.traffic.motor import HEAT_CAPACITY
 from dissectors.tmotor.traffic.operation import ERROR
 from dissectors.traffic import MILLISECOND, SECOND, Fault
@@ -26,22 +26,22 @@ _TRIES = 150 * MILLISECOND
 def _bit(case: Case) -> None:
     """A fault bit that rises; over-temperature comes from heat, the others are set."""
     esc, bit = chosen(case), int(case.options["bit"])
-    node, mask = esc.node.number, 1 << bit
+    mask = 1 << bit
     if esc.faults & mask:  # it cannot rise
         return
-    seconds = float(case.options["seconds"])
+    shown = status_of(esc.node.number)
 
     def shows(sending: Sending) -> bool:
-        return STATUS(sending) and sending.node == node and bool(sending.values["error_count"] & mask)
+        return shown(sending) and bool(sending.values["error_count"] & mask)
 
     if bit == _MOS_OVER_TEMPERATURE:
         case.watch(shows)
         _heat(case, esc)
         return
-    over = case.world.now + round(seconds * SECOND)
+    over = case.world.now + span(case)
     case.watch(shows, over + SECOND)
     esc.fault_bits |= mask
-    case.say(f"status bit {bit} of the ESC with index {esc.index} set for {seconds:g} s")
+    case.say(f"status bit {bit} of the ESC with index {esc.index} set for {float(case.options['seconds']):g} s")
 
     def fall() -> None:
         esc.fault_bits &= ~mask
@@ -63,29 +63,23 @@ def _heat(case: Case, esc: Any) -> None:
         f"within {seconds:.1f} s; status bit {_MOS_OVER_TEMPERATURE} rises then"
     )
 
-    def look() -> None:
-        if motor.temperature < limit + _BEYOND:
-            world.at(world.now + _STEP, look)
-        else:
-            esc.heat -= watts
+    def cool() -> None:
+        esc.heat -= watts
 
-    look()
+    once(case, lambda: motor.temperature >= limit + _BEYOND, cool, _STEP)
 
 
 def _error(case: Case) -> None:
     """The rotor blocks, the ESC gives up, and starts again once it is free."""
     esc, world = chosen(case), case.world
-    node, seconds = esc.node.number, float(case.options["seconds"])
+    shown, free_at = status_of(esc.node.number), world.now + _TRIES + span(case)
     if esc.mode is not None or esc.motor.blocked:  # it has failed already
         return
     stall = 1 << _STALL
-    case.watch(
-        lambda sending: STATUS(sending) and sending.node == node and sending.values["error_count"] >> 12 & 15 == ERROR,
-        world.now + _TRIES + round(seconds * SECOND) + SECOND,
-    )
+    case.watch(lambda sending: shown(sending) and sending.values["error_count"] >> 12 & 15 == ERROR, free_at + SECOND)
     case.say(
         f"the rotor of the ESC with index {esc.index} blocks: stall (bit {_STALL}), "
-        f"after {_TRIES // MILLISECOND} ms error mode for {seconds:g} s"
+        f"after {_TRIES // MILLISECOND} ms error mode for {float(case.options['seconds']):g} s"
     )
     esc.motor.blocked = True
 
@@ -98,7 +92,7 @@ def _error(case: Case) -> None:
         esc.fault_bits &= ~stall
 
     world.at(world.now + _TRIES, give_up)
-    world.at(world.now + _TRIES + round(seconds * SECOND), free)
+    world.at(free_at, free)
 
 
 FAULTS: tuple[Fault, ...] = (

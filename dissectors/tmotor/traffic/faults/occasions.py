@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from dissectors.layout import Primitive
-from dissectors.traffic import Code, Step, change
+from dissectors.traffic import MILLISECOND, SECOND, Code, Step, change
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from dissectors.layout import Compound
-    from dissectors.traffic import Case, Sending, Touch
+    from dissectors.traffic import Case, Fits, Node, Sending, Touch
 
     # Whether a value breaks the rule.
     Wrong = Callable[[float], bool]
@@ -19,6 +19,20 @@ if TYPE_CHECKING:
 
 # The largest number of a float16; a sender saturates what is larger.
 _LARGEST = 65_504.0
+_LOOK = 50 * MILLISECOND
+
+
+def span(case: Case) -> int:
+    """How many ns the fault lasts by its setting in seconds."""
+    return round(float(case.options["seconds"]) * SECOND)
+
+
+def once(case: Case, ready: Callable[[], bool], do: Callable[[], None], every: int = _LOOK) -> None:
+    """Does it as soon as it can be done; looks for that every so many ns."""
+    if ready():
+        do()
+    else:
+        case.world.at(case.world.now + every, lambda: once(case, ready, do, every))
 
 
 def chosen(case: Case, *, packets: bool = False) -> Any:
@@ -59,10 +73,30 @@ def has_room(layout: Compound, field: str, value: object) -> bool:
 
 
 def put(sending: Sending, name: str, value: Any) -> Any:
-    """Replaces the value of a field and gives what it was."""
+    """Replaces the value of a field and gives what it was; who built the transfer keeps its own values."""
     before = sending.values[name]
     sending.values = {**sending.values, name: value}
     return before
+
+
+def misreport(case: Case, fits: Fits, field: str, value: Any, until: int | None = None) -> None:
+    """Has all coming transfers that fit say another value, up to a time."""
+
+    def lie(case: Case, sending: Sending) -> Step:
+        if until is not None and sending.t > until:
+            return Step.DONE
+        if fits(sending) and not sending.changed:
+            put(sending, field, value)
+            case.mark(sending)
+        return Step.MORE
+
+    case.touch("values", lie)
+
+
+def unsent(node: Node, sending: Sending) -> None:
+    """Takes a message back: it was never sent, so it takes no transfer ID."""
+    node.transfer_ids[sending.name, None] = sending.transfer_id
+    sending.frames = []
 
 
 def replaced(case: Case, sending: Sending, name: str, value: float, wrong: Wrong = lambda _: True) -> Step:

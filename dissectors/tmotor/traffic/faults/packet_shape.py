@@ -13,10 +13,10 @@ from dissectors.tmotor.traffic.faults.carried import (
     family,
     misuse,
     read,
-    replace,
     rewrite,
     who,
 )
+from dissectors.tmotor.traffic.faults.occasions import put
 from dissectors.traffic import Fault, Step
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def _size(case: Case, sending: Sending) -> Step:
     size = min(max(len(data) + by, 6), 255)
     if size == len(data):
         return Step.SKIP
-    replace(sending, data[:size].ljust(size, b"\0"))
+    put(sending, "data", data[:size].ljust(size, b"\0"))
     case.say(f"{who(*found)}: {size} bytes instead of the {len(data)} that its length field says")
     return Step.DONE
 

@@ -90,7 +90,7 @@ FAULTS: tuple[Fault, ...] = (
         options={"field": "esc_startup_times", "by": 5},
         choices={"field": _LIFETIME},
     ),
-    Fault("TYP-403", "two ESCs with one UUID", start=_identity, also=("BUS-010",)),
+    Fault("TYP-403", "two ESCs with one UUID", start=_identity, also=("BUS-010", "BUS-011", "BUS-012", "BUS-013")),
     # 3 July 2024 in seconds since 1970, where all the others write the day as YYYYMMDD.
     Fault(
         "TYP-404",

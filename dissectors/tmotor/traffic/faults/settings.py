@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.tmotor.traffic.faults.occasions import chosen, provoke, put, replaced
+from dissectors.tmotor.traffic.faults.occasions import chosen, once, provoke, put, replaced
 from dissectors.traffic import SECOND, Fault, Sending, Step, change, of
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def _ambiguous(case: Case) -> None:
 
 def _permanent(case: Case) -> None:
     """Waits until the motor turns."""
-    esc, world = chosen(case), case.world
+    esc = chosen(case)
 
     def save(case: Case, sending: Sending) -> Step:
         put(sending, "esc_led_mode", int(case.options["led"]))
@@ -70,12 +70,9 @@ def _permanent(case: Case) -> None:
         return Step.DONE
 
     def write() -> None:
-        if case.vehicle.command(esc.index) > 0:
-            provoke(case, "ParamCfg", "values", save, esc)
-        else:
-            world.at(world.now + SECOND // 10, write)
+        provoke(case, "ParamCfg", "values", save, esc)
 
-    write()
+    once(case, lambda: case.vehicle.command(esc.index) > 0, write, SECOND // 10)
 
 
 _LED = {"led": (0, 0xFFFF)}

@@ -8,9 +8,16 @@ from dissectors.tmotor.traffic.faults.occasions import chosen, provoke, put, rep
 from dissectors.traffic import Fault, Step, of
 
 if TYPE_CHECKING:
-    from dissectors.traffic import Case, Sending
+    from dissectors.traffic import Case, Fits, Sending
 
 STATUS = of("ESCStatus")
+
+
+def status_of(node: int) -> Fits:
+    """Fits the reports of one node."""
+    return lambda sending: STATUS(sending) and sending.node == node
+
+
 # What nobody measures, where the settings say nothing (V, A, degC or K, rpm).
 _IMPLAUSIBLE = {"voltage": 150.0, "current": 1500.0, "temperature": -100.0, "rpm": 120_000.0}
 _PLAUSIBLE = {"voltage": (0, 120), "current": (-1000, 1000), "temperature": (-60, 500), "rpm": (-100_000, 100_000)}
