@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from analyzer.engine import Totals
-    from analyzer.report.build import Demand, Revise
+    from analyzer.report.build import Demand, Excuses, Revise
     from analyzer.report.model import Report
     from analyzer.rules.catalogue import Page
     from analyzer.rules.expected import Expected
@@ -105,7 +105,7 @@ def check(
     choice = Choice(tuple(select), tuple(ignore), tuple(origins))
     selected, ignored = choice.rules(pages)
     settings = Settings(select=selected, ignore=ignored, bit_rate=bit_rate, dialects=dialects or {})
-    expected = None if profile is None else load_vehicle(Path(fspath(profile)), pages)
+    expected = None if profile is None else load_vehicle(Path(fspath(profile)), pages, registry)
     if expected is not None:
         settings = expected.settings(settings, pages)
     older = None if baseline is None else Baseline.load(Path(fspath(baseline)))
@@ -121,13 +121,16 @@ def order(fail_on: FailOn, asked: Mapping[str, object], expected: Expected | Non
     """What is asked of a report, with what a vehicle file and an older report say; waivers count by today's date."""
     revise: list[Revise] = []
     demands: list[Demand] = []
+    excuses: list[Excuses] = []
     if expected is not None:
-        revise.append(vehicle.revision(expected, date.today()))  # noqa: DTZ011 - the day where somebody reads it
+        today = date.today()  # noqa: DTZ011 - the day where somebody reads it
+        revise.append(vehicle.revision(expected, today))
         demands.append(vehicle.demand(expected))
+        excuses.append(vehicle.excuses(expected, today))
     if older is not None:
         revise.append(lambda draft: replace(draft, findings=older.compare(draft.findings, draft.captures)))
     profile = "" if expected is None else expected.name or expected.path
-    return Order(tool(), fail_on, asked, profile, revise, demands)
+    return Order(tool(), fail_on, asked, profile, revise, demands, excuses)
 
 
 def ids(groups: Sequence[Sequence[str]]) -> list[str]:

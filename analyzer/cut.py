@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow as pa
 
 from analyzer.tables import EVENT_ROWS, FRAMES, numbers, wrap
-from analyzer.window import NEVER, Window, Windowed
+from analyzer.window import NEVER, Selection, Window, Windowed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     import numpy.typing as npt
-    import pyarrow as pa
 
     from analyzer._native import Piece
     from analyzer.engine import Batch
@@ -59,6 +59,17 @@ class FrameSelection(Windowed[Slice]):
     def _pick(self, batch: Slice) -> tuple[Slice, Any, int | None]:
         picked = rows_inside(batch, self.window, self._limits())
         return batch, picked, self._zero()
+
+
+class ListSelection(Selection):
+    """A window over decoded batches that holds their events to it, too."""
+
+    def _pick(self, batch: Batch) -> tuple[Batch, Any, int | None]:
+        batch, rows, zero = super()._pick(batch)
+        if self.window and len(batch.events):
+            _, events = rows_inside(batch, self.window, self._limits())
+            batch = replace(batch, events=batch.events.take(pa.array(events)))
+        return batch, rows, zero
 
 
 def rows_inside(part: Slice | Batch, window: Window, limits: tuple[int | None, int | None]) -> tuple[Rows, Rows]:

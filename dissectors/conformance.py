@@ -32,8 +32,9 @@ class Occurrence:
 
     `type` is the name of a table. `values` fill the text of the rule's page and make up its key. `severity` stands
     instead of the page's. `dialects` maps the reading that the node turns out to use to another severity, or to None
-    if it is no breach then. `drops` makes it a note close to frames that the recorder lost. `lines` are the evidence
-    as `View.lines` gave it, for a rule that holds an occurrence back.
+    if it is no breach then. `drops` makes it a note close to frames that the recorder lost; it is looked for them from
+    `since` to `until`, if these are not `t`. `lines` are the evidence as `View.lines` gave it, for a rule that holds an
+    occurrence back.
     """
 
     rule: str
@@ -46,6 +47,8 @@ class Occurrence:
     severity: Severity | None = None
     dialects: Mapping[str, Severity | None] = field(default_factory=dict)
     drops: bool = False
+    since: int | None = None
+    until: int | None = None
     lines: tuple[str, ...] = ()
 
 
@@ -70,6 +73,7 @@ class Found:
     severity: Severity | None = None
     dialects: Mapping[str, Severity | None] = field(default_factory=dict)
     drops: bool = False
+    since: Words | None = None
 
 
 class Types(Protocol):
@@ -129,6 +133,19 @@ class View(Protocol):
     @property
     def starts(self) -> Mapping[int, int]:
         """The first time by bus."""
+
+    def resumed(self, t: int) -> int:
+        """Since when frames have come without a gap in the capture (CAP-002), up to a time of this or the last batches.
+
+        Nothing is known of what was sent in a gap, so nothing in front of it counts behind it. `NO_TIME` without times.
+        """
+
+    def paused(self, since: int, until: int) -> bool:
+        """Whether the capture has a gap somewhere between two times (CAP-002), so that nothing is missing there."""
+
+    @property
+    def resolution(self) -> int:
+        """The power of ten of nanoseconds that all times so far are multiples of, from the first one on."""
 
     @property
     def bit_rate(self) -> int | None:

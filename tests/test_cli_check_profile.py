@@ -112,7 +112,7 @@ def test_requirements_that_are_not_met_leave_it_unjudged(judged: Check) -> None:
     text = """\
 escs = 5
 [node.11]
-rates = { ESCStatus = 35, ParamSet = 1 }
+rates = { ESCStatus = 35, ParamCfg = 1 }
 [node.19]
 label = "spare"
 [unit]
@@ -130,7 +130,7 @@ running_s = 60
     assert missing["5 ESCs"] == missing["at least 5 ESCs"] == "4"
     assert missing["node 19 (spare)"] == "0 transfers"
     assert missing["ESCStatus of node 11 at 35/s"] == "30/s"
-    assert missing["ParamSet of node 11 at 1/s"] == "no rate"
+    assert missing["ParamCfg of node 11 at 1/s"] == "no rate"
     assert missing["power unit 0xA1 at node 12"] == "node 11"
     assert missing["power unit 0xA7 at node 11"] == "no status of it"
     assert missing["type BatteryInfo"] == "0 transfers"
@@ -197,18 +197,59 @@ def test_a_first_vehicle_file_describes_its_capture(capfd: pytest.CaptureFixture
     assert made["node"]["10"]["rates"]["RawCommand"] == 400
     assert main(["check", "--init", str(HOVER), "--bitrate", "1000000"]) == 0
     assert capfd.readouterr().out == path.read_text()
+    assert "# [[waiver]]" in path.read_text()
     report = check(HOVER, profile=path)
     assert report.gate.exit_status == 0
     assert report.gate.requirements
     assert check(FAULTS, profile=path).gate.requirements[-5].what == "4 ESCs"
 
 
-def test_a_faulty_model_is_warned_of(capfd: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", "--init", str(FAULTS)]) == 0
+@pytest.mark.parametrize("capture", ["startup.log", "duplicate-node.log", "hover.log"])
+def test_occasional_types_are_not_demanded(capture: str, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """What is asked and answered now and then has a rate, too, but none that another flight would have."""
+    path = tmp_path / "vehicle.toml"
+    assert main(["check", "--init", "--force", str(CAPTURES / capture), "-o", str(path)]) == 0
+    text = path.read_text()
+    assert "ParamGet" not in text
+    assert "ParamCfg" not in text
+    capfd.readouterr()
+
+
+def test_any_part_of_the_same_flight_passes_the_file(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "vehicle.toml"
+    assert main(["check", "--init", str(HOVER), "-o", str(path)]) == 0
+    for window in ([], ["--from", "2"], ["--to", "3"], ["--last", "1500ms"]):
+        assert main(["check", str(HOVER), "--profile", str(path), *window]) == 0, window
+        assert "requires " in capfd.readouterr().out
+
+
+def test_a_file_is_not_written_over(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "vehicle.toml"
+    path.write_text("name = 'mine'\n")
+    assert main(["check", "--init", str(HOVER), "-o", str(path)]) == 2
     out, err = capfd.readouterr()
-    assert tomllib.loads(out)["escs"] == 8
-    assert "no healthy capture, protocol errors: " in err
-    assert all(rule in err for rule in ERRORS)
+    assert (out, err.count("\n")) == ("", 1)
+    assert f"{path}: exists" in err
+    assert "--force" in err
+    assert path.read_text() == "name = 'mine'\n"
+    assert main(["check", "--init", "--force", str(HOVER), "-o", str(path)]) == 0
+    assert tomllib.loads(path.read_text())["escs"] == 4
+
+
+@pytest.mark.parametrize(("capture", "rules"), [("mission-8-faults.log", ERRORS), ("esc-failure.mcap", {"TYP-306"})])
+def test_a_faulty_capture_is_no_model(
+    capture: str, rules: set[str], capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "vehicle.toml"
+    assert main(["check", "--init", str(CAPTURES / capture), "-o", str(path)]) == 1
+    out, err = capfd.readouterr()
+    assert (out, path.exists()) == ("", False)
+    assert "no healthy capture, findings of " in err
+    assert all(rule in err for rule in rules)
+    assert main(["check", "--init", "--force", str(CAPTURES / capture), "-o", str(path)]) == 0
+    assert "no healthy capture" in capfd.readouterr().err
+    assert "# WARNING: " in path.read_text()
+    tomllib.loads(path.read_text())
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_readers_get_all_topics_by_time(command: Main, tmp_path: Path, monkeypat
         seen = [(message.log_time, channel.topic) for _, channel, message in make_reader(file).iter_messages()]
     assert [t for t, _ in seen] == sorted(t for t, _ in seen)
     places = [k for k, (_, topic) in enumerate(seen) if topic == "/findings"]
-    assert len(places) == 28
+    assert len(places) == 29
     assert places[0] < 100
     assert 1000 < places[-1] < len(seen) - 1
 
@@ -239,7 +239,7 @@ def test_the_worst_are_told_when_there_are_many(command: Main, tmp_path: Path, m
     logged = read_mcap(tmp_path / "out.mcap")["/findings"]
     (rest,) = [(t, said) for t, said in logged if said.name == "tailbyte"]
     assert (rest[0], rest[1].level) == (begun(FAULTS), 3)
-    assert rest[1].message == "20 more findings are not shown here: see tailbyte check"
+    assert rest[1].message == "21 more findings are not shown here: see tailbyte check"
     told = sorted(said.message.split()[0] for _, said in logged if said.name != "tailbyte")
     assert told == sorted(one.rule for one in analyzer.check(FAULTS).findings[:8])
 
@@ -262,7 +262,7 @@ def test_ctrl_c_ends_a_pipe_and_what_came_is_judged(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         process.communicate()
     assert process.returncode == 130
-    assert len(read_mcap(tmp_path / "out.mcap")["/findings"]) == 28
+    assert len(read_mcap(tmp_path / "out.mcap")["/findings"]) == 29
 
 
 def test_what_fails_in_a_rule_is_not_lost(command: Main, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -191,7 +191,7 @@ def test_events_are_no_messages(command: Main) -> None:
     messages = sum(count for name, count in rows.items() if name not in basic)
     assert rows["events"] == 5
     _, _, err = command("export", FAULTS, "-o", "out.mcap")
-    assert f"-- {messages} messages, 5 events, 28 findings and 1966 frames written to out.mcap\n" in err
+    assert f"-- {messages} messages, 5 events, 29 findings and 1966 frames written to out.mcap\n" in err
     _, _, err = command("export", FAULTS, "-o", "out.mcap", "--table", "events")
     assert "-- 0 messages, 5 events and 0 frames written to out.mcap\n" in err
 

@@ -5,12 +5,16 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import pytest
 from command import CAPTURES, ROOT
+from judged import registry
 
 from analyzer.cli import main
+from analyzer.rules.catalogue import load as pages
+from analyzer.rules.expected import load
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -64,3 +68,15 @@ def test_simulated_traffic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capf
     shown = capfd.readouterr().out.splitlines()
     assert [line.split()[0] for line in shown[::2]] == ["TRF-003", "TYP-305"]
     assert all(line.startswith("    (17734753") for line in shown[1::2])
+
+
+def test_the_vehicle_file_is_one_and_shows_every_key(tmp_path: Path) -> None:
+    found = re.search(
+        r"^### Vehicle files\n.*?^```toml\n(.*?)^```$", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE
+    )
+    assert found is not None
+    path = tmp_path / "vehicle.toml"
+    path.write_text(found[1])
+    vehicle = load(path, pages(registry()), registry())
+    parts = [asdict(vehicle), asdict(vehicle.nodes[11]), asdict(vehicle.excuses[0]), asdict(vehicle.demand)]
+    assert all(value not in (None, "", (), {}) for part in parts for value in part.values())

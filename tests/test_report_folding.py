@@ -52,10 +52,49 @@ def test_others_stay(ended: Finding) -> None:
     assert fold([lost, ended]) == ((lost, ended), ())
 
 
+def gap(*places: tuple[int, int], count: int = 0, lost: int = 1, **more: Any) -> Finding:
+    """Transfers missing before frames: (frame, the ID that is missing)."""
+    one = about("TRF-016", *(frame for frame, _ in places), count=count, **more)
+    texts = (f"expected {number}, got {(number + lost) % 32}: {lost} missing" for _, number in places)
+    examples = zip(one.examples, texts, strict=True)
+    return replace(one, examples=tuple(replace(example, text=text) for example, text in examples))
+
+
+def headless(*places: tuple[int, int], count: int = 0) -> Finding:
+    """Remainders without a start: (frame, transfer ID)."""
+    one = about("TRF-005", *(frame for frame, _ in places), count=count)
+    texts = (f"transfer ID {number}, first frame lost (of 3)" for _, number in places)
+    examples = zip(one.examples, texts, strict=True)
+    return replace(one, examples=tuple(replace(example, text=text) for example, text in examples))
+
+
+def test_a_transfer_without_its_start_is_the_one_that_is_missing() -> None:
+    for cut, missing in (
+        (headless((5, 31)), gap((9, 31))),
+        (headless((5, 31)), gap((9, 31), severity="note")),
+        (headless((5, 3), (40, 7)), gap((9, 3), (44, 7))),
+        (headless((5, 3), (20, 4), (40, 7)), gap((9, 3), (44, 7))),
+        (headless((5, 3), count=30), gap((9, 3), count=30)),
+    ):
+        assert fold([cut, missing]) == ((cut,), (missing,))
+
+
+@pytest.mark.parametrize(
+    ("cut", "missing"),
+    [
+        (headless((5, 31)), gap((9, 30))), (headless((5, 31)), gap((4, 31))), (headless((5, 31)), gap((9, 31), lost=2)),
+        (headless((5, 31)), gap((9, 31), node=25)), (headless((5, 3)), gap((9, 3), (44, 7))),
+        (headless((5, 3)), gap((9, 3), count=2)), (headless((5, 3)), gap((9, 3), (44, 3))),
+    ],
+)  # fmt: skip
+def test_other_gaps_stay(cut: Finding, missing: Finding) -> None:
+    assert fold([cut, missing]) == ((cut, missing), ())
+
+
 def test_what_is_folded_is_waived_with_what_says_it() -> None:
     lost, ended = about("TRF-003", 5), about("TRF-006", 5)
     waived = replace(lost, waiver=Waiver("known", "me", "2030-01-01"))
-    for shown, excused in ((lost, False), (waived, True)):
+    for shown, excused in ((lost, ""), (waived, "waived")):
         assert [(one.rule, one.excused) for one in breaches("1", [shown], [ended])] == [
             ("TRF-003", excused), ("TRF-006", excused),
         ]  # fmt: skip

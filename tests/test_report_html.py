@@ -73,7 +73,7 @@ def test_it_says_what_matters(faulty: Page) -> None:
         "52 AE 2B 4C 4D 00 00 29 toggle 1 ID 9", "9C 1E 04 10 FC 0C 46 89 start toggle 0 ID 9",
         "limit 2,400/s, motors turn", "limit 4,000/s, motors rest", "above the limit: motors turn",
         "known cable, replaced in May (j.doe, until 2026-06-30)", "tailbyte explain TRF-003",
-        "tailbyte decode 'crash flight 3.log' --around 1380921", "NOT EXERCISED 6", "error frames not recorded",
+        "tailbyte decode 'crash flight 3.log' --around 1380921+-50ms", "NOT EXERCISED 6", "error frames not recorded",
         "2.1 shape of the connector", "BUS-002 limit_per_s 4000", "3 unreadable", "balanced", "no candump line",
         "18FEF100 [4] FF FF FF FF",
     ):  # fmt: skip

@@ -19,7 +19,7 @@ SCHEMA = json.schema()
 DEFS = {
     "place": model.Place, "example": model.Example, "waiver": model.Waiver, "finding": model.Finding,
     "ruleVerdict": model.RuleVerdict, "bus": model.BusUse, "node": model.NodeUse, "capture": model.Capture,
-    "coverage": model.Coverage, "requirement": model.Requirement, "gate": model.Gate,
+    "coverage": model.Coverage, "requirement": model.Requirement, "gate": model.Gate, "waiverUse": model.WaiverUse,
 }  # fmt: skip
 
 

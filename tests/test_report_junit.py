@@ -75,7 +75,7 @@ def test_a_case_for_rule_node_and_type() -> None:
     body = (failure.text or "").splitlines()
     assert "clause 4.1.3 Toggle" in body
     assert "3x, first 2026-03-14 12:49:55.490 UTC, last 2026-03-14 12:49:58.490 UTC" in body
-    assert "tailbyte decode crash.log --around 41658575" in body
+    assert "tailbyte decode crash.log --around 41658575+-50ms" in body
     assert body[-1] == "  (1773492594.890000) can0 1504021A#A75A4C02CF000040"
     device = case(root, "TYP.node24", "TYP-306 ESCStatus")
     assert [child.tag for child in device] == ["system-out"], "an error that the gate lets pass"

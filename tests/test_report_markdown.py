@@ -43,8 +43,8 @@ def test_a_comment() -> None:
         "| 2026-03-14 12:49:55.490 UTC |"
     )
     assert (
-        "```\ntailbyte decode crash.log --around 41658575\n(1773492594.890000) can0 1504021A#A75A4C02CF000040\n```"
-        in got
+        "```\ntailbyte decode crash.log --around 41658575+-50ms\n"
+        "(1773492594.890000) can0 1504021A#A75A4C02CF000040\n```" in got
     )
     assert "- error frames not recorded: CAN-004, BUS-005 inconclusive" in got
     assert got.count("<details>") == got.count("</details>") == 1
@@ -119,7 +119,7 @@ def test_annotations() -> None:
     assert got[0] == (
         "::error title=TRF-003 ch6 node 25%3A A frame was lost or came out of order::"
         "toggle 0 where 1 was due, 1 frame missing before 41658576 (3x, ESCStatus)"
-        "%0Atailbyte decode crash.log --around 41658575%0Atailbyte explain TRF-003"
+        "%0Atailbyte decode crash.log --around 41658575+-50ms%0Atailbyte explain TRF-003"
     )
     assert [line.split(" ")[0] for line in got] == ["::error"] * 2 + ["::warning"] * 3 + ["::notice"]
     assert "commanded 100 %25, 0 rpm (1x)" in got[3]

@@ -44,12 +44,12 @@ def test_a_faulty_flight() -> None:
     assert got[at].startswith("error    TRF-003  ch6 node 25  A frame was lost")
     assert got[at].endswith("3x  12:49:55..58")
     assert "frames 41658575 41661020 41664811  clause 4.1.3 Toggle" in "\n".join(got[at:])
-    assert "           tailbyte decode crash.log --around 41658575" in got
+    assert "           tailbyte decode crash.log --around 41658575+-50ms" in got
     assert any(line.endswith("3x  08:02..10:02") for line in got), "runs of one problem are one line"
     assert "Limits used:  BUS-028 high_pct=10 zero_s=2.5  BUS-001 limit_per_s=2400" in got
     assert "note     error frames not recorded: CAN-004, BUS-005 INCONCLUSIVE" in got
     assert "Rules 10:  1 pass  2 fail  4 warn  1 not exercised  2 inconclusive" in got
-    assert got[-1] == "See: tailbyte explain TYP-306 | check --all | --html FILE"
+    assert got[-1] == "See: tailbyte explain TRF-003 | check --all | --html FILE"
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_damage_and_captures_are_told() -> None:
     assert "NOT ALL ACCOUNTED FOR" in text.render(reports.report(captures=(reports.capture(frames=7),)))
     both = text.render(reports.two_captures())
     assert "      2: second flight.log  can1" in both
-    assert "tailbyte decode 'second flight.log' --around 1" in both
+    assert "tailbyte decode 'second flight.log' --around 1+-50ms" in both
     assert "ch5 node 24 can1 in 2" in both
 
 
@@ -168,12 +168,12 @@ def test_commands() -> None:
         one = problems([reports.finding("TRF-003", **more)])[0]
         return wording.command(one, reports.capture(path=path, arguments=("--bus", "can0=a b")))
 
-    assert shlex.split(shown()) == ["tailbyte", "decode", "a.log", "--bus", "can0=a b", "--around", "1"]
+    assert shlex.split(shown()) == ["tailbyte", "decode", "a.log", "--bus", "can0=a b", "--around", "1+-50ms"]
     assert shown("-x").startswith("tailbyte decode ./-x ")
     assert shown(at=None, frame=3).endswith("--frames 1-8")
-    assert shown(frame=None).endswith("--around 1773475330.600000000")
+    assert shown(frame=None).endswith("--around 1773475330.600000000+-50ms")
     assert shown(at=None, frame=None) == "tailbyte info a.log --bus 'can0=a b'"
-    assert wording.command(problems([reports.finding("TRF-003")])[0], None) == "tailbyte decode 1 --around 1"
+    assert wording.command(problems([reports.finding("TRF-003")])[0], None) == "tailbyte decode 1 --around 1+-50ms"
 
 
 def test_times() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 from encode import transfer
 from faulted import flight
-from judged import Said, judge, whole
+from judged import Said, judge, outcome, whole
 from proved import proved
 from sent import ALIVE, Sent, alive, log
 
@@ -18,6 +20,9 @@ def message(t: int, transfer_id: int, src: int = 11, status: int = 0, name: str 
     if name == ALIVE:
         return t, alive(5, src, transfer_id, vendor_specific_status_code=status)
     return t, transfer(name, {"status": status & 1}, src, transfer_id)
+
+
+OTHERS = [message(250 + 500 * k, k % 32, 98, k) for k in range(20)]
 
 
 def seen(*sent: Sent) -> list[Said]:
@@ -47,14 +52,43 @@ def test_ids_wrap_without_a_gap() -> None:
 
 def test_a_gap_soon_after_the_start_or_after_a_silence_is_a_note() -> None:
     assert [one.severity for one in seen(*count(5, 7, since=100))] == ["note"]
-    assert [one.severity for one in seen(*count(5, 7, apart=2001))] == ["note"]
-    assert [one.severity for one in seen(*count(5, 7, apart=2000))] == ["warning"]
+    assert [one.severity for one in seen(*OTHERS, *count(5, 7, apart=2001))] == ["note"]
+    assert [one.severity for one in seen(*OTHERS, *count(5, 7, apart=2000))] == ["warning"]
+
+
+def test_behind_a_gap_in_the_capture_ids_begin_anew() -> None:
+    """What was sent meanwhile is not known; without the pause each of these would be a breach."""
+    for after, rule in ((5, "TRF-018"), (0, "TRF-019"), (9, "TRF-016")):
+        assert seen(*count(4, 5), *count(after, (after + 1) % 32, since=4101)[1:]) == []
+        (one,) = seen(*count(4, 5), *count(after, (after + 1) % 32, since=4100)[1:])
+        assert one.rule == rule
 
 
 def test_a_gap_beside_lost_frames_is_a_note() -> None:
     lines = log(*count(5, 6, 10, 11)).splitlines(keepends=True)
     lines.insert(4, "DROPCOUNT: dropped 3 CAN frames on 'can0' socket (total drops 3)\n")
     assert [one.severity for one in whole("".join(lines), IDS)] == ["note"]
+
+
+@pytest.mark.parametrize("ids", [(5, 6, 0, 1), (5, 6, 6, 7), (5, 6, 10, 11)])
+def test_frames_that_the_recorder_lost_since_the_transfer_before_explain_any_step(ids: tuple[int, ...]) -> None:
+    sent = [*OTHERS, *count(*ids, apart=1900)]
+    (bare,) = seen(*sent)
+    lines = log(*sent).splitlines(keepends=True)
+    lost = sum(t <= 4900 for t, _ in sent)
+    lines.insert(lost, "DROPCOUNT: dropped 3 CAN frames on 'can0' socket (total drops 3)\n")
+    (noted,) = whole("".join(lines), IDS)
+    assert (bare.rule, noted.severity) == (noted.rule, "note")
+    assert bare.severity != "note"
+
+
+def test_the_last_ids_before_0_were_lost_unless_the_whole_node_began_anew() -> None:
+    (lost,) = seen(*count(28, 29, 0, 1))
+    assert (lost.rule, lost.text) == ("TRF-016", "expected 30, got 0: 2 missing")
+    (anew,) = seen(*count(27, 28, 0, 1))
+    assert anew.rule == "TRF-019"
+    beside = [message(3050 + k * 100, one, name=ARMING, status=k % 2) for k, one in enumerate((7, 8, 0, 1))]
+    assert {one.rule for one in seen(*count(28, 29, 0, 1), *beside)} == {"TRF-019"}
 
 
 def test_a_backward_jump_is_a_gap_and_one_to_zero_a_restart() -> None:
@@ -78,6 +112,25 @@ def test_an_id_that_was_0_when_its_node_restarted_did_not_stand_still() -> None:
     assert sorted((one.rule, one.type) for one in stuck) == [
         ("TRF-018", ARMING), ("TRF-019", ARMING), ("TRF-019", ALIVE),
     ]  # fmt: skip
+
+
+def test_an_id_that_has_come_around_again_means_31_lost() -> None:
+    (one,) = seen(*OTHERS, *count(4, 5, apart=50), message(3050 + 32 * 50, 5, status=7))
+    assert (one.rule, one.text) == ("TRF-016", "expected 6, got 5: 31 missing")
+    (one,) = seen(*OTHERS, *count(4, 5, apart=50), message(3050 + 50, 5, status=7))
+    assert one.rule == "TRF-018"
+
+
+def test_what_two_devices_with_one_id_bring_about_is_a_note_that_says_so() -> None:
+    rules = (*IDS, "BUS-021")
+    both = [
+        (3000 + k * 100, alive(900 + k if k % 2 else k, 11, (20 * (k % 2) + k // 2) % 32)) for k in range(40)
+    ]  # fmt: skip
+    found = {one.rule: one for one in whole(log(*both), rules)}
+    assert (found["BUS-010"].severity, found["BUS-021"].severity) == ("error", "note")
+    assert found["BUS-021"].cause == "Two devices share a node ID (BUS-010)"
+    alone = [(t, alive(900 - k, 11, k % 32)) for k, (t, _) in enumerate(both)]
+    assert {(one.rule, one.severity, one.cause) for one in whole(log(*alone), rules)} == {("BUS-021", "warning", "")}
 
 
 def test_a_repeated_id_is_a_copy_or_stands_still() -> None:
@@ -145,6 +198,56 @@ def test_two_types_that_both_lose_transfers_share_no_counter() -> None:
     sent = [message(3000 + k * 50, k % 32, status=k) for k in kept]
     sent += [message(3010 + k * 50, k % 32, status=k, name=ARMING) for k in kept]
     assert {one.rule for one in seen(message(0, 0, 99), *sent)} == {"TRF-016"}
+
+
+@pytest.mark.parametrize(
+    "ids",
+    [
+        (5, 7, 6, 8), (31, 1, 0, 2), (30, 0, 31, 1), (29, 31, 30, 0), (5, 7, 8, 6, 9), (5, 8, 6, 7, 9),
+        (5, *range(8, 14), 6, 7, 14),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("apart", [1, 100, 900])
+def test_transfers_in_another_order_are_one_finding_and_nothing_is_missing(ids: tuple[int, ...], apart: int) -> None:
+    ahead = [(ids[0] - k) % 32 for k in (2, 1)]
+    behind = [(ids[-1] + k) % 32 for k in (1, 2)]
+    (one,) = seen(*OTHERS, *count(*ahead, *ids, *behind, apart=apart))
+    assert (one.rule, one.severity, one.count, one.cause) == ("TRF-016", "warning", 1, "transfers in another order")
+    assert one.text == f"expected {(ids[0] + 1) % 32}, got {ids[1]}: 0 missing"
+
+
+@pytest.mark.parametrize(
+    "ids",
+    [
+        (5, 7, 6, 9), (5, 7, 6, 7), (5, 8, 6, 8), (5, 7, 5, 8), (5, 17, 6, 18), (5, 7, 6), (5, 20, 3, 21),
+        (5, 7, 6, 7, 8, 9, 10, 8), (5, *range(8, 15), 6, 7, 15),
+    ],
+)  # fmt: skip
+def test_what_does_not_go_on_as_if_nothing_had_been_is_no_other_order(ids: tuple[int, ...]) -> None:
+    found = seen(*OTHERS, *count(4, *ids, ids[-1] + 1))
+    assert {one.cause for one in found} == {""}
+    assert sum(one.count for one in found) == sum(after != before + 1 for before, after in pairwise(ids))
+
+
+def test_an_order_is_that_of_one_session_and_its_frames_are_evidence() -> None:
+    beside = [message(3050 + k * 100, one, name=ARMING, status=k % 2) for k, one in enumerate((7, 9, 10, 12))]
+    text = log(*OTHERS, *count(5, 7, 6, 8), *beside)
+    found = whole(text, IDS)
+    assert [(one.type, one.count, one.cause) for one in found] == [
+        (ALIVE, 1, "transfers in another order"), (ARMING, 2, ""),
+    ]  # fmt: skip
+    ((_, run), _) = outcome(text, IDS).runs
+    assert [line.split("#")[1][-2:] for line in run.examples[0].lines] == ["C7", "C6"]
+
+
+def test_an_order_that_changes_again_and_again_is_not_two_senders() -> None:
+    ids = [k // 4 * 4 + (0, 2, 1, 3)[k % 4] for k in range(320)]
+    (one,) = seen(*OTHERS, *count(*(k % 32 for k in ids)))
+    assert (one.rule, one.count, one.cause) == ("TRF-016", 80, "transfers in another order")
+
+
+def test_a_transfer_in_another_order_soon_after_the_start_is_a_note() -> None:
+    assert [one.severity for one in seen(*count(5, 7, 6, 8, since=100))] == ["note"]
 
 
 def test_a_steady_flight_breaks_nothing() -> None:

@@ -16,9 +16,11 @@ from dissectors.registry import Registry
 if TYPE_CHECKING:
     from pathlib import Path
 
-from analyzer.rules import diagnosis
+from analyzer.rules import checksums, diagnosis, losses
+from analyzer.rules.checksums import one_bit, starts_of, wrong_crc
 from analyzer.rules.definitions import Definitions, crc_start
-from analyzer.rules.diagnosis import Expected, Part, broken_sequence, starts_of, wrong_crc
+from analyzer.rules.diagnosis import Cause, Expected, Part, proven
+from analyzer.rules.losses import missing
 
 SIGNATURE = 0xA9AF28AEA2FBB254
 OTHER = 0xC67490B59FD75681
@@ -39,8 +41,14 @@ def numbered(parts: list[Part]) -> list[Part]:
     return [part._replace(number=k) for k, part in enumerate(parts)]
 
 
-def expected(payload: bytes | None = None) -> Expected:
-    return Expected([START], None if payload is None else len(payload))
+def expected(payload: bytes | None = None, *lengths: tuple[int, int]) -> Expected:
+    return Expected([START], None if payload is None else len(payload), lengths=frozenset(lengths))
+
+
+def broken_sequence(parts: list[Part], around: list[Part], known: Expected) -> Cause | None:
+    """The cause that is proven, or else what is missing."""
+    proof = proven(parts, around, known)
+    return missing(parts, known) if proof is None else proof.cause
 
 
 @FIXED
@@ -50,9 +58,9 @@ def test_one_frame_lost_is_placed(payload: bytes, data: st.DataObject) -> None:
     at = data.draw(st.integers(1, len(parts) - 2))
     left = parts[:at] + parts[at + 1 :]
     cause = broken_sequence(left, [], expected(payload))
-    assert cause == (diagnosis.LOST, f" (the {diagnosis.ordinal(at + 1)} of {len(parts)})")
+    assert cause == (losses.LOST, f" (the {losses.ordinal(at + 1)} of {len(parts)})")
     assert diagnosis.break_at(left) == at
-    assert broken_sequence(left, [], Expected([], None)).what == diagnosis.UNPROVEN
+    assert missing(left, Expected([], None)) == Cause(diagnosis.UNPROVEN)
 
 
 @FIXED
@@ -61,10 +69,16 @@ def test_several_frames_lost_are_counted_if_the_length_is_known(payload: bytes) 
     parts = sent(payload)
     left = parts[:1] + parts[4:]
     assert broken_sequence(left, [], expected(payload)) == (
-        diagnosis.LOST_SEVERAL, f" (3 of {len(parts)}, from the 2nd on)",
+        losses.LOST_SEVERAL, f" (3 of {len(parts)}, from the 2nd on)",
     )  # fmt: skip
-    assert broken_sequence(left, [], expected()).what == diagnosis.LOST, "the toggles cannot tell one from three"
-    assert broken_sequence([*parts[:2], *parts[3:4]], [], expected(payload)).detail == f" (the 3rd of {len(parts)})"
+    assert broken_sequence(left, [], expected()).what == losses.LOST_ODD, "the toggles cannot tell one from three"
+    usual = len(parts), len(parts[-1].body)
+    assert broken_sequence(left, [], expected(None, usual)).what == losses.LOST_SEVERAL
+    other = expected(None, (len(parts) - 1, usual[1]))
+    assert broken_sequence(left, [], other).what == losses.LOST_ODD, "an even number more fits no toggles"
+    left = [*parts[:2], *parts[3:4]]
+    total = len(parts)
+    assert broken_sequence(left, [], expected(payload)).detail == f" ({total - 3} of {total}, from the 3rd on)"
 
 
 @FIXED
@@ -99,7 +113,7 @@ def test_a_wrong_toggle_bit_needs_the_right_crc(payload: bytes, data: st.DataObj
     parts[at] = parts[at]._replace(tail=parts[at].tail ^ 0x20)
     assert broken_sequence(parts, [], expected(payload)).what == diagnosis.WRONG_BIT
     parts[0] = parts[0]._replace(body=bytes((parts[0].body[0] ^ 1,)) + parts[0].body[1:])
-    assert broken_sequence(parts, [], expected(payload)).what == diagnosis.NO_ORDER
+    assert broken_sequence(parts, [], expected(payload)).what == losses.NO_ORDER
 
 
 @FIXED
@@ -133,11 +147,11 @@ def test_a_frame_with_another_transfer_id(payload: bytes) -> None:
 
 def test_too_many_frames_are_not_permuted() -> None:
     parts = sent(bytes(7 * 300))
-    assert broken_sequence(parts[:5] + parts[6:], [], expected()).what == diagnosis.LOST
+    assert broken_sequence(parts[:5] + parts[6:], [], expected()).what == losses.LOST_ODD
 
 
 def test_ordinals() -> None:
-    said = [diagnosis.ordinal(number) for number in (1, 2, 3, 4, 12, 22)]
+    said = [losses.ordinal(number) for number in (1, 2, 3, 4, 12, 22)]
     assert said == ["1st", "2nd", "3rd", "4th", "12th", "22nd"]
 
 
@@ -158,9 +172,9 @@ def test_mistakes_of_a_sender_are_named(payload: bytes) -> None:
     good = made(payload)
     assume(good[0] != good[1])
     assert said(made(payload, OTHER)) == "the signature of vendor.Name"
-    assert said(made(payload, None)) == diagnosis.NO_SIGNATURE
-    assert said(bytes((good[1], good[0])) + payload) == diagnosis.BYTES_SWAPPED
-    assert said(payload + good[:2]) == diagnosis.CRC_BEHIND
+    assert said(made(payload, None)) == checksums.NO_SIGNATURE
+    assert said(bytes((good[1], good[0])) + payload) == checksums.BYTES_SWAPPED
+    assert said(payload + good[:2]) == checksums.CRC_BEHIND
     assert said(good + bytes(1)) == "1 zero byte at the end left out"
     assert said(good + bytes(6)) == "6 zero bytes at the end left out"
 
@@ -202,3 +216,86 @@ def test_a_type_without_a_definition_is_known_by_its_signature(tmp_path: Path) -
     (tmp_path / "profile.toml").write_text("[undefined.Lamp]\nid = 20500\nsignature = '00000000000000AB'\n")
     known = Registry([Profile.open(tmp_path)])
     assert (known.undefined(0, 20500), known.undefined(1, 20500), known.undefined(0, 20501)) == ({0xAB: "Lamp"}, {}, {})
+
+
+@FIXED
+@given(payloads, st.data())
+def test_two_frames_with_the_same_toggle_are_swapped(payload: bytes, data: st.DataObject) -> None:
+    """The toggles alternate, so nothing but the CRC is wrong."""
+    parts = sent(payload * 3)
+    at = data.draw(st.integers(1, len(parts) - 4))
+    assume(parts[at].body != parts[at + 2].body)
+    parts[at], parts[at + 2] = parts[at + 2], parts[at]
+    assert broken_sequence(numbered(parts), [], expected()).what == diagnosis.SWAPPED
+
+
+@FIXED
+@given(payloads, st.data())
+def test_a_start_or_end_bit_that_is_turned(payload: bytes, data: st.DataObject) -> None:
+    parts = sent(payload)
+    at = data.draw(st.integers(0, len(parts) - 1))
+    bit, what = data.draw(st.sampled_from([(0x80, diagnosis.START_BIT), (0x40, diagnosis.END_BIT)]))
+    parts[at] = parts[at]._replace(tail=parts[at].tail ^ bit)
+    cut = next((k for k, part in enumerate(parts) if part.end), len(parts) - 1) + 1
+    assert broken_sequence(parts[:cut], parts[cut:], expected(payload)) == (what, f" (frame {at + 1})")
+
+
+@FIXED
+@given(payloads)
+def test_frames_in_the_opposite_order(payload: bytes) -> None:
+    came = numbered(sent(payload)[::-1])
+    for cut in (came[-1:], came[:1], came[1:-1]):
+        rest = [part for part in came if part not in cut]
+        assert broken_sequence(cut, rest, expected(payload)).what == diagnosis.SWAPPED
+
+
+@FIXED
+@given(st.binary(min_size=20, max_size=80), st.data())
+def test_what_is_missing_at_either_end(payload: bytes, data: st.DataObject) -> None:
+    parts = sent(payload)
+    total, gone = len(parts), data.draw(st.integers(1, len(parts) - 1))
+    usual = expected(None, (total, len(parts[-1].body)))
+    for known in (expected(payload), usual):
+        first, last = missing(parts[gone:], known), missing(parts[:-gone], known)
+        if gone == 1:
+            assert (first, last) == (
+                (losses.FIRST, f" (of {total})"), (losses.LAST, f" (the {losses.ordinal(total)} of {total})"),
+            )  # fmt: skip
+        else:
+            assert first == (losses.FIRSTS, f" ({gone} of {total})")
+            left = losses.ordinal(total - gone + 1)
+            assert last == (losses.LASTS, f" (the {left} to {losses.ordinal(total)} of {total})")
+    assert missing(parts[:-gone], expected()) == (losses.LASTS, f" (from the {losses.ordinal(total - gone + 1)} on)")
+    assert missing(parts[gone:], expected()).what == (losses.FIRST if gone % 2 else losses.FIRSTS)
+
+
+@FIXED
+@given(st.binary(min_size=40, max_size=80))
+def test_an_even_number_of_frames_lost_leaves_the_toggles_right(payload: bytes) -> None:
+    parts = sent(payload)
+    left = parts[:1] + parts[3:]
+    for known in (expected(payload), expected(None, (len(parts), len(parts[-1].body)))):
+        assert missing(left, known) == (losses.LOST_SEVERAL, f" (2 of {len(parts)})")
+    short = len(left), len(left[-1].body)
+    assert missing(left, expected(None, short)) is None, "others are as short"
+    assert missing(left, expected()) is None
+    assert missing(parts, expected(payload)) is None
+
+
+@given(st.binary(min_size=1, max_size=80), st.integers(0, 0xFFFF), st.data())
+def test_one_turned_bit_is_found(payload: bytes, start: int, data: st.DataObject) -> None:
+    joined = bytearray(encode.crc16(payload, start).to_bytes(2, "little") + payload)
+    at, bit = data.draw(st.integers(0, len(joined) - 1)), data.draw(st.integers(0, 7))
+    joined[at] ^= 1 << bit
+    difference = int.from_bytes(joined[:2], "little") ^ encode.crc16(bytes(joined[2:]), start)
+    assert one_bit(difference, len(payload)) == at
+    joined[at] ^= 2 << bit & 0xFF or 1
+    difference = int.from_bytes(joined[:2], "little") ^ encode.crc16(bytes(joined[2:]), start)
+    assert one_bit(difference, len(payload)) is None
+
+
+def test_one_turned_bit_of_many_proves_nothing() -> None:
+    assert one_bit(1, checksums.MOST_BYTES) == 0
+    assert one_bit(1, checksums.MOST_BYTES + 1) is None
+    assert checksums.Place.of(0, 7) == (0, 1)
+    assert checksums.Place.of(15, 7) == (2, 2)

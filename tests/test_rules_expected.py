@@ -11,7 +11,7 @@ from judged import registry
 from analyzer.rules.catalogue import load as load_pages
 from analyzer.rules.expected import load
 from analyzer.rules.settings import Settings
-from dissectors import ProfileError
+from dissectors import ProfileError, Registry
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,7 +53,7 @@ running_s = 30
 def vehicle(tmp_path: Path, text: str) -> Expected:
     path = tmp_path / "vehicle.toml"
     path.write_text(text)
-    return load(path, PAGES)
+    return load(path, PAGES, registry())
 
 
 def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
@@ -66,6 +66,40 @@ def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
     assert found.enabled == {"PUSH-406": True}
     assert found.demand.types == ("ESCStatus",)
     assert (found.demand.rules, found.demand.escs, found.demand.running_s) == (("TRF-010",), 6, 30.0)
+
+
+def test_names_of_types_mean_what_they_mean_everywhere(tmp_path: Path) -> None:
+    text = """\
+[node.11]
+rates = { NodeStatus = 1 }
+[[waiver]]
+rule = "TYP-001"
+type = "uavcan.protocol.NodeStatus"
+reason = "known"
+owner = "bench"
+expires = 2027-01-31
+[[waiver]]
+rule = "TYP-001"
+type = "type 20100"
+reason = "known"
+owner = "bench"
+expires = 2027-01-31
+[require]
+types = ["NodeStatus", "PUSHCAN.MotorStatus", "MotorStatus"]
+"""
+    found = vehicle(tmp_path, text)
+    assert found.nodes[11].rates == {"uavcan.protocol.NodeStatus": 1.0}
+    assert found.demand.types == ("uavcan.protocol.NodeStatus", "MotorStatus", "MotorStatus")
+    for kind in ("NodeStatus", "uavcan.protocol.NodeStatus", "type 20100"):
+        assert found.excuse("TYP-001", 3, kind, date(2027, 1, 1)) is not None
+
+
+def test_without_a_profile_that_says_how_many_any_number_of_escs_will_do(tmp_path: Path) -> None:
+    plain = Registry([profile for profile in registry().profiles if not list(profile.carriers())])
+    path = tmp_path / "vehicle.toml"
+    path.write_text("escs = 30\n[unit]\n0xB1 = 12\n")
+    found = load(path, PAGES, plain)
+    assert (found.escs, found.units) == (30, {0xB1: 12})
 
 
 def test_the_command_line_goes_before_the_file(tmp_path: Path) -> None:
@@ -110,6 +144,12 @@ def test_a_waiver_covers_what_it_names_until_its_day(
         ("[[waiver]]\nrule = 'TRF-010'\nreason = 'x'\nowner = 'y'\nexpires = 'soon'", 5, "a day like 2027-01-31"),
         ("[require]\nrules = ['X']", 2, "no rule is called 'X'"),
         ("[require\n", 1, "Expected"),
+        ("[require]\ntypes = ['ESCStatu']", 2, "no message is called 'ESCStatu' (near: ESCStatus"),
+        ("[node.12]\nlabel = 'x'\nrates = { Foo = 3 }", 3, "no message is called 'Foo'"),
+        ("[unit]\n0xA9 = 11\n0xB1 = 12", 3, "power unit from 0xA1 to 0xA9"),
+        ("escs = 21", 1, "outside 0 to 20"),
+        ("[require]\nescs = 21", 2, "outside 0 to 20"),
+        ("[[waiver]]\nrule = 'TRF-010'\ntype = 'Bar'\nexpires = 2027-01-31", 3, "no message is called 'Bar'"),
     ],
 )
 def test_a_mistake_is_told_with_its_line(tmp_path: Path, text: str, line: int, reason: str) -> None:

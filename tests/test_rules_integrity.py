@@ -15,7 +15,7 @@ from judged import Said, judge, whole
 from witness.proof import finder
 from witness.reader import Log
 
-from analyzer.rules import integrity
+from analyzer.rules import broken
 
 RULES = ("TRF-003", "TRF-010", "TRF-011", "TRF-030", "TRF-031", "CAN-020")
 SIGNATURE = 0xA9AF28AEA2FBB254
@@ -108,23 +108,45 @@ def test_nothing_is_proven_of_an_unknown_type() -> None:
         return Transfer("message", 20999, 10, bytes(range(number, number + 14)), 0x1234567, number).frames()
 
     frames = [frame for number in range(5) for frame in of(number)]
-    broken = [(one.rule, one.cause) for one in found(text(frames, [of(5)[0], of(5)[2]])) if one.rule == "TRF-003"]
-    assert broken == [("TRF-003", "a frame lost or out of order")]
+    first, second, third = of(5)
+    for came, cause in (([first, third], "one frame lost"), ([first, third, second], "a frame lost or out of order")):
+        assert [one.cause for one in found(text(frames, came)) if one.rule == "TRF-003"] == [cause]
 
 
 def test_causes_are_sought_for_a_bounded_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(integrity, "MOST_SOUGHT", 3)
-    broken = [[status(k)[0], status(k)[2]] for k in range(5)]
-    capture = text(good(3), *broken, good(30, 5))
+    monkeypatch.setattr(broken, "MOST_SOUGHT", 3)
+    cut = [[status(k)[0], status(k)[2]] for k in range(5)]
+    capture = text(good(3), *cut, good(30, 5))
     assert brief(capture) == [
         ("TRF-003", "one frame lost (the 2nd of 3), before frame 11", 3, (10, 12, 14)),
         ("TRF-003", "further ones, cause not sought, before frame 17", 2, (16, 18)),
     ]
     wrong = [Transfer("message", 1034, 10, bytes(14), 1, k % 32).frames() for k in range(3, 8)]
-    assert [(one.rule, one.count) for one in found(text(good(3), *wrong))] == [("TRF-010", 5)]
+    counts = {(one.rule, one.cause): one.count for one in found(text(good(3), *wrong))}
+    mistake = f"wrong signature, a CRC that starts from {encode.signature_crc(1):04X}"
+    assert counts == {("TRF-010", mistake): 3, ("TRF-011", mistake): 3, ("TRF-010", broken.NOT_SOUGHT): 2}
     unsigned = [_seeded(0xFFFF, k) for k in range(3, 8)]
-    counts = {one.rule: one.count for one in found(text(good(3), *unsigned))}
-    assert counts == {"TRF-010": 5, "TRF-011": 3}
+    counts = {(one.rule, one.cause): one.count for one in found(text(good(3), *unsigned))}
+    sought = {("TRF-010", "no signature"): 3, ("TRF-011", "no signature"): 3}
+    assert counts == {**sought, ("TRF-010", broken.NOT_SOUGHT): 2}
+
+
+def test_one_wrong_crc_is_doubtful_without_a_right_one_nearby() -> None:
+    wrong = _seeded(0x1234, 3)
+    assert [one.cause for one in found(text(wrong, good(3, 4)))] == ["corrupted"]
+    quiet = [Frame(0x123, bytes(3), extended=False)] * 2100
+    capture = text(good(3), quiet, wrong, quiet[:600], good(3, 4))
+    assert [one.cause for one in whole(capture, RULES, (100,))] == ["corrupted, or a wrong signature"]
+
+
+def test_a_mistake_that_was_found_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(broken, "MOST_SOUGHT", 3)
+    quiet = [Frame(0x123, bytes(3), extended=False)] * 520
+    early, late = ([_seeded(0xFFFF, k) for k in numbers] for numbers in (range(3, 6), range(6, 11)))
+    capture = text(good(3), *early, quiet, *late, [_seeded(0x1234, 11)][0])
+    counts = {(one.rule, one.cause): one.count for one in whole(capture, RULES, (7, 100))}
+    said = {("TRF-010", "no signature"): 8, ("TRF-011", "no signature"): 8}
+    assert counts == {**said, ("TRF-010", broken.NOT_SOUGHT): 1}
 
 
 def _seeded(start: int, number: int) -> list[Frame]:
@@ -147,8 +169,9 @@ def test_the_blocks_of_the_vectors() -> None:
     assert said == {
         ("TRF-003", 9): ("one frame lost", 1),
         ("TRF-003", 14): ("frames swapped", 1),
-        ("TRF-010", 28): ("", 2),
-        ("TRF-010", 37): ("", 1),
+        ("TRF-010", 28): ("corrupted", 1),
+        ("TRF-010", 34): ("no signature", 1),
+        ("TRF-010", 37): ("6 zero bytes at the end left out", 1),
         ("TRF-011", 34): ("no signature", 1),
         ("TRF-011", 37): ("6 zero bytes at the end left out", 1),
     }
@@ -192,7 +215,7 @@ def test_the_start_value_of_an_unknown_type() -> None:
     wrong = [one for one in found(capture) if one.rule == "TRF-010"]
     assert [(one.node, one.count, one.frames) for one in wrong] == [(10, 2, (1, 13))]
     here = encode.crc16(bytes((*range(12), 12 ^ 1, 13, 14, 15)), start)
-    assert wrong[0].text.endswith(f"computed {here:04X}")
+    assert wrong[0].text.endswith(f"computed {here:04X}: corrupted (one bit turned in byte 1 of frame 3)")
     notes = [(one.node, one.text, one.first, one.severity) for one in found(capture) if one.rule == "TRF-031"]
     assert notes == [
         (10, f"start value {start:04X} in 7 transfers", 4, "note"),

@@ -56,6 +56,22 @@ def test_the_only_response_of_a_server_counts_although_it_is_held_back_to_the_en
     assert [(one.rule, one.count) for one in seen(*server, *asked, reply, end=20000)] == [("TRF-022", 3)]
 
 
+def test_nothing_is_said_of_answers_that_a_gap_in_the_capture_or_a_loss_of_the_recorder_may_hide() -> None:
+    asked, reply = (4010, ask()), (4020, answer())
+    beats = [(t, alive(t // 500, 99, t // 500 % 32)) for t in range(0, 9001, 500)]
+    (open_,) = whole(log(*beats, asked), RULES)
+    assert (open_.rule, open_.severity) == ("TRF-022", "warning")
+    pause = [(t + 6000 * (t > 4100), sent) for t, sent in [*beats, asked]]
+    assert whole(log(*pause), RULES) == []
+    (early,) = whole(log(*((t + 6000 * (t > 4015), sent) for t, sent in [*beats, reply])), RULES)
+    assert (early.rule, early.severity) == ("TRF-021", "note")
+    for sent, rule in ((asked, "TRF-022"), (reply, "TRF-021")):
+        lines = log(*beats, sent).splitlines(keepends=True)
+        lines.insert(11, "DROPCOUNT: dropped 3 CAN frames on 'can0' socket (total drops 3)\n")
+        (noted,) = whole("".join(lines), RULES)
+        assert (noted.rule, noted.severity) == (rule, "note")
+
+
 @pytest.mark.parametrize("stray", [answer(4), answer(3, client=12)])
 def test_a_response_needs_a_request_of_its_nodes_and_id(stray: Transfer) -> None:
     (one,) = seen((4010, ask()), (4020, answer()), (4030, stray))

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import encode
 import pytest
 from faulted import SEED, flight
-from judged import judge, whole
+from judged import judge, outcome, whole
 from packet_log import STATUS, capture, motor, said, summed
 from proved import proved
 from witness.flights import fly
 from witness.proof import finder
+
+from analyzer.rules import recent
 
 if TYPE_CHECKING:
     from packet_log import Sent
@@ -145,6 +147,53 @@ def test_lost_transfers_explain_counts(step: int | None, *, kept: bool) -> None:
     more = push(*(motor(count if count < 3 else count + 2 + kept) for count in range(8))).splitlines(keepends=True)
     found = said("PUSH-009", "".join(more), step)
     assert [one.text for one in found] == [f"expected 3, got {5 + kept} (per unit)"]
+
+
+def cut(data: list[bytes], at: int, frames: slice, gap: float = 100) -> str:
+    """Packets in messages of node 10, of which one keeps only some frames; all messages are of equal length."""
+    lines = push(*data, gap=gap).splitlines(keepends=True)
+    size = len(lines) // len(data)
+    lines[at * size : (at + 1) * size] = lines[at * size : (at + 1) * size][frames]
+    return "".join(lines)
+
+
+@pytest.mark.parametrize("frames", [slice(0, 4), slice(0, 1), slice(1, None), slice(2, None)])
+@pytest.mark.parametrize("gap", [20, 100, 2100])
+def test_a_broken_transfer_explains_its_packet_whenever_it_is_given_up(frames: slice, gap: float) -> None:
+    text = cut([motor(count) for count in range(60)], 20, frames, gap)
+    assert {one.rule[:3] for one in whole(text, ("PUSH-009", "TRF-005", "TRF-006", "TRF-007"))} == {"TRF"}
+
+
+@pytest.mark.parametrize("jump", [18, 22, 39, 40, 41, 45])
+def test_a_broken_transfer_explains_no_other_jump(jump: int) -> None:
+    """That of 2.0 s comes out between two good ones, which count on."""
+    text = cut([motor(count + (count >= jump)) for count in range(80)], 20, slice(0, 4))
+    (one,) = whole(text, ("PUSH-009",))
+    assert (one.count, one.text) == (1, f"expected {jump}, got {jump + 1} (per unit)")
+
+
+def test_a_breach_that_was_held_back_still_shows_its_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recent, "KEPT", 40)
+    text = cut([motor(count + (count >= 30)) for count in range(80)], 20, slice(0, 4))
+    for step in (None, 1, 7):
+        ((_, run),) = outcome(text, ("PUSH-009",), step).runs
+        (example,) = run.examples
+        lines = text.splitlines()
+        shown = [lines[frame].split()[2] for frame in example.frames]
+        assert [line.split()[2] for line in example.lines] == shown
+        assert len(shown) > 1
+
+
+def test_messages_in_another_order_count_as_they_were_sent() -> None:
+    lines = push(*(motor(count) for count in range(12))).splitlines(keepends=True)
+    size = len(lines) // 12
+    moved = [lines[k * size : (k + 1) * size] for k in (0, 1, 2, 3, 5, 4, 6, 7, 8, 9, 10, 11)]
+    stamps = [line.split()[0] for line in lines]
+    sent = [line.split(maxsplit=1)[1] for message in moved for line in message]
+    text = "".join(f"{stamp} {line}" for stamp, line in zip(stamps, sent, strict=True))
+    assert not whole(text, ("PUSH-009",))
+    kept = push(*(motor(count) for count in (0, 1, 2, 3, 5, 4, 6, 7)))
+    assert [one.count for one in whole(kept, ("PUSH-009",))] == [3]
 
 
 def test_a_damaged_packet_explains_a_count() -> None:

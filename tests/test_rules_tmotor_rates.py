@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from encode import Transfer
+from faulted import flight
 from flight import Sent
 from judged import judge
 from tm_bus import Vehicle, found
@@ -208,3 +209,16 @@ def test_the_sample_point_follows_from_the_bit_rate() -> None:
         vehicle = Vehicle()
         vehicle.command(0, 0)
         assert len(found(vehicle, "BUS-033", bit_rate=rate)) == count
+
+
+def test_a_period_is_known_no_better_than_times_are() -> None:
+    """At 10 ms a period of 33.3 ms shows as 30 or 40 ms; 30 Hz is still not 80 Hz."""
+
+    def rounded(text: str) -> str:
+        return "".join(f"{line[:14]}0000{line[18:]}" for line in text.splitlines(keepends=True))
+
+    healthy = rounded(flight(seconds=10))
+    assert len({line.split()[0] for line in healthy.splitlines()}) < 1001
+    assert judge(healthy, ("BUS-018",)) == []
+    (one,) = judge(rounded(flight("BUS-018@3", seconds=10)), ("BUS-018",))
+    assert one.rule == "BUS-018"

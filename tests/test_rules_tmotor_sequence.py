@@ -74,6 +74,14 @@ def test_a_wrap_is_no_restart() -> None:
     assert told((0, 5120, 0), (1, 0, 20)) == [("TYP-503", "5120, then 0")]
 
 
+def test_transfers_in_another_order_are_no_restart() -> None:
+    moved = [(5, 15), (7, 17), (6, 16), (8, 18)]
+    assert not told(*((number, sequence, k * 20) for k, (number, sequence) in enumerate(moved)))
+    assert told((5, 15, 0), (7, 17, 20), (6, 15, 40)) == [("TYP-503", "17, then 15")]
+    assert told((0, 0, 0), (1, 1, 20), (0, 0, 40)) == [("TYP-503", "1, then 0")]
+    assert told((9, 19, 0), (0, 10, 20)) == [("TYP-503", "19, then 10")]
+
+
 def test_the_same_data_again_is_a_note() -> None:
     (one,) = whole(capture((0, 5, 0), (1, 5, 20), data=DATA), RULES)
     assert (one.severity, one.text) == ("note", "5 again, the same data")

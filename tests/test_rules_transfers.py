@@ -26,6 +26,14 @@ def usual(count: int = 4) -> list[encode.Frame]:
     return [frame for k in range(count) for frame in status(k).frames()]
 
 
+def awake(since: int, until: int) -> list[encode.Frame]:
+    """Throttle every 500 ms, so that the capture has no gap."""
+    return [at(t, throttle(k % 32).frames()[0]) for k, t in enumerate(range(since, until, 500 * MS))]
+
+
+PAUSE = awake(500 * MS, LATE)
+
+
 @pytest.mark.parametrize("rule", RULES)
 def test_a_fault_of_the_simulator_is_found_where_the_witness_finds_it(rule: str) -> None:
     agree(rule, flight(f"{rule}@1", seconds=5))
@@ -38,7 +46,7 @@ def test_a_clean_flight_breaches_none() -> None:
 def test_the_examples_of_the_document() -> None:
     found = whole(VIOLATIONS, RULES, (1,))
     assert {(one.rule, frame) for one in found for frame in one.frames} == {
-        ("TRF-001", 8), ("TRF-006", 9), ("TRF-006", 14), ("TRF-005", 16), ("TRF-006", 20), ("TRF-007", 25),
+        ("TRF-001", 8), ("TRF-006", 9), ("TRF-006", 14), ("TRF-006", 20), ("TRF-007", 25),
         ("TRF-005", 26), ("TRF-012", 42), ("TRF-013", 42), ("TRF-015", 46), ("TRF-026", 50), ("TRF-026", 51),
     }  # fmt: skip
 
@@ -66,17 +74,19 @@ def test_what_is_left_without_a_start_is_one_occurrence() -> None:
     _, *rest = push(4).frames()
     later = [at(LATE + k * MS, frame) for k, frame in enumerate(rest)]
     before = [frame for k in range(4) for frame in push(k).frames()]
-    assert said(lines(before, later), "TRF-005") == [("error", 1, 21, "transfer ID 4, first frame missing")]
-    assert said(lines(before, rest), "TRF-005") == [("note", 1, 21, "transfer ID 4, first frame missing")]
+    wanted = "transfer ID 4, first frame lost (of 5)"
+    assert said(lines(before, PAUSE, later), "TRF-005") == [("error", 1, 21 + len(PAUSE), wanted)]
+    assert said(lines(before, later), "TRF-005") == [("note", 1, 21, wanted)]  # it began in a gap of the capture
+    assert said(lines(before, rest), "TRF-005") == [("note", 1, 21, "transfer ID 4, first frame lost (of 5)")]
     new = [at(LATE + 20 * MS + k * MS, frame) for k, frame in enumerate(usual(1)[1:] + usual(3)[3:])]
-    assert said(lines(before, new), "TRF-005") == [("note", 1, 21, "transfer ID 0, first frame missing")]
+    assert said(lines(before, new), "TRF-005") == [("note", 1, 21, "transfer ID 0, first frame lost (of 3)")]
     assert said(lines(before), "TRF-005") == []
 
 
 def test_frames_that_the_recorder_lost_explain_a_missing_start_and_a_missing_end() -> None:
     _, *rest = push(4).frames()
-    before = [at(LATE * k, frame) for k in range(2) for frame in push(k).frames()]
-    spaced = [replace(frame, t=frame.t + k * MS) for k, frame in enumerate(before)]
+    spaced = [at(LATE // 10 * 9 * k + n * MS, frame) for k in range(2) for n, frame in enumerate(push(k).frames())]
+    spaced[5:5] = PAUSE[:-1]
     later = [at(LATE + 100 * MS + k * MS, frame) for k, frame in enumerate([*rest, *push(5).frames()[:3]])]
     last = [at(LATE + 110 * MS + k * MS, frame) for k, frame in enumerate(push(5).frames())]
     text = lines(spaced, later, last)
@@ -89,14 +99,15 @@ def test_frames_that_the_recorder_lost_explain_a_missing_start_and_a_missing_end
 def test_a_transfer_that_another_one_leaves_behind() -> None:
     cut = push(4).frames()[:2]
     text = lines([frame for k in range(4) for frame in push(k).frames()], cut, push(4).frames())
-    assert said(text, "TRF-006") == [("error", 1, 21, "2 frames, 14 bytes received, then no end")]
+    wanted = "2 frames, 14 bytes received, then no end: last frames lost (the 3rd to 5th of 5)"
+    assert said(text, "TRF-006") == [("error", 1, 21, wanted)]
     assert said(lines(usual()), "TRF-006") == []
 
 
 @pytest.mark.parametrize(
     ("after", "wanted"),
     [
-        (2500 * MS, [("warning", 1, 13, "2.00 s since the first frame")]),
+        (2500 * MS, [("warning", 1, 13, "2.00 s since the first frame: last frame lost (the 3rd of 3)")]),
         (1500 * MS, [("note", 1, 13, "1.50 s since the first frame")]),
         (900 * MS, []),
     ],
@@ -104,8 +115,23 @@ def test_a_transfer_that_another_one_leaves_behind() -> None:
 def test_transfers_that_take_long(after: int, wanted: list[tuple[str, int, int, str]]) -> None:
     first, second, third = status(4).frames()
     later = at(LATE + 3 * SECOND, status(5).frames()[0])
-    text = lines(usual(), at(LATE, first), second, at(LATE + after, third), later)
-    assert said(text, "TRF-007") == wanted
+    meanwhile, then = awake(LATE + 500 * MS, LATE + after), awake(LATE + after + 400 * MS, LATE + 3 * SECOND)
+    text = lines(usual(), PAUSE, at(LATE, first), second, meanwhile, at(LATE + after, third), then, later)
+    first_at = 13 + len(PAUSE)
+    assert said(text, "TRF-007") == [(*one[:2], first_at, one[3]) for one in wanted]
+
+
+def test_a_transfer_that_a_gap_in_the_capture_cuts_is_a_note() -> None:
+    first, _, third = status(4).frames()
+    for after, rule in ((2500 * MS, "TRF-007"), (1200 * MS, "TRF-003")):
+        text = lines(usual(), PAUSE, at(LATE, first), at(LATE + after, third), awake(LATE + after + MS, 2 * LATE))
+        assert [severity for severity, *_ in said(text, rule)] == ["note"]
+    begun, next_ = [at(LATE, first)], [at(LATE + 1200 * MS + k, one) for k, one in enumerate(status(4, 7).frames())]
+    assert [severity for severity, *_ in said(lines(usual(), PAUSE, begun, next_), "TRF-006")] == ["note"]
+    awake_ = awake(LATE + MS, LATE + 1200 * MS)
+    assert [severity for severity, *_ in said(lines(usual(), PAUSE, begun, awake_, next_), "TRF-006")] == ["error"]
+    soon = [at(LATE + 5 * MS + k, one) for k, one in enumerate(status(4, 7).frames())]
+    assert [severity for severity, *_ in said(lines(usual(), PAUSE, begun, soon, next_[:1]), "TRF-006")] == ["error"]
 
 
 def test_the_end_of_the_capture_cuts_a_transfer() -> None:
@@ -117,7 +143,7 @@ def test_the_end_of_the_capture_cuts_a_transfer() -> None:
 def test_another_transfer_id_inside() -> None:
     first, second, third = status(4).frames()
     text = lines(usual(), first, tail(second, 0x2C), third)
-    assert said(text, "TRF-009") == [("error", 1, 14, "transfer ID 12 inside 4")]
+    assert said(text, "TRF-009") == [("error", 1, 14, "transfer ID 12 inside 4: it belongs to that one")]
     assert said(lines(usual()), "TRF-009") == []
 
 
@@ -159,4 +185,4 @@ def test_pauses() -> None:
 def test_captures_without_times() -> None:
     text = lines(usual(), status(4).frames()[1:], timed=False)
     assert said(text, "TRF-007") == said(text, "TRF-027") == []
-    assert said(text, "TRF-005") == [("error", 1, 13, "transfer ID 4, first frame missing")]
+    assert said(text, "TRF-005") == [("error", 1, 13, "transfer ID 4, first frame lost (of 3)")]

@@ -51,10 +51,17 @@ def test_findings_count_even_if_the_words_do_not_say_that_the_rule_was_exercised
     assert ruling("TRF-003", session(Breach("TRF-003", "error"), words="")).verdict == "FAIL"
 
 
-def test_what_is_waived_does_not_decide() -> None:
-    waived = Breach("CAN-002", "error", excused=True)
-    assert ruling("CAN-002", session(waived)) == Ruling("PASS", 1, "1 waived")
-    assert ruling("CAN-002", session(waived, Breach("CAN-002", "error"))) == Ruling("FAIL", 2, "1 waived")
+@pytest.mark.parametrize(("excused", "verdict"), [("waived", "WAIVED"), ("known", "KNOWN")])
+def test_what_is_excused_is_not_passed_either(excused: Any, verdict: str) -> None:
+    one = Breach("CAN-002", "error", excused)
+    assert ruling("CAN-002", session(one)) == Ruling(verdict, 1, f"1 {excused}")
+    assert ruling("CAN-002", session(one, Breach("CAN-002", "note"))) == Ruling(verdict, 2, f"1 {excused}")
+    assert ruling("CAN-002", session(one, Breach("CAN-002", "error"))) == Ruling("FAIL", 2, f"1 {excused}")
+
+
+def test_a_waiver_is_told_of_notes_too_but_known_notes_are_notes() -> None:
+    assert ruling("CAN-002", session(Breach("CAN-002", "note", "waived"))).verdict == "WAIVED"
+    assert ruling("CAN-002", session(Breach("CAN-002", "note", "known"))) == Ruling("PASS", 1, "notes only")
 
 
 def test_frames_that_the_recorder_lost_prove_nothing() -> None:
@@ -66,7 +73,10 @@ def test_frames_that_the_recorder_lost_prove_nothing() -> None:
 
 
 def test_the_pages_say_for_which_rules() -> None:
-    expected = {"TRF-003", "TRF-005", "TRF-006", "TRF-016", "TYP-501", "PUSH-009"}
+    expected = {
+        "TRF-003", "TRF-005", "TRF-006", "TRF-016", "TRF-018", "TRF-019", "TRF-021", "TRF-022", "TYP-501", "PUSH-009",
+        "BUS-011", "BUS-012", "BUS-014", "TRF-007", "TRF-010",
+    }  # fmt: skip
     assert {rule for rule, page in PAGES.items() if page.drops} == expected
 
 
@@ -143,7 +153,7 @@ def test_at_or_above() -> None:
     ("arguments", "status"),
     [
         ((0, [], [], []), 0), ((2, ["a"], ["b"], ["c"]), 1), ((0, ["a"], [], ["c"]), 4), ((0, [], ["b"], ["c"]), 4),
-        ((0, [], [], ["c"]), 3),
+        ((0, [], [], ["c"]), 3), ((0, [], [], ["c"], ["d"]), 4), ((1, [], [], [], ["d"]), 1),
     ],
 )  # fmt: skip
 def test_findings_win_over_no_judgement_and_that_over_damage(arguments: Any, status: int) -> None:

@@ -89,13 +89,16 @@ def test_peak_survives_the_end_of_a_batch(decode: Callable[..., Any], registry: 
 def test_what_the_capture_can_show(decode: Callable[..., Any], registry: Registry) -> None:
     plain = lines(throttle(0).frames())
     assert facts(decode(plain), registry).judge == {
-        "transfers": "yes", "timing": "yes", "drops": "unknown", "errors": "NO",
+        "transfers": "yes", "timing": "yes", "drops": "unknown", "errors": "NO", "start": "unknown",
+        "stamps": "absolute, nanoseconds",
     }  # fmt: skip
     drop = encode.drop_line("can0", 3, 3).encode() + b"\n"
     error = encode.log_line(encode.Frame(4, bytes(8), START, error=True)).encode() + b"\n"
-    assert facts(decode(plain + drop + error), registry).judge | {"timing": ""} == {
-        "transfers": "yes", "timing": "", "drops": "yes", "errors": "yes",
-    }  # fmt: skip
+    both = facts(decode(plain + drop + error), registry).judge
+    assert (both["drops"], both["errors"]) == ("yes", "yes")
+    overflow = encode.log_line(encode.Frame(4, bytes([0, 1, 0, 0, 0, 0, 0, 0]), START, error=True)).encode() + b"\n"
+    assert facts(decode(plain + error), registry).judge["drops"] == "unknown"
+    assert facts(decode(plain + overflow), registry).judge["drops"] == "yes"
     untimed = facts(decode(lines(throttle(0).frames(), timed=False)), registry)
     assert (untimed.judge["timing"], untimed.start) == ("NO", None)
     assert "Time       not recorded" in render(untimed)
@@ -239,3 +242,24 @@ def test_a_forced_reading_stands_against_the_data(decode: Callable[..., Any], re
     assert stated["dialect", 12] == "tm"
     assert stated["temperature", 12] == "K (forced)"
     assert stated["temperature", 11] == "degC"
+
+
+def test_whether_the_start_was_seen(decode: Callable[..., Any], registry: Registry) -> None:
+    def judged(*uptimes: int) -> str:
+        rest = {"health": 0, "mode": 0, "sub_mode": 0, "vendor_specific_status_code": 0}
+        kind = "uavcan.protocol.NodeStatus"
+        sent = [encode.transfer(kind, {"uptime_sec": up, **rest}, 20 + k, 0) for k, up in enumerate(uptimes)]
+        frames = [frame for k, one in enumerate(sent) for frame in one.frames(START + k * SECOND)]
+        return str(facts(decode(lines(frames)), registry).judge["start"])
+
+    assert [judged(0), judged(0, 1), judged(2), judged(3), judged(0, 90)] == ["yes", "yes", "yes", "NO", "NO"]
+
+
+def test_times_of_several_kinds_say_nothing_together(decode: Callable[..., Any], registry: Registry) -> None:
+    rows = lines(throttle(0).frames()) + b"(12.000000) can0 123#11\n" + lines(throttle(1).frames(), timed=False)
+    mixed = facts(decode(rows), registry)
+    assert mixed.judge["timing"] == "NO"
+    assert mixed.judge["stamps"].startswith("mixed: absolute, ")
+    assert [bus.mean for bus in mixed.buses] == [None]
+    assert "cannot be compared" in render(mixed)
+    assert " h " not in render(mixed)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from analyzer.cli.session import Session
     from analyzer.conformance import Choice
+    from analyzer.facts.periods import Periods
     from analyzer.report.baseline import Baseline
     from analyzer.report.build import Taken
     from analyzer.report.model import Report
@@ -22,14 +23,18 @@ if TYPE_CHECKING:
     from analyzer.rules.expected import Expected
     from analyzer.rules.gate import FailOn
     from analyzer.rules.settings import Settings
+    from analyzer.window import Window
     from dissectors import Registry
 
 _EPILOG = """\
 Several captures are judged one by one, each with findings of its own in one report; --same-bus, --bus or --offset
 merges them into one first, as for the other commands.
 
-exit status: 0 clean, 1 findings at or above --fail-on, 2 wrong usage, 3 a capture unreadable or damaged or output not
-writable, 4 nothing to judge, 130 interrupted. 1 wins over 4, 4 over 3. The report always states damage."""
+A window is judged as a capture of its own, whose start was not seen; its frames keep their numbers in the file.
+
+exit status: 0 clean, 1 findings at or above --fail-on (--init: no healthy capture, no file), 2 wrong usage, 3 a capture
+unreadable or damaged or output not writable, 4 nothing to judge, no selected rule that could be judged, or less than
+the vehicle file requires, 130 interrupted. 1 wins over 4, 4 over 3. The report always states damage."""
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -60,6 +65,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     group.add_argument(
         "--extract", metavar="DIR", help="the smallest capture that still shows it, of each finding, as candump text"
     )
+    options.add_window(parser)
     options.add_output(parser)
     parser.set_defaults(run=run, follow=False)
 
@@ -82,8 +88,12 @@ def _add_rules(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--profile", metavar="FILE.toml", help="what is expected of the vehicle, with its own limits")
     group.add_argument("--baseline", metavar="OLD.json", help="an older --json: what it has already does not fail")
     group.add_argument(
-        "--init", action="store_true", help="write a file for --profile from a healthy capture to -o FILE instead"
+        "--init",
+        action="store_true",
+        help="write a file for --profile from a healthy capture to -o FILE instead; "
+        "a capture with findings at or above --fail-on, or errors of devices, is none: exit status 1, no file",
     )
+    group.add_argument("--force", action="store_true", help="--init writes over a file, and from any capture")
     group.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
     group.add_argument(
         "--dialect", action="append", default=[], type=options.dialect, metavar="NODE=CHOICE",
@@ -117,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
         if args.github:
             written = reports.tell_github(report, aside=wanted.silent) and written
         if args.extract and not interrupted:
-            source = extracting.Origin(args, wanted.groups, wanted.registry, wanted.settings)
+            source = extracting.Origin(args, wanted.groups, wanted.registry, wanted.settings, wanted.window)
             written = extracting.extract(report, source, args.extract) and written
     except (_UsageError, ProfileError, DsdlError) as error:  # a folder's rules are read when they are needed
         streams.complain(str(error), "tailbyte check")
@@ -137,9 +147,11 @@ class _Wanted:
         from analyzer.rules.gate import DEFAULT, FailOn  # noqa: PLC0415
 
         self._args = args
+        self._periods: Periods | None = None
         self.groups: dict[str, list[str]] = {}
         try:
             self.names = options.captures(args)
+            self.window: Window = options.window(args)
             self.files = [("toml", check_init.target(args))] if args.init else list(reports.files(args))
             for _, path in self.files:
                 options.refuse_input(args, path)
@@ -167,7 +179,7 @@ class _Wanted:
             from analyzer.report.vehicle import expired  # noqa: PLC0415
             from analyzer.rules.expected import load  # noqa: PLC0415
 
-            self._expected = load(Path(self._args.profile), self.pages)
+            self._expected = load(Path(self._args.profile), self.pages, self.registry)
             self.settings = self._expected.settings(self.settings, self.pages)
             for line in expired(self._expected, date.today()):  # noqa: DTZ011 - the day where somebody reads it
                 streams.complain(line, "tailbyte check")
@@ -188,9 +200,13 @@ class _Wanted:
 
     def initial(self) -> int:
         """Writes a vehicle file instead of a report; the exit status."""
+        from analyzer.facts.periods import Periods  # noqa: PLC0415
+
+        self._periods = Periods()
         taken, interrupted = self._take_all()
         ((_, path),) = self.files
-        return check_init.write(path, self._build(taken), taken[0], self.registry, interrupted=interrupted)
+        model = check_init.Model(self._build(taken), taken[0], self.registry, self._periods)
+        return check_init.write(path, model, force=self._args.force, interrupted=interrupted)
 
     def _take_all(self) -> tuple[list[Taken], bool]:
         from analyzer.conformance import ids  # noqa: PLC0415
@@ -218,6 +234,8 @@ class _Wanted:
             asked["dialects"] = [f"{node}={choice}" for node, choice in self._args.dialect]
         if self._args.baseline is not None:
             asked["baseline"] = self._args.baseline
+        if self.window:
+            asked["window"] = options.window_words(self._args)
         told = order(self._fail_on, asked, self._expected, self._older)
         return build(taken, self.registry, self.pages, self.settings, told)
 
@@ -259,7 +277,8 @@ class _Wanted:
         from analyzer.cli.progress import Progress  # noqa: PLC0415
         from analyzer.sources import StopReading  # noqa: PLC0415
 
-        batches = checking.measured(session.batches())
+        decoded = session.inside(self.window)
+        batches = checking.measured(decoded if self._periods is None else self._periods.over(decoded))
         if all(os.path.isfile(part.name) for part in session.source.parts):  # noqa: PTH113 - signals end other reading here, in this thread
             batches = ahead(batches)
         with Progress(session.source) as progress:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analyzer.cli import DAMAGED, INTERRUPTED, OK, streams
@@ -9,11 +11,12 @@ from analyzer.cli import DAMAGED, INTERRUPTED, OK, streams
 if TYPE_CHECKING:
     import argparse
 
+    from analyzer.facts.periods import Periods
     from analyzer.report.build import Taken
     from analyzer.report.model import Report
     from dissectors import Registry
 
-NOT_JUDGED = 4
+FINDINGS, NOT_JUDGED = 1, 4
 _CLASHING = ("profile", "baseline", "junit", "html", "json", "markdown", "github", "extract")
 
 
@@ -23,24 +26,42 @@ def target(args: argparse.Namespace) -> str:
         raise ValueError(f"--init writes a vehicle file and no report: not with --{clash}")
     if len(args.output) > 1:
         raise ValueError("--init writes one file")
-    return args.output[0] if args.output else "-"
+    path: str = args.output[0] if args.output else "-"
+    if path != "-" and not args.force and Path(path).is_file():
+        raise ValueError(f"{path}: exists, and somebody may have completed it; --force writes over it")
+    return path
 
 
-def write(path: str, report: Report, taken: Taken, registry: Registry, *, interrupted: bool) -> int:
-    """Writes the file, with a warning if the capture is no good model; the exit status. Raises `TargetError`."""
+@dataclass(frozen=True, slots=True)
+class Model:
+    """The capture that the file is made from, and what it was read with."""
+
+    report: Report
+    taken: Taken
+    registry: Registry
+    periods: Periods
+
+
+def write(path: str, model: Model, *, force: bool, interrupted: bool) -> int:
+    """Writes the file unless the capture is no good model; the exit status. Raises `TargetError`."""
     from analyzer.report.initial import vehicle_file  # noqa: PLC0415
     from analyzer.sinks.atomic import Target  # noqa: PLC0415
 
+    report, taken = model.report, model.taken
     capture = report.captures[0]
     if not capture.nodes:
         if not taken.damage:
             streams.complain(f"{capture.path}: no node speaks DroneCAN: no vehicle file")
         return DAMAGED if taken.damage else NOT_JUDGED
-    errors = [one for one in report.findings if (one.category, one.severity) == ("protocol", "error")]
-    if errors:
-        rules = ", ".join(dict.fromkeys(one.rule for one in errors))
-        streams.complain(f"{capture.path}: warning: no healthy capture, protocol errors: {rules}")
-    text = vehicle_file(taken, capture, registry, report.settings["bit_rate"])
+    sick = (one for one in report.findings if one.fails or (one.category, one.severity) == ("device", "error"))
+    rules = ", ".join(dict.fromkeys(one.rule for one in sick))
+    warning = f"no healthy capture, findings of {rules}" if rules else ""
+    if warning:
+        advice = "written all the same" if force else "no vehicle file (--force writes one all the same)"
+        streams.complain(f"{capture.path}: {warning}: {advice}")
+        if not force:
+            return FINDINGS
+    text = vehicle_file(taken, capture, model.registry, report.settings["bit_rate"], model.periods.all, warning)
     with Target(path) as out:
         out.file.write(text.encode("utf-8", "backslashreplace"))
     return INTERRUPTED if interrupted else DAMAGED if taken.damage else OK

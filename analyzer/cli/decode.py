@@ -70,9 +70,9 @@ def _decode(args: argparse.Namespace, session: Session, window: Window) -> None:
     """Writes what the window lets through; stops early only when `-c` says so."""
     from analyzer.cli.pager import paged  # noqa: PLC0415
     from analyzer.cli.writers import writer  # noqa: PLC0415
-    from analyzer.window import Selection  # noqa: PLC0415
+    from analyzer.cut import ListSelection  # noqa: PLC0415
 
-    selection = Selection(window, session.again)
+    selection = ListSelection(window, session.again)
     view: Writer | None = None
     shown = 0
     with paged(args) as out:
@@ -82,9 +82,11 @@ def _decode(args: argparse.Namespace, session: Session, window: Window) -> None:
                 view = writer(args, session.registry, zero)
                 out.write(view.begin())
             picked = rows if args.count is None else rows[: args.count - shown]
-            for text in session.unhurried(view.rows(batch, picked)):
+            for k, text in enumerate(session.unhurried(view.rows(batch, picked))):
+                if shown == args.count:
+                    break
                 out.write(text)
-                shown += 1
+                shown += k < len(picked)
             if args.follow:
                 out.flush()
             if shown == args.count:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from analyzer.report.model import Finding, Report
     from analyzer.rules.extract import Wanted
     from analyzer.rules.settings import Settings
+    from analyzer.window import Window
     from dissectors import Registry
 
 MOST_FILES = 100
@@ -32,15 +33,23 @@ class Origin:
     groups: Mapping[str, list[str]]
     registry: Registry
     settings: Settings
+    window: Window | None = None
 
     def pieces(self, capture: str) -> Iterator[Piece]:
-        """The rows of a capture from its start; nothing is counted or complained about a second time."""
+        """The rows that were judged, from the first; nothing is counted or complained about a second time."""
+        from analyzer.cut import FrameSelection  # noqa: PLC0415
         from analyzer.sources.merge import open_captures  # noqa: PLC0415
         from analyzer.sources.native import rows  # noqa: PLC0415
 
         args = argparse.Namespace(**{**vars(self.args), "capture": self.groups[capture], "capture_": []})
         source = open_captures(options.captures(args), options.plan(args))
-        return (piece for piece in rows(source.chunks()) if not isinstance(piece, bytes))
+        pieces = (piece for piece in rows(source.chunks()) if not isinstance(piece, bytes))
+        if not self.window or self.window.frames is not None:  # of those the findings have the numbers in the file
+            return pieces
+        return FrameSelection(self.window, lambda: self._again(capture)).cut(pieces)
+
+    def _again(self, capture: str) -> Iterator[Piece]:
+        return replace(self, window=None).pieces(capture)
 
 
 def refuse_streams(args: argparse.Namespace, names: Sequence[str]) -> None:
@@ -65,7 +74,7 @@ def extract(report: Report, origin: Origin, folder: str) -> bool:
     from analyzer.rules.extract import extracts  # noqa: PLC0415
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
 
-    found = [one for one in report.findings if one.severity != "note"]
+    found = list(report.findings)
     names = list(_names(found[:MOST_FILES]))
     count, frames = 0, 0
     try:

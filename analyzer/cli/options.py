@@ -153,6 +153,18 @@ def window(args: argparse.Namespace) -> Window:
     )
 
 
+def window_words(args: argparse.Namespace) -> str:
+    """The window as it was asked for."""
+    given = {
+        "--from": args.start,
+        "--to": args.stop,
+        "--last": args.last,
+        "--around": args.around,
+        "--frames": args.frames,
+    }
+    return " ".join(f"{option} {text}" for option, text in given.items() if text is not None)
+
+
 def _checked(option: str, read: Callable[[str], Any], text: str | None) -> Any:
     try:
         return None if text is None else read(text)

@@ -91,7 +91,8 @@ def _show(args: argparse.Namespace, report: Report) -> None:
     from analyzer.report.text import render  # noqa: PLC0415
     from analyzer.views.terminal import Palette  # noqa: PLC0415
 
-    width = min(shutil.get_terminal_size().columns, _WIDEST) if sys.stdout.isatty() else _WIDTH
+    asked = sys.stdout.isatty() or os.environ.get("COLUMNS")
+    width = min(shutil.get_terminal_size((_WIDTH, 0)).columns, _WIDEST) if asked else _WIDTH
     with paged(args) as out:
         out.write(render(report, width=width, everything=args.all, palette=Palette(options.colour(args))))
 

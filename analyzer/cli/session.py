@@ -100,6 +100,25 @@ class Session(AbstractContextManager["Session"]):
         yield self._seen(self.engine.finish())
         self._conclude()
 
+    def inside(self, window: Window) -> Iterator[Batch]:
+        """Batches of what is inside the window, decoded as a capture of its own; of all of it without a window."""
+        from analyzer.cut import FrameSelection  # noqa: PLC0415 - most runs have no window
+        from analyzer.windowed import Windowed  # noqa: PLC0415
+
+        if not window:
+            yield from self.batches()
+            return
+        selection = FrameSelection(window, self.pieces_again)
+        windowed = Windowed(self.engine, selection)
+        pieces = (piece for piece in rows(self.source.chunks()) if not isinstance(piece, bytes))
+        for batch in windowed.batches(pieces):
+            yield self._seen(batch)
+        self._conclude(whole=False)
+        if selection.problem is not None:
+            self.reject(selection.problem)
+        elif not windowed.rows:
+            self.reject("nothing is inside the window")
+
     def pieces(self) -> Iterator[Piece]:
         """The rows of the capture without decoding them; complaints as with `batches`."""
         for piece in rows(self.source.chunks()):
@@ -208,16 +227,18 @@ class Session(AbstractContextManager["Session"]):
             self.complain(place + row["text"])
             self._complaints += 1
 
-    def _conclude(self) -> None:
-        """What is to be said at the end of a capture; the notes of formats come first."""
+    def _conclude(self, *, whole: bool = True) -> None:
+        """What is to be said at the end of a capture, `whole` or cut; the notes of formats come first."""
         totals, source = self.totals, self.source
         for part in source.parts:
             for note in part.notes:
                 self.complain(f"{part.name}: {note}")
         unreadable, balanced = totals.lines["unreadable"], totals.balanced
         damages = [part.damage for part in source.parts if part.damage is not None]
-        nothing = totals.lines["lines"] == 0 and not damages
-        empty = [] if source.stopped else source.empty if isinstance(source, Merged) else [source.name] * nothing
+        nothing = whole and totals.lines["lines"] == 0 and not damages
+        empty = (
+            [] if source.stopped else source.empty if isinstance(source, Merged) and whole else [source.name] * nothing
+        )
         if unreadable > self._complaints:
             self.complain(f"{source.name}: {unreadable} of {totals.lines['lines']} {self._unit()}s are unreadable")
         for damage in damages:

@@ -36,7 +36,7 @@ class Writer(Protocol):
         """What stands before everything."""
 
     def rows(self, batch: Batch, picked: Picked) -> Iterator[str]:
-        """What the picked transfers of one batch say."""
+        """What the picked transfers of one batch say, then what stands behind them."""
 
     def end(self) -> str:
         """What stands after everything."""
@@ -61,7 +61,7 @@ class Text:
         return ""
 
     def rows(self, batch: Batch, picked: Picked) -> Iterator[str]:
-        """The lines of each transfer together."""
+        """The lines of each transfer together, in a list also of error frames and losses among them."""
         self._frames.add(batch)
         parts: list[Iterator[list[str]]] = []
         if self._summary:
@@ -72,6 +72,8 @@ class Text:
             parts.append(self._dumps(batch, picked))
         for entry in zip(*parts, strict=True):
             yield "".join(f"{line}\n" for lines in entry for line in lines)
+        if self._summary and (rest := self._listing.rest()):
+            yield "".join(f"{line}\n" for line in rest)
 
     def end(self) -> str:
         """Nothing."""

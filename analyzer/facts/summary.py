@@ -11,8 +11,9 @@ import pyarrow as pa
 from analyzer.facts.cells import pylist
 from analyzer.facts.dialects import Dialects, Statement
 from analyzer.facts.names import type_name
+from analyzer.facts.recording import Recording, mixed
 from analyzer.facts.traffic import BIT_RATE, SECOND, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
-from analyzer.tables import EVENTS, KINDS, STAMPS, VERDICTS, distinct, numbers, valid
+from analyzer.tables import KINDS, STAMPS, distinct, numbers, valid
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -133,15 +134,14 @@ class Summary:
         self._dialects = Dialects(forced) if read is None else read
         self._reads = read is None
         self._software: dict[tuple[int, int], str] = {}
-        self._dropped = False
+        self._recording = Recording()
 
     def add(self, batch: Batch) -> None:
         """The next batch."""
         self._names = batch.buses
         self._count_frames(batch)
         self._foreign.add(batch)
-        kinds = numbers(batch.events.column("kind"))
-        self._dropped |= bool((kinds == EVENTS.index("drop")).any())
+        self._recording.add(batch)
         for sent in self._talks.add(batch.transfers):
             message = self._registry.message(*sent)
             table = batch.messages.get(message.table) if message is not None else None
@@ -158,23 +158,20 @@ class Summary:
         counted = self._buses.values()
         start = min((bus.first for bus in counted if bus.first is not None), default=None)
         end = max((bus.last for bus in counted if bus.last is not None), default=None)
-        nodes = tuple(self._nodes())
+        stamps = tuple(name for bit, name in enumerate(STAMPS) if engine.stamps >> bit & 1)
+        timed = start is not None and not mixed(stamps)
+        nodes = tuple(self._nodes(timed=timed))
         return Facts(
             files=tuple(FileFacts(s.name, s.form, s.unit, s.size, s.digest, tuple(s.notes)) for s in stored),
             start=start,
             end=end,
             absolute=start is not None and start >= YEAR_2000,
-            stamps=tuple(name for bit, name in enumerate(STAMPS) if engine.stamps >> bit & 1),
+            stamps=stamps,
             lines=totals.lines,
             verdicts=totals.verdicts,
             balanced=totals.balanced,
-            judge={
-                "transfers": "yes" if totals.verdicts[VERDICTS[0]] else "NO",
-                "timing": "NO" if start is None else "yes",
-                "drops": "yes" if self._dropped else "unknown",
-                "errors": "yes" if totals.lines["error_frames"] else "NO",
-            },
-            buses=tuple(self._bus_facts()),
+            judge=self._recording.judge(totals, stamps, timed=timed),
+            buses=tuple(self._bus_facts(timed=timed)),
             nodes=nodes,
             not_listed=self._talks.beyond,
             readings=tuple(self._dialects.statements()),
@@ -221,20 +218,22 @@ class Summary:
             if trusted and text and ((bus, src) in self._software or len(self._software) < MOST_NODES):
                 self._software[bus, src] = text
 
-    def _bus_facts(self) -> Iterator[BusFacts]:
+    def _bus_facts(self, *, timed: bool) -> Iterator[BusFacts]:
         for index, bus in sorted(self._buses.items()):
             span = None if bus.first is None or bus.last is None else bus.last - bus.first
             mean = load = None
-            if span:
+            if span and timed:
                 mean = (bus.frames - 1) * SECOND / span
                 load = None if bus.fd else 100 * bus.bits * SECOND / span / BIT_RATE
-            yield BusFacts(self._names[index], bus.frames, mean, bus.peak if span and span >= SECOND else None, load)
+            yield BusFacts(
+                self._names[index], bus.frames, mean, bus.peak if mean and span and span >= SECOND else None, load
+            )
 
-    def _nodes(self) -> Iterator[NodeFacts]:
+    def _nodes(self, *, timed: bool) -> Iterator[NodeFacts]:
         for key, talk in sorted(self._talks.all.items()):
-            yield self._node(key, talk)
+            yield self._node(key, talk, timed=timed)
 
-    def _node(self, key: TalkKey, talk: Talk) -> NodeFacts:
+    def _node(self, key: TalkKey, talk: Talk, *, timed: bool) -> NodeFacts:
         bus, src, (kind, type_id, variant) = key
         message = self._registry.message(kind, type_id, variant)
         return NodeFacts(
@@ -246,7 +245,7 @@ class Summary:
             known=message is not None,
             count=talk.count,
             bad=talk.bad,
-            hz=talk.hz,
+            hz=talk.hz if timed else None,
             first=talk.first,
             last=talk.last,
             channels=tuple(sorted(talk.channels)),

@@ -6,33 +6,31 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
-from analyzer.engine import LINES
-from analyzer.facts.names import short
 from analyzer.report import folding
+from analyzer.report.captures import of_capture
 from analyzer.report.explain import needs
 from analyzer.report.model import (
     SEVERITIES,
-    BusUse,
     Capture,
     Coverage,
     Example,
     Finding,
     Gate,
-    NodeUse,
     Place,
     Report,
     Requirement,
     RuleVerdict,
+    WaiverUse,
 )
 from analyzer.report.problems import MOST_FRAMES
 from analyzer.rules import coverage, verdicts
 from analyzer.rules.gate import FailOn, passage
 from analyzer.tables import VERDICTS
-from dissectors.conformance import NO_TIME, SECOND
+from dissectors.conformance import NO_TIME
 
 if TYPE_CHECKING:
-    from analyzer.facts.summary import Facts, NodeFacts
-    from analyzer.report.model import Category, Judgeable, Origin, Severity
+    from analyzer.facts.summary import Facts
+    from analyzer.report.model import Category, Origin, Severity
     from analyzer.rules.catalogue import Page
     from analyzer.rules.checking import Checked
     from analyzer.rules.findings import Run, Shown
@@ -40,7 +38,9 @@ if TYPE_CHECKING:
     from analyzer.rules.verdicts import Ruling
     from dissectors import Registry
 
-_ANSWERS: dict[str, Judgeable] = {"yes": "yes", "NO": "no"}
+_GAP = "CAP-002"  # what was sent meanwhile is not recorded
+
+
 _EVERY_BUS = -1
 
 
@@ -70,6 +70,7 @@ class Draft:
 
 Revise = Callable[[Draft], Draft]  # with waivers and labels, or compared with a baseline
 Demand = Callable[[Draft], Iterable[Requirement]]
+Excuses = Callable[[Sequence[Finding]], Iterable[WaiverUse]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +83,7 @@ class Order:
     profile: str = ""
     revise: Sequence[Revise] = ()
     demands: Sequence[Demand] = ()
+    excuses: Sequence[Excuses] = ()
 
 
 def build(
@@ -89,7 +91,7 @@ def build(
 ) -> Report:
     """The report of all captures, judged with the same settings."""
     enabled = settings.enabled(pages)
-    captures = tuple(_capture(one, registry, pages, settings) for one in taken)
+    captures = tuple(of_capture(one, registry, pages, settings) for one in taken)
     found = [finding for one in taken for finding in _findings(one, pages)]
     shown, folded = folding.fold(_ranked(found))
     draft = Draft(tuple(taken), captures, shown)
@@ -112,7 +114,8 @@ def build(
         findings=findings,
         rules=rules,
         coverage=covered,
-        gate=_gate(taken, findings, requirements, order.fail_on),
+        gate=_gate(taken, findings, requirements, order.fail_on, [one for one in rules if one.rule in enabled]),
+        waivers=tuple(use for excuses in order.excuses for use in excuses(findings)),
     )
 
 
@@ -124,8 +127,7 @@ def _ranked(found: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def _fails(finding: Finding, fail_on: FailOn) -> bool:
-    counts = finding.waiver is None and finding.baseline != "known"
-    return counts and fail_on.fails(finding.category, finding.severity)
+    return not finding.excused and fail_on.fails(finding.category, finding.severity)
 
 
 # ---- findings -------------------------------------------------------------------------------------------------------
@@ -181,109 +183,6 @@ def _place(t: int, frame: int) -> Place:
     return Place(None if frame < 0 else frame + 1, None if t == NO_TIME else t)
 
 
-# ---- captures -------------------------------------------------------------------------------------------------------
-
-
-def _capture(one: Taken, registry: Registry, pages: Mapping[str, Page], settings: Settings) -> Capture:
-    facts = one.checked.facts
-    return Capture(
-        id=one.id,
-        path=one.path,
-        sha256="" if one.live or one.unopened else ", ".join(file.sha256 for file in facts.files),
-        form=", ".join(dict.fromkeys(file.form for file in facts.files)),
-        start_ns=facts.start,
-        end_ns=facts.end,
-        frames=facts.lines["frames"],
-        transfers=facts.transfers,
-        accounting={name: facts.lines[name] for name in LINES},
-        verdicts=dict(facts.verdicts),
-        can_judge=_can_judge(facts, settings),
-        dialects=_dialects(facts),
-        buses=tuple(_buses(one, pages, settings)),
-        nodes=tuple(_nodes(one, registry)),
-        damage=one.damage,
-        arguments=one.arguments,
-    )
-
-
-def _can_judge(facts: Facts, settings: Settings) -> dict[str, Judgeable]:
-    found = {what: _ANSWERS.get(answer, "unknown") for what, answer in facts.judge.items()}
-    return {**found, "bit rate": "no" if settings.bit_rate is None else "yes"}
-
-
-def _dialects(facts: Facts) -> dict[str, dict[str, str]]:
-    found: dict[str, dict[str, str]] = {}
-    for one in facts.readings:
-        found.setdefault(f"{facts.bus_names[one.bus]}:{one.node}", {})[f"{one.message}.{one.field}"] = one.choice
-    return found
-
-
-def _buses(one: Taken, pages: Mapping[str, Page], settings: Settings) -> Iterable[BusUse]:
-    facts, course = one.checked.facts, one.checked.course
-    numbers = settings.all_numbers(pages)
-    limits = {
-        page.exercised: int(numbers[rule]["limit_per_s"])
-        for rule, page in pages.items()
-        if "limit_per_s" in page.settings and ":" not in page.exercised
-    }
-    for bus in facts.buses:
-        index = facts.bus_names.index(bus.name)
-        a_step = (settings.bit_rate or 0) * course.step // SECOND  # bits that fit
-        yield BusUse(
-            name=bus.name,
-            frames=bus.frames,
-            mean=bus.mean or 0.0,
-            peak=bus.peak or 0,
-            bit_rate=settings.bit_rate,
-            start_ns=course.start,
-            step_ns=course.step,
-            load=tuple(bits / a_step for bits in course.bits(index)) if a_step else (),
-            rates=course.frames(index),
-            limits=limits,
-        )
-
-
-def _nodes(one: Taken, registry: Registry) -> Iterable[NodeUse]:
-    facts = one.checked.facts
-    groups: dict[tuple[str, int], list[NodeFacts]] = {}
-    for sent in facts.nodes:
-        groups.setdefault((sent.bus, sent.node), []).append(sent)
-    for (bus, node), sent_ in sorted(groups.items(), key=lambda item: (facts.bus_names.index(item[0][0]), item[0][1])):
-        yield _node(one, registry, bus, node, sent_)
-
-
-def _node(one: Taken, registry: Registry, bus: str, node: int, sent: Sequence[NodeFacts]) -> NodeUse:
-    checked = one.checked
-    at = (checked.facts.bus_names.index(bus), node)
-    types: dict[str, int] = {}
-    for what in sent:
-        name = short(what.sends) + (f" {what.kind}" if what.kind in ("request", "response") else "")
-        types[name] = types.get(name, 0) + what.count
-    rates = [what.hz for what in sent if what.hz is not None]
-    label = checked.outcome.labels.get(at, "")
-    return NodeUse(
-        bus=bus,
-        node=node,
-        label=label,
-        name=checked.names.get(at, ""),
-        role="ESC" if label else "commands" if any(_actuates(what, registry) for what in sent) else "",
-        software=next((what.software for what in sent if what.software), ""),
-        types=types,
-        hz=sum(rates) if rates else None,
-        bad=sum(what.bad for what in sent),
-        first_ns=min((what.first for what in sent if what.first is not None), default=None),
-        last_ns=max((what.last for what in sent if what.last is not None), default=None),
-        rates=checked.course.transfers(*at),
-    )
-
-
-def _actuates(sent: NodeFacts, registry: Registry) -> bool:
-    if sent.kind != "message" or not sent.known:
-        return False
-    message = registry.message(0, sent.type_id)
-    return message is not None and message.actuates
-
-
 # ---- verdicts and gate ----------------------------------------------------------------------------------------------
 
 
@@ -293,7 +192,8 @@ def _session(
     breaches = folding.breaches(one.id, findings, folded)
     facts = one.checked.facts
     proofs = verdicts.proofs_of(facts, settings.bit_rate)
-    return verdicts.Session(breaches, one.checked.outcome.words, proofs, lossy=facts.judge["drops"] == "yes")
+    lossy = facts.judge["drops"] == "yes" or any(breach.rule == _GAP for breach in breaches)
+    return verdicts.Session(breaches, one.checked.outcome.words, proofs, lossy=lossy)
 
 
 def _rule(rule: str, page: Page, ruling: Ruling, settings: Settings) -> RuleVerdict:
@@ -331,15 +231,26 @@ def _settings(pages: Mapping[str, Page], settings: Settings, order: Order) -> di
 
 
 def _gate(
-    taken: Sequence[Taken], findings: Sequence[Finding], requirements: tuple[Requirement, ...], fail_on: FailOn
+    taken: Sequence[Taken],
+    findings: Sequence[Finding],
+    requirements: tuple[Requirement, ...],
+    fail_on: FailOn,
+    selected: Sequence[RuleVerdict],
 ) -> Gate:
+    unproven = all(rule.verdict in verdicts.UNJUDGED for rule in selected)
+    readable = any(_judgeable(one.checked.facts) for one in taken)
     passed = passage(
         sum(finding.fails for finding in findings),
         [one.id for one in taken if not one.unopened and not _judgeable(one.checked.facts)],
         [requirement.what for requirement in requirements if not requirement.met],
         [one.id for one in taken if one.damage],
+        list(map(_unproven, selected)) if unproven and readable else [],
     )
     return Gate(fail_on.names, passed.failed, passed.judged, passed.exit_status, passed.reason, requirements)
+
+
+def _unproven(rule: RuleVerdict) -> str:
+    return f"{rule.rule} {rule.verdict}" + (f" ({rule.reason})" if rule.reason else "")
 
 
 def _judgeable(facts: Facts) -> bool:

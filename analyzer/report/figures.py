@@ -19,7 +19,10 @@ LANES = 40  # of a timeline
 BUSES, NODES = 16, 500
 TYPES = 6  # of a node
 _NAME = 40
-_STYLES = {"PASS": "pass", "FAIL": "fail", "WARN": "warn", "NOT EXERCISED": "idle", "INCONCLUSIVE": "unsure"}
+_STYLES = {
+    "PASS": "pass", "FAIL": "fail", "WARN": "warn", "WAIVED": "waived", "KNOWN": "waived", "NOT EXERCISED": "idle",
+    "INCONCLUSIVE": "unsure",
+}  # fmt: skip
 
 
 def timelines(report: Report, linked: int) -> list[dict[str, Any]]:
@@ -103,7 +106,8 @@ def verdict_bar(rules: Sequence[RuleVerdict]) -> dict[str, Any]:
     counts = Counter(rule.verdict for rule in rules)
     parts = [(_STYLES[verdict], verdict.lower(), counts[verdict]) for verdict in VERDICTS]
     words = ", ".join(f"{count} {name}" for _, name, count in parts)
-    return {"bar": plots.shares(parts, f"{len(rules)} rules: {words}"), "legend": parts}
+    legend = [part for part in parts if part[0] != _STYLES["WAIVED"] or part[2]]  # few vehicles have waivers
+    return {"bar": plots.shares(parts, f"{len(rules)} rules: {words}"), "legend": legend}
 
 
 def _span(capture: Capture) -> Span | None:

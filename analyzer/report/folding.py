@@ -1,43 +1,75 @@
-"""One fault is one finding: a transfer that ends without its end because a frame is missing is told once."""
+"""One fault is one finding: a transfer without its end, or one that is missing in the count, is told with its cause."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from analyzer.rules.verdicts import Breach
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from analyzer.report.model import Finding, RuleVerdict
+    from analyzer.report.model import Example, Finding, RuleVerdict
+    from analyzer.rules.verdicts import Excused
 
 # What is left out, and what already says it with a cause.
-FOLDED, INTO = "TRF-006", "TRF-003"
+INTO = {"TRF-006": "TRF-003", "TRF-016": "TRF-005"}
+_GAP = "TRF-016"
+# A transfer without its start has no place in the count of IDs; its ID is the one that is missing there.
+_ONE_MISSING = re.compile(r"expected (\d+), got \d+: 1 missing")
+_WITHOUT_START = re.compile(r"transfer ID (\d+),")
 
 
 def fold(findings: Sequence[Finding]) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
     """The findings to show, in their order, and those that others say already."""
-    into = [one for one in findings if one.rule == INTO]
-    folded = tuple(one for one in findings if one.rule == FOLDED and says(one, into))
+    folded = tuple(one for one in findings if one.rule in INTO and says(one, findings))
     left_out = set(map(id, folded))
     return tuple(one for one in findings if id(one) not in left_out), folded
 
 
 def says(finding: Finding, findings: Iterable[Finding]) -> list[Finding]:
-    """The findings of `INTO` that together are about the transfers of this one and no others; none if some differ.
+    """The findings that together are about the transfers of this one; none if it has more to tell.
 
     Only a few transfers of a finding are known by their frames, so the number of all of them has to be the same too.
     """
-    found = [one for one in findings if one.rule == INTO and _about(one) == _about(finding) and _within(one, finding)]
+    found = [one for one in findings if one.rule == INTO.get(finding.rule) and _about(one) == _about(finding)]
+    return _gap_says(finding, found) if finding.rule == _GAP else _cut_says(finding, found)
+
+
+def _cut_says(finding: Finding, others: Iterable[Finding]) -> list[Finding]:
+    """About the same transfers and no others."""
+    found = [one for one in others if one.severity == finding.severity and _within(one, finding)]
     frames = {example.frame for one in found for example in one.examples}
     own = {example.frame for example in finding.examples}
     same = None not in own and own <= frames and sum(one.count for one in found) == finding.count
     return found if same else []
 
 
+def _gap_says(finding: Finding, others: Iterable[Finding]) -> list[Finding]:
+    """About the one transfer that is missing at each gap; other transfers may lack their start too."""
+    cut = [(example.frame or 0, _number(_WITHOUT_START, example), one) for one in others for example in one.examples]
+    found: dict[int, Finding] = {}
+    before = -1
+    for example in finding.examples:
+        gap, missing = example.frame or 0, _number(_ONE_MISSING, example)
+        said = [one for frame, number, one in cut if before < frame < gap and number == missing is not None]
+        if not said:
+            return []
+        found[id(said[-1])] = said[-1]
+        before = gap
+    enough = finding.count == len(finding.examples) or finding.count == sum(one.count for one in found.values())
+    return list(found.values()) if enough else []
+
+
+def _number(pattern: re.Pattern[str], example: Example) -> int | None:
+    found = pattern.match(example.text)
+    return None if found is None else int(found.group(1))
+
+
 def _about(one: Finding) -> tuple[object, ...]:
-    return one.capture, one.bus, one.node, one.type, one.severity
+    return one.capture, one.bus, one.node, one.type
 
 
 def _within(one: Finding, other: Finding) -> bool:
@@ -49,10 +81,12 @@ def _within(one: Finding, other: Finding) -> bool:
 
 def breaches(capture: str, findings: Sequence[Finding], folded: Iterable[Finding]) -> list[Breach]:
     """Those of a capture; what is folded is excused with what says it."""
-    found = [Breach(one.rule, one.severity, one.waiver is not None) for one in findings if one.capture == capture]
+    found = [Breach(one.rule, one.severity, one.excused) for one in findings if one.capture == capture]
     for one in folded:
         into = says(one, findings) if one.capture == capture else []
-        found += [Breach(one.rule, one.severity, all(other.waiver for other in into))] * bool(into)
+        excuses = {other.excused for other in into}
+        excused = "" if "" in excuses else "known" if "known" in excuses else "waived"
+        found += [Breach(one.rule, one.severity, cast("Excused", excused))] * bool(into)
     return found
 
 
@@ -61,5 +95,5 @@ def ruled(rule: RuleVerdict, folded: Sequence[Finding]) -> RuleVerdict:
     count = sum(one.rule == rule.rule for one in folded)
     if not count:
         return rule
-    reason = ", ".join(text for text in (rule.reason, f"see {INTO}") if text)
+    reason = ", ".join(text for text in (rule.reason, f"see {INTO[rule.rule]}") if text)
     return replace(rule, findings=rule.findings - count, reason=reason)

@@ -19,7 +19,7 @@ from analyzer.report import figures, sections
 from analyzer.report.model import CATEGORIES, SEVERITIES, VERDICTS
 from analyzer.report.moments import clock, moment
 from analyzer.report.problems import problems
-from analyzer.report.wording import captures_by_id
+from analyzer.report.wording import captures_by_id, ungated, waived
 from analyzer.views.terminal import ELLIPSIS, escape
 
 if TYPE_CHECKING:
@@ -52,6 +52,8 @@ def render(report: Report) -> str:
         first_finding=_first_findings(report, len(shown)),
         coverage=sections.coverage(report.coverage),
         settings=sections.settings(report.settings),
+        ungated=ungated(report),
+        waivers=[(waiver, waived(waiver)) for waiver in report.waivers],
         severities=SEVERITIES,
         categories=CATEGORIES,
     )

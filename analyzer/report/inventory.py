@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from analyzer.report.model import Capture, Coverage, Report, RuleVerdict
 
 _INDENT = " " * 9
-_STYLES = {"FAIL": "bad", "WARN": "note", "INCONCLUSIVE": "note"}
+_STYLES = {"FAIL": "bad", "WARN": "note", "WAIVED": "note", "INCONCLUSIVE": "note"}
 
 
 def inventory(report: Report, width: int, palette: Palette) -> Iterator[str]:

@@ -168,6 +168,10 @@ def _gate(report: Report) -> Iterator[tuple[str, str]]:
         found = f"{requirement.what}: found {requirement.found}"
         name = f"requires {k + 1} {requirement.what}"
         yield _pair(_Case("gate", name, "" if requirement.met else "failure", found, "not met", _short(found)))
+    for k, waiver in enumerate(report.waivers[:_REQUIREMENTS]):
+        line = wording.waived(waiver)
+        outcome = "skipped" if waiver.expired else "output"
+        yield _pair(_Case("gate", f"waiver {k + 1} {waiver.rule}", outcome, line, "waiver", _short(line)))
     judged = report.gate.judged or any(not requirement.met for requirement in report.gate.requirements)
     yield _pair(_Case("gate", "judged", "" if judged else "failure", report.gate.reason, "nothing to judge"))
 

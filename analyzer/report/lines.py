@@ -9,7 +9,7 @@ from analyzer.views.terminal import display_width
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-NARROWEST = 60
+NARROWEST = 40
 GAP = "  "
 
 

@@ -51,6 +51,7 @@ def render(report: Report, limit: int = COMMENT_BYTES) -> str:
     head, tail = _join(_head(report, found)), _join(_tail(report))
     share = (limit - _size(head) - _size(tail)) // 8
     needs = _fitting("", list(map(_requirement, report.gate.requirements)), "\n", share)
+    needs += _fitting("", [f"- {plain(line)}\n" for line in wording.waivers(report)], "\n", share)
     captures = _fitting("", list(map(_capture, report.captures)), "", share)
     reasons = _fitting("", [_reason(*item) for item in wording.inconclusive(report).items()], "", share)
     room = limit - sum(map(_size, (head, needs, captures, reasons, tail)))
@@ -97,6 +98,9 @@ def _head(report: Report, found: list[Problem]) -> Iterator[str]:
     if report.gate.reason:
         yield ""
         yield f"Gate: {plain(report.gate.reason)}"
+    if passed := wording.ungated(report):
+        yield ""
+        yield plain(passed)
     yield ""
 
 
@@ -158,6 +162,8 @@ def _reason(reason: str, rules: list[str]) -> str:
 def _tail(report: Report) -> Iterator[str]:
     if report.rules:
         yield f"- {wording.plural(len(report.rules), 'rule')}: {', '.join(wording.verdict_counts(report))}"
+    if window := report.settings.get("window"):
+        yield f"- only {code(wording.setting(window))}"
     yield f"- limits: {plain(wording.setting(report.settings.get('profile') or 'default'))}, by {plain(report.tool)}"
 
 

@@ -8,19 +8,24 @@ format escapes it in its own way.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+from analyzer.rules import verdicts
+
+if TYPE_CHECKING:
+    from analyzer.rules.verdicts import Excused
 
 SCHEMA = "tailbyte.check/1"
 
 Severity = Literal["error", "warning", "note"]
 Category = Literal["protocol", "device", "capture"]
 Origin = Literal["document", "implied", "dronecan", "heuristic"]
-Verdict = Literal["PASS", "FAIL", "WARN", "NOT EXERCISED", "INCONCLUSIVE"]
+Verdict = verdicts.Verdict
 Judgeable = Literal["yes", "no", "unknown"]
 
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 CATEGORIES: tuple[Category, ...] = ("device", "protocol", "capture")
-VERDICTS: tuple[Verdict, ...] = ("FAIL", "WARN", "INCONCLUSIVE", "PASS", "NOT EXERCISED")
+VERDICTS: tuple[Verdict, ...] = verdicts.RANKED
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +86,28 @@ class Finding:
     waiver: Waiver | None = None
     baseline: Literal["", "new", "worse", "known"] = ""
     fails: bool = False
+
+    @property
+    def excused(self) -> Excused:
+        """Why it does not count, if it does not."""
+        return "waived" if self.waiver is not None else "known" if self.baseline == "known" else ""
+
+
+@dataclass(frozen=True, slots=True)
+class WaiverUse:
+    """A waiver of the vehicle file and what it did: an `expired` one excuses nothing, whatever it would have covered.
+
+    `node` and `type` narrow it down; `findings` are those of this report that it covers.
+    """
+
+    rule: str
+    node: int | None
+    type: str
+    reason: str
+    owner: str
+    expires: str
+    expired: bool
+    findings: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +170,7 @@ class NodeUse:
 class Capture:
     """One capture as it was read: the sum of its lines, what became of its frames, and what it can show at all.
 
+    `can_judge` answers with a `Judgeable`, but for `stamps`: the kinds of time stamps, in words.
     `arguments` are options that read it the same way once more, for commands that show its evidence.
     """
 
@@ -156,7 +184,7 @@ class Capture:
     transfers: int
     accounting: dict[str, int]
     verdicts: dict[str, int]
-    can_judge: dict[str, Judgeable]
+    can_judge: dict[str, Judgeable | str]
     dialects: dict[str, dict[str, str]]
     buses: tuple[BusUse, ...] = ()
     nodes: tuple[NodeUse, ...] = ()
@@ -211,6 +239,7 @@ class Report:
     rules: tuple[RuleVerdict, ...]
     coverage: Coverage
     gate: Gate
+    waivers: tuple[WaiverUse, ...] = ()
     schema: str = field(default=SCHEMA)
 
     def as_json(self) -> dict[str, Any]:

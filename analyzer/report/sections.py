@@ -39,12 +39,13 @@ def who(finding: Finding) -> str:
     words = [finding.label, "" if finding.node is None else f"node {finding.node}"]
     if not any(words):
         words.append(finding.bus)
-    return " ".join(word for word in (*words, finding.type, finding.key) if word)
+    key = "" if finding.key == f"cause={finding.cause}" else finding.key  # a cause has a place of its own
+    return " ".join(word for word in (*words, finding.type, key) if word)
 
 
 def capture_facts(capture: Capture) -> dict[str, Any]:
     """One capture with its sums."""
-    length = None if capture.start_ns is None or capture.end_ns is None else capture.end_ns - capture.start_ns
+    length = (capture.end_ns or 0) - (capture.start_ns or 0) if wording.timed(capture) else None
     return {
         "of": capture,
         "length": MISSING if length is None else wording.length(length),

@@ -14,7 +14,7 @@ from analyzer.report.problems import Problem, problems
 from analyzer.views.terminal import PLAIN, Palette, display_width, fit
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from analyzer.report.model import Capture, Category, Report
 
@@ -26,6 +26,7 @@ _PER_RULE = 3
 _MOST = {"error": 20, "warning": 20, "note": 8}
 _FRAMES = 8
 _NAMES = 5
+_NARROW, _LEAST_TITLE = 72, 16
 _TITLES: dict[Category, str] = {
     "device": "what the ESCs say about themselves",
     "protocol": "what breaks the protocol",
@@ -51,7 +52,7 @@ def render(
 
     Args:
         report: what was found.
-        width: columns, 60 at least.
+        width: columns, 40 at least.
         everything: every run, waived and known findings, bytes, all rules, coverage and limits too.
         palette: colours for a terminal.
         utc: times of day in UTC instead of the local time, by which `--around` goes, too.
@@ -72,6 +73,8 @@ def _head(report: Report, page: _Page) -> Iterator[str]:
     yield from more
     if gate.reason and gate.exit_status not in (0, 1):
         yield from wrap(wording.safe(gate.reason), page.width, first=_INDENT, indent=_INDENT)
+    if passed := wording.ungated(report):
+        yield from wrap(wording.safe(passed), page.width, first=_INDENT, indent=_INDENT)
     several = len(report.captures) > 1
     for capture in report.captures:
         facts = list(_facts(capture, page))
@@ -80,16 +83,20 @@ def _head(report: Report, page: _Page) -> Iterator[str]:
     profile = wording.setting(report.settings.get("profile") or "default")
     more_limits = "" if report.settings.get("profile") or not report.settings.get("changed") else ", changed"
     yield from pack([f"limits: {profile}{more_limits}", wording.safe(report.tool)], page.width, _INDENT)
+    if window := report.settings.get("window"):
+        yield from wrap(f"only {wording.setting(window)}", page.width, first=_INDENT, indent=_INDENT)
     for requirement in gate.requirements:
         answer = "met" if requirement.met else "NOT MET"
         words = [f"requires {wording.safe(requirement.what)}:", f"{answer}, found {wording.safe(requirement.found)}"]
         yield from pack(words, page.width, _INDENT)
+    for line in wording.waivers(report):
+        yield from wrap(line, page.width, first=_INDENT, indent=_INDENT)
 
 
 def _facts(capture: Capture, page: _Page) -> Iterator[str]:
     yield wording.safe(capture.path)
     yield ", ".join(wording.safe(bus.name) for bus in capture.buses[:_NAMES])
-    if capture.start_ns is not None and capture.end_ns is not None:
+    if wording.timed(capture) and capture.start_ns is not None and capture.end_ns is not None:
         yield wording.length(capture.end_ns - capture.start_ns)
     yield f"{wording.plural(capture.frames, 'frame')}, {wording.accounted(capture)}"
     digest = wording.safe(capture.sha256)
@@ -160,12 +167,16 @@ class _Table:
         widest = max((display_width(self._place(one)) for one in shown), default=0)
         room = page.width - 9 - self.rule - self.count - self.time - 4 * len(GAP)
         self.place = min(widest, max(room // 2, 8))
+        self.narrow = page.width < _NARROW and room - widest < _LEAST_TITLE
         longest = max((display_width(wording.safe(one.head.title)) for one in shown), default=0)
         self.title = max(min(room - self.place, longest), 8)
 
     def entry(self, one: Problem) -> Iterator[str]:
         """All lines about a problem."""
         head, page = one.head, self.page
+        if self.narrow:
+            yield from self._narrow(one)
+            return
         where = columns(fit(self._place(one), self.place), self.place)
         title, *more = wrap(wording.safe(head.title), self.title) if head.title else [""]
         tail = f"{wording.counted(one):>{self.count}}{GAP}{self._span(one)}"
@@ -174,8 +185,20 @@ class _Table:
         yield page.palette.paint(_STYLES[one.severity], one.severity) + line[len(one.severity) :]
         for rest in more:
             yield " " * display_width(start) + rest
+        yield from self._below(one, self._details(one))
+
+    def _narrow(self, one: Problem) -> Iterator[str]:
+        """Title, count and time go below, so that nobody's number is cut."""
+        start = f"{one.severity:<8} {wording.safe(one.head.rule)}{GAP}"
+        line = start + fit(self._place(one), max(self.page.width - display_width(start), 8))
+        yield self.page.palette.paint(_STYLES[one.severity], one.severity) + line[len(one.severity) :]
+        facts = (wording.safe(one.head.title), wording.counted(one), self._span(one))
+        yield from self._below(one, (*facts, *self._details(one)))
+
+    def _below(self, one: Problem, details: Iterable[str]) -> Iterator[str]:
+        page, head = self.page, one.head
         show = wording.command(one, self.captures.get(head.capture))
-        yield from pack(self._details(one), page.width, _DETAIL, whole=show)
+        yield from pack(details, page.width, _DETAIL, whole=show)
         if page.everything:
             for example in one.examples:
                 if example.text != head.text:
@@ -246,6 +269,6 @@ def _foot(report: Report, page: _Page) -> Iterator[str]:
         if count
     ]
     if hidden:
-        yield f"Not shown: {', '.join(hidden)} (--all)"
-    rule = f"explain {wording.safe(shown[0].head.rule)} | " if shown else ""
-    yield f"See: tailbyte {rule}check --all | --html FILE"
+        yield from wrap(f"Not shown: {', '.join(hidden)} (--all)", page.width)
+    rule = f"explain {wording.safe(wording.worst(shown).head.rule)} | " if shown else ""
+    yield from wrap(f"See: tailbyte {rule}check --all | --html FILE", page.width)

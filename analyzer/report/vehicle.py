@@ -6,18 +6,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from analyzer.facts.names import short
-from analyzer.report.model import Requirement, Waiver
+from analyzer.report.model import Requirement, Waiver, WaiverUse
 from analyzer.rules.expected import TOLERANCE
+from analyzer.rules.verdicts import UNJUDGED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from datetime import date
 
-    from analyzer.report.build import Demand, Draft, Revise, Taken
+    from analyzer.report.build import Demand, Draft, Excuses, Revise, Taken
     from analyzer.report.model import Finding
     from analyzer.rules.expected import Excuse, Expected
-
-_UNJUDGED = ("NOT EXERCISED", "INCONCLUSIVE")
 
 
 def revision(expected: Expected, today: date) -> Revise:
@@ -48,6 +47,20 @@ def expired(expected: Expected, today: date) -> Iterator[str]:
                 f"{expected.path}: the waiver of {_covered(one)} by {one.owner} expired on {one.expires.isoformat()} "
                 "and does not count"
             )
+
+
+def excuses(expected: Expected, today: date) -> Excuses:
+    """What became of each waiver of the file."""
+
+    def used(findings: Iterable[Finding]) -> Iterator[WaiverUse]:
+        found = list(findings)
+        for one in expected.excuses:
+            count = sum(one.concerns(finding.rule, finding.node, finding.type) for finding in found)
+            yield WaiverUse(
+                one.rule, one.node, one.type, one.reason, one.owner, one.expires.isoformat(), one.expires < today, count
+            )
+
+    return used
 
 
 def demand(expected: Expected) -> Demand:
@@ -90,18 +103,18 @@ def _of_node(expected: Expected, number: int, one: Taken) -> Iterator[Requiremen
     sent = [what for what in one.checked.facts.nodes if what.node == number]
     yield Requirement(name, bool(sent), f"{sum(what.count for what in sent)} transfers")
     for kind, rate in node.rates.items():
-        rates = [what.hz for what in sent if kind in (what.sends, short(what.sends)) and what.hz is not None]
+        rates = [what.hz for what in sent if what.sends == kind and what.hz is not None]
         met = any(abs(hz - rate) <= TOLERANCE * rate for hz in rates) if rates else rate == 0
         shown = " and ".join(f"{hz:.4g}/s" for hz in rates) or "no rate"
-        yield Requirement(f"{kind} of {name} at {rate:g}/s", met, shown)
+        yield Requirement(f"{short(kind)} of {name} at {rate:g}/s", met, shown)
 
 
 def _of_all(expected: Expected, draft: Draft) -> Iterator[Requirement]:
     for kind in expected.demand.types:
         count = draft.coverage.types.get(kind, draft.coverage.packets.get(kind, 0)) if draft.coverage else 0
-        yield Requirement(f"type {kind}", count > 0, f"{count} transfers")
+        yield Requirement(f"type {short(kind)}", count > 0, f"{count} transfers")
     rulings = {ruling.rule: ruling for ruling in draft.rules}
     for rule in expected.demand.rules:
         ruling = rulings[rule]
         found = ruling.verdict + (f" ({ruling.reason})" if ruling.reason else "")
-        yield Requirement(f"rule {rule} judged", ruling.verdict not in _UNJUDGED, found)
+        yield Requirement(f"rule {rule} judged", ruling.verdict not in UNJUDGED, found)

@@ -10,16 +10,20 @@ from typing import TYPE_CHECKING
 
 from analyzer.report.model import SEVERITIES, VERDICTS
 from analyzer.report.moments import SECOND, on_calendar
+from analyzer.report.problems import problems
+from analyzer.rules.gate import NEVER
 from analyzer.views.terminal import escape
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from analyzer.report.model import Capture, Finding, Report
+    from analyzer.report.model import Capture, Finding, Report, WaiverUse
     from analyzer.report.problems import Problem
 
 _NEAR = 5  # frames to each side, where no time says what is near
+_MARGIN = "+-50ms"
 _NAMED = 3
+_RANKS = ("protocol", "device", "capture")
 _COMMANDS = re.compile(r"#(#)(?=\w*\[)|:(:)(?=\w)")  # how commands to CI services begin in their logs
 _HARMLESS = re.compile(r"[\w%+,./:=@^-]+", re.ASCII)
 
@@ -95,11 +99,11 @@ def command(problem: Problem, capture: Capture | None) -> str:
     words += [quoted(word) for word in (() if capture is None else capture.arguments)]
     frame, t = problem.head.first.frame, problem.head.first.t_ns
     if frame is not None and t is not None:
-        words += ["--around", str(frame)]
+        words += ["--around", f"{frame}{_MARGIN}"]
     elif frame is not None:
         words += ["--frames", f"{max(frame - _NEAR, 1)}-{frame + _NEAR}"]
     elif t is not None and t >= 0:
-        words += ["--around", f"{t // SECOND}.{t % SECOND:09d}"]
+        words += ["--around", f"{t // SECOND}.{t % SECOND:09d}{_MARGIN}"]
     else:
         words[1] = "info"
     return " ".join(words)
@@ -135,6 +139,8 @@ def verdict(report: Report) -> str:
     """The answer in a word."""
     if report.gate.failed:
         return "FAIL"
+    if report.gate.exit_status == 0 and report.gate.fail_on == (NEVER,):
+        return "NOT GATED"
     return {0: "PASS", 3: "DAMAGED", 4: "NOT JUDGED"}.get(report.gate.exit_status, "FAIL")
 
 
@@ -142,7 +148,7 @@ def summary(found: Sequence[Problem]) -> str:
     """`1 protocol error (ch6), 9 warnings, 3 waived`: errors by category and place, the rest by number."""
     shown = [one for one in found if one.open]
     parts = []
-    for category in ("protocol", "device", "capture"):
+    for category in _RANKS:
         errors = [one for one in shown if one.severity == "error" and one.head.category == category]
         if errors:
             parts.append(plural(len(errors), f"{category} error") + _names(errors))
@@ -150,10 +156,39 @@ def summary(found: Sequence[Problem]) -> str:
         count = sum(one.severity == severity for one in shown)
         if count:
             parts.append(plural(count, severity))
-    waived = sum(one.waiver is not None for one in found)
+    excused = sum(one.waiver is not None for one in found)
     known = sum(one.waiver is None and not one.open for one in found)
-    parts += [f"{count} {word}" for count, word in ((waived, "waived"), (known, "known")) if count]
+    parts += [f"{count} {word}" for count, word in ((excused, "waived"), (known, "known")) if count]
     return ", ".join(parts) or "no findings"
+
+
+def ungated(report: Report) -> str:
+    """What a pass does not mean: errors that the limits let through, if any."""
+    shown = [one for one in problems(report.findings) if one.open and one.severity == "error" and not one.fails]
+    if not shown or report.gate.failed:
+        return ""
+    return f"--fail-on {','.join(report.gate.fail_on)}: {plural(len(shown), 'error')} not counted"
+
+
+def worst(found: Sequence[Problem]) -> Problem:
+    """The problem to look at first, of at least one: what fails, then by severity and category."""
+    return min(found, key=lambda one: (not one.fails, SEVERITIES.index(one.severity), _RANKS.index(one.head.category)))
+
+
+def waivers(report: Report) -> list[str]:
+    """What became of each waiver, those that are over first."""
+    return [waived(one) for one in sorted(report.waivers, key=lambda one: not one.expired)]
+
+
+def waived(one: WaiverUse) -> str:
+    """A waiver in a line, with whether it still counts."""
+    words = [safe(one.rule), "" if one.node is None else f"node {one.node}", safe(one.type)]
+    state = "EXPIRED, does not count" if one.expired else "counts"
+    covered = plural(one.findings, "finding") if one.findings else "no finding"
+    return (
+        f"waiver of {' '.join(filter(None, words))} until {safe(one.expires)} by {safe(one.owner)}: "
+        f"{state}, {covered}: {safe(one.reason)}"
+    )
 
 
 def _names(found: Sequence[Problem]) -> str:
@@ -195,7 +230,13 @@ def accounted(capture: Capture) -> str:
 def judged(capture: Capture) -> list[str]:
     """What this recording can show: `timing yes`, `errors NO`."""
     answers = {"yes": "yes", "no": "NO", "unknown": "unknown"}
-    return [f"{safe(what)} {answers[answer]}" for what, answer in capture.can_judge.items()]
+    return [f"{safe(what)} {answers.get(answer) or safe(answer)}" for what, answer in capture.can_judge.items()]
+
+
+def timed(capture: Capture) -> bool:
+    """Whether times say how long it is."""
+    known = capture.start_ns is not None and capture.end_ns is not None
+    return known and capture.can_judge.get("timing") != "no"
 
 
 def limits(report: Report, rules: Iterable[str] | None = None) -> list[str]:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.rules.drops import drops_in, overflowed, when
+from analyzer.facts.overflow import overflowed
+from analyzer.rules.drops import drops_in, when
 from analyzer.tables import EVENTS, FRAME_ANOMALIES, distinct
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Found, Occurrence, Watcher, watches
 

@@ -57,6 +57,7 @@ class Page:
     tests: tuple[Table, ...]
     body: Mapping[str, Any]
     drops: bool = False
+    explained: tuple[str, ...] = ()
 
     def say(self, values: Values) -> str:
         """What is wrong, in a line."""
@@ -120,6 +121,7 @@ def page(rule: str, table: Table) -> Page:
         tests=tests,
         body=table.body,
         drops=drops,
+        explained=table.strings("explained"),
     )
     table.finish()
     return made

@@ -177,6 +177,7 @@ class Table:
         self._batch = batch
         self._first = first_transfer
         self._columns: dict[str, Words] = {}
+        self._lists: dict[str, tuple[Words, Words]] = {}
 
     def __len__(self) -> int:
         """Rows."""
@@ -223,7 +224,9 @@ class Table:
 
     def lists(self, name: str) -> tuple[Words, Words]:
         """A column of lists: where each row's begins (one entry more than rows), and all values."""
-        return listed(self._batch.column(name))
+        if name not in self._lists:
+            self._lists[name] = listed(self._batch.column(name))
+        return self._lists[name]
 
     def counts(self, name: str) -> Words:
         """How many elements each list of a column has; 0 in a column of anything else."""

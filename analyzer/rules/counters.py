@@ -2,18 +2,20 @@
 
 The core measures each step, so a session without breaches costs nothing. A node whose counter breaks is followed:
 what it breaks is held back until it is clear whether one counter for all types (TRF-020) or two devices (BUS-010)
-explain it. Both show in a few transfers; else everything is reported after 2.0 s without another breach.
+explain it. Both show in a few transfers; else everything is reported after 2.0 s without another breach, and transfers
+that only changed places are one breach.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from dataclasses import replace
+from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.sequences import IDS, Senders, SharedCounter
+from analyzer.rules.sequences import IDS, Senders, SharedCounter, changed_places
 from analyzer.tables import KINDS, TRANSFER_ANOMALIES
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Found, Occurrence, Watcher
 
@@ -29,20 +31,23 @@ EXPIRY = 10 * SECOND  # a node is judged anew after this time without a breach
 LONGEST = 15 * SECOND  # held back at most
 MOST_HELD = 1024  # breaches a node; the oldest ones are reported first
 EVERY = SECOND  # what goes on is counted once in this time
-REPEATED, RESTARTED = "TRF-018", "TRF-019"
+GAP, COPIED, REPEATED, RESTARTED = "TRF-016", "TRF-017", "TRF-018", "TRF-019"
 _RULES = {
-    1 << TRANSFER_ANOMALIES.index("transfer id gap"): "TRF-016",
-    1 << TRANSFER_ANOMALIES.index("duplicate"): "TRF-017",
+    1 << TRANSFER_ANOMALIES.index("transfer id gap"): GAP,
+    1 << TRANSFER_ANOMALIES.index("duplicate"): COPIED,
     1 << TRANSFER_ANOMALIES.index("transfer id repeated"): REPEATED,
     1 << TRANSFER_ANOMALIES.index("transfer id restarted"): RESTARTED,
 }
 _BITS = sum(_RULES)
+NEAR = 64  # breaches of a node among which those of transfers in another order are looked for
+FEW = 2  # so many may be lost before 0 rather than that all begins anew
 
 
 class Breach(NamedTuple):
     """One step that is not 1. `session` is (kind, type, destination), `code` the type for `View.type_name`.
 
-    `late` is a step after more than `QUIET`, which proves nothing.
+    `late` is a step after more than `QUIET`, which proves nothing; `early` is one soon after the start of the capture.
+    `since` is the time of the transfer before.
     """
 
     rule: str
@@ -55,6 +60,8 @@ class Breach(NamedTuple):
     before: int
     frames: Sequence[int]
     values: Values
+    since: int
+    early: bool
 
     @property
     def of_message(self) -> bool:
@@ -76,8 +83,10 @@ class _Node:
 
     def calm(self) -> None:
         """Gives up looking for a cause of what is held."""
-        self.found += _restarts(self.held)
-        self.held = []
+        held = []
+        while self.held:
+            held.append(self._oldest())
+        self.found += _restarts(held)
         self.senders.clear()
         self.shared = None
 
@@ -106,8 +115,22 @@ class _Node:
             self.calm()
         over = len(self.held) - MOST_HELD
         while self.held and (over > 0 or self.held[0].t < one.t - LONGEST):
-            self.found.append(self.held.pop(0))
-            over -= 1
+            self.found.append(self._oldest())
+            over = len(self.held) - MOST_HELD
+
+    def _oldest(self) -> Breach:
+        """Takes the oldest breach out of those held, with the two behind it that transfers in another order cause."""
+        first = self.held.pop(0)
+        near = (one for one in islice(self.held, NEAR) if one.session == first.session)
+        after = list(islice(near, 2))
+        steps = [(one.before, one.transfer_id) for one in (first, *after)]
+        if not changed_places(steps):
+            return first
+        self.held = [one for one in self.held if not any(one is other for other in after)]
+        note = first.early or any(one.late for one in (first, *after))
+        values = {**first.values, "lost": 0, "cause": "transfers in another order"}
+        frames = (*first.frames, *after[0].frames)
+        return first._replace(rule=GAP, severity="note" if note else None, frames=frames, values=values)
 
     def _shares(self, one: Breach, sent: _Sent, row: int) -> Occurrence | None:
         if not one.of_message:
@@ -121,7 +144,7 @@ class _Node:
         return Occurrence("TRF-020", self.shared.t, self.bus, self.node, "", tuple(self.shared.frames), values)
 
     def _is_two(self, one: Breach, view: View) -> Occurrence | None:
-        if one.late or one.rule == "TRF-017":
+        if one.late or one.rule == COPIED:
             return None
         senders = self.senders.setdefault(one.session, Senders())
         senders.add(one.before, one.transfer_id, one.frames)
@@ -219,41 +242,52 @@ def _breach(view: View, row: int) -> Breach | None:
     """The breach of a row, None if it is none: after a silence only a gap is, and no copy without times."""
     t = view.transfers
     bits = int(t.anomaly[row]) & _BITS
-    rule = _RULES[bits & -bits] if bits else "TRF-016"
+    rule = _RULES[bits & -bits] if bits else GAP
     transfer_id, step, at, kind = int(t.transfer_id[row]), int(t.step[row]), int(t.t[row]), int(t.kind[row])
     late = not bits
-    if (late and (not step or not transfer_id)) or (rule == "TRF-017" and at == NO_TIME):
+    if (late and (not step or not transfer_id)) or (rule == COPIED and at == NO_TIME):
         return None
     before, bus = (transfer_id - step) % IDS, int(t.bus[row])
     expected = (before + 1) % IDS
+    past = at - int(t.gap[row]) if at != NO_TIME and t.has("gap")[row] else at
+    if at != NO_TIME and past < view.resumed(at):
+        return None
     early = at != NO_TIME and at - view.starts[bus] < QUIET
     values: dict[str, Any] = {"transfer_id": transfer_id, "expected": expected}
-    if rule == "TRF-016":
-        values["lost"] = step - 1
-    elif rule == "TRF-017":
+    if rule == GAP:
+        values |= {"lost": (step - 1) % IDS, "cause": ""}
+    elif rule == COPIED:
         values["milliseconds"] = int(t.gap[row]) / MILLISECOND
     to = int(t.dst[row]) if kind == REQUEST else -1
     return Breach(
-        rule, "note" if rule == "TRF-016" and (late or early) else None, late, at, int(t.code[row]),
-        (kind, int(t.type_id[row]), to), transfer_id, before, t.frames(row), values,
+        rule, "note" if rule == GAP and (late or early) else None, late, at, int(t.code[row]),
+        (kind, int(t.type_id[row]), to), transfer_id, before, t.frames(row), values, past, early,
     )  # fmt: skip
 
 
 def _explains(cause: Occurrence, one: Breach) -> bool:
     """Two devices explain every breach of a node, a shared counter those of its messages that are no copies."""
-    return cause.rule == "BUS-010" or (one.of_message and one.rule != "TRF-017")
+    return cause.rule == "BUS-010" or (one.of_message and one.rule != COPIED)
 
 
 def _restarts(held: list[Breach]) -> Iterator[Breach]:
-    """The breaches; a session that was at 0 when its node restarted did not stand still: others began anew with it."""
+    """The breaches, with restarts told from what looks like one: a restarted node begins all its sessions anew.
+
+    A session that was at 0 by chance did not stand still then, and one that comes to 0 alone, with few left out, has
+    lost those.
+    """
     anew = [one for one in held if one.rule == RESTARTED]
     known = {one.session for one in anew}
     for one in held:
-        if one.rule == REPEATED and not one.transfer_id and one.session not in known:
-            if any(abs(one.t - other.t) <= QUIET for other in anew):
-                one = one._replace(rule=RESTARTED)
+        others = any(abs(one.t - other.t) <= QUIET and other.session != one.session for other in anew)
+        if one.rule == RESTARTED and not others and 0 < -one.values["expected"] % IDS <= FEW:
+            lost = {"lost": -one.values["expected"] % IDS, "cause": ""}
+            yield one._replace(rule=GAP, values={**one.values, **lost}, severity="note" if one.early else None)
+        elif one.rule == REPEATED and not one.transfer_id and one.session not in known:
             known.add(one.session)
-        yield one
+            yield one._replace(rule=RESTARTED) if others else one
+        else:
+            yield one
 
 
 def _founds(node: _Node) -> Iterator[Found]:
@@ -282,7 +316,8 @@ def _found(node: _Node, rule: str, severity: Severity | None, breaches: list[Bre
         values=lambda k: breaches[k].values,
         frames=lambda k: breaches[k].frames,
         severity=severity,
-        drops=rule == "TRF-016",
+        drops=rule != COPIED,
+        since=column(one.since for one in breaches),
     )
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analyzer.facts.meaning import meaning
+from analyzer.rules.verdicts import RANKED
 from dissectors.toml_table import read
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 FILE = "clauses.toml"
 MOST_TYPES = 4096
-_RANKED: tuple[Verdict, ...] = ("FAIL", "WARN", "INCONCLUSIVE", "PASS", "NOT EXERCISED")
 _CLAUSE = re.compile(r"(?<![\w.])\d+(?:\.\d+)+|^\d+(?= \()")
 
 
@@ -39,7 +39,7 @@ class Tracker:
     """Counts over batches, trusted rows only. A type counts as described if its profile gives it a clause."""
 
     def __init__(self, registry: Registry) -> None:
-        self._described = list(_described(registry))
+        self._described = list(described(registry))
         self._types = {message.table: 0 for message in self._described}
         self._families = [message.packets for message in registry.carriers() if message.packets is not None]
         self._packets = {packet.name: 0 for family in self._families for packet in family.packets}
@@ -110,7 +110,7 @@ def _columns(of: Message | Packet) -> Iterator[str]:
         yield from (f"{name}.{part.name}" for part in note.parts if part.enum)
 
 
-def _described(registry: Registry) -> Iterator[Message]:
+def described(registry: Registry) -> Iterator[Message]:
     """The messages that a profile lists with the clause of a document."""
     for profile in registry.profiles:
         for name, body in profile.table.tables("message"):
@@ -124,7 +124,7 @@ def clauses(pages: Mapping[str, Page], rulings: Mapping[str, Ruling]) -> dict[st
     for rule, page in pages.items():
         for clause in clauses_of(page.clause):
             here = rulings[rule].verdict
-            found[clause] = min(found.get(clause, here), here, key=_RANKED.index)
+            found[clause] = min(found.get(clause, here), here, key=RANKED.index)
     return dict(sorted(found.items(), key=lambda item: [int(part) for part in item[0].split(".")]))
 
 

@@ -1,4 +1,4 @@
-"""Frames that the recorder lost explain transfers that are broken close to them: those become notes."""
+"""Frames that the recorder lost explain what is broken close to them: that becomes a note."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer.facts.overflow import overflowed
 from analyzer.tables import EVENTS
 from dissectors.conformance import NO_TIME, Found
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from dissectors.conformance import Occurrence, View
 
 _DROP, _ERROR_FRAME = EVENTS.index("drop"), EVENTS.index("error frame")
-_CONTROLLER = 0x04  # error class (linux/can/error.h); byte 1 of the data says more
-_OVERFLOW = 0x01  # of the receive buffer
 MOST_HELD = 4096
 EVERY_BUS = -1
 
@@ -54,11 +53,6 @@ def when(view: View, row: int) -> int:
     return int(view.frames.t[at - 1]) if at else view.before
 
 
-def overflowed(error_class: int, data: bytes) -> bool:
-    """Whether an error frame says that the receive buffer was too small."""
-    return bool(error_class & _CONTROLLER and len(data) > 1 and data[1] & _OVERFLOW)
-
-
 class Drops:
     """Holds occurrences back until it is known whether frames were lost around them.
 
@@ -80,7 +74,7 @@ class Drops:
 
     def hold(self, found: Found | Occurrence) -> None:
         """Keeps occurrences until `ready` gives them back."""
-        last = int(found.t.max()) if isinstance(found, Found) else found.t
+        last = int(found.t.max()) if isinstance(found, Found) else max(found.t, found.until or found.t)
         self._held.append((last, found))
 
     def ready(self, end: int | None) -> Iterator[tuple[Found | Occurrence, list[bool]]]:
@@ -95,15 +89,18 @@ class Drops:
 
     def _near(self, found: Found | Occurrence) -> list[bool]:
         if not isinstance(found, Found):
-            return [self._lost(found.bus, found.t)]
+            first, last = (found.t if time is None else time for time in (found.since, found.until))
+            return [self._explains(found.bus, first, last)]
         if not self._times:
             return [False] * len(found.t)
-        return [self._lost(bus, t) for bus, t in zip(found.bus.tolist(), found.t.tolist(), strict=True)]
+        since = found.t if found.since is None else found.since
+        rows = zip(found.bus.tolist(), since.tolist(), found.t.tolist(), strict=True)
+        return [self._explains(*row) for row in rows]
 
-    def _lost(self, bus: int, t: int) -> bool:
+    def _explains(self, bus: int, since: int, until: int) -> bool:
         for times in (self._times.get(bus), self._times.get(EVERY_BUS)):
             if times:
-                at = bisect_left(times, t - self._around)
-                if at < len(times) and times[at] <= t + self._around:
+                at = bisect_left(times, since - self._around)
+                if at < len(times) and times[at] <= until + self._around:
                     return True
         return False

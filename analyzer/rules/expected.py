@@ -29,19 +29,22 @@ from dataclasses import dataclass, field, replace
 from datetime import date, datetime
 from typing import TYPE_CHECKING, cast, get_args
 
+from analyzer.facts.names import short
+from analyzer.rules.vocabulary import Vocabulary
 from dissectors.conformance import Severity
 from dissectors.toml_table import read
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from analyzer.rules.catalogue import Page
     from analyzer.rules.settings import Settings
+    from dissectors import Registry
     from dissectors.toml_table import Table
 
 MOST_BIT_RATE = 8_000_000
-MOST_ESCS = 32
+MOST_ESCS = 32  # where no profile says how many there can be
 MOST_NODE = 127
 TOLERANCE = 0.1  # of an expected rate
 
@@ -66,14 +69,13 @@ class Excuse:
     owner: str
     expires: date
 
+    def concerns(self, rule: str, node: int | None, type_: str) -> bool:
+        """Whether a finding is one of those that it was written for."""
+        return self.rule == rule and self.node in (None, node) and self.type in ("", short(type_))
+
     def covers(self, rule: str, node: int | None, type_: str, today: date) -> bool:
         """Whether it excuses a finding today."""
-        return (
-            self.rule == rule
-            and self.node in (None, node)
-            and self.type in ("", type_)
-            and today <= self.expires
-        )  # fmt: skip
+        return today <= self.expires and self.concerns(rule, node, type_)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +123,10 @@ class Expected:
         return next((one for one in self.excuses if one.covers(rule, node, type_, today)), None)
 
 
-def load(path: Path, pages: Mapping[str, Page]) -> Expected:
-    """Reads a vehicle file; `pages` are the rules that there are."""
+def load(path: Path, pages: Mapping[str, Page], registry: Registry) -> Expected:
+    """Reads a vehicle file; `pages` are the rules that there are, `registry` the types."""
+    words = Vocabulary(registry)
+    most = words.escs or MOST_ESCS
     table = read(path)
     rules = table.table("rule")
     numbers, severities, enabled = _rules(rules, pages)
@@ -130,32 +134,44 @@ def load(path: Path, pages: Mapping[str, Page]) -> Expected:
         path=str(path),
         name=table.string("name"),
         bit_rate=table.integer("bit_rate", 1, MOST_BIT_RATE),
-        escs=table.integer("escs", 0, MOST_ESCS),
-        nodes={one.node: one for one in _nodes(table.table("node"))},
-        units=_units(table.table("unit")),
+        escs=table.integer("escs", 0, most),
+        nodes={one.node: one for one in _nodes(table.table("node"), words)},
+        units=_units(table.table("unit"), words.units),
         numbers=numbers,
         severities=severities,
         enabled=enabled,
-        excuses=tuple(_excuse(row, pages) for row in table.rows("waiver")),
-        demand=_demand(table.table("require"), pages),
+        excuses=tuple(_excuse(row, pages, words) for row in table.rows("waiver")),
+        demand=_demand(table.table("require"), pages, words, most),
     )
     table.finish()
     return made
 
 
-def _nodes(table: Table) -> Iterator[ExpectedNode]:
+def _nodes(table: Table, words: Vocabulary) -> Iterator[ExpectedNode]:
     for name in table.body:
         number = table.number(name)
         if not 1 <= number <= MOST_NODE:
             table.fail(f"a node ID from 1 to {MOST_NODE} is expected", name)
         body = table.table(name)
         rates = body.table("rates")
-        yield ExpectedNode(number, body.string("label"), {kind: _rate(rates, kind) for kind in rates.body})
+        named = {_named(rates, kind, kind, words.message): _rate(rates, kind) for kind in rates.body}
+        yield ExpectedNode(number, body.string("label"), named)
         body.finish()
 
 
-def _units(table: Table) -> dict[int, int]:
+def _units(table: Table, known: range | None) -> dict[int, int]:
+    for name in table.body:
+        if known is not None and table.number(name) not in known:
+            table.fail(f"a power unit from 0x{known[0]:02X} to 0x{known[-1]:02X} is expected", name)
     return {table.number(name): table.integer(name, 1, MOST_NODE) or 0 for name in table.body}
+
+
+def _named(table: Table, key: str, name: str, read: Callable[[str], str]) -> str:
+    """A name as the program knows it."""
+    try:
+        return read(name)
+    except LookupError as error:
+        table.fail(str(error.args[0]), key)
 
 
 def _rules(
@@ -180,7 +196,7 @@ def _rules(
     return numbers, severities, enabled
 
 
-def _excuse(row: Table, pages: Mapping[str, Page]) -> Excuse:
+def _excuse(row: Table, pages: Mapping[str, Page], words: Vocabulary) -> Excuse:
     rule = row.string("rule", required=True)
     _known(row, "rule", rule, pages)
     expires = row.take("expires", date, "a day like 2027-01-31")
@@ -189,7 +205,7 @@ def _excuse(row: Table, pages: Mapping[str, Page]) -> Excuse:
     made = Excuse(
         rule=rule,
         node=row.integer("node", 1, MOST_NODE),
-        type=row.string("type"),
+        type=_named(row, "type", kind, words.covered) if (kind := row.string("type")) else "",
         reason=row.string("reason", required=True),
         owner=row.string("owner", required=True),
         expires=expires.date() if isinstance(expires, datetime) else expires,
@@ -198,15 +214,15 @@ def _excuse(row: Table, pages: Mapping[str, Page]) -> Excuse:
     return made
 
 
-def _demand(table: Table, pages: Mapping[str, Page]) -> Demand:
+def _demand(table: Table, pages: Mapping[str, Page], words: Vocabulary, most: int) -> Demand:
     rules = table.strings("rules")
     for rule in rules:
         _known(table, "rules", rule, pages)
     running = table.fraction("running_s")
     made = Demand(
-        types=table.strings("types"),
+        types=tuple(_named(table, "types", name, words.table) for name in table.strings("types")),
         rules=rules,
-        escs=table.integer("escs", 0, MOST_ESCS),
+        escs=table.integer("escs", 0, most),
         running_s=None if running is None else float(running),
     )
     table.finish()

@@ -1,15 +1,19 @@
-"""The smallest piece of a capture that still shows a finding: windows around its first evidence, each judged anew."""
+"""A small piece of a capture that still shows a finding: a window around its first evidence, then less and less of it.
+
+Every piece is judged anew. Where the capture has times, a piece has to show the finding at the same time as the whole
+capture, if any piece does, and in the same words as it gets smaller: leaving something out must not make up a finding.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from analyzer._native import Writer
 from analyzer.cut import rows_inside, slices
 from analyzer.engine import Engine
 from analyzer.rules.judge import Judge
-from analyzer.rules.settings import Settings
+from analyzer.rules.shrink import MOST_TRIALS, Shrinker
 from analyzer.window import Window
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND
 
@@ -18,12 +22,17 @@ if TYPE_CHECKING:
 
     from analyzer._native import Piece
     from analyzer.cut import Slice
+    from analyzer.rules.settings import Settings
     from dissectors import Registry
 
 # Time before and after the evidence, tried in this order; None is the whole capture.
 REACHES = (0, 50 * MILLISECOND, 500 * MILLISECOND, 2500 * MILLISECOND, 12 * SECOND, 70 * SECOND, None)
 MOST_BYTES = 64 * 1024 * 1024  # of one piece
 TOGETHER = 16  # pieces collected in one reading of the capture
+ALL_TRIALS = 4000  # to make the pieces smaller, shared between them
+FEWEST_TRIALS = 24  # of each of them
+
+Place = tuple[int, str]  # the time of an occurrence, and its words
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +51,7 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Extract:
-    """A piece as candump text, `frames` long. `shown` is False if not even the largest piece shows the finding."""
+    """A piece as candump text of `frames` lines. `shown` is False if not even the largest piece shows the finding."""
 
     wanted: Wanted
     text: bytes
@@ -62,37 +71,64 @@ def extracts(
         settings: those that the findings were found with.
     """
     left = list(wanted)
+    trials = max(min(MOST_TRIALS, ALL_TRIALS // max(len(left), 1)), FEWEST_TRIALS)
+    alone, among = _Court(registry, settings, alone=True), _Court(registry, settings, alone=False)
+    second: dict[int, bytes] = {}  # pieces that show such a finding, but at another time
     for reach in REACHES:
         missing: list[Wanted] = []
         for at in range(0, len(left), TOGETHER):
             some = left[at : at + TOGETHER]
-            for one, piece, frames in _cut(some, again(), reach):
-                if len(piece) <= MOST_BYTES and shows(one, piece, registry, settings):
-                    yield Extract(one, piece, frames, shown=True)
-                elif reach is None:
-                    yield Extract(one, piece, frames, shown=False)
-                else:
+            for one, piece in _cut(some, again(), reach):
+                fits = len(piece) <= MOST_BYTES
+                places = alone.places(one, piece) if fits else []
+                if places and one.t_first in (NO_TIME, *(t for t, _ in places)):
+                    yield _smaller(one, piece, alone, trials)
+                    continue
+                if places:
+                    second.setdefault(id(one), piece)
+                if reach is not None:
                     missing.append(one)
+                elif id(one) in second:
+                    yield _smaller(one, second[id(one)], alone, trials)
+                elif fits and among.places(one, piece):
+                    yield _smaller(one, piece, among, trials)
+                else:
+                    yield Extract(one, piece, piece.count(b"\n"), shown=False)
         left = missing
 
 
-def shows(wanted: Wanted, text: bytes, registry: Registry, settings: Settings) -> bool:
-    """Whether a capture shows the finding, with the same severity."""
-    only = Settings(
-        select={wanted.rule}, numbers=settings.numbers, severities=settings.severities, bit_rate=settings.bit_rate,
-        dialects=settings.dialects,
-    )  # fmt: skip
-    judge, engine = Judge(registry, only), Engine(registry)
-    for batch in engine.run([text]):
-        judge.feed(batch)
-    node = -1 if wanted.node is None else wanted.node
-    return any(
-        (key.rule, key.severity, key.node, key.type) == (wanted.rule, wanted.severity, node, wanted.type)
-        for key, _ in judge.finish().runs
-    )
+def _smaller(wanted: Wanted, text: bytes, court: _Court, trials: int) -> Extract:
+    places = court.places(wanted, text)
+    place = next((one for one in places if one[0] == wanted.t_first), places[0])
+    shrinker = Shrinker(lambda some: place in court.places(wanted, some), trials)
+    lines = shrinker.shrink(text.splitlines(keepends=True))
+    return Extract(wanted, b"".join(lines), len(lines), shown=True)
 
 
-def _cut(wanted: Sequence[Wanted], pieces: Iterable[Piece], reach: int | None) -> Iterator[tuple[Wanted, bytes, int]]:
+@dataclass(frozen=True, slots=True)
+class _Court:
+    """Judges pieces by the rule of a finding `alone`, or by all: some rules excuse what breaks another one."""
+
+    registry: Registry
+    settings: Settings
+    alone: bool
+
+    def places(self, wanted: Wanted, text: bytes) -> list[Place]:
+        """Where a capture shows the finding, with the same severity."""
+        settings = replace(self.settings, select={wanted.rule}, ignore=()) if self.alone else self.settings
+        judge, engine = Judge(self.registry, settings), Engine(self.registry)
+        for batch in engine.run([text]):
+            judge.feed(batch)
+        node = -1 if wanted.node is None else wanted.node
+        return [
+            (shown.t, shown.text)
+            for key, run in judge.finish().runs
+            if (key.rule, key.severity, key.node, key.type) == (wanted.rule, wanted.severity, node, wanted.type)
+            for shown in run.examples
+        ]
+
+
+def _cut(wanted: Sequence[Wanted], pieces: Iterable[Piece], reach: int | None) -> Iterator[tuple[Wanted, bytes]]:
     """The text around each finding."""
     writers = [Writer("candump") for _ in wanted]
     texts = [bytearray(writer.start()) for writer in writers]
@@ -101,8 +137,8 @@ def _cut(wanted: Sequence[Wanted], pieces: Iterable[Piece], reach: int | None) -
             picked = _inside(part, one, reach) if len(text) <= MOST_BYTES else None
             if picked is not None:
                 text.extend(writer.write(picked))
-    for one, writer, text in zip(wanted, writers, texts, strict=True):
-        yield one, bytes(text), writer.frames
+    for one, text in zip(wanted, texts, strict=True):
+        yield one, bytes(text)
 
 
 def _inside(part: Slice, wanted: Wanted, reach: int | None) -> Piece | None:

@@ -108,8 +108,29 @@ class Findings:
                 known = settled.setdefault(key._replace(severity=severity, dialects=()), [])
                 for run in runs:
                     _merge(known, run)
-        found = [(key, run) for key, runs in settled.items() for run in runs]
+        found = list(self._caused((key, run) for key, runs in settled.items() for run in runs))
         return sorted(found, key=lambda one: (one[1].first, one[0]))
+
+    def _caused(self, found: Iterable[tuple[Key, Run]]) -> Iterator[tuple[Key, Run]]:
+        """What another finding of the same node at that time is the cause of is a note that says so."""
+        found = list(found)
+        causes: dict[tuple[str, int, int], list[Run]] = {}
+        wanted = {rule for page in self._pages.values() for rule in page.explained}
+        for key, run in found:
+            if key.rule in wanted and key.severity != "note":
+                causes.setdefault((key.rule, key.bus, key.node), []).append(run)
+        for key, run in found:
+            because = [
+                rule
+                for rule in self._pages[key.rule].explained
+                if any(_meets(cause, run) for cause in causes.get((rule, key.bus, key.node), ()))
+            ]
+            if not because or key.severity == "note" or key.rule in self._severities:
+                yield key, run
+                continue
+            cause = f"{self._pages[because[0]].title} ({because[0]})"
+            run.examples = [one._replace(cause=one.cause or cause) for one in run.examples]
+            yield key._replace(severity="note"), run
 
     def _add_one(self, one: Occurrence, view: View, near_drops: bool) -> None:
         page = self._pages[one.rule]
@@ -189,6 +210,11 @@ def _merge(runs: list[Run], run: Run) -> None:
     if len(runs) > MOST_RUNS:
         last = runs.pop()
         runs[-1].take(last)
+
+
+def _meets(one: Run, other: Run) -> bool:
+    """Whether two runs are at the same time, or nearly."""
+    return max(one.first[0], other.first[0]) - min(one.last[0], other.last[0]) <= PAUSE
 
 
 def _close(one: Run, after: Run) -> bool:

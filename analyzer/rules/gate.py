@@ -63,7 +63,9 @@ class Passage:
     reason: str
 
 
-def passage(failing: int, unjudged: Sequence[str], unmet: Sequence[str], damaged: Sequence[str]) -> Passage:
+def passage(
+    failing: int, unjudged: Sequence[str], unmet: Sequence[str], damaged: Sequence[str], unproven: Sequence[str] = ()
+) -> Passage:
     """Findings win over what could not be judged, that over damage.
 
     Args:
@@ -71,6 +73,7 @@ def passage(failing: int, unjudged: Sequence[str], unmet: Sequence[str], damaged
         unjudged: captures with nothing to judge.
         unmet: demands that are not met.
         damaged: captures that could not be read as a whole.
+        unproven: the selected rules, each with the reason, if not one of them could be judged.
     """
     reasons = []
     if failing:
@@ -79,9 +82,11 @@ def passage(failing: int, unjudged: Sequence[str], unmet: Sequence[str], damaged
         reasons.append(f"required but not met: {_few(unmet)}")
     if unjudged:
         reasons.append(f"nothing to judge in {_few(unjudged)}")
+    if unproven:
+        reasons.append(f"no selected rule could be judged: {_few(unproven)}")
     if damaged:
         reasons.append(f"not read as a whole: {_few(damaged)}")
-    judged = not unjudged and not unmet
+    judged = not unjudged and not unmet and not unproven
     status = FAILED if failing else NOT_JUDGED if not judged else DAMAGED if damaged else CLEAN
     return Passage(failing > 0, judged, status, "; ".join(reasons))
 

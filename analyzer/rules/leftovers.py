@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.rules.foreign import session_bits
-from analyzer.rules.frames import GONE, discriminator
-from analyzer.rules.remains import Loose, Remains
-from analyzer.rules.view import who
+from analyzer.rules.frames import discriminator
+from analyzer.rules.remains import Loose
+from analyzer.rules.strays import KINDS, Strays, whose
 from analyzer.tables import FD, FRAME_ANOMALIES, VERDICTS
 from dissectors.conformance import Occurrence, Watcher
 
@@ -24,15 +24,12 @@ if TYPE_CHECKING:
     from dissectors.conformance import Found, Kept, Values, View, Words
 
 _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
-_ORPHAN = VERDICTS.index("orphan")
 _REMOTE, _NO_TAIL, _IMPOSSIBLE, _START_TOGGLE = (
     1 << FRAME_ANOMALIES.index(name) for name in ("remote", "no tail", "impossible length", "start toggle")
 )
 _LENGTH_CODE = 8  # bits 8 to 11 of the flags of a remote frame
-_END, _TRANSFER_ID = 0x40, 31
 MOST_SESSIONS = 1 << 16
 MOST_HELD = 4096
-NEAR = 4096  # frames that are looked through for the one before
 
 
 class _Kind(NamedTuple):
@@ -56,7 +53,7 @@ class Leftovers(Watcher):
     def __init__(self) -> None:
         self._begun: dict[int, tuple[int, int]] = {}
         self._held: dict[int, _Held] = {}
-        self._remains = Remains(self._begun)
+        self._strays = Strays(self._begun)
 
     def look(self, view: View) -> Iterator[Found | Occurrence]:
         """Frames of this batch, and earlier ones that became certain."""
@@ -64,6 +61,11 @@ class Leftovers(Watcher):
         if self._follow(view):
             ready += [held for held in self._held.values() if held.loose.session in self._begun]
         yield from self._tell(view, ready)
+        yield from self._new(view)
+        yield from self._strays.look(view)
+
+    def _new(self, view: View) -> Iterator[Found | Occurrence]:
+        """Frames of this batch."""
         f = view.frames
         if not f.verdict.any() and not int(np.bitwise_or.reduce(f.anomaly)) & _IMPOSSIBLE:
             return
@@ -85,7 +87,7 @@ class Leftovers(Watcher):
     def settle(self, view: View) -> Iterator[Occurrence]:
         """What nobody has called foreign."""
         yield from self._tell(view, list(self._held.values()))
-        yield from self._remains.rest(view)
+        yield from self._strays.settle(view)
 
     def _follow(self, view: View) -> bool:
         """Notes first transfers of sessions; whether there were any."""
@@ -117,11 +119,11 @@ class Leftovers(Watcher):
         for one in sorted(held, key=lambda one: one.loose.number):
             loose, kept = one.loose, one.loose.kept
             self._held.pop(loose.number, None)
-            node, type_ = _whose(view, kept)
+            node, type_, _ = whose(view, kept)
             for rule, values in one.about:
                 yield Occurrence(rule, kept.t, kept.bus, node, type_, (loose.number,), values, lines=loose.lines)
-            if kept.verdict == _ORPHAN:
-                yield from self._remains.add(view, loose, node, type_)
+            if kept.verdict in KINDS:
+                self._strays.add(loose)
 
     def _certain(self, view: View, rows: Words, session: Words) -> Iterator[Found | Occurrence]:
         f = view.frames
@@ -130,12 +132,11 @@ class Leftovers(Watcher):
             mine = rows[kind.picks(verdict, anomaly, flags)]
             if len(mine):
                 yield view.among_frames(kind.rule, mine, partial(_values_of, view, kind))
-        orphans = verdict == _ORPHAN
-        for row, key in zip(rows[orphans].tolist(), session[orphans].tolist(), strict=True):
+        strays = np.isin(verdict, KINDS)
+        for row, key in zip(rows[strays].tolist(), session[strays].tolist(), strict=True):
             kept = view.frame(row + f.first)
             if kept is not None:
-                loose = Loose(row + f.first, key, kept, view.lines((row + f.first,)))
-                yield from self._remains.add(view, loose, *_whose(view, kept))
+                self._strays.add(Loose(row + f.first, key, kept, view.lines((row + f.first,))))
 
 
 def _held(view: View, number: int, session: int, kept: Kept, anomaly: int) -> _Held:
@@ -145,27 +146,11 @@ def _held(view: View, number: int, session: int, kept: Kept, anomaly: int) -> _H
     return _Held(Loose(number, session, kept, view.lines((number,))), tuple(about))
 
 
-def _whose(view: View, kept: Kept) -> tuple[int | None, str]:
-    node, code = who(np.array([kept.id]), np.array([kept.flags]), np.array([_USED]))
-    return None if node[0] < 0 else int(node[0]), view.type_name(int(code[0]))
-
-
 def _values_of(view: View, kind: _Kind, row: int) -> Values:
     number = row + view.frames.first
     kept = view.frame(number)
     assert kept is not None  # noqa: S101 - a frame of this batch
     return kind.values(view, number, kept)
-
-
-def _before(view: View, number: int, kept: Kept) -> Iterator[tuple[int, Kept]]:
-    """Earlier frames of the session, the last one first."""
-    wanted = int(session_bits(np.array([kept.id]))[0])
-    for earlier in range(number - 1, max(-1, number - 1 - NEAR), -1):
-        other = view.frame(earlier)
-        if other is None:
-            return
-        if other.bus == kept.bus and other.data and other.id & 0xFF_FFFF == wanted:
-            yield earlier, other
 
 
 def _remote(_view: View, _number: int, kept: Kept) -> Values:
@@ -182,18 +167,6 @@ def _tail(_view: View, _number: int, kept: Kept) -> Values:
 
 def _nameless(_view: View, _number: int, kept: Kept) -> Values:
     return {"discriminator": discriminator(kept.id), "type_id": kept.id >> 8 & 3}
-
-
-def _copy(view: View, number: int, kept: Kept) -> Values:
-    before = next((earlier + 1 for earlier, _ in _before(view, number, kept)), GONE)
-    return {"frame": number + 1, "previous_frame": before}
-
-
-def _stray(view: View, number: int, kept: Kept) -> Values:
-    mine = kept.data[-1] & _TRANSFER_ID
-    tails = (other.data[-1] for _, other in _before(view, number, kept) if other.verdict == _USED)
-    under_way = (tail & _TRANSFER_ID for tail in tails if not tail & _END)
-    return {"transfer_id": mine, "expected": next((one for one in under_way if one != mine), GONE)}
 
 
 def _has(bit: int) -> Callable[[Words, Words, Words], Words]:
@@ -218,8 +191,6 @@ _KINDS = (
     _Kind("CAN-008", _is("anonymous multi"), _nameless),
     _Kind("CAN-009", _is("anonymous multi"), _tail),
     _Kind("TRF-002", _has(_START_TOGGLE), _tail),
-    _Kind("TRF-004", _is("duplicate"), _copy),
-    _Kind("TRF-009", _is("wrong transfer id"), _stray),
 )
 
 WATCHERS: tuple[type[Watcher], ...] = (Leftovers,)

@@ -5,6 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+from analyzer.rules.broken import NOT_SOUGHT, Budget
+from analyzer.rules.diagnosis import Cause, proven
+from analyzer.rules.losses import missing
+from analyzer.rules.surroundings import Scenes
+from analyzer.tables import FD
 from dissectors.conformance import NO_TIME, SECOND, Kept, Occurrence
 
 if TYPE_CHECKING:
@@ -32,6 +37,7 @@ class _Remainder:
     transfer_id: int
     node: int | None
     type: str
+    code: int
     first: Loose
     latest: int
     frames: list[int] = field(default_factory=list)
@@ -49,42 +55,60 @@ class Remains:
         self._begun = begun
         self._open: dict[int, _Remainder] = {}
         self._orphaned: dict[int, int] = {}
+        self._budget = Budget()
+        self._scenes = Scenes()
 
-    def add(self, view: View, loose: Loose, node: int | None, type_: str) -> Iterator[Occurrence]:
+    def add(self, view: View, loose: Loose, node: int | None, type_: str, code: int) -> Iterator[Occurrence]:
         """One more orphan; a remainder that cannot get any more frames."""
         key, tail, t = loose.session, loose.kept.data[-1], loose.kept.t
         if len(self._orphaned) < MOST_OPEN:
             self._orphaned.setdefault(key, t)
         one = self._open.get(key)
         if one is not None and (one.transfer_id != tail & _TRANSFER_ID or t - one.latest > TIMEOUT):
-            yield self._close(view, key)
+            yield from self._close(view, key)
             one = None
         if one is None:
             if len(self._open) >= MOST_OPEN:
-                yield self._close(view, next(iter(self._open)))
-            one = self._open[key] = _Remainder(tail & _TRANSFER_ID, node, type_, loose, t)
+                yield from self._close(view, next(iter(self._open)))
+            one = self._open[key] = _Remainder(tail & _TRANSFER_ID, node, type_, code, loose, t)
         one.latest = t
         if len(one.frames) < MOST_FRAMES:
             one.frames.append(loose.number)
             one.lines += loose.lines
         if tail & _END:
-            yield self._close(view, key)
+            yield from self._close(view, key)
 
     def rest(self, view: View) -> Iterator[Occurrence]:
         """Those that were never closed."""
         for key in list(self._open):
-            yield self._close(view, key)
+            yield from self._close(view, key)
 
-    def _close(self, view: View, key: int) -> Occurrence:
+    def _close(self, view: View, key: int) -> Iterator[Occurrence]:
         one = self._open.pop(key)
         kept = one.first.kept
-        return Occurrence(
-            "TRF-005", kept.t, kept.bus, one.node, one.type, tuple(one.frames), {"transfer_id": one.transfer_id},
-            severity="note" if self._early(view, one.first) else None, drops=True, lines=tuple(one.lines),
-        )  # fmt: skip
+        cause = self._cause(view, one)
+        if cause is not None:
+            yield Occurrence(
+                "TRF-005", kept.t, kept.bus, one.node, one.type, tuple(one.frames),
+                {"transfer_id": one.transfer_id, "cause": cause.what, "detail": cause.detail},
+                severity="note" if self._early(view, one.first) else None, drops=True, lines=tuple(one.lines),
+            )  # fmt: skip
+
+    def _cause(self, view: View, one: _Remainder) -> Cause | None:
+        """What is missing; None if the frames belong to a transfer that says so itself."""
+        kept = one.first.kept
+        who = kept.bus, -1 if one.node is None else one.node, one.code
+        here = self._scenes.of(view, one.frames, one.code, fd=bool(kept.flags & FD)) if self._budget.take(who) else None
+        if here is None:
+            return Cause(NOT_SOUGHT)
+        proof = proven(here.parts, here.around(), here.expected)
+        if proof is None:
+            return missing(here.parts, here.expected)
+        own = {part.number for part in here.parts}
+        return proof.cause if all(part.number in own for part in proof.order) else None
 
     def _early(self, view: View, loose: Loose) -> bool:
-        """Whether the sender may have been busy when the session, or the capture, began."""
+        """Whether the sender may have been busy when the session, the capture, or what follows a gap in it, began."""
         t, bus = loose.kept.t, loose.kept.bus
         begun, number = self._begun.get(loose.session, (NO_TIME, loose.number))
         if t == NO_TIME:
@@ -92,4 +116,4 @@ class Remains:
         starts = [view.starts.get(bus, t), self._orphaned.get(loose.session, t)]
         if begun != NO_TIME:
             starts[1] = min(starts[1], begun)
-        return t - max(starts) <= TIMEOUT
+        return t - max(*starts, view.resumed(t)) <= TIMEOUT

@@ -1,4 +1,7 @@
-"""What explains breaches of a transfer-ID counter: two senders in one session, or one counter for several types."""
+"""What explains breaches of a transfer-ID counter.
+
+Two senders in one session, one counter for several types, or transfers that came in another order.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 IDS = 32
+MOST_MOVED = 8  # transfers that changed places with each other
+_STEPS = 3  # that a swap has
 RUN, EACH = 20, 3  # messages that count together without a break, and of each type that is judged
 MOST_SHOWN = 8  # messages of a shared counter that are evidence
 
@@ -95,3 +100,16 @@ class SharedCounter:
         """Whether several types count together, and none of those sent often counts alone."""
         often = [jumps for sent, jumps in self.types.values() if sent >= EACH]
         return self.run >= RUN and len(often) > 1 and all(often)
+
+
+def changed_places(steps: Sequence[tuple[int, int]]) -> bool:
+    """Whether three steps of a session, the next ones that are not 1 each, only swap two neighbouring groups.
+
+    A step is the ID before and its own. Of 5, 7, 6, 8 they are (5, 7), (7, 6), (6, 8): nothing is missing.
+    """
+    if len(steps) != _STEPS:
+        return False
+    (before, second), (last, first), (end, after) = steps
+    moved = (last - before) % IDS
+    expected = (before + 1) % IDS, (second - 1) % IDS, (last + 1) % IDS
+    return 1 < moved <= MOST_MOVED and (first, end, after) == expected

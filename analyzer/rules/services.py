@@ -142,7 +142,7 @@ class Services(Watcher):
         while talk.waiting and talk.waiting[0].t < until:
             yield from _next(talk, talk.waiting.pop(0), view)
         for key, call in list(talk.calls.items()):
-            yield from _judged(talk, call, until)
+            yield from _judged(talk, call, until, view)
             if until - call.request.t > OPEN:
                 del talk.calls[key]
 
@@ -152,7 +152,7 @@ def _settled(talk: _Talk, view: View) -> Iterator[Occurrence]:
     for part in talk.waiting:
         yield from _next(talk, part, view)
     for call in talk.calls.values():
-        yield from _judged(talk, call, view.end)
+        yield from _judged(talk, call, view.end, view)
 
 
 def _next(talk: _Talk, part: _Part, view: View) -> Iterator[Occurrence]:
@@ -160,7 +160,7 @@ def _next(talk: _Talk, part: _Part, view: View) -> Iterator[Occurrence]:
     call = talk.calls.get(part.transfer_id)
     if part.kind == REQUEST:
         if call is not None:
-            yield from _judged(talk, call, part.t)
+            yield from _judged(talk, call, part.t, view)
         talk.calls[part.transfer_id] = _Call(part)
     elif part.whole:
         yield from _answer(talk, call, part, view)
@@ -168,15 +168,16 @@ def _next(talk: _Talk, part: _Part, view: View) -> Iterator[Occurrence]:
 
 def _answer(talk: _Talk, call: _Call | None, part: _Part, view: View) -> Iterator[Occurrence]:
     if call is None or part.t - call.request.t > OPEN:
-        early = part.t == NO_TIME or part.t - view.starts[part.bus] < OPEN
+        begun = NO_TIME if part.t == NO_TIME else max(view.starts[part.bus], view.resumed(part.t))
+        early = part.t == NO_TIME or part.t - begun < OPEN
         stray = _about("TRF-021", part, {"transfer_id": part.transfer_id, "dst": talk.client})
-        yield replace(stray, severity="note") if early else stray
+        yield replace(stray, severity="note" if early else None, drops=True, since=part.t - OPEN)
         return
     request = call.request
     timed = NO_TIME not in (part.t_end, request.t_end)
     delay = part.t_end - request.t_end if timed else 0
     if call.response is None:
-        yield from _judged(talk, call, part.t_end)
+        yield from _judged(talk, call, part.t_end, view)
         call.response = part
         if delay > SLOW:
             yield _about("TRF-023", part, {"seconds": delay / SECOND}, request)
@@ -187,13 +188,15 @@ def _answer(talk: _Talk, call: _Call | None, part: _Part, view: View) -> Iterato
         yield _about("TRF-025", part, values, request)
 
 
-def _judged(talk: _Talk, call: _Call, now: int) -> Iterator[Occurrence]:
-    """Reports a call once that `now` has waited too long."""
+def _judged(talk: _Talk, call: _Call, now: int, view: View) -> Iterator[Occurrence]:
+    """Reports a call once that `now` has waited too long; its answer may have come in a gap."""
     request = call.request
     if request.whole and call.response is None and not call.missed and NO_TIME not in (now, request.t_end):
         call.missed = now - request.t_end > ANSWER
-        if call.missed:
-            yield _about("TRF-022", request, {"dst": talk.server, "limit_s": ANSWER / SECOND})
+        until = request.t_end + ANSWER
+        if call.missed and not view.paused(request.t_end, until):
+            silent = _about("TRF-022", request, {"dst": talk.server, "limit_s": ANSWER / SECOND})
+            yield replace(silent, drops=True, until=until)
 
 
 def _about(rule: str, part: _Part, values: Values, other: _Part | None = None) -> Occurrence:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from analyzer.tables import EVENTS, distinct
+from analyzer.tables import distinct
 from dissectors.conformance import NO_TIME, SECOND, Occurrence, Watcher
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 STATUS = "uavcan.protocol.NodeStatus"
 OFFLINE = 3 * SECOND  # after which others take a node as offline
-PAUSE = SECOND  # of all interfaces; nobody is blamed for it
-_GAP = EVENTS.index("gap")
 _NODES = 128
 
 
@@ -31,12 +29,9 @@ class Silences(Watcher):
         self._first: dict[int, Occurrence] = {}
         self._status: dict[int, Occurrence] = {}
         self._active: Words = np.full(0, NO_TIME)
-        self._resumed = NO_TIME
-        self._end = NO_TIME
 
     def look(self, view: View) -> Iterator[Occurrence]:
         """Silences that ended."""
-        resumed = [self._resumed, *self._pauses(view)]
         t = view.transfers
         code = t.bus.astype(np.int64) * _NODES + t.src
         new = len(view.buses) * _NODES - len(self._active)
@@ -58,36 +53,22 @@ class Silences(Watcher):
                 last = known if known is not None and not at else _place(view, int(rows[at - 1]), STATUS)
                 sent = np.flatnonzero(code[: rows[at]] == node)
                 active = int(t.t[sent[-1]]) if len(sent) else int(before[node])
-                yield from _silence(view, last, active, max(one for one in resumed if one <= t.t[rows[at]]))
+                yield from _silence(view, last, active)
             self._status[node] = _place(view, int(rows[-1]), STATUS)
-        self._resumed = resumed[-1]
 
     def settle(self, view: View) -> Iterator[Occurrence]:
         """Silences that lasted to the end, and nodes that never sent a NodeStatus."""
         for node, first in self._first.items():
             active = int(self._active[node])
             if node in self._status:
-                yield from _silence(view, self._status[node], active, self._resumed)
+                yield from _silence(view, self._status[node], active)
             elif active - first.t > OFFLINE:
                 yield replace(first, values={"seconds": (active - first.t) / SECOND}, severity="note")
 
-    def _pauses(self, view: View) -> list[int]:
-        """When all interfaces spoke again after a pause."""
-        t = view.frames.t
-        if not len(t):
-            return []
-        before, self._end = self._end, int(t[-1])
-        if not (view.events.kind == _GAP).any():
-            return []
-        known = t[t != NO_TIME]
-        if before != NO_TIME:
-            known = np.concatenate(([before], known))
-        return [int(one) for one in known[1:][np.diff(known) > PAUSE]]
 
-
-def _silence(view: View, last: Occurrence, active: int, resumed: int) -> Iterator[Occurrence]:
-    """What a node owes that was active until then, if its last NodeStatus was too long ago."""
-    silence = active - max(last.t, resumed)
+def _silence(view: View, last: Occurrence, active: int) -> Iterator[Occurrence]:
+    """What a node owes that was active until then, if its last NodeStatus was too long ago; gaps blame nobody."""
+    silence = active - max(last.t, view.resumed(active))
     if silence > view.number("BUS-020", "late_s") * SECOND:
         yield replace(last, values={"seconds": silence / SECOND}, severity=None if silence > OFFLINE else "note")
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.diagnosis import starts_of
+from analyzer.rules.broken import corrupted
+from analyzer.rules.checksums import starts_of
 from analyzer.tables import STATUSES
 from dissectors.conformance import Occurrence, Watcher
 
@@ -43,6 +44,7 @@ class _Seen(NamedTuple):
     wire: int
     length: int
     start: int
+    fd: bool
 
 
 @dataclass(slots=True)
@@ -120,7 +122,7 @@ class StartValues(Watcher):
                 self._count(seen, 1)
             else:
                 here = seen.wire ^ crc_hqx(bytes(seen.length), seen.start ^ value)  # a CRC is linear
-                values = {"crc_wire": seen.wire, "crc_here": here}
+                values = corrupted(seen.wire, here, seen.length, seen.frames, fd=seen.fd)
                 yield _occurrence("TRF-010", seen, seen.sender, view.type_name(seen.sender.code), values)
         known.held.clear()
         rows, starts = rows[done:], starts[done:]
@@ -145,11 +147,13 @@ def _seen(view: View, row: int, start: int) -> _Seen:
     frames = tuple(t.frames(row)[:_SHOWN])
     sender = _Sender(int(t.bus[row]), int(t.src[row]), int(t.code[row]))
     wire, length = int(t.crc_wire[row]), int(t.length[row])
-    return _Seen(sender, int(t.t[row]), frames, view.lines(frames), wire, length, start)
+    return _Seen(sender, int(t.t[row]), frames, view.lines(frames), wire, length, start, bool(t.fd[row]))
 
 
 def _crcs(view: View, row: int, value: int) -> Values:
-    return {"crc_wire": int(view.transfers.crc_wire[row]), "crc_here": crc_hqx(view.transfers.payload(row), value)}
+    t = view.transfers
+    payload = t.payload(row)
+    return corrupted(int(t.crc_wire[row]), crc_hqx(payload, value), len(payload), t.frames(row), fd=bool(t.fd[row]))
 
 
 def _occurrence(rule: str, seen: _Seen, sender: _Sender, name: str, values: Values) -> Occurrence:

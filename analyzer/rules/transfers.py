@@ -16,13 +16,14 @@ from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Occurrence, Wat
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from dissectors.conformance import Found, Kept, Severity, Values, View
+    from dissectors.conformance import Found, Kept, Severity, Values, View, Words
 
+_OK = STATUSES.index("ok")
 _COMPLETE = tuple(STATUSES.index(name) for name in ("ok", "unchecked", "bad crc"))
 _SINGLE_WITH_TOGGLE = 0xE0  # start, end and toggle of a tail byte
-_START, _TRANSFER_ID = 0x80, 31
-_TIMEOUT = 2.0  # s; where the core closes a transfer
+_START, _BEGINS, _TRANSFER_ID = 0x80, 0xC0, 31
 _MARKED = 100.0  # ms; the core marks longer pauses
+_MOST = 4  # frames that are named in a line
 NEAR = 4096  # frames that are looked through for the other one of two transfers
 
 
@@ -37,7 +38,7 @@ class _Bit(NamedTuple):
     complete: bool = False
 
 
-@watches("TRF-001", "TRF-006", "TRF-007", "TRF-008", "TRF-012", "TRF-013", "TRF-014", "TRF-015", "TRF-026", "TRF-029")
+@watches("TRF-001", "TRF-007", "TRF-008", "TRF-012", "TRF-013", "TRF-014", "TRF-015", "TRF-026", "TRF-029")
 def measured(view: View) -> Iterator[Found]:
     """What the core found as it put transfers together."""
     t = view.transfers
@@ -47,6 +48,8 @@ def measured(view: View) -> Iterator[Found]:
         if not every & bit:
             continue
         rows = flagged(t.anomaly, bit)
+        if one.rule == "TRF-012":
+            rows = _followed(view, rows)
         if one.complete:
             rows = rows[np.isin(t.status[rows], _COMPLETE)]
         about = partial(one.values, view)
@@ -92,12 +95,8 @@ def _length(view: View, row: int) -> Values:
     return {"length": int(view.transfers.length[row]), "frames": len(view.transfers.frames(row))}
 
 
-def _open_for(_view: View, _row: int) -> Values:
-    return {"seconds": _TIMEOUT}
-
-
 def _took(view: View, row: int) -> Values:
-    return {"seconds": int(view.transfers.t_end[row] - view.transfers.t[row]) / SECOND}
+    return {"seconds": int(view.transfers.t_end[row] - view.transfers.t[row]) / SECOND, "why": ""}
 
 
 def _part_full(view: View, row: int) -> Values:
@@ -106,6 +105,14 @@ def _part_full(view: View, row: int) -> Values:
         if len(kept.data) < (64 if view.transfers.fd[row] else 8):
             return {"length": len(kept.data), "frame": number + 1}
     return {"length": GONE, "frame": GONE}
+
+
+def _followed(view: View, rows: Words) -> Words:
+    """Transfers with such a frame before their last one; if it is the last, the end is missing and not a byte."""
+    status = view.transfers.status
+    open_ends = {row for row in rows.tolist() if status[row] not in _COMPLETE}
+    spared = {row for row in open_ends if _part_full(view, row)["frame"] == GONE}
+    return np.array([row for row in rows.tolist() if row not in spared], np.int64)
 
 
 def _last(view: View, row: int) -> Values:
@@ -122,21 +129,24 @@ def _in_turn(view: View, row: int) -> Values:
     numbers = view.transfers.frames(row)
     mine, first = int(view.transfers.transfer_id[row]), view.frame(numbers[0])
     between = range(numbers[0] + 1, min(numbers[-1], numbers[0] + NEAR))
-    other: int | str = GONE
+    others: list[tuple[int, int]] = []
     if first is not None:
         wanted = session_bits(np.array([first.id]))[0]
-        for _, kept in _known(view, between):
+        for number, kept in _known(view, between):
             same = kept.bus == first.bus and kept.data and kept.id & 0xFF_FFFF == wanted
             if same and kept.data[-1] & _TRANSFER_ID != mine:
-                other = kept.data[-1] & _TRANSFER_ID
-                break
-    return {"first_id": mine, "transfer_id": other}
+                others.append((number, kept.data[-1]))
+    values: Values = {"first_id": mine, "transfer_id": others[0][1] & _TRANSFER_ID if others else GONE, "why": ""}
+    # No other transfer of several frames begins in between, and without these frames the CRC is right.
+    if others and view.transfers.status[row] == _OK and all(tail & _BEGINS != _START for _, tail in others):
+        what = "frame" if len(others) == 1 else "frames"
+        shown = " ".join(str(number + 1) for number, _ in others[:_MOST])
+        values = {**values, "why": f": foreign {what} {shown} inside, the CRC is right without"}
+    return values
 
 
 _BITS = (
     _Bit("TRF-001", "single toggle", _tail),
-    _Bit("TRF-006", "abandoned", _received, drops=True),
-    _Bit("TRF-007", "timeout", _open_for),
     _Bit("TRF-007", "slow", _took, severity="note", complete=True),
     _Bit("TRF-008", "cut by end", _received),
     _Bit("TRF-012", "frame not full", _part_full),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -12,7 +12,10 @@ if TYPE_CHECKING:
     from analyzer.facts.summary import Facts
     from analyzer.rules.catalogue import Page
 
-Verdict = Literal["PASS", "FAIL", "WARN", "NOT EXERCISED", "INCONCLUSIVE"]
+Verdict = Literal["FAIL", "WARN", "WAIVED", "KNOWN", "INCONCLUSIVE", "PASS", "NOT EXERCISED"]
+Excused = Literal["", "waived", "known"]
+RANKED: tuple[Verdict, ...] = get_args(Verdict)  # the worst first
+UNJUDGED: tuple[Verdict, ...] = ("NOT EXERCISED", "INCONCLUSIVE")
 
 # Why a rule cannot be judged without it, by the words of `catalogue.PROOFS`.
 _MISSING = {
@@ -23,16 +26,16 @@ _MISSING = {
     "hardware times": "no hardware times",
 }
 _EITHER = {"bit rate", "hardware times"}  # where a page names both, one of them is enough
-_LOST = "the recorder lost frames there"
+_LOST = "frames were lost or not recorded there"
 
 
 @dataclass(frozen=True, slots=True)
 class Breach:
-    """A finding as far as a verdict needs it. `excused`: somebody has waived it."""
+    """A finding as far as a verdict needs it. `excused`: somebody has waived it, or an older report has it too."""
 
     rule: str
     severity: str
-    excused: bool = False
+    excused: Excused = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,18 +63,18 @@ class _Tally:
     """The findings of one rule."""
 
     severities: Counter[str] = field(default_factory=Counter)
-    excused: int = 0
+    excused: Counter[str] = field(default_factory=Counter)
     lost: int = 0
 
     @property
     def count(self) -> int:
-        return self.severities.total() + self.excused + self.lost
+        return self.severities.total() + self.excused.total() + self.lost
 
 
 def proofs_of(facts: Facts, bit_rate: int | None) -> frozenset[str]:
     """What a capture records of all that rules may want as proof."""
     found = {
-        "times": facts.start is not None,
+        "times": facts.judge.get("timing") == "yes",
         "drops": facts.judge.get("drops") == "yes",
         "errors": facts.judge.get("errors") == "yes",
         "bit rate": bit_rate is not None,
@@ -104,8 +107,8 @@ def _tallies(pages: Mapping[str, Page], sessions: Iterable[Session]) -> dict[str
     for session in sessions:
         for one in session.breaches:
             tally, page = found.setdefault(one.rule, _Tally()), pages[one.rule]
-            if one.excused:
-                tally.excused += 1
+            if one.excused == "waived" or (one.excused and one.severity != "note"):
+                tally.excused[one.excused] += 1
             elif session.lossy and one.severity == "note" and page.drops:
                 tally.lost += 1
             else:
@@ -130,11 +133,13 @@ def _ruling(page: Page, enabled: bool, tally: _Tally | None, sessions: Sequence[
 
 
 def _broken(tally: _Tally) -> Ruling:
-    excused = f"{tally.excused} waived" if tally.excused else ""
+    excused = ", ".join(f"{count} {word}" for word, count in sorted(tally.excused.items(), reverse=True))
     if tally.severities["error"]:
         return Ruling("FAIL", tally.count, excused)
     if tally.severities["warning"]:
         return Ruling("WARN", tally.count, excused)
+    if tally.excused:
+        return Ruling("WAIVED" if tally.excused["waived"] else "KNOWN", tally.count, excused)
     if tally.lost:
         return Ruling("INCONCLUSIVE", tally.count, _LOST)
-    return Ruling("PASS", tally.count, excused or "notes only")
+    return Ruling("PASS", tally.count, "notes only")

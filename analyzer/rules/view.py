@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from analyzer.rules.definitions import Definitions
 from analyzer.rules.load import bit_times, split
 from analyzer.rules.recent import Recent
 from analyzer.tables import EVENT_ROWS, EXTENDED, FRAMES, TRANSFERS, VERDICTS, distinct, empty
-from dissectors.conformance import NO_TIME, Found
+from dissectors.conformance import NO_TIME, SECOND, Found
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from dissectors.conformance import Table as AnyTable
     from dissectors.schema import Message
 
+GAP = SECOND  # without a frame of any interface
+MOST_GAPS = 4096
 _ANONYMOUS = 0
 NOBODY = -1
 _FOREIGN = VERDICTS.index("foreign")
@@ -55,6 +58,8 @@ class Past:
         self.buses: Sequence[str] = ()
         self.start = self.end = self.last = self.origin = NO_TIME
         self.starts: dict[int, int] = {}
+        self.gaps: list[tuple[int, int]] = []
+        self.resolution = SECOND
         self._names: dict[int, str] = {}
         self._definitions: dict[str, Message | None] = {}
         self._tables = frozenset(registry.names())
@@ -102,6 +107,7 @@ class Past:
         if not known.any():
             return
         t = frames.t[known]
+        self._note_gaps(t)
         self.origin = int(t[0]) if self.origin == NO_TIME else self.origin
         self.last = int(t[-1])
         self.start = int(t.min()) if self.start == NO_TIME else min(self.start, int(t.min()))
@@ -110,6 +116,26 @@ class Past:
         for index in distinct(bus):
             if index not in self.starts:
                 self.starts[index] = int(t[np.argmax(bus == index)])
+
+    def _note_gaps(self, t: Words) -> None:
+        """Times after which nothing came for longer than `GAP`, each with the next one; and how coarse times are."""
+        before = t[:1] if self.last == NO_TIME else np.array([self.last])
+        apart = np.diff(t, prepend=before)
+        for at in np.flatnonzero(apart > GAP).tolist():
+            self.gaps.append((int(t[at] - apart[at]), int(t[at])))
+        del self.gaps[:-MOST_GAPS]
+        while self.resolution > 1 and (apart % self.resolution).any():
+            self.resolution //= 10
+
+    def resumed(self, t: int) -> int:
+        """The end of the last gap before a time, else the first time of the capture."""
+        at = bisect_right(self.gaps, t, key=lambda gap: gap[1])
+        return self.gaps[at - 1][1] if at else self.start
+
+    def paused(self, since: int, until: int) -> bool:
+        """Whether there is a gap somewhere between two times."""
+        at = bisect_right(self.gaps, since, key=lambda gap: gap[1])
+        return at < len(self.gaps) and self.gaps[at][0] < until
 
 
 class View:
@@ -160,6 +186,19 @@ class View:
     def starts(self) -> Mapping[int, int]:
         """The first time by bus."""
         return self._past.starts
+
+    def resumed(self, t: int) -> int:
+        """Since when frames have come without a gap."""
+        return self._past.resumed(t)
+
+    def paused(self, since: int, until: int) -> bool:
+        """Whether there is a gap somewhere between two times."""
+        return self._past.paused(since, until)
+
+    @property
+    def resolution(self) -> int:
+        """How coarse times are."""
+        return self._past.resolution
 
     @property
     def bit_rate(self) -> int | None:

@@ -78,7 +78,8 @@ def _head(facts: Facts) -> Iterator[str]:
     verdicts = [(count, name) for name, count in facts.verdicts.items()]
     yield from _labelled("Frames", [f"{lines['frames']} = {_sum(verdicts)}"])
     yield from _labelled("Transfers", [f"{facts.transfers}, {facts.broken} of them broken"])
-    yield from _labelled("Can judge", ["  ".join(f"{what} {answer}" for what, answer in facts.judge.items())])
+    answers = (f"{what} {answer}" for what, answer in facts.judge.items() if what != "stamps")
+    yield from _labelled("Can judge", ["  ".join(answers)])
 
 
 def _sum(terms: Iterable[tuple[int, str]]) -> str:
@@ -90,6 +91,8 @@ def _sum(terms: Iterable[tuple[int, str]]) -> str:
 def _span(facts: Facts) -> str:
     if facts.start is None or facts.end is None:
         return "not recorded"
+    if facts.judge["timing"] != "yes":
+        return "of several kinds, which cannot be compared"
     length = duration(facts.end - facts.start)
     if not facts.absolute:
         clock = Clock("e", digits=6)

@@ -8,6 +8,7 @@ import numpy as np
 
 from analyzer.facts.names import type_name
 from analyzer.tables import KINDS, STATUSES, TRANSFER_ANOMALIES, numbers
+from analyzer.views.marks import Marks
 from analyzer.views.phrases import octets, phrases
 from analyzer.views.rows import Rows
 from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from analyzer.engine import Batch
+    from analyzer.views.marks import Mark
     from analyzer.views.times import Clock
     from dissectors import Registry
     from dissectors.schema import Message
@@ -47,6 +49,8 @@ class Listing:
         self._clock = clock
         self._palette = palette
         self._width = width
+        self._marks = Marks()
+        self._names: tuple[str, ...] = ()
         self._buses = -1
         self._time = self._type = self._bus = 0
 
@@ -54,6 +58,7 @@ class Listing:
         """The lines of `entries`, one after another."""
         for entry in self.entries(batch, picked):
             yield from entry
+        yield from self.rest()
 
     def entries(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[list[str]]:
         """The lines of each picked transfer (all if not given), without line ends; the header comes with the first one.
@@ -61,24 +66,42 @@ class Listing:
         The header is repeated when a second interface turns up, since its column is shown from then on.
         """
         self._clock.start(batch.frames)
+        self._marks.add(batch)
+        self._names = batch.buses
         rows = Rows(batch, self._registry, picked)
         times = self._clock.column(rows.all_times(), rows.picked.tolist())
         if not len(rows):
             return
         types = [type_name(m, k, t) for m, k, t in self._identities(rows)]
-        head = [self._header(batch, times, types)] if self._buses < 0 or (self._buses < 2 <= len(batch.buses)) else []
-        for entry in self._body(rows, times, types):
-            yield head + entry
+        head = [self._header(times, types)] if self._buses < 0 or (self._buses < 2 <= len(batch.buses)) else []
+        for first, entry in zip(rows.first_frames(), self._body(rows, times, types), strict=True):
+            yield [*head, *map(self._mark, self._marks.due(first)), *entry]
             head = []
+
+    def rest(self) -> list[str]:
+        """The lines of error frames and losses behind the last transfer of the batches so far."""
+        waiting = list(self._marks.due(None))
+        head = [self._header([self._clock.text(waiting[0].t)], [""])] if waiting and self._buses < 0 else []
+        return [*head, *map(self._mark, waiting)]
+
+    def _mark(self, mark: Mark) -> str:
+        """A line without a frame number, source and transfer ID."""
+        names = list(map(escape, self._names))
+        name = "" if mark.bus is None or not self._bus else fit(names[mark.bus], self._bus - 1)
+        where = f"{self._clock.text(mark.t):>{self._time}}"
+        blank = " " * (max(_TIME_AND_SOURCE, self._time + 4) - len(where) + 5)
+        bus = name + " " * (self._bus - display_width(name))
+        line = f"!{'-':>8}  {where}{blank}{bus}{mark.kind:<{self._type}}     {escape(mark.text)}"
+        return self._palette.paint("bad", self._cut(line))
 
     def _identities(self, rows: Rows) -> Iterator[tuple[Message | None, int, int]]:
         return zip(rows.messages, rows.column("kind"), rows.column("type_id"), strict=True)
 
-    def _header(self, batch: Batch, times: list[str], types: list[str]) -> str:
-        self._buses = len(batch.buses)
+    def _header(self, times: list[str], types: list[str]) -> str:
+        self._buses = len(self._names)
         self._time = max(9, len(times[0]), len(times[-1]))
         self._type = min(max(12, *map(len, types)), 16 if self._width is not None and self._width < 120 else _MAX_TYPE)
-        names = [len(escape(name)) for name in batch.buses] if self._buses > 1 else []
+        names = [len(escape(name)) for name in self._names] if self._buses > 1 else []
         self._bus = max(3, min(max(names), _MAX_BUS)) + 1 if names else 0
         source = "Src".rjust(max(4, _TIME_AND_SOURCE - self._time))
         bus = "Bus".ljust(self._bus) if self._bus else ""

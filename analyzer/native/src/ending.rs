@@ -6,6 +6,9 @@ use crate::slot::{elapsed, Frame, Overtaken, Slot, State, ABORT_NS, TIMEOUT_NS};
 use crate::transfers::{anomaly, when, Row, Status, Transfers, NO_GAP, NO_STEP, UNKNOWN};
 use crate::wire::{crc, priority, Kind, Tail};
 
+/// Half of all transfer IDs.
+const MANY: i64 = 16;
+
 impl Session {
     pub(crate) fn single(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8], out: &mut Transfers) {
         let (step, gap) = match self.id.kind {
@@ -30,7 +33,7 @@ impl Session {
             crc_here: None,
             step,
             gap,
-            anomaly: bits | self.constant | id_anomaly(step, gap, tail.transfer_id(), repeats),
+            anomaly: bits | self.constant | id_anomaly(step, gap, tail.transfer_id(), repeats, self.period),
             fd: frame.fd,
             known: self.preferred(),
             frames: &[frame.number],
@@ -103,7 +106,7 @@ impl Session {
         let whole = matches!(status, Status::Ok | Status::Unchecked | Status::BadCrc);
         let repeats = whole && slot.step == 0 && self.repeated.take().is_some_and(|last| last == payload);
         let ids = if whole {
-            id_anomaly(slot.step, slot.gap, slot.transfer_id, repeats)
+            id_anomaly(slot.step, slot.gap, slot.transfer_id, repeats, self.period)
         } else {
             0
         };
@@ -168,10 +171,13 @@ impl Session {
 }
 
 /// What the transfer ID says against the previous start of the session (clause 4.1.3). After the
-/// timeout any ID may follow.
-fn id_anomaly(step: u8, gap: i64, transfer_id: u8, repeats: bool) -> u32 {
+/// timeout any ID may follow. The same ID after a time for many transfers has come around again:
+/// 31 are missing.
+fn id_anomaly(step: u8, gap: i64, transfer_id: u8, repeats: bool, period: i64) -> u32 {
     if step == 1 || step == NO_STEP || (gap != NO_GAP && gap > TIMEOUT_NS) {
         0
+    } else if step == 0 && period > 0 && gap != NO_GAP && gap / period >= MANY {
+        anomaly::ID_GAP
     } else if step == 0 {
         if repeats {
             anomaly::DUPLICATE

@@ -9,6 +9,7 @@
 pub mod binary;
 pub mod bits;
 pub mod buses;
+pub mod cadence;
 pub mod candump;
 pub mod dataflash;
 pub mod dronecan_log;

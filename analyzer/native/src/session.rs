@@ -38,6 +38,8 @@ pub struct Session {
     pub(crate) holds_last: bool,
     /// That payload, when a transfer with the same transfer ID is under way.
     pub(crate) repeated: Option<Vec<u8>>,
+    /// The time between the latest two starts with consecutive IDs, 0 before there were any.
+    pub(crate) period: i64,
     /// Bits that every transfer of this session carries.
     pub(crate) constant: u32,
 }
@@ -54,6 +56,7 @@ impl Session {
             previous: None,
             holds_last: false,
             repeated: None,
+            period: 0,
             constant: when(service && id.dst == 0, anomaly::DESTINATION_ZERO)
                 | when(service && id.src == 0, anomaly::SOURCE_ZERO)
                 | when(service && id.src == id.dst, anomaly::ADDRESSED_TO_ITSELF),
@@ -242,7 +245,11 @@ impl Session {
         };
         let timed = at != crate::frames::NO_TIME && t != crate::frames::NO_TIME;
         let gap = if timed { t.saturating_sub(at) } else { NO_GAP };
-        (transfer_id.wrapping_sub(id) & 31, gap)
+        let step = transfer_id.wrapping_sub(id) & 31;
+        if step == 1 && gap != NO_GAP {
+            self.period = gap;
+        }
+        (step, gap)
     }
 
     fn begin(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8]) {

@@ -3,8 +3,14 @@
 //! What is decoded meanwhile is held back, so that another protocol on the same bus (J1939, VESC,
 //! Cyphal) never turns into messages. The proof depends on the order of the frames alone, not on
 //! how the capture was cut into chunks.
+//!
+//! A legal transfer is the usual proof. A known type none of whose transfers is legal may still be
+//! DroneCAN from a sender with a systematic fault, which is what the analyzer must not miss: then
+//! the [`Cadence`] of the tail bytes is the proof. It is sharper for a source that has sent other
+//! DroneCAN, and the only way in for one whose toggles begin with 1.
 #![forbid(unsafe_code)]
 
+use crate::cadence::Cadence;
 use crate::session::Session;
 use crate::transfers::{Status, Transfers};
 use crate::verdict::{flaw, Outcome, Verdict};
@@ -14,7 +20,8 @@ use crate::wire::{crc_start_from, Kind};
 /// of whose frames formed a legal transfer.
 const PATIENCE_UNKNOWN: usize = 64;
 const PATIENCE_KNOWN: usize = 16;
-/// The same for a session whose every frame was legal, as in a long transfer of an unknown type.
+/// The same for a session whose every frame was legal, as in a long transfer of an unknown type, and for a
+/// known type whose transfer IDs count up.
 const PATIENCE_LEGAL: usize = 512;
 /// Transfer IDs that rise by one over this many transfers are a proof.
 const RUN: usize = 3;
@@ -41,6 +48,7 @@ pub struct Held {
 pub struct Probation {
     pub held: Vec<Held>,
     pub transfers: Transfers,
+    cadence: Cadence,
     /// A known type that once was foreign has to bring a real proof.
     strict: bool,
     illegal: usize,
@@ -67,6 +75,9 @@ impl Probation {
         let toggle = tail.is_some_and(|tail| tail & 0x20 != 0);
         self.starts += usize::from(start);
         self.toggled_starts += usize::from(start && toggle);
+        if let Some(tail) = tail.filter(|_| outcome.verdict != Verdict::Duplicate) {
+            self.cadence.note(tail);
+        }
         let legal = (outcome == Outcome::USED && !(start && toggle)) || outcome.verdict == Verdict::Duplicate;
         self.illegal += usize::from(!legal);
         self.under_way = legal && tail.is_some_and(|tail| tail & 0x40 == 0);
@@ -88,7 +99,11 @@ impl Probation {
             return Judgement::Believe;
         }
         self.seen = self.transfers.len();
-        let patience = if self.illegal == 0 || self.under_way {
+        let counts = session.is_known() && session.id.kind != Kind::Anonymous;
+        if counts && self.cadence.proves(source_is_known) {
+            return Judgement::Believe;
+        }
+        let patience = if self.illegal == 0 || self.under_way || (counts && self.cadence.promising()) {
             PATIENCE_LEGAL
         } else if session.is_known() && self.complete().next().is_none() && !self.strict {
             PATIENCE_KNOWN
@@ -107,7 +122,8 @@ impl Probation {
         let bare = self.held.iter().all(|held| held.outcome.verdict == Verdict::NoTail);
         let doubtful = self.held.len() <= FEW && (source_is_known || self.starts > 0 || bare);
         let plausible = self.illegal == 0 || doubtful || self.complete().count() > self.illegal;
-        if session.is_known() && !self.strict && plausible && !self.cyphal() {
+        let faulty = source_is_known && session.id.kind != Kind::Anonymous && self.cadence.suits();
+        if session.is_known() && !self.strict && ((plausible && !self.cyphal()) || faulty) {
             Judgement::Believe
         } else {
             Judgement::Foreign
@@ -134,7 +150,9 @@ impl Probation {
         if self.complete().any(checked) {
             return true;
         }
-        if self.rising_run() || self.one_start_value() {
+        // A transfer ID that overflows its 5 bits is a fault; the counters of other protocols do the same.
+        let counter = self.cadence.is_wide_counter() && !session.is_known();
+        if (self.rising_run() && !counter) || self.one_start_value() {
             return true;
         }
         if !session.is_known() || self.strict || self.illegal > 0 {

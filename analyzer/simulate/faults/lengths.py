@@ -137,6 +137,6 @@ FAULTS: tuple[Fault, ...] = (
         values=_crowded,
         fits=_ends_in_array,
         options={"more": 1},
-        also=("TYP-002", "TYP-004", "TYP-103", "BUS-027"),
+        also=("TYP-002", "TYP-004", "TYP-103", "BUS-027", "PUSH-004"),
     ),
 )

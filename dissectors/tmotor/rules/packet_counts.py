@@ -6,35 +6,29 @@ readings differ, the first packets decide; until then both are kept.
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from dataclasses import dataclass, field, replace
+from collections import deque
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.conformance import Watcher
-from dissectors.tmotor.rules.packets import (
-    HEADERS,
-    TYPE_IDS,
-    UNRECOGNIZED,
-    carrier,
-    occurrence,
-    packet_tables,
-    place,
-    unit_key,
-)
-from dissectors.tmotor.rules.rows import sender
-from dissectors.tmotor.rules.series import Latest
+from dissectors.conformance import NO_TIME, SECOND, Watcher
+from dissectors.tmotor.rules.packet_losses import Before, Gaps, Losses
+from dissectors.tmotor.rules.packets import carrier, occurrence, packet_tables, place, unit_key
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator
 
-    from dissectors.conformance import Occurrence, Table, View, Words
+    from dissectors.conformance import Occurrence, Table, View
+    from dissectors.tmotor.rules.packet_losses import Past
 
 _DECIDES = 32  # packets, from the first in which the two readings differ
 _MOST_UNITS = 4096
-_MOST_LOSSES = 256  # remembered of a session
-_BROKEN = -1
+_MOST_HELD = 8192
+_LATE = 5 * SECOND  # a broken transfer comes out 2.0 s after its start, or somewhat later
+_IDS = 32
+_NEAR = 8  # so far a transfer may come too late
+_FEW = 3  # a longer step to transfer ID 0 is a restart
 _UNIT, _ID = "unit", "frame ID"
 
 
@@ -66,50 +60,24 @@ class _Hit(NamedTuple):
     by_unit: int
     by_id: int | None
 
-    @property
-    def node(self) -> int:
-        """Bus and source."""
-        return self.key >> 8
+
+class _Doubt(NamedTuple):
+    """A packet that breaks a count unless a loss between its transfer and the one before explains it."""
+
+    one: Occurrence
+    between: tuple[int, int]
+    missing: int
 
 
-class Losses:
-    """Transfers that a session lost, by the number of the one after them: how many, or `_BROKEN` for a damaged one."""
+class _Held(NamedTuple):
+    """A hit that waits for what may explain it, by either reading."""
 
-    def __init__(self) -> None:
-        self._lost: dict[tuple[str, int], list[tuple[int, int]]] = {}
-
-    def add(self, view: View) -> None:
-        """What a batch lost: transfer IDs left out, damaged transfers, and packets that cannot be read."""
-        found: list[tuple[str, int, int, int]] = []
-        t = view.transfers
-        rows = np.flatnonzero((t.type_id | 1) == TYPE_IDS["PUSHCAN"])  # the other one is 1 below
-        if rows.size:
-            gone = np.where(t.has("step")[rows], t.step[rows].astype(np.int64) - 1, 0)
-            broken = t.status[rows] != 0
-            for k in np.flatnonzero((t.kind[rows] == 0) & ((gone > 0) | broken)).tolist():
-                row = int(rows[k])
-                name = "PUSHCAN" if t.type_id[row] == TYPE_IDS["PUSHCAN"] else "PUSHSCI"
-                node = int(t.bus[row]) << 7 | int(t.src[row])
-                if gone[k] > 0:
-                    found.append((name, node, t.first + row, int(gone[k])))
-                if broken[k]:
-                    found.append((name, node, t.first + row, _BROKEN))
-        for name in HEADERS:
-            rest = view.table(f"{name}.{UNRECOGNIZED}")
-            if rest is not None:
-                numbers = rest["transfer"].tolist()
-                found += [(name, node, number, 1) for node, number in zip(sender(rest).tolist(), numbers, strict=True)]
-        for name, node, number, lost in sorted(found, key=lambda one: one[2]):
-            losses = self._lost.setdefault((name, node), [])
-            losses.append((number, lost))
-            del losses[:-_MOST_LOSSES]
-
-    def explain(self, name: str, node: int, between: tuple[int, int], missing: int) -> bool:
-        """Whether so many packets may have been lost after the first of two transfers, up to the second."""
-        losses = self._lost.get((name, node), [])
-        low, high = (bisect_right(losses, number, key=lambda one: one[0]) for number in between)
-        lost = [count for _, count in losses[low:high]]
-        return _BROKEN in lost or 0 < missing <= sum(lost)
+    t: int
+    carrier: str
+    key: int
+    by_unit: int
+    by_id: int | None
+    doubts: tuple[_Doubt | None, _Doubt | None]
 
 
 class Counts(Watcher):
@@ -120,90 +88,90 @@ class Counts(Watcher):
     def __init__(self) -> None:
         """Nothing seen yet."""
         self._losses = Losses()
-        self._last: dict[str, Latest] = {}
+        self._gaps = Gaps()
+        self._before = Before()
         self._scopes: dict[tuple[str, int], _Scope] = {}
+        self._held: deque[_Held] = deque()
 
     def look(self, view: View) -> Iterator[Occurrence]:
         """Steps that are not 1, and that nothing explains."""
         self._losses.add(view)
+        self._gaps.add(view)
         tables = list(packet_tables(view))
-        if not tables:
-            return
-        hits = sorted((hit for table in tables for hit in _hits(table)), key=lambda hit: hit.place)
-        if hits:
-            past = _Past(tables, self._last)
-            for hit in hits:
-                yield from self._judge(view, hit, past)
-        for table in tables:
-            self._last.setdefault(table.name, Latest()).keep(unit_key(table), place(table))
+        if tables:
+            hits = sorted((hit for table in tables for hit in _hits(table)), key=lambda hit: hit.place)
+            if hits:
+                past = self._before.beside(view.transfers, tables)
+                for hit in hits:
+                    self._hold(view, hit, past)
+                    yield from self._release(int(hit.table.t[hit.row]))
+            self._before.keep(view.transfers, tables)
+        yield from self._release(view.end)
+        self._losses.forget()
 
     def settle(self, _view: View) -> Iterator[Occurrence]:
         """Units with few packets are decided by what there was."""
+        while self._held:
+            yield from self._judge(self._held.popleft())
         for scope in self._scopes.values():
             yield from scope.decide()
 
-    def _judge(self, view: View, hit: _Hit, past: _Past) -> Iterator[Occurrence]:
-        table, key, by_unit, by_id = hit.table, hit.key, hit.by_unit, hit.by_id
-        scope = self._scopes.get((carrier(table), key))
+    def _hold(self, view: View, hit: _Hit, past: Past) -> None:
+        """Keeps a hit that may be a breach, or that helps to choose a reading."""
+        name, key = carrier(hit.table), hit.key
+        scope = self._scopes.get((name, key))
         if scope is None:
             if len(self._scopes) >= _MOST_UNITS:
                 return
-            scope = self._scopes.setdefault((carrier(table), key), _Scope())
-        every = [name for name in past.names if name.startswith(f"{carrier(table)}.")]
-        one = self._occurrence(view, hit, by_unit, past.before(every, key, hit.place), scope.chosen or _UNIT)
-        if by_unit == by_id and (scope.chosen or not scope.held):
-            if one is not None:
-                yield one
-            return
-        same = past.before([table.name], key, hit.place)
-        other = None if by_id is None else self._occurrence(view, hit, by_id, same, _ID)
-        if scope.chosen:
-            chosen = other if scope.chosen == _ID else one
+            scope = self._scopes.setdefault((name, key), _Scope())
+        unit = same = None
+        if scope.chosen != _ID:
+            unit = self._doubt(view, hit, hit.by_unit, past, _UNIT)
+        if scope.chosen != _UNIT and hit.by_id is not None:
+            same = self._doubt(view, hit, hit.by_id, past, _ID)
+        if unit or same or not scope.chosen:
+            self._held.append(_Held(int(hit.table.t[hit.row]), name, key, hit.by_unit, hit.by_id, (unit, same)))
+
+    def _release(self, end: int) -> Iterator[Occurrence]:
+        """Judges what nothing that comes out after a time can explain."""
+        while self._held and (len(self._held) > _MOST_HELD or (end != NO_TIME and self._held[0].t < end - _LATE)):
+            yield from self._judge(self._held.popleft())
+
+    def _judge(self, held: _Held) -> Iterator[Occurrence]:
+        scope = self._scopes[held.carrier, held.key]
+        unit, same = (self._unexplained(held, doubt) for doubt in held.doubts)
+        if scope.chosen or (held.by_unit == held.by_id and not scope.held):
+            chosen = same if scope.chosen == _ID else unit
             if chosen is not None:
                 yield chosen
             return
-        scope.by_unit += by_unit == 1
-        scope.by_id += by_id == 1
-        scope.held.append((_with_lines(one, view), _with_lines(other, view)))
+        scope.by_unit += held.by_unit == 1
+        scope.by_id += held.by_id == 1
+        scope.held.append((unit, same))
         if len(scope.held) >= _DECIDES:
             yield from scope.decide()
 
-    def _occurrence(self, view: View, hit: _Hit, step: int, before: int, scope: str) -> Occurrence | None:
-        table, row = hit.table, hit.row
-        at = int(table.row[row])
-        if step == 1:
+    def _unexplained(self, held: _Held, doubt: _Doubt | None) -> Occurrence | None:
+        if doubt is None or self._losses.explain(held.carrier, held.key >> 8, doubt.between, doubt.missing):
             return None
-        repeated = step == 0 and view.transfers.has("step")[at] and view.transfers.step[at] == 0
-        between = before >> 16, hit.place >> 16
-        if repeated or self._losses.explain(carrier(table), hit.node, between, (step - 1) % 256):
+        return doubt.one
+
+    def _doubt(self, view: View, hit: _Hit, step: int, past: Past, scope: str) -> _Doubt | None:
+        table, row, t = hit.table, hit.row, view.transfers
+        at = int(table.row[row])
+        if step == 1 or _restarted(view, at) or _overtaken(view, at, step):
+            return None
+        if step == 0 and t.has("step")[at] and t.step[at] == 0:
+            return None
+        names = [table.name] if scope == _ID else past.names(carrier(table))
+        before, lead = past.before(names, hit.key, hit.place)
+        between, missing = (lead, t.frames(at)[0]), (step - 1) % 256
+        known = self._losses.explain(carrier(table), hit.key >> 8, between, missing)
+        if known or self._gaps.between(before, hit.place >> 16):
             return None
         value = int(table["frame_count"][row])
         values = {"expected": (value - step + 1) % 256, "value": value, "scope": scope}
-        return replace(occurrence(view, table, row, "PUSH-009", values), drops=True)
-
-
-class _Past:
-    """Where each unit's packet before a place was, in this batch or an earlier one."""
-
-    def __init__(self, tables: Sequence[Table], last: dict[str, Latest]) -> None:
-        self._tables = {table.name: (unit_key(table), place(table)) for table in tables}
-        self._last = last
-        self._places: dict[tuple[str, int], Words] = {}
-        self.names = sorted({*self._tables, *last})
-
-    def before(self, names: Iterable[str], key: int, at: int) -> int:
-        """The latest place of a unit's packet among some tables."""
-        return max(self._before(name, key, at) for name in names)
-
-    def _before(self, name: str, key: int, at: int) -> int:
-        if (name, key) not in self._places:
-            keys, places = self._tables.get(name, (np.empty(0), np.empty(0)))
-            self._places[name, key] = places[keys == key]
-        places = self._places[name, key]
-        found = int(np.searchsorted(places, at)) - 1
-        if found >= 0:
-            return int(places[found])
-        return self._last[name].get(key) if name in self._last else 0
+        return _Doubt(occurrence(view, table, row, "PUSH-009", values, held=True, drops=True), between, missing)
 
 
 def _hits(table: Table) -> Iterator[_Hit]:
@@ -217,8 +185,16 @@ def _hits(table: Table) -> Iterator[_Hit]:
         yield _Hit(places[k], table, row, keys[k], int(step[row]), int(step_id[row]) if known[row] else None)
 
 
-def _with_lines(one: Occurrence | None, view: View) -> Occurrence | None:
-    return one and replace(one, lines=view.lines(one.frames))
+def _restarted(view: View, row: int) -> bool:
+    """Whether the transfer IDs of its session say that the node has restarted."""
+    t = view.transfers
+    return bool(t.transfer_id[row] == 0 and t.has("step")[row] and t.step[row] > _FEW)
+
+
+def _overtaken(view: View, row: int, step: int) -> bool:
+    """Whether its transfer goes as far back as its count: it came behind one that was sent after it."""
+    t, back = view.transfers, 256 - step
+    return bool(back <= _NEAR and t.has("step")[row] and t.step[row] == _IDS - back)
 
 
 WATCHERS: tuple[type[Watcher], ...] = (Counts,)

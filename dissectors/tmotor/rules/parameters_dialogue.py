@@ -123,7 +123,7 @@ class Dialogue(Watcher):
         open_ = all(int(table[name][row]) == skip[0] for name, skip in _FIELDS.items())
         if int(table[_ID][row]) not in (_OPEN16, _AMBIGUOUS):
             sets[_ID] = int(table[_ID][row])
-        place = breach(view, table, row, "", {})
+        place = breach(view, table, row, "", {}, held=True)
         uuid, index = int(table["esc_uuid"][row]), int(table["esc_index"][row])
         query = open_ and (uuid, index, int(table[_ID][row])) == (_ANY_UUID, _ANY_INDEX, _OPEN16)
         asked = _Asked(t, bus, place, uuid, index, sets, query)
@@ -146,9 +146,10 @@ class Dialogue(Watcher):
     def _hear(self, view: View, table: Table, what: tuple[int, ...], window: float) -> Iterator[Occurrence]:
         row, t, bus, node, start, uuid, index = what
         asked = self._asked.get(bus)
-        settled = start - view.starts.get(bus, start) >= window * SECOND
+        settled = start - max(view.starts.get(bus, start), view.resumed(start)) >= window * SECOND
         if settled and (asked is None or start - asked > window * SECOND):
-            yield breach(view, table, row, "BUS-014", {"window_s": window})
+            since = start - round(window * SECOND)
+            yield replace(breach(view, table, row, "BUS-014", {"window_s": window}), drops=True, since=since)
         if uuid in self._uuids or len(self._uuids) < MOST_UUIDS:
             self._uuids.setdefault(uuid, set()).add(index)
         self._told.setdefault((bus, node), t)
@@ -179,9 +180,14 @@ class Dialogue(Watcher):
             for node in asked.expected:
                 if node not in asked.answered:
                     values = {"missing_node": node, "limit_s": limits["BUS-012"]}
-                    yield replace(place, rule="BUS-012", node=node, values=values, dialects={"dronecan": None})
+                    yield replace(
+                        place, rule="BUS-012", node=node, values=values, dialects={"dronecan": None}, drops=True,
+                        until=asked.t + round(limits["BUS-012"] * SECOND),
+                    )  # fmt: skip
         elif not asked.answered and not asked.query:
-            yield replace(place, rule="BUS-011", values={"address": asked.address, "limit_s": limits["BUS-011"]})
+            until = asked.t + round(limits["BUS-011"] * SECOND)
+            told: dict[str, object] = {"address": asked.address, "limit_s": limits["BUS-011"]}
+            yield replace(place, rule="BUS-011", values=told, drops=True, until=until)
         what = self._unknown(asked)
         if what:
             yield replace(place, rule="BUS-015", values={"uuid": asked.uuid, "esc_index": asked.index, "what": what})

@@ -142,9 +142,11 @@ def _judged(view: View, one: _Measured) -> Iterator[Occurrence]:
     if one.last - one.first < view.number("BUS-018", "min_s") * SECOND:
         return
     escs = sum(count > max(one.indexes.values()) * _STRAY for count in one.indexes.values())
-    measured = SECOND / one.periods.below(0.5) / escs
-    if abs(measured - one.configured) > view.number("BUS-018", "tolerance_pct") / 100 * one.configured:
-        yield replace(one.place, values={"configured": one.configured, "measured": measured})
+    period, coarse = one.periods.below(0.5), view.resolution
+    least, most = (SECOND / max(period + way * coarse, 1) / escs for way in (1, -1))
+    tolerance = view.number("BUS-018", "tolerance_pct") / 100 * one.configured
+    if not least - tolerance <= one.configured <= most + tolerance:
+        yield replace(one.place, values={"configured": one.configured, "measured": SECOND / period / escs})
 
 
 class Predicted(Watcher):

@@ -19,6 +19,7 @@ _TYPES = ("PUSHSCI", "PUSHCAN")
 _WORD = 1 << 32
 _TOP = 1 << 16  # from this far below 2^32 to this far above 0 is a wrap
 _IDS = 32
+_NEAR = 8  # so far a transfer may come too late
 # After this time a transfer ID says nothing of what went before (transfer ID timeout of DroneCAN).
 _FORGOTTEN = 2 * SECOND
 _NOTHING = -1
@@ -69,6 +70,7 @@ class Sequences(Watcher):
             )  # fmt: skip
         yield from self._repeated(view, table, rows, node, np.flatnonzero(known & (step == 0)), previous)
         back = np.flatnonzero(known & (step < 0))
+        back = back[~_overtaken(step[back], sent[back], value[back])]
         if back.size:
             earlier = {int(row): int(at) for row, at in zip(rows[back], before[back], strict=True)}
             yield view.among_rows(
@@ -111,6 +113,15 @@ def _explained(step: Words, sent: Words, pause: Words) -> Words:
     """
     explained: Words = (step <= sent) | ((pause > _FORGOTTEN) & (step % _IDS == sent))
     return explained
+
+
+def _overtaken(step: Words, sent: Words, value: Words) -> Words:
+    """Steps back of transfers that go as far back themselves: others came first that were sent later.
+
+    A sender that begins anew does so with a number of 0 or 1.
+    """
+    overtaken: Words = (step >= -_NEAR) & (sent == step + _IDS) & (value > 1)
+    return overtaken
 
 
 WATCHERS: tuple[type[Watcher], ...] = (Sequences,)

@@ -4,6 +4,7 @@
 mod bounds;
 #[path = "../common/capture.rs"]
 mod capture;
+mod faulty;
 mod receiver;
 #[path = "../common/sender.rs"]
 mod sender;

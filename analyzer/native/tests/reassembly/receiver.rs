@@ -166,6 +166,26 @@ fn transfer_ids_are_compared_within_the_timeout() {
 }
 
 #[test]
+fn an_id_that_has_come_around_again_did_not_stand_still() {
+    for (apart, bits) in [(60, ID_REPEATED), (100, ID_GAP), (160, ID_GAP)] {
+        for last in [b"more", b"once"] {
+            let send = |bus: &mut Bus, _: &dyn Fn(usize) -> Vec<u8>| {
+                for id in 5..8 {
+                    bus.wait(5 * MS).transfer(ESC, id, b"once");
+                }
+                bus.wait(apart * MS).transfer(ESC, 7, last);
+            };
+            let bits = if bits == ID_REPEATED && last == b"once" {
+                DUPLICATE
+            } else {
+                bits
+            };
+            after_a_good_one(send, &[Used; 4], &[(Good, 0), (Good, 0), (Good, 0), (Good, bits)]);
+        }
+    }
+}
+
+#[test]
 fn a_repeated_transfer_is_a_duplicate() {
     let twice = |bus: &mut Bus, _: &dyn Fn(usize) -> Vec<u8>| {
         bus.transfer(ESC, 5, b"once").transfer(ESC, 5, b"once");

@@ -1,0 +1,103 @@
+"""Which messages come at a steady pace, and at which: the rest is sent as it is needed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analyzer.facts.traffic import MOST_TALKS, SECOND, times
+from analyzer.tables import KINDS, numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    import numpy.typing as npt
+
+    from analyzer.engine import Batch
+
+    Words = npt.NDArray[Any]
+
+FEWEST = 8  # transfers that show a pace
+JITTER = 0.35  # standard deviation of the time from one to the next, in periods
+LONGEST = 5.0  # periods without one, such as lost frames leave
+THROUGHOUT = 0.9  # of the capture, from the first to the last
+_MESSAGE = KINDS.index("message")
+
+Key = tuple[int, int, int]  # bus, node, type ID
+
+
+@dataclass(slots=True)
+class Pace:
+    """The times of what one node sends of one type, in seconds."""
+
+    first: int
+    last: int
+    gaps: int = 0
+    total: float = 0.0
+    squares: float = 0.0
+    longest: float = 0.0
+
+    def add(self, gaps: Words, last: int) -> None:
+        """Times from one transfer to the next, the last of which was at `last`."""
+        self.gaps += len(gaps)
+        self.total += float(gaps.sum())
+        self.squares += float((gaps * gaps).sum())
+        self.longest = max(self.longest, float(gaps.max(initial=0.0)))
+        self.last = last
+
+    def throughout(self, span: int) -> bool:
+        """Whether it is sent from the start of a capture to its end, `span` nanoseconds long."""
+        return self.gaps + 1 >= FEWEST and self.last - self.first >= THROUGHOUT * span
+
+    @property
+    def steady(self) -> bool:
+        """Whether one period describes it."""
+        if self.gaps + 1 < FEWEST or self.total <= 0:
+            return False
+        mean = self.total / self.gaps
+        spread = max(self.squares / self.gaps - mean * mean, 0.0) ** 0.5
+        return spread <= JITTER * mean and self.longest <= LONGEST * mean
+
+
+class Periods:
+    """Adds up batches: messages of at most `MOST_TALKS` nodes and types, others are left out."""
+
+    def __init__(self) -> None:
+        self.all: dict[Key, Pace] = {}
+
+    def over(self, batches: Iterable[Batch]) -> Iterator[Batch]:
+        """The batches, each noted."""
+        for batch in batches:
+            self.add(batch)
+            yield batch
+
+    def add(self, batch: Batch) -> None:
+        """The next batch."""
+        transfers = batch.transfers
+        t, timed = times(transfers)
+        rows = np.flatnonzero(timed & (numbers(transfers.column("kind")) == _MESSAGE))
+        if not rows.size:
+            return
+        bus, src, type_id = (
+            numbers(transfers.column(name))[rows].astype(np.int64) for name in ("bus", "src", "type_id")
+        )
+        codes = bus << 32 | src << 16 | type_id
+        order = np.lexsort((t[rows], codes))
+        codes, ordered = codes[order], t[rows][order]
+        starts = np.flatnonzero(np.diff(codes, prepend=-1))
+        for start, end in zip(starts, [*starts[1:], len(codes)], strict=True):
+            self._add(int(codes[start]), ordered[start:end])
+
+    def _add(self, code: int, t: Words) -> None:
+        key = (code >> 32, code >> 16 & 0xFFFF, code & 0xFFFF)
+        pace = self.all.get(key)
+        if pace is None:
+            if len(self.all) >= MOST_TALKS:
+                return
+            pace = self.all[key] = Pace(int(t[0]), int(t[0]))
+            gaps = np.diff(t)
+        else:
+            gaps = np.diff(t, prepend=pace.last)
+        pace.add(np.maximum(gaps, 0) / SECOND, max(int(t[-1]), pace.last))

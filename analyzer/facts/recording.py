@@ -1,0 +1,88 @@
+"""What a recording can show at all: whether its start was seen, its times agree, and losses were written down."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.facts.overflow import CONTROLLER, overflowed
+from analyzer.facts.traffic import SECOND, times
+from analyzer.tables import EVENTS, STAMPS, VERDICTS, numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import pyarrow as pa
+
+    from analyzer.engine import Batch, Totals
+
+_DROP, _ERROR_FRAME = EVENTS.index("drop"), EVENTS.index("error frame")
+_ORIGINS = STAMPS[:5]  # what times count from; the others are how finely they do
+_NONE = STAMPS[4]
+_STATUS = "uavcan.protocol.NodeStatus"
+_WHOLE = 2 * SECOND  # an uptime is in whole seconds, and its first report takes up to one more
+
+
+class Recording:
+    """Adds up batches; bounded by the nodes that there can be."""
+
+    def __init__(self) -> None:
+        self._dropped = False
+        self._cut = False
+        self._first: int | None = None
+        self._running: dict[tuple[int, int], bool] = {}  # whether a node ran before the capture began
+
+    def add(self, batch: Batch) -> None:
+        """The next batch."""
+        if self._first is None and len(batch.frames):
+            self._cut = batch.first_frame > 0
+            t, valid = times(batch.frames)
+            self._first = int(t[int(np.argmax(valid))]) if valid.any() else None
+        self._note_drops(batch.events)
+        table = batch.messages.get(_STATUS)
+        if table is not None and "uptime_sec" in table.schema.names:  # a folder may have another type of this name
+            self._note_uptimes(table)
+
+    def judge(self, totals: Totals, stamps: Iterable[str], *, timed: bool) -> dict[str, str]:
+        """The answers in words: yes, NO, unknown; for `stamps`, which are the kinds that were met, those themselves."""
+        kinds = list(stamps)
+        return {
+            "transfers": "yes" if totals.verdicts[VERDICTS[0]] else "NO",
+            "timing": "yes" if timed else "NO",
+            "drops": "yes" if self._dropped else "unknown",
+            "errors": "yes" if totals.lines["error_frames"] else "NO",
+            "start": self._start(),
+            "stamps": ("mixed: " if mixed(kinds) else "") + (", ".join(kinds) or _NONE),
+        }
+
+    def _start(self) -> str:
+        """Seen if every node that tells its uptime was switched on while it was recorded."""
+        if self._cut or any(self._running.values()):
+            return "NO"
+        return "yes" if self._running else "unknown"
+
+    def _note_drops(self, events: pa.RecordBatch) -> None:
+        if self._dropped or not len(events):
+            return
+        kinds, classes = numbers(events.column("kind")), numbers(events.column("class"))
+        self._dropped = bool((kinds == _DROP).any()) or any(
+            overflowed(int(classes[row]), events.column("data")[row].as_py() or b"")
+            for row in np.flatnonzero((kinds == _ERROR_FRAME) & (classes & CONTROLLER != 0)).tolist()
+        )
+
+    def _note_uptimes(self, table: pa.RecordBatch) -> None:
+        t, valid = times(table)
+        good = valid & numbers(table.column("trusted"))
+        bus, src, uptime = (numbers(table.column(name)) for name in ("bus", "src", "uptime_sec"))
+        rows = np.flatnonzero(good)
+        _, first = np.unique(bus[rows].astype(np.int64) << 8 | src[rows], return_index=True)
+        for row in rows[first].tolist():
+            node = int(bus[row]), int(src[row])
+            if node not in self._running and self._first is not None:
+                self._running[node] = int(uptime[row]) * SECOND > int(t[row]) - self._first + _WHOLE
+
+
+def mixed(stamps: Iterable[str]) -> bool:
+    """Whether times of different origins stand side by side: they cannot be compared."""
+    return len(set(stamps) & set(_ORIGINS)) > 1

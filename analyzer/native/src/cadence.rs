@@ -1,0 +1,190 @@
+//! How the tail bytes of one session follow each other, whatever its transfers are worth.
+//!
+//! A sender with a systematic fault (toggles that never change or begin with 1, starts or ends that are never marked,
+//! first or last frames that are never sent) forms no legal transfer at all, yet it still counts: every frame carries
+//! the transfer ID of the frame before, or the next one. Frames in a row with one transfer ID are a *group*. What
+//! tells groups from the counters of other protocols is how the three flags above the transfer ID go along:
+//! * in groups of several frames the flags change within each group and start again with the next one. In a counter,
+//!   however slow, they change only when it carries into them;
+//! * in groups of one frame, or of frames with the same flags, they stay the same while the transfer ID goes through
+//!   all its 32 values and on. Counters of 8, 7 or 6 bits carry into the flags there, and those of 4 bits or less
+//!   never come so far. Only a counter of exactly 5 bits looks the same.
+#![forbid(unsafe_code)]
+
+use crate::wire::Tail;
+
+/// The flags of a tail byte: start, end, toggle.
+const FLAGS: u8 = 0xE0;
+const START: u8 = 0x80;
+const END: u8 = 0x40;
+const START_AND_TOGGLE: u8 = 0xA0;
+
+/// Groups of one form in a row that are a proof, from a node that is proven otherwise and from any other.
+const GROUPS: usize = 4;
+const GROUPS_ALONE: usize = 8;
+/// Clearly more groups than there are transfer IDs.
+const ROUND: usize = 40;
+/// Of so many frames one may be out of turn.
+const OUT_OF_TURN: usize = 8;
+/// At the end of a capture so many single frames that each count up by one may be enough.
+const COUNTED: usize = 4;
+
+/// What the groups of one faulty sender have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    /// Only the first frame is marked as a start, or only the last as an end; the length may vary.
+    Framed { first: u8, ends: bool },
+    /// The same frames each time, whose flags are not all alike.
+    Repeated { flags: u64 },
+    /// So many frames, all with the same flags.
+    Uniform { flags: u8, frames: usize },
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Group {
+    frames: usize,
+    first: u8,
+    last: u8,
+    /// The flags of all frames, one after the other, mixed into one number.
+    flags: u64,
+    changing: bool,
+    /// No frame but the first is a start, no frame but the last is an end.
+    in_order: bool,
+}
+
+impl Group {
+    fn begin(flags: u8) -> Self {
+        Group {
+            frames: 1,
+            first: flags,
+            last: flags,
+            flags: u64::from(flags),
+            changing: false,
+            in_order: true,
+        }
+    }
+
+    fn append(&mut self, flags: u8) {
+        self.frames += 1;
+        self.changing |= flags != self.last;
+        self.in_order &= flags & START == 0 && self.last & END == 0;
+        self.flags = self.flags.rotate_left(5).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ u64::from(flags);
+        self.last = flags;
+    }
+
+    fn form(&self) -> Form {
+        let (starts, ends) = (self.first & START != 0, self.last & END != 0);
+        if !self.changing {
+            Form::Uniform {
+                flags: self.first,
+                frames: self.frames,
+            }
+        } else if self.in_order && (starts || ends) {
+            Form::Framed {
+                first: self.first,
+                ends,
+            }
+        } else {
+            Form::Repeated { flags: self.flags }
+        }
+    }
+}
+
+/// What is known of the tail bytes so far, in bounded room.
+#[derive(Clone, Debug, Default)]
+pub struct Cadence {
+    last: Option<u8>,
+    /// The last change of the last byte was to one more.
+    rose: bool,
+    /// The last bytes are a counter of more than 5 bits: it rose, and then carried into the flags.
+    wide: bool,
+    group: Group,
+    /// The form of the last groups that came to an end, and how many in a row had it.
+    form: Option<Form>,
+    run: usize,
+    frames: usize,
+    rises: usize,
+    breaks: usize,
+    /// Framed groups, and all others but the first, which the capture may have cut.
+    framed: usize,
+    others: usize,
+}
+
+impl Cadence {
+    pub fn note(&mut self, tail: u8) {
+        self.frames += 1;
+        let flags = tail & FLAGS;
+        let Some(last) = self.last.replace(tail) else {
+            self.group = Group::begin(flags);
+            return;
+        };
+        if tail != last {
+            let carries = matches!(tail ^ last, 0x3F | 0x7F | 0xFF) && tail & !FLAGS == 0;
+            self.wide |= self.rose && carries;
+            self.rose = tail == last.wrapping_add(1);
+        }
+        match Tail(tail).transfer_id().wrapping_sub(Tail(last).transfer_id()) & 31 {
+            0 => self.group.append(flags),
+            1 => {
+                self.close();
+                self.rises += 1;
+                self.group = Group::begin(flags);
+            }
+            _ => {
+                self.breaks += 1;
+                (self.form, self.run) = (None, 0);
+                self.group = Group::begin(flags);
+            }
+        }
+    }
+
+    fn close(&mut self) {
+        let form = self.group.form();
+        self.run = if self.form == Some(form) { self.run + 1 } else { 1 };
+        self.form = Some(form);
+        let framed = matches!(form, Form::Framed { .. });
+        self.framed += usize::from(framed);
+        self.others += usize::from(!framed && self.rises > 0);
+    }
+
+    pub fn is_wide_counter(&self) -> bool {
+        self.wide
+    }
+
+    /// Whether it is worth while to wait for a proof.
+    pub fn promising(&self) -> bool {
+        let in_turn = self.breaks * OUT_OF_TURN <= self.frames;
+        let begun = self.group.changing && self.group.in_order;
+        in_turn && (self.rises > 0 || begun) && !self.wide
+    }
+
+    /// Whether only a sender of transfers leaves such tail bytes. Where toggles begin with 1, as in Cyphal, and where
+    /// neither starts nor ends are marked, the sender must be known as a node that speaks DroneCAN.
+    pub fn proves(&self, source_is_known: bool) -> bool {
+        let Some(form) = self.form else {
+            return false;
+        };
+        let (first, marked, needed) = match form {
+            Form::Framed { first, .. } if source_is_known => (first, true, GROUPS),
+            Form::Framed { first, .. } => (first, true, GROUPS_ALONE),
+            Form::Repeated { .. } => (0, false, GROUPS),
+            Form::Uniform { flags, .. } => (flags, flags & (START | END) != 0, ROUND),
+        };
+        let own = marked && first & START_AND_TOGGLE != START_AND_TOGGLE;
+        self.run >= needed && (source_is_known || own) && !self.wide
+    }
+
+    /// At the end of a capture, of a node that speaks DroneCAN: whether all that came has the form of transfers, or of
+    /// single frames that each count up by one.
+    pub fn suits(&self) -> bool {
+        if self.breaks > 0 || self.wide {
+            return false;
+        }
+        let last = self.group.form();
+        let whole = matches!(last, Form::Framed { first, ends: true } if first & START != 0);
+        let framed = if self.rises == 0 { whole } else { self.framed > 0 };
+        let single = matches!(last, Form::Uniform { flags, frames: 1 } if flags & (START | END) != 0);
+        let counted = single && self.form == Some(last) && self.run == self.rises;
+        (framed && self.others == 0) || (counted && self.frames == self.run + 1 && self.frames >= COUNTED)
+    }
+}

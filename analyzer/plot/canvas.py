@@ -1,0 +1,129 @@
+"""Where points go: new series get their name and colour, then the points become chunks, or wait to be thinned."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.plot import chunks, colours
+from analyzer.plot.inventory import Inventory
+from analyzer.plot.moments import Clock, Moments
+from analyzer.plot.thinning import Thinned
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from rerun.chunk import Chunk
+
+    from analyzer.plot.chunks import Style
+    from analyzer.plot.inventory import Series
+    from dissectors.conformance import Words
+
+    Column = tuple[Series, Words, Words | None]  # a series, its values, and which of them there are (None: all)
+
+LEAST_POINTS = 4  # of a thinned series
+
+
+class Canvas:
+    """Takes what is to be shown and gives it to `send`.
+
+    Args:
+        send: takes chunks.
+        most: points of a line at most; None keeps all.
+
+    It is to `begin` before the first points that have times.
+    """
+
+    def __init__(self, send: Callable[[Sequence[Chunk]], None], most: int | None = None) -> None:
+        self.inventory = Inventory()
+        self.clock = Clock()
+        self._send = send
+        self._most = None if most is None else max(most, LEAST_POINTS)
+        self._thinned: dict[str, Thinned] = {}
+        self._styles: list[Style] = []
+        self._made: list[Chunk] = []
+
+    def begin(self, clock: Clock) -> None:
+        """From here on there are times."""
+        self.clock = clock
+        if clock.absolute and clock.start is not None:
+            self._made.append(chunks.start(clock.start))
+
+    def lines(self, columns: Iterable[Column], moments: Moments) -> None:
+        """Points of lines that share their rows."""
+        whole: list[tuple[str, Words]] = []
+        for series, values, valid in columns:
+            if not self._known(series, len(values) if valid is None else int(valid.sum())):
+                continue
+            points, at = values.astype(np.float64, copy=False), moments
+            if valid is not None:
+                points, at = points[valid], moments[valid]
+            if self._most is not None:
+                self._thinned.setdefault(series.path, Thinned(self._most)).add(at, points)
+            elif valid is None:
+                whole.append((series.path, points))
+            else:
+                self._made += chunks.scalars([(series.path, points)], at, self.clock)
+        if whole:
+            self._made += chunks.scalars(whole, moments, self.clock)
+
+    def states(self, series: Series, values: Sequence[str], moments: Moments) -> None:
+        """Changes of a state by name; `off` is what a flag is when it is not set."""
+        if self._known(series, len(values)):
+            self._made += chunks.states(series.path, values, moments, self.clock)
+
+    def texts(self, series: Series, values: Sequence[str], levels: Sequence[str], moments: Moments) -> None:
+        """Lines of a log."""
+        if self._known(series, len(values)):
+            self._made += chunks.texts(series.path, values, levels, moments, self.clock)
+
+    def page(self, series: Series, markdown: str) -> None:
+        """A page of text."""
+        if self._known(series, 1):
+            self._made.append(chunks.document(series.path, markdown))
+
+    def flush(self) -> None:
+        """Gives away what was made since the last time."""
+        made = [*chunks.styled(self._styles), *self._made]
+        self._styles, self._made = [], []
+        if made:
+            self._send(made)
+
+    def finish(self) -> None:
+        """Gives what has waited to be thinned."""
+        for path, one in self._thinned.items():
+            moments, values = one.points()
+            self._made += chunks.scalars([(path, values)], moments, self.clock)
+            self.flush()
+        self._thinned = {path: one for path, one in self._thinned.items() if one.bucket > 1}
+
+    def thinned(self) -> dict[str, tuple[int, int]]:
+        """Points there were and points that make two of them, by path of those lines that lost any; after `finish`."""
+        return {path: (one.count, one.bucket) for path, one in self._thinned.items()}
+
+    def _known(self, series: Series, count: int) -> bool:
+        """Whether there is something to show, and room for it; a new series gets its style."""
+        if not count:
+            return False
+        if self.inventory.add(series):
+            self._styles += _style(series)
+        series.count += count
+        return series.path in self.inventory.series
+
+
+def _style(series: Series) -> list[Style]:
+    name = series.title if not series.role else f"{series.title} {series.role}"
+    colour = colours.device(series.number)
+    if series.kind == "line":
+        if series.role == "limit":
+            return [chunks.line_style(series.path, name, colours.LIMIT, 1.0)]
+        quiet = series.role == "commanded"
+        return [chunks.line_style(series.path, name, colours.lighter(colour) if quiet else colour, 1.0 + (not quiet))]
+    if series.kind == "points":
+        return [chunks.point_style(series.path, name, colours.BROKEN)]
+    if series.kind == "state" and series.flag:
+        return [chunks.state_style(series.path, ["off", "on"], [colours.OFF, colours.ON])]
+    if series.states:
+        return [chunks.state_style(series.path, series.states, colours.states(series.states))]
+    return []

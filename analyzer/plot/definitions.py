@@ -1,0 +1,40 @@
+"""What a table is a table of: the message or the packet that gives its columns their meaning."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dissectors.registry import UnknownNameError
+
+if TYPE_CHECKING:
+    from dissectors import Registry
+    from dissectors.schema import Message, Packet
+
+
+class Definitions:
+    """Looks them up once each."""
+
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
+        self._packets: dict[str, Packet] = {
+            f"{message.table}.{packet.name}": packet
+            for message in registry.carriers()
+            if message.packets is not None
+            for packet in message.packets.packets
+        }
+        self._known: dict[str, Message | Packet | None] = {}
+
+    def message(self, table: str) -> Message | None:
+        """The message of a table, None if it is one of packets."""
+        if table in self._packets:
+            return None
+        try:
+            return self._registry.resolve(table)
+        except UnknownNameError:
+            return None
+
+    def of(self, table: str) -> Message | Packet | None:
+        """The message or packet of a table, None if nothing defines it."""
+        if table not in self._known:
+            self._known[table] = self._packets.get(table) or self.message(table)
+        return self._known[table]

@@ -1,0 +1,153 @@
+"""The picture of a capture: parts of it in, chunks out. Nothing but findings and the summary waits for the end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.plot import broken, findings, summary
+from analyzer.plot.bus import Buses
+from analyzer.plot.canvas import Canvas
+from analyzer.plot.chunks import path
+from analyzer.plot.inventory import Series
+from analyzer.plot.layout import layout
+from analyzer.plot.messages import Messages
+from analyzer.plot.moments import NO_FRAME, Clock, times
+from analyzer.rules.columns import Frames
+from analyzer.tables import numbers
+from dissectors.conformance import NO_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping, Sequence
+
+    import pyarrow as pa
+    from rerun.blueprint import Blueprint
+    from rerun.chunk import Chunk
+
+    from analyzer.engine import Batch
+    from analyzer.facts.summary import Facts
+    from analyzer.plot.inventory import Inventory
+    from analyzer.report.model import Finding, Report
+    from analyzer.sinks.part import Part
+    from dissectors import Registry
+    from dissectors.conformance import Words
+    from dissectors.picture import Pictures
+
+SUMMARY = "summary"
+
+
+class Picture:
+    """One capture.
+
+    Args:
+        send: takes chunks as they are made.
+        registry: the types that the capture is decoded with. Raises `ProfileError` for a wrong `plots.toml`.
+        forced: readings of doubtful fields by node ID, against a node's own data.
+        bit_rate: of the bus, in bits a second.
+        most: points of a line at most; None shows all.
+    """
+
+    def __init__(
+        self,
+        send: Callable[[Sequence[Chunk]], None],
+        registry: Registry,
+        *,
+        forced: Mapping[int, Collection[str]] | None = None,
+        bit_rate: int | None = None,
+        most: int | None = None,
+    ) -> None:
+        self._canvas = Canvas(send, most)
+        self._messages = Messages(self._canvas, registry, forced or {})
+        self._buses = Buses(self._canvas, bit_rate)
+        self._from, self._to = NO_TIME, NO_TIME
+        self._first = self._last = 0
+
+    @property
+    def inventory(self) -> Inventory:
+        """What the recording contains so far."""
+        return self._canvas.inventory
+
+    @property
+    def pictures(self) -> Pictures:
+        """The quantities that have names."""
+        return self._messages.pictures
+
+    def thinned(self) -> Mapping[str, tuple[int, int]]:
+        """Points there were, and points that became two, by path of those lines that lost any; at the end."""
+        return self._canvas.thinned()
+
+    def look(self, batch: Batch) -> None:
+        """A batch of the capture, whether it is shown or not: time counts from the first frame that has one."""
+        if self._canvas.clock.start is None:
+            t = times(batch.frames.column("t"))
+            timed = np.flatnonzero(t != NO_TIME)
+            if len(timed):
+                self._canvas.begin(Clock(int(t[timed[0]])))
+
+    def add(self, part: Part, bits: Words | None = None) -> None:
+        """What of the next batch is to be shown; `bits` are the `bit_times` of its frames if they are known."""
+        leads = _leads(part.transfers)
+        rows = part.transfer_rows
+        whole = not len(rows) or int(rows[-1]) - int(rows[0]) + 1 == len(rows)
+
+        def lead(transfers: Words) -> Words:
+            at = transfers - rows[0] if whole else np.searchsorted(rows, transfers)
+            found: Words = leads[at.astype(np.int64)]
+            return found
+
+        self._messages.add(part.messages, lead, part.buses)
+        broken.draw(self._canvas, part.transfers, leads)
+        frames = Frames(part.frames)
+        self._buses.add(frames, part.frame_rows, self._canvas.clock.start, part.buses, bits)
+        self._note_span(frames, part.frame_rows)
+        self._canvas.flush()
+
+    def close(self, limits: Mapping[str, float]) -> None:
+        """The end of the capture: what was held back. `limits` are frames a second by what they hold for."""
+        self._buses.finish(limits)
+        self._canvas.finish()
+        self._canvas.flush()
+
+    def finish(self, report: Report, facts: Facts, window: str = "") -> None:
+        """The end of the capture with all there is to say of it. `window` says in words what is shown."""
+        limits = {name: limit for one in report.captures for bus in one.buses for name, limit in bus.limits.items()}
+        self.close(limits)
+        findings.draw(self._canvas, report, [one for one in report.findings if not window or self._inside(one)])
+        text = summary.page(report, facts, self.inventory, self.thinned(), window)
+        self._canvas.page(Series(path(SUMMARY), "text", SUMMARY, "Summary", owner=SUMMARY), text)
+        self._canvas.flush()
+
+    def layout(self) -> Blueprint:
+        """How a viewer is to show what there is so far."""
+        return layout(self.inventory, self.pictures, self._canvas.clock)
+
+    def _note_span(self, frames: Frames, places: Words) -> None:
+        if not len(frames):
+            return
+        timed = frames.t[frames.t != NO_TIME]
+        if len(timed):
+            low, high = int(timed.min()), int(timed.max())
+            self._from = low if self._from == NO_TIME else min(self._from, low)
+            self._to = max(self._to, high)
+        self._first = self._first or int(places[0]) + 1
+        self._last = int(places[-1]) + 1
+
+    def _inside(self, one: Finding) -> bool:
+        """Whether something of a finding is in the part that is shown."""
+        first, last = one.first, one.last
+        if first.t_ns is not None and last.t_ns is not None and self._from != NO_TIME:
+            return first.t_ns <= self._to and last.t_ns >= self._from
+        return first.frame is not None and first.frame <= self._last and (last.frame or first.frame) >= self._first
+
+
+def _leads(transfers: pa.RecordBatch) -> Words:
+    """The numbers of the first frames of transfers, from 1."""
+    frames = transfers.column("frame")
+    offsets = np.asarray(frames.offsets).astype(np.int64)
+    values = numbers(frames.values)
+    if not len(values):
+        return np.full(len(transfers), NO_FRAME, np.int64)
+    first = values[np.minimum(offsets[:-1], len(values) - 1)].astype(np.int64) + 1
+    found: Words = np.where(np.diff(offsets) > 0, first, NO_FRAME)
+    return found

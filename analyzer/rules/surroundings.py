@@ -1,0 +1,154 @@
+"""The frames of a session around a broken transfer, and which of them belong to whole ones.
+
+All is read from the bytes of a fixed stretch of frames, so that it does not depend on how a capture is cut.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.rules.definitions import crc_start
+from analyzer.rules.diagnosis import Expected, Part
+from analyzer.tables import ERROR, EXTENDED, REMOTE
+from dissectors.conformance import NO_TIME, SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from dissectors.conformance import Kept, View
+
+LOOK = 64  # frames before and behind a transfer among which its own may have strayed
+AHEAD = 512  # frames behind it that show what the sender's other transfers are like
+BEFORE = 2048  # frames before it that do
+_MOST = 48  # frames of the session before it, and as many behind it
+WIDEST = 8192  # frames from the first to the last of a transfer that is looked into
+TIMEOUT = 2 * SECOND  # frames that are further apart than this belong to no common transfer
+MOST_KNOWN = 8192  # frames that are remembered
+_SESSION = 0xFF_FFFF  # bits of an identifier: all but the priority
+
+
+class Scene(NamedTuple):
+    """What is near a broken transfer: frames of its session in order, and the whole transfers of more than one frame.
+
+    `near` are those within 2.0 s, `settled` the numbers of those that belong to transfers with the right CRC.
+    """
+
+    parts: Sequence[Part]
+    near: Sequence[Part]
+    whole: Sequence[Sequence[Part]]
+    settled: frozenset[int]
+    expected: Expected
+
+    def around(self) -> list[Part]:
+        """Frames that may belong to it, though they are of no whole transfer.
+
+        They have its ID, or another one and stand inside, or behind it if it has no end.
+        """
+        low, high, own = self.parts[0].number, self.parts[-1].number, {part.number for part in self.parts}
+        mine, found = self.parts[0].transfer_id, []
+        others = (part for part in self.near if part.number > high and part.transfer_id != mine)
+        last = None if self.parts[-1].end else next(others, None)
+        for part in self.near:
+            number = part.number
+            if number in own or number in self.settled or not low - LOOK <= number <= high + LOOK:
+                continue
+            if part.transfer_id == mine or (not part.start and (low < number < high or part is last)):
+                found.append(part)
+        return found
+
+
+def part_of(number: int, kept: Kept | None) -> Part | None:
+    """A frame of the recent past with its tail byte apart; None without one."""
+    return Part(number, kept.data[-1], kept.data[:-1]) if kept is not None and kept.data else None
+
+
+def parts_of(view: View, frames: Iterable[int]) -> list[Part]:
+    """Frames of the recent past; those that are gone are left out."""
+    return [part for part in (part_of(number, view.frame(number)) for number in frames) if part]
+
+
+class Scenes:
+    """Looks around; remembers frames, as broken transfers seldom come alone."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[Part, int] | None] = {}
+
+    def of(self, view: View, frames: Sequence[int], code: int, *, fd: bool) -> Scene | None:
+        """What is around frames of one session and type; None if they are gone or too far apart."""
+        parts, first = parts_of(view, frames), view.frame(frames[0])
+        if first is None or len(parts) != len(frames) or frames[-1] - frames[0] > WIDEST:
+            return None
+        session = self._session(view, frames[0], frames[-1], first)
+        every = [part for part, _ in session]
+        starts = [crc_start(signature) for signature in view.types.signatures(code)]
+        expected = Expected(starts, view.types.fixed_bytes(code), fd)
+        whole, settled = _whole(every, expected)
+        times = [t for part, t in session if frames[0] <= part.number <= frames[-1] and t != NO_TIME]
+        low, high = (min(times) - TIMEOUT, max(times) + TIMEOUT) if times else (NO_TIME, NO_TIME)
+        near = [part for part, t in session if NO_TIME in (t, low) or low <= t <= high]
+        right = [run for run in whole if not starts or run[0].number in settled]
+        lengths = frozenset((len(run), len(run[-1].body)) for run in right)
+        return Scene(parts, near, whole, settled, expected._replace(lengths=lengths))
+
+    def _session(self, view: View, first: int, last: int, like: Kept) -> list[tuple[Part, int]]:
+        """Frames with the session of another one, and their times: from some before `first` to some behind `last`."""
+        before = list(_numbers(view, max(first - BEFORE, 0), first, like))[-_MOST:]
+        inside = _numbers(view, first, last + 1, like)
+        behind = list(_numbers(view, last + 1, last + 1 + AHEAD, like))[:_MOST]
+        if len(self._known) > MOST_KNOWN:
+            self._known.clear()
+        found = (self._part(view, number) for number in (*before, *inside, *behind))
+        return [one for one in found if one is not None]
+
+    def _part(self, view: View, number: int) -> tuple[Part, int] | None:
+        """A data frame and its time."""
+        if number not in self._known:
+            kept = view.frame(number)
+            part = part_of(number, kept)
+            plain = kept is not None and kept.flags & (EXTENDED | REMOTE | ERROR) == EXTENDED
+            self._known[number] = (part, kept.t) if kept is not None and part is not None and plain else None
+        return self._known[number]
+
+
+def _whole(near: Sequence[Part], expected: Expected) -> tuple[list[list[Part]], frozenset[int]]:
+    """Runs from a start to an end with right toggles, and the frames of those (and copies) whose CRC is right."""
+    runs: list[list[Part]] = []
+    settled: set[int] = set()
+    under_way: dict[int, tuple[list[Part], list[int]]] = {}
+    for part in near:
+        run, numbers = under_way.get(part.transfer_id, ([], []))
+        if run and part[1:] == run[-1][1:]:
+            numbers.append(part.number)
+        elif part.start:
+            under_way.pop(part.transfer_id, None)
+            if part.end:
+                settled.add(part.number)
+            elif not part.toggle:
+                under_way[part.transfer_id] = [part], [part.number]
+        elif run and part.toggle != run[-1].toggle:
+            run.append(part)
+            numbers.append(part.number)
+            if part.end:
+                runs.append(run)
+                if not expected.starts or expected.fits(run):
+                    settled.update(numbers)
+                del under_way[part.transfer_id]
+        else:
+            under_way.pop(part.transfer_id, None)
+    return runs, frozenset(settled)
+
+
+def _numbers(view: View, low: int, high: int, like: Kept) -> Iterable[int]:
+    """Frames from `low` to before `high` on the bus of a frame with its identifier, but for the priority."""
+    f = view.frames
+    at = min(max(low, f.first), high) if len(f) else high
+    for number in range(low, at):
+        kept = view.frame(number)
+        if kept is not None and kept.bus == like.bus and kept.id & _SESSION == like.id & _SESSION:
+            yield number
+    if at < high:
+        rows = slice(at - f.first, high - f.first)
+        same = (f.id[rows] & _SESSION == like.id & _SESSION) & (f.bus[rows] == like.bus)
+        yield from (np.flatnonzero(same) + at).tolist()

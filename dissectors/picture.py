@@ -1,0 +1,238 @@
+"""What a picture shows of a dissector's tables: which column is the voltage of which device, read from `plots.toml`.
+
+A dissector's folder may hold that file; a table that no file speaks of is shown field by field. Columns are those of
+the decoded tables, fields, parts (`field.part`) and derived ones alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dissectors.toml_table import read
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from dissectors.profile import Profile
+    from dissectors.toml_table import Table
+
+FILE = "plots.toml"
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Something that is measured or commanded: one plot, with a line for each device.
+
+    A `detail` is nothing to compare devices by, and only shown with each of them.
+    """
+
+    name: str
+    title: str
+    unit: str = ""
+    detail: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Who:
+    """Whose values a row holds.
+
+    A device numbered by `column`; with `elements` the places in a list, each of them a device; with neither the node
+    that sends. The device of number 0 is called `first`.
+    """
+
+    path: str = "node"
+    title: str = "node"
+    column: str = ""
+    elements: bool = False
+    first: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Only:
+    """Holds for the rows of nodes that read a doubtful field in this way."""
+
+    reading: str
+    choice: str
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """The column of a quantity; `role` tells apart what shares its plot, such as commanded and reported."""
+
+    quantity: str
+    column: str
+    role: str = ""
+    only: Only | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class States:
+    """A column with named values, or a word whose flags and enumerations are lanes of their own."""
+
+    column: str
+    only: Only | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Product:
+    """A quantity that is the product of two others of the same row."""
+
+    quantity: str
+    factors: tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Integral:
+    """A quantity that adds up another one over seconds, times `scale`."""
+
+    quantity: str
+    of: str
+    scale: float
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A quantity that is the time between a sender's rows in ms, or, with `change`, how much that time changed."""
+
+    quantity: str
+    change: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """What is shown of one table. Columns in `hidden` say nothing that is not shown otherwise.
+
+    Tables of `parameters` are shown beside the commands.
+    """
+
+    table: str
+    who: Who = Who()
+    lines: tuple[Line, ...] = ()
+    states: tuple[States, ...] = ()
+    products: tuple[Product, ...] = ()
+    integrals: tuple[Integral, ...] = ()
+    intervals: tuple[Interval, ...] = ()
+    hidden: frozenset[str] = frozenset()
+    parameters: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """The quantities of all folders in the order of their plots, and what is shown of each table."""
+
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    plots: Mapping[str, Plot] = field(default_factory=dict)
+
+
+def load(profiles: Iterable[Profile]) -> Pictures:
+    """What the folders say; of two that speak of one quantity or table the first one counts. Raises `ProfileError`."""
+    quantities: dict[str, Quantity] = {}
+    plots: dict[str, Plot] = {}
+    for profile in profiles:
+        path = profile.folder / FILE
+        if not path.is_file():
+            continue
+        top = read(path)
+        own = {name: _quantity(name, table) for name, table in top.tables("quantity")}
+        quantities = quantities | {name: found for name, found in own.items() if name not in quantities}
+        for name, table in top.tables("table"):
+            plots.setdefault(name, _Reader(quantities).plot(name, table))
+        top.finish()
+    return Pictures(quantities, plots)
+
+
+def _quantity(name: str, table: Table) -> Quantity:
+    found = Quantity(name, table.string("title", required=True), table.string("unit"), table.flag("detail"))
+    table.finish()
+    return found
+
+
+class _Reader:
+    """Reads what is shown of tables, in terms of the quantities there are."""
+
+    def __init__(self, quantities: Mapping[str, Quantity]) -> None:
+        self._quantities = quantities
+
+    def plot(self, name: str, table: Table) -> Plot:
+        plot = Plot(
+            table=name,
+            who=_who(table.table("who")),
+            lines=tuple(self._line(*one) for one in table.tables("line")),
+            states=tuple(_states(*one) for one in table.tables("states")),
+            products=tuple(self._product(*one) for one in table.tables("product")),
+            integrals=tuple(self._integral(*one) for one in table.tables("integral")),
+            intervals=tuple(self._interval(*one) for one in table.tables("interval")),
+            hidden=frozenset(table.strings("hidden")),
+            parameters=table.flag("parameters"),
+        )
+        lines = {line.quantity for line in plot.lines}
+        made = lines | {product.quantity for product in plot.products}
+        for key, needed, known in (
+            ("product", [factor for product in plot.products for factor in product.factors], lines),
+            ("integral", [integral.of for integral in plot.integrals], made),
+        ):
+            for missing in needed:
+                if missing not in known:
+                    table.fail(f"no line is called {missing!r}", key)
+        table.finish()
+        return plot
+
+    def _known(self, body: Table, text: str, key: str = "") -> str:
+        if text not in self._quantities:
+            body.fail(f"{text!r} is no quantity (known: {', '.join(sorted(self._quantities))})", key)
+        return text
+
+    def _line(self, key: str, body: Table) -> Line:
+        quantity, _, role = key.partition("/")
+        found = Line(self._known(body, quantity), body.string("column", required=True), role, _only(body))
+        body.finish()
+        return found
+
+    def _product(self, key: str, body: Table) -> Product:
+        factors = body.strings("of")
+        if len(factors) != 2:
+            body.fail("two quantities are expected", "of")
+        first, second = (self._known(body, factor, "of") for factor in factors)
+        body.finish()
+        return Product(self._known(body, key), (first, second))
+
+    def _integral(self, key: str, body: Table) -> Integral:
+        of = self._known(body, body.string("of", required=True), "of")
+        found = Integral(self._known(body, key), of, float(body.scale("scale") or 1))
+        body.finish()
+        return found
+
+    def _interval(self, key: str, body: Table) -> Interval:
+        found = Interval(self._known(body, key), change=body.flag("change"))
+        body.finish()
+        return found
+
+
+def _states(key: str, body: Table) -> States:
+    found = States(key, _only(body))
+    body.finish()
+    return found
+
+
+def _who(table: Table) -> Who:
+    found = Who(
+        path=table.string("path") or "node",
+        title=table.string("title") or table.string("path") or "node",
+        column=table.string("column"),
+        elements=table.flag("elements"),
+        first=table.integer("first", 0, 1000) or 0,
+    )
+    if found.column and found.elements:
+        table.fail("a device is numbered by a column or by its place in a list, not by both", "elements")
+    table.finish()
+    return found
+
+
+def _only(table: Table) -> Only | None:
+    """`only = "dialect=tm"`: rows of nodes that read it so."""
+    text = table.string("only")
+    reading, equals, choice = text.partition("=")
+    if text and not (reading and equals and choice):
+        table.fail("READING=CHOICE is expected", "only")
+    return Only(reading, choice) if text else None
