@@ -38,7 +38,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     args, _ = parser.parse_known_args(argv)  # a capture has its own times: what the viewer says of time does not matter
     if not is_capture(args.file):
         return NOT_OURS
+    from analyzer.cli.plot_start import plain_arrow  # noqa: PLC0415
+
     try:
+        if argv is None:  # nobody else uses this process
+            plain_arrow()
         return _import(args)
     except BrokenPipeError:  # the viewer has enough
         return 0
@@ -98,7 +102,9 @@ def _import(asked: argparse.Namespace) -> int:
             def send(chunks: Sequence[Chunk]) -> None:
                 output.send([_below(prefix, chunk) for chunk in chunks] if prefix else chunks)
 
-            picture = Drawing(args, session, Window()).draw(send)
+            drawing = Drawing(args, session, Window())
+            drawing.start()
+            picture = drawing.draw(send)
             if not shown:
                 output.layout(picture.layout())
     return 0 if session.status in {cli.OK, cli.DAMAGED} else session.status

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import pytest
 from encode import transfer
@@ -10,6 +10,8 @@ from faulted import flight
 from judged import Said, judge, outcome, whole
 from proved import proved
 from sent import ALIVE, Sent, alive, log
+
+from analyzer.rules.counters import BEHEADED
 
 IDS = ("TRF-016", "TRF-017", "TRF-018", "TRF-019", "TRF-020", "BUS-010")
 ARMING = "uavcan.equipment.safety.ArmingStatus"
@@ -201,13 +203,12 @@ def test_two_types_that_both_lose_transfers_share_no_counter() -> None:
 
 
 @pytest.mark.parametrize(
-    "ids",
+    ("ids", "apart"),
     [
-        (5, 7, 6, 8), (31, 1, 0, 2), (30, 0, 31, 1), (29, 31, 30, 0), (5, 7, 8, 6, 9), (5, 8, 6, 7, 9),
-        (5, *range(8, 14), 6, 7, 14),
+        *product(((5, 7, 6, 8), (31, 1, 0, 2), (30, 0, 31, 1), (29, 31, 30, 0), (5, 7, 8, 6, 9)), (1, 100, 900)),
+        ((5, 8, 6, 7, 9), 900), ((5, *range(8, 14), 6, 7, 14), 300),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("apart", [1, 100, 900])
 def test_transfers_in_another_order_are_one_finding_and_nothing_is_missing(ids: tuple[int, ...], apart: int) -> None:
     ahead = [(ids[0] - k) % 32 for k in (2, 1)]
     behind = [(ids[-1] + k) % 32 for k in (1, 2)]
@@ -248,6 +249,49 @@ def test_an_order_that_changes_again_and_again_is_not_two_senders() -> None:
 
 def test_a_transfer_in_another_order_soon_after_the_start_is_a_note() -> None:
     assert [one.severity for one in seen(*count(5, 7, 6, 8, since=100))] == ["note"]
+
+
+@pytest.mark.parametrize(
+    ("cut", "gone", "causes"),
+    [
+        ((4,), (), {("expected 4, got 5: 1 missing", BEHEADED)}),
+        ((), (4,), {("expected 4, got 5: 1 missing", "")}),
+        ((4, 5), (), {("expected 4, got 6: 2 missing", BEHEADED)}),
+        ((4,), (5,), {("expected 4, got 6: 2 missing", "")}),
+        ((4,), (9,), {("expected 4, got 5: 1 missing", BEHEADED), ("expected 9, got 10: 1 missing", "")}),
+        ((4,), (4 + 32,), {("expected 4, got 5: 1 missing", BEHEADED), ("expected 4, got 5: 1 missing", "")}),
+        ((31,), (), {("expected 31, got 0: 1 missing", BEHEADED)}),
+    ],
+)  # fmt: skip
+def test_a_transfer_that_only_lacks_its_start_is_told_from_a_missing_one(
+    cut: tuple[int, ...], gone: tuple[int, ...], causes: set[tuple[str, str]]
+) -> None:
+    """A copy of it from another node, or one of another type, says nothing."""
+    text = log(*OTHERS)
+    for k in range(44):
+        fields = {"data_sequence": k, "data": [1, 2, 3, k]}
+        for src in (11, 12):
+            lines = log((3000 + k * 100 + src, transfer("PUSHCAN", fields, src, k % 32))).splitlines(keepends=True)
+            text += "".join(lines[k in cut and src == 11 :] if k not in gone or src == 12 else ())
+        text += "".join(log((3050 + k * 100, alive(k, 12, (k + (k > 3)) % 32))))
+    found = whole(text, ("TRF-016",))
+    assert {(one.text, one.cause) for one in found if one.node == 11} == causes
+    assert [(one.type, one.cause) for one in found if one.node == 12] == [(ALIVE, "")]
+
+
+def test_frames_without_a_start_count_only_between_the_transfers_of_their_own_session() -> None:
+    def sent(t: int, number: int, src: int = 11, dst: int = 12) -> list[str]:
+        fields = {"index": 0, "value": {"empty": {}}, "name": b"a much longer name"}
+        one = transfer("uavcan.protocol.param.GetSet.Request", fields, src, number, dst=dst)
+        return log((3000 + t, one)).splitlines(keepends=True)
+
+    def causes(astray: list[str]) -> list[str]:
+        whole_ones = "".join(line for k in range(4) for line in sent(k * 100, k))
+        text = log(*OTHERS) + whole_ones + "".join(astray) + "".join(sent(500, 5))
+        return [one.cause for one in whole(text, ("TRF-016",)) if one.node == 11 and one.text.endswith("1 missing")]
+
+    assert causes(sent(400, 4)[1:]) == [BEHEADED]
+    assert causes(sent(400, 4, dst=13)[1:]) == causes(sent(400, 4, src=12, dst=11)[1:]) == causes(sent(400, 7)[1:]) == [""]
 
 
 def test_a_steady_flight_breaks_nothing() -> None:

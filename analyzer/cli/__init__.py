@@ -108,6 +108,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     try:
         args = parser().parse_args(argv)
+        args.alone = argv is None  # nobody else uses this process
         if "capture" in args and not (args.capture or args.capture_):
             parser().error(f"{args.command}: which capture? give a file, or - for standard input")
         return int(args.run(args))

@@ -70,9 +70,12 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Reads the captures once. A file is there whole or not at all; a viewer gets what there is as it comes."""
+    from analyzer.cli.plot_start import plain_arrow  # noqa: PLC0415
     from analyzer.plot import LOG_LEVEL  # noqa: PLC0415
 
     os.environ.setdefault(LOG_LEVEL, "off")  # one clear line of ours instead
+    if args.alone:
+        plain_arrow()
     with ExitStack() as until_the_end:
         try:
             window = options.window(args)
@@ -103,9 +106,11 @@ class _Goal:
 
         with Session(args) as session:
             with ExitStack() as stack:
+                drawing = Drawing(args, session, window)
+                drawing.start()
                 output, words = self._opened(stack)
                 gc.freeze()  # Rerun's 100,000 objects live as long as the program: not to be looked through every time
-                picture = Drawing(args, session, window).draw(output.send)
+                picture = drawing.draw(output.send)
                 output.layout(picture.layout())
                 session.go_on()
             session.release()

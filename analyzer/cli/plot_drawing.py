@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from contextlib import contextmanager
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,6 +39,20 @@ class Drawing:
         self._settings = Settings(bit_rate=args.bitrate, dialects=dialects)
         self._check = Check(session.registry, self._settings)
         self._shown = 0
+        self._batches: Iterator[Measured] = iter(())
+
+    def start(self) -> None:
+        """Begins to read: what is made ready until `draw` takes no time of its own."""
+        from analyzer.ahead import ahead  # noqa: PLC0415
+
+        parts = self._session.source.parts
+        for part in parts:
+            part.hashed = True
+        batches = self._check.measured(self._session.batches())
+        if all(os.path.isfile(part.name) for part in parts):  # noqa: PTH113 - signals end other reading here, in this thread
+            batches = ahead(batches)
+        with _opening():
+            self._batches = chain(list(islice(batches, 1)), batches)
 
     def draw(self, send: Callable[[Sequence[Chunk]], None]) -> Picture:
         """Everything, through `send`. Ends the session when there is no use in going on."""
@@ -44,8 +60,6 @@ class Drawing:
         from analyzer.plot.picture import Picture  # noqa: PLC0415
 
         args, session = self._args, self._session
-        for part in session.source.parts:
-            part.hashed = True
         picture = Picture(
             send, session.registry, forced=self._settings.dialects, bit_rate=args.bitrate, most=args.max_points
         )
@@ -64,21 +78,12 @@ class Drawing:
 
     def _judged(self, picture: Picture, progress: Progress) -> Iterator[Measured]:
         """Every batch of the capture, once the rules have seen it."""
-        from analyzer.ahead import ahead  # noqa: PLC0415
-        from analyzer.sources import StopReading  # noqa: PLC0415
-
-        session = self._session
-        batches = self._check.measured(session.batches())
-        if all(os.path.isfile(part.name) for part in session.source.parts):  # noqa: PTH113 - signals end other reading here, in this thread
-            batches = ahead(batches)
-        try:
-            for measured in progress.over(batches):
+        with _opening():
+            for measured in progress.over(self._batches):
                 self._check.feed(measured)
                 picture.look(measured.batch)
                 yield measured
-                session.go_on()
-        except StopReading:  # it was being opened
-            raise KeyboardInterrupt from None
+                self._session.go_on()
 
     def _add_all(self, picture: Picture, measured: Iterable[Measured]) -> None:
         from analyzer.plot.parts import whole  # noqa: PLC0415
@@ -115,6 +120,17 @@ class Drawing:
         )
         told = order(FailOn.parse([DEFAULT]), {}, None, None)
         return build([taken], session.registry, load(session.registry), self._settings, told), checked
+
+
+@contextmanager
+def _opening() -> Iterator[None]:
+    """Ctrl-C while a capture was being opened."""
+    from analyzer.sources.errors import StopReading  # noqa: PLC0415
+
+    try:
+        yield
+    except StopReading:
+        raise KeyboardInterrupt from None
 
 
 def name(args: argparse.Namespace) -> str:

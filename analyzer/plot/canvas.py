@@ -53,8 +53,10 @@ class Canvas:
     def lines(self, columns: Iterable[Column], moments: Moments) -> None:
         """Points of lines that share their rows."""
         whole: list[tuple[str, Words]] = []
-        for series, values, valid in columns:
-            if not self._known(series, len(values) if valid is None else int(valid.sum())):
+        for series, values, has in columns:
+            count = len(values) if has is None else int(has.sum())
+            valid = None if count == len(values) else has
+            if not self._known(series, count):
                 continue
             points, at = values.astype(np.float64, copy=False), moments
             if valid is not None:

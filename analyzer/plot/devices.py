@@ -52,7 +52,6 @@ class Devices:
         """Rows of one device."""
         lines = [found for line in plot.lines for found in self._line(plot, line, rows, readings, units)]
         lines += self._computed(plot, rows, lines)
-        self._canvas.lines(lines, rows.moments)
         shown = {line.column for line in plot.lines} | plot.hidden
         for states in plot.states:
             shown |= {name for name in rows.table.schema.names if name.startswith(f"{states.column}.")} | {
@@ -66,7 +65,8 @@ class Devices:
             for column in _word(rows, states.column):
                 if column.kind != "number":
                     self._states((STATES, column.name[-1].removeprefix(f"{states.column}.")), column, rows, has)
-        self._others(plot, rows, frozenset(shown))
+        lines += self._others(plot, rows, frozenset(shown))
+        self._canvas.lines(lines, rows.moments)
 
     def _line(
         self, plot: Plot, line: Line, rows: Rows, readings: Readings | None, units: Units
@@ -104,8 +104,7 @@ class Devices:
                 found = both[interval.change]
                 yield self._sender_series(interval.quantity, rows), found, ~np.isnan(found)
 
-    def _others(self, plot: Plot, rows: Rows, leave: frozenset[str]) -> None:
-        lines: list[Column] = []
+    def _others(self, plot: Plot, rows: Rows, leave: frozenset[str]) -> Iterator[Column]:
         for column in fields.columns(rows.of, rows.table, leave):
             parts = (MESSAGES, plot.table, *column.name)
             if column.kind == "number":
@@ -113,10 +112,9 @@ class Devices:
                     path(*parts, *rows.unit.parts), "line", "/".join(parts[1:]), rows.unit.title, column.unit,
                     unit=rows.unit.title, owner=MESSAGES, number=rows.unit.number,
                 )  # fmt: skip
-                lines.append((series, column.values, column.has))
+                yield series, column.values, column.has
             else:
                 self._states(parts, column, rows, None)
-        self._canvas.lines(lines, rows.moments)
 
     def _unchanged(self, plot: Plot, name: str, rows: Rows, has: Words | None) -> bool:
         """Whether none of the states in a word changed: known at once, without a look at each of them."""

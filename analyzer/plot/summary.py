@@ -42,5 +42,5 @@ def page(
         notes.append(f"- {inventory.beyond} times there was no room for another device or line.")
     shown = "\n".join(notes)
     found = _FOLDED.sub(r"#### \1", markdown.render(report)).replace("</details>", "")
-    pass
+    found = _SIGNS.sub("", found)
     return f"{found}\n{shown}\n\n### tailbyte info\n\n```text\n{info.render(facts)}```\n"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from analyzer.rules.headless import Headless
 from analyzer.rules.sequences import IDS, Senders, SharedCounter, changed_places
 from analyzer.tables import KINDS, TRANSFER_ANOMALIES
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Found, Occurrence, Watcher
@@ -40,6 +41,7 @@ _RULES = {
 }
 _BITS = sum(_RULES)
 NEAR = 64  # breaches of a node among which those of transfers in another order are looked for
+REORDERED, BEHEADED = "transfers in another order", "frames came without a start"
 FEW = 2  # so many may be lost before 0 rather than that all begins anew
 
 
@@ -47,7 +49,7 @@ class Breach(NamedTuple):
     """One step that is not 1. `session` is (kind, type, destination), `code` the type for `View.type_name`.
 
     `late` is a step after more than `QUIET`, which proves nothing; `early` is one soon after the start of the capture.
-    `since` is the time of the transfer before.
+    `since` is the time of the transfer before; `cause` is that of a gap.
     """
 
     rule: str
@@ -62,6 +64,7 @@ class Breach(NamedTuple):
     values: Values
     since: int
     early: bool
+    cause: str = ""
 
     @property
     def of_message(self) -> bool:
@@ -128,7 +131,7 @@ class _Node:
             return first
         self.held = [one for one in self.held if not any(one is other for other in after)]
         note = first.early or any(one.late for one in (first, *after))
-        values = {**first.values, "lost": 0, "cause": "transfers in another order"}
+        values = {**first.values, "lost": 0, "cause": REORDERED}
         frames = (*first.frames, *after[0].frames)
         return first._replace(rule=GAP, severity="note" if note else None, frames=frames, values=values)
 
@@ -198,9 +201,11 @@ class TransferIds(Watcher):
 
     def __init__(self) -> None:
         self._nodes: dict[tuple[int, int], _Node] = {}
+        self._headless = Headless()
 
     def look(self, view: View) -> Iterator[Found | Occurrence]:
         """Breaches that are explained, or that nothing explains."""
+        self._headless.add(view)
         t = view.transfers
         by_node: dict[tuple[int, int], list[int]] = {}
         for row in _odd_rows(t).tolist():
@@ -212,7 +217,7 @@ class TransferIds(Watcher):
             node = self._nodes.setdefault(key, _Node(*key))
             sent = _Sent(t)
             for row in rows:
-                one = _breach(view, row)
+                one = _breach(view, row, self._headless)
                 if one is not None:
                     yield from node.add(one, view, sent, row)
             sent.run(node, len(t))
@@ -238,7 +243,7 @@ def _odd_rows(t: Transfers) -> Words:
     return np.extract(ours, rows)
 
 
-def _breach(view: View, row: int) -> Breach | None:
+def _breach(view: View, row: int, headless: Headless) -> Breach | None:
     """The breach of a row, None if it is none: after a silence only a gap is, and no copy without times."""
     t = view.transfers
     bits = int(t.anomaly[row]) & _BITS
@@ -254,14 +259,19 @@ def _breach(view: View, row: int) -> Breach | None:
         return None
     early = at != NO_TIME and at - view.starts[bus] < QUIET
     values: dict[str, Any] = {"transfer_id": transfer_id, "expected": expected}
+    to, lost, cause = int(t.dst[row]) if kind == REQUEST else -1, (step - 1) % IDS, ""
+    if rule in (GAP, RESTARTED):
+        missing = ((expected + k) % IDS for k in range(lost))
+        bits_of = int(t.type_id[row]) << 8 if kind == MESSAGE else int(t.type_id[row]) << 16 | 1 << 15 | to << 8 | 0x80
+        session = bus << 32 | bits_of | int(t.src[row])
+        cause = BEHEADED if headless.hold(session, past, t.frames(row)[0], missing) else ""
     if rule == GAP:
-        values |= {"lost": (step - 1) % IDS, "cause": ""}
+        values |= {"lost": lost, "cause": cause}
     elif rule == COPIED:
         values["milliseconds"] = int(t.gap[row]) / MILLISECOND
-    to = int(t.dst[row]) if kind == REQUEST else -1
     return Breach(
         rule, "note" if rule == GAP and (late or early) else None, late, at, int(t.code[row]),
-        (kind, int(t.type_id[row]), to), transfer_id, before, t.frames(row), values, past, early,
+        (kind, int(t.type_id[row]), to), transfer_id, before, t.frames(row), values, past, early, cause,
     )  # fmt: skip
 
 
@@ -281,7 +291,7 @@ def _restarts(held: list[Breach]) -> Iterator[Breach]:
     for one in held:
         others = any(abs(one.t - other.t) <= QUIET and other.session != one.session for other in anew)
         if one.rule == RESTARTED and not others and 0 < -one.values["expected"] % IDS <= FEW:
-            lost = {"lost": -one.values["expected"] % IDS, "cause": ""}
+            lost = {"lost": -one.values["expected"] % IDS, "cause": one.cause}
             yield one._replace(rule=GAP, values={**one.values, **lost}, severity="note" if one.early else None)
         elif one.rule == REPEATED and not one.transfer_id and one.session not in known:
             known.add(one.session)
