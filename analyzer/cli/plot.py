@@ -77,6 +77,8 @@ def run(args: argparse.Namespace) -> int:
     if args.alone:
         plain_arrow()
     with ExitStack() as until_the_end:
+        until_the_end.callback(gc.enable)
+        gc.disable()  # while Rerun is imported: 100,000 objects that live as long as the program
         try:
             window = options.window(args)
             goal = _goal(args, until_the_end)
@@ -109,7 +111,8 @@ class _Goal:
                 drawing = Drawing(args, session, window)
                 drawing.start()
                 output, words = self._opened(stack)
-                gc.freeze()  # Rerun's 100,000 objects live as long as the program: not to be looked through every time
+                gc.freeze()
+                gc.enable()
                 picture = drawing.draw(output.send)
                 output.layout(picture.layout())
                 session.go_on()

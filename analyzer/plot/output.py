@@ -25,7 +25,7 @@ _PIECE = 1 << 20
 _PIPE = 1 << 20
 _SET_PIPE_SIZE = 1031  # F_SETPIPE_SZ of Linux
 # Rows that may wait to be encoded before `send` waits, too.
-_MOST_WAITING = 4_000_000
+_MOST_WAITING = 1_000_000
 _PATIENCE = 600.0  # seconds; a disk that takes longer for what waits is dead
 
 

@@ -32,6 +32,7 @@ _GREETING = 5.0  # seconds for the first answer
 PATIENCE = 30.0  # seconds without any progress until a viewer counts as hung
 _CLOSING = 2.0  # seconds for what waits at the end, when nobody waits
 _STEP = 0.5
+_LATE = "the viewer did not take the rest in time"
 # Rows that may be under way, and as many of them inside of Rerun.
 MOST_WAITING = 1_000_000
 _PIECE = 200_000
@@ -88,16 +89,19 @@ class ViewerOutput(AbstractContextManager["ViewerOutput"]):
             self._changed.notify_all()
         if self._worker.ident is None:
             return
-        if not self._waits:
-            self._worker.join(_CLOSING)
-        elif kind is None:
+        if self._waits and kind is None:
             with self._changed:
                 while not self.problem and self._rows:
                     self._changed.wait(_STEP)
+            self._worker.join(self._patience)  # what Rerun calls sent may still be its own
+        else:
+            self._worker.join(_CLOSING if kind is None else _STEP)
         self._abandoned = True
         self._worker.join(2 * _STEP)
         if self._worker.is_alive():  # Rerun does not give up; the program shall not wait for it at its end
             rr.unregister_shutdown()
+            if self.problem is None:
+                self._lose(_LATE)
         if kind is None:
             self._raise()
 
@@ -150,7 +154,7 @@ class ViewerOutput(AbstractContextManager["ViewerOutput"]):
             self._lose(str(gone))
         except Exception as error:  # noqa: BLE001 - it is told where it can be dealt with
             self._lose(str(error))
-        recording.disconnect()  # of a hung viewer this has no end
+        recording.disconnect()  # waits for the viewer to take what is left, for ever if it is hung
 
     def _deliver(self, recording: rr.RecordingStream) -> None:
         inside = 0
@@ -186,6 +190,6 @@ class ViewerOutput(AbstractContextManager["ViewerOutput"]):
             else:
                 return
             if self._abandoned:
-                raise _GoneError("the viewer did not take the rest in time")
+                raise _GoneError(_LATE)
             if self._waits and time.monotonic() > end:
                 raise _GoneError(hung)

@@ -301,14 +301,14 @@ def _restarts(held: list[Breach]) -> Iterator[Breach]:
 
 
 def _founds(node: _Node) -> Iterator[Found]:
-    """What nothing explains, put together by rule and severity."""
+    """What nothing explains, put together by rule, severity and cause."""
     if not node.found:
         return
-    apart: dict[tuple[str, Severity | None], list[Breach]] = {}
+    apart: dict[tuple[str, Severity | None, str], list[Breach]] = {}
     for one in node.found:
-        apart.setdefault((one.rule, one.severity), []).append(one)
+        apart.setdefault((one.rule, one.severity, one.values.get("cause", "")), []).append(one)
     node.found = []
-    for (rule, severity), breaches in apart.items():
+    for (rule, severity, _), breaches in apart.items():
         yield _found(node, rule, severity, breaches)
 
 
