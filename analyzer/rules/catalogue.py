@@ -65,7 +65,7 @@ class Page:
 
     def key_of(self, values: Values) -> str:
         """What keeps this finding apart from others of the same rule, node and type."""
-        return ", ".join(f"{name}={values[name]}" for name in self.key)
+        return ", ".join(f"{name}={values[name]}" for name in self.key if values[name] != "")
 
 
 @lru_cache(maxsize=1)

@@ -149,7 +149,7 @@ class Dialogue(Watcher):
         settled = start - max(view.starts.get(bus, start), view.resumed(start)) >= window * SECOND
         if settled and (asked is None or start - asked > window * SECOND):
             since = start - round(window * SECOND)
-            yield replace(breach(view, table, row, "BUS-014", {"window_s": window}), drops=True, since=since)
+            yield breach(view, table, row, "BUS-014", {"window_s": window}, drops=True, since=since)
         if uuid in self._uuids or len(self._uuids) < MOST_UUIDS:
             self._uuids.setdefault(uuid, set()).add(index)
         self._told.setdefault((bus, node), t)
