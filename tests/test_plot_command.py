@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import select
 import signal
 import socket
 import subprocess
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from command import HOVER, Reader, run, start, wait_until
+from command import HOVER, LIMIT, Reader, environment, run, start, wait_until
 from plotted import Drawn, draw, read_back
 from viewers import deaf, keeper, taken
 
@@ -151,6 +152,30 @@ def test_pages_for_a_browser_until_ctrl_c(tmp_path: Path, number: int, status: i
     process.stderr.close()
 
 
+def test_what_a_pipe_has_delivered_is_served_after_ctrl_c() -> None:
+    """The first one ends the reading, the second one the pages."""
+    ends = os.pipe()
+    with os.fdopen(ends[1], "wb") as into, os.fdopen(ends[0], "rb") as source:
+        process = start("plot", "-", "--serve", stdin=source, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        into.write(HOVER.read_bytes())
+        into.flush()
+        assert process.stdout is not None
+        assert process.stderr is not None
+        Reader(process.stdout.fileno()).until(b"\n")
+        wait_until(lambda: not waiting(source.fileno()))
+        process.send_signal(signal.SIGINT)
+        Reader(process.stderr.fileno()).until(b"Ctrl-C")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 130
+    process.stdout.close()
+    process.stderr.close()
+
+
+def waiting(pipe: int) -> bool:
+    """Whether something is in it that nobody has read."""
+    return bool(select.select([pipe], [], [], 0)[0])
+
+
 def test_a_port_in_use_is_said(command: Command) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken_port:
         number = taken_port.getsockname()[1]
@@ -166,3 +191,24 @@ def test_a_missing_capture_opens_no_viewer(tmp_path: Path) -> None:
         assert done.returncode == 3
         assert done.stdout == b""
     assert not (tmp_path / "pid").exists()
+
+
+PROGRAM = """
+import sys
+from analyzer.cli import main
+sys.argv = ["tailbyte", "plot", "flight.log", "-o", "a.rrd"]
+status = main({})
+print(status, "pandas" in sys.modules)
+import pyarrow
+print(type(pyarrow.array([1]).to_pandas()).__name__)
+"""
+
+
+def test_the_program_does_without_pandas_and_leaves_it_to_others() -> None:
+    def told(arguments: str) -> list[str]:
+        command = [sys.executable, "-c", PROGRAM.format(arguments)]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=LIMIT, check=False)
+        return done.stdout.splitlines()
+
+    assert told("")[0] == "0 False"
+    assert told("sys.argv[1:]")[-1] == "Series"

@@ -15,6 +15,7 @@ from plotted import batches, cells, draw, read_back
 from rerun.chunk import RrdReader
 from witness.flights import registry
 
+from analyzer.cli import plot_viewer
 from analyzer.plot import chunks
 from analyzer.plot.moments import Clock, Moments
 from analyzer.plot.output import FileOutput
@@ -30,6 +31,7 @@ SHORT = {"escs": 2, "seed": 5}
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(plot_viewer, "display", lambda: False)
     Path("flight.log").write_text(flown(4, **SHORT).text)
     return tmp_path
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
+import time
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -80,3 +81,26 @@ def test_the_vehicle_file_is_one_and_shows_every_key(tmp_path: Path) -> None:
     vehicle = load(path, pages(registry()), registry())
     parts = [asdict(vehicle), asdict(vehicle.nodes[11]), asdict(vehicle.excuses[0]), asdict(vehicle.demand)]
     assert all(value not in (None, "", (), {}) for part in parts for value in part.values())
+
+
+SHOWN = re.findall(
+    r"^```console\n\$ tailbyte ([^\n]*)\n(.*?)^```$", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE
+)
+
+
+@pytest.mark.parametrize(("line", "shown"), SHOWN)
+def test_what_is_shown_is_what_is_printed(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], line: str, shown: str
+) -> None:
+    """Dots stand for what is left out: lines, if they are one, else part of a line."""
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
+    main(shlex.split(line))
+    wanted = re.sub(r"^\\.\\.\\.\\\n", r"(?:.*\n)*?", re.escape(shown), flags=re.MULTILINE).replace(r"\.\.\.", ".*")
+    assert re.match(wanted, capfd.readouterr().out), shown
+
+
+def test_there_is_output_to_compare() -> None:
+    assert {line.split()[0] for line, _ in SHOWN} >= {"check"}

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analyzer.cli import DAMAGED, OK, USAGE, options, streams
+from analyzer.cli import DAMAGED, USAGE, options, streams
 from analyzer.cli.plot_drawing import Drawing, name
 
 if TYPE_CHECKING:
@@ -101,6 +101,7 @@ class _Goal:
 
     def __init__(self, opened: Callable[[ExitStack], Opened], hint: str = "", server: Server | None = None) -> None:
         self._opened, self._hint, self._server = opened, hint, server
+        self._drawn = False
 
     def draw(self, args: argparse.Namespace, window: Window) -> int:
         """Reads, judges and draws; the exit status."""
@@ -116,6 +117,7 @@ class _Goal:
                 picture = drawing.draw(output.send)
                 output.layout(picture.layout())
                 session.go_on()
+            self._drawn = True
             session.release()
             streams.tell(f"-- {_amount(picture)} {words}\n{self._hint}")
             session.account(None)
@@ -123,12 +125,11 @@ class _Goal:
 
     def last(self, status: int) -> int:
         """What is left to do once that is done; the exit status."""
-        if self._server is not None and status in {OK, DAMAGED}:
+        if self._server is not None and self._drawn:
             from analyzer.cli.plot_viewer import NoViewerError  # noqa: PLC0415
 
-            streams.tell("-- Ctrl-C ends it\n")
             try:
-                self._server.wait()
+                self._server.wait(lambda: streams.tell("-- Ctrl-C ends it\n"))
             except NoViewerError as error:
                 streams.complain(str(error), "tailbyte plot")
                 return DAMAGED
@@ -146,6 +147,7 @@ def _goal(args: argparse.Namespace, until_the_end: ExitStack) -> _Goal:
     if args.connect is not None:
         return _connected(args, args.connect, "shown by")
     if args.serve:
+        until_the_end.enter_context(viewer.cleaning())
         try:
             server = viewer.Server(viewer.address(args.bind or viewer.LOOPBACK), args.port)
         except viewer.NoViewerError as error:
@@ -153,7 +155,7 @@ def _goal(args: argparse.Namespace, until_the_end: ExitStack) -> _Goal:
         until_the_end.callback(server.close)
         sys.stdout.write(f"{server.url}\n")
         sys.stdout.flush()
-        return _connected(args, server.local, f"at {server.url}, for viewers at", server)
+        return _connected(args, server.local, "served, to viewers also at", server)
     if args.output is not None:
         return _file(args, args.output)
     if viewer.display() and viewer.binary() is not None:

@@ -16,7 +16,7 @@ def plain_arrow() -> None:
     """Keeps Arrow from importing pandas.
 
     It would, where pandas is installed, with the first list it is given, and Rerun gives it lists: a quarter of a
-    second for nothing. Afterwards Arrow gives no pandas objects to anybody: only for a process that is all ours.
+    second for nothing. Afterwards Arrow takes a pandas object for any other one: only for a process that is all ours.
     """
     import pyarrow as pa  # noqa: PLC0415
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import ipaddress
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
@@ -19,7 +20,7 @@ from analyzer.plot import LOG_LEVEL
 from analyzer.sources.errors import StopReading
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
 LOOPBACK = "127.0.0.1"
 WEB_PORT = 9090
@@ -87,9 +88,10 @@ class Server:
         proxy = quote(f"rerun+http://{host}:{self.port}/proxy", safe="")
         self.url = f"http://{host}:{web}/?url={proxy}"
 
-    def wait(self) -> None:
-        """Until Ctrl-C. Raises `NoViewerError` if it ends by itself."""
+    def wait(self, ready: Callable[[], object]) -> None:
+        """Until Ctrl-C, which counts from `ready` on. Raises `NoViewerError` if it ends by itself."""
         with suppress(StopReading, KeyboardInterrupt), graceful(_Serving):
+            ready()
             status = self._process.wait()
             raise NoViewerError(f"the server has ended, with status {status}")
 
@@ -101,6 +103,26 @@ class Server:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+
+
+@contextmanager
+def cleaning() -> Iterator[None]:
+    """SIGTERM and SIGHUP end the program here, too, but not without what it has begun."""
+
+    def leave(number: int, _: object) -> None:
+        raise SystemExit(128 + number)
+
+    before = {}
+    with suppress(ValueError):  # not the main thread: signals are somebody else's
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+                before[number] = signal.signal(number, leave)
+    try:
+        yield
+    finally:
+        for number, usual in before.items():
+            signal.signal(number, usual)
 
 
 class _Serving:
