@@ -141,7 +141,10 @@ class View(Protocol):
         """
 
     def paused(self, since: int, until: int) -> bool:
-        """Whether the capture has a gap somewhere between two times (CAP-002), so that nothing is missing there."""
+        """Whether the capture has a gap somewhere between two times (CAP-002) that may hide what is missing.
+
+        It does where frames came close together before it; a bus with little traffic is silent that long at any time.
+        """
 
     @property
     def resolution(self) -> int:

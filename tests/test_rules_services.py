@@ -61,8 +61,11 @@ def test_nothing_is_said_of_answers_that_a_gap_in_the_capture_or_a_loss_of_the_r
     beats = [(t, alive(t // 500, 99, t // 500 % 32)) for t in range(0, 9001, 500)]
     (open_,) = whole(log(*beats, asked), RULES)
     assert (open_.rule, open_.severity) == ("TRF-022", "warning")
-    pause = [(t + 6000 * (t > 4100), sent) for t, sent in [*beats, asked]]
+    dense = [(3900 + k, alive(k, 98, k)) for k in range(32)]
+    pause = [(t + 6000 * (t > 4100), sent) for t, sent in [*beats, *dense, asked]]
     assert whole(log(*pause), RULES) == []
+    (slow,) = whole(log(*((t + 6000 * (t > 4100), sent) for t, sent in [*beats, asked])), RULES)
+    assert slow.rule == "TRF-022"  # where little is sent, a silence hides nothing
     (early,) = whole(log(*((t + 6000 * (t > 4015), sent) for t, sent in [*beats, reply])), RULES)
     assert (early.rule, early.severity) == ("TRF-021", "note")
     for sent, rule in ((asked, "TRF-022"), (reply, "TRF-021")):

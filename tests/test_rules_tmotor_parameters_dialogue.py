@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from judged import judge
+from judged import judge, whole
 from tm_bus import Vehicle, found
 
 VECTORS = Path(__file__).with_name("vectors")
@@ -127,3 +127,33 @@ def test_uuid_and_index_of_two_escs() -> None:
         vehicle.configure(1000, esc_uuid=0xA0, esc_index=index)
         said = found(vehicle, "BUS-015")
         assert [one.text for one in said] == ["uuid 000000A0, index 1: that index has uuid 000000A1"] * count
+
+
+def lines_of(vehicle: Vehicle) -> list[str]:
+    return vehicle.finish().splitlines(keepends=True)
+
+
+@pytest.mark.parametrize("rule", ["BUS-011", "BUS-012"])
+def test_a_damaged_answer_is_one(rule: str) -> None:
+    """It has a finding of its own, whether its CRC is wrong or a frame of it is missing."""
+    vehicle = asked({"esc_index": 0} if rule == "BUS-011" else {}, answer=300)
+    lines = lines_of(vehicle)
+    frames = next(sent for sent in vehicle.sent if sent.name == "ParamGet").frames
+    assert whole("".join(lines), (rule,), (7,)) == []
+    head, _, data = lines[frames[1] - 1].partition("#")
+    for text in (f"{head}#{int(data[0], 16) ^ 1:X}{data[1:]}", ""):
+        assert whole("".join([*lines[: frames[1] - 1], text, *lines[frames[1] :]]), (rule,), (7,)) == []
+    gone = "".join(line for k, line in enumerate(lines, 1) if k not in frames)
+    assert len(whole(gone, (rule,), (7,))) == 1
+
+
+def test_an_answer_may_have_come_in_a_gap_of_the_capture() -> None:
+    lines = lines_of(asked({"esc_index": 0}))
+    start = float(lines[0][1:].split(")")[0])
+    assert len(whole("".join(lines), ("BUS-011",), (7,))) == 1
+
+    def moved(line: str) -> str:
+        seconds, rest = line[1:].split(")", 1)
+        return f"({float(seconds) + 1.5 * (float(seconds) > start + 1.2):.6f}){rest}"
+
+    assert whole("".join(map(moved, lines)), ("BUS-011",), (7,)) == []

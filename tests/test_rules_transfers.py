@@ -99,7 +99,7 @@ def test_frames_that_the_recorder_lost_explain_a_missing_start_and_a_missing_end
 def test_a_transfer_that_another_one_leaves_behind() -> None:
     cut = push(4).frames()[:2]
     text = lines([frame for k in range(4) for frame in push(k).frames()], cut, push(4).frames())
-    wanted = "2 frames, 14 bytes received, then no end: last frames lost (the 3rd to 5th of 5)"
+    wanted = "2 frames, 14 bytes received, never complete: last frames lost (the 3rd to 5th of 5)"
     assert said(text, "TRF-006") == [("error", 1, 21, wanted)]
     assert said(lines(usual()), "TRF-006") == []
 
@@ -123,15 +123,22 @@ def test_transfers_that_take_long(after: int, wanted: list[tuple[str, int, int, 
 
 def test_a_transfer_that_a_gap_in_the_capture_cuts_is_a_note() -> None:
     first, _, third = status(4).frames()
+    dense = [at(LATE - 40 * MS + k * MS, throttle(9 + k).frames()[0]) for k in range(20)]
     for after, rule in ((2500 * MS, "TRF-007"), (1200 * MS, "TRF-003")):
-        text = lines(usual(), PAUSE, at(LATE, first), at(LATE + after, third), awake(LATE + after + MS, 2 * LATE))
+        text = lines(
+            usual(), PAUSE, dense, at(LATE, first), at(LATE + after, third), awake(LATE + after + MS, 2 * LATE)
+        )
         assert [severity for severity, *_ in said(text, rule)] == ["note"]
     begun, next_ = [at(LATE, first)], [at(LATE + 1200 * MS + k, one) for k, one in enumerate(status(4, 7).frames())]
-    assert [severity for severity, *_ in said(lines(usual(), PAUSE, begun, next_), "TRF-006")] == ["note"]
+    assert [severity for severity, *_ in said(lines(usual(), PAUSE, dense, begun, next_), "TRF-006")] == ["note"]
     awake_ = awake(LATE + MS, LATE + 1200 * MS)
-    assert [severity for severity, *_ in said(lines(usual(), PAUSE, begun, awake_, next_), "TRF-006")] == ["error"]
+    assert [severity for severity, *_ in said(lines(usual(), PAUSE, dense, begun, awake_, next_), "TRF-006")] == [
+        "error"
+    ]
     soon = [at(LATE + 5 * MS + k, one) for k, one in enumerate(status(4, 7).frames())]
-    assert [severity for severity, *_ in said(lines(usual(), PAUSE, begun, soon, next_[:1]), "TRF-006")] == ["error"]
+    assert [severity for severity, *_ in said(lines(usual(), PAUSE, dense, begun, soon, next_[:1]), "TRF-006")] == [
+        "error"
+    ]
 
 
 def test_the_end_of_the_capture_cuts_a_transfer() -> None:

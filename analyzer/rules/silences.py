@@ -29,6 +29,7 @@ class Silences(Watcher):
         self._first: dict[int, Occurrence] = {}
         self._status: dict[int, Occurrence] = {}
         self._active: Words = np.full(0, NO_TIME)
+        self._woke: Words = np.full(0, NO_TIME)  # when each node first spoke since the last gap of the capture
 
     def look(self, view: View) -> Iterator[Occurrence]:
         """Silences that ended."""
@@ -38,39 +39,61 @@ class Silences(Watcher):
         before = self._active = np.concatenate((self._active, np.full(max(new, 0), NO_TIME)))
         self._active = before.copy()
         self._active[code] = t.t
+        self._woke = np.concatenate((self._woke, np.full(max(new, 0), NO_TIME)))
+        self._wake(view, code)
         for node in np.flatnonzero((before == NO_TIME) & (self._active != NO_TIME)).tolist():
             if node % _NODES:
                 row = int(np.argmax(code == node))
                 self._first[node] = _place(view, row, view.type_name(int(t.code[row])))
         table = view.table(STATUS)
         reports = np.empty(0, np.int64) if table is None else table.row[table.trusted & (table.t != NO_TIME)]
+        reports = reports[np.argsort(t.lead[reports], kind="stable")]
         for node in distinct(code[reports]):
             rows = reports[code[reports] == node]
             known = self._status.get(node)
+            rows = rows if known is None else rows[t.lead[rows] > known.frames[0]]  # some come out late
+            if not len(rows):
+                continue
             pauses = np.diff(t.t[rows], prepend=int(t.t[rows[0]]) if known is None else known.t)
             late = pauses > view.number("BUS-020", "late_s") * SECOND
             for at in np.flatnonzero(late).tolist():
                 last = known if known is not None and not at else _place(view, int(rows[at - 1]), STATUS)
                 sent = np.flatnonzero(code[: rows[at]] == node)
                 active = int(t.t[sent[-1]]) if len(sent) else int(before[node])
-                yield from _silence(view, last, active)
+                yield from self._silence(view, last, active, node)
             self._status[node] = _place(view, int(rows[-1]), STATUS)
 
     def settle(self, view: View) -> Iterator[Occurrence]:
         """Silences that lasted to the end, and nodes that never sent a NodeStatus."""
         for node, first in self._first.items():
-            active = int(self._active[node])
+            active = min(int(self._active[node]), view.before)  # the clock may have been set back since
             if node in self._status:
-                yield from _silence(view, self._status[node], active)
+                yield from self._silence(view, self._status[node], active, node)
             elif active - first.t > OFFLINE:
                 yield replace(first, values={"seconds": (active - first.t) / SECOND}, severity="note")
 
+    def _wake(self, view: View, code: Words) -> None:
+        """Notes the first transfer of each node behind each gap."""
+        t = view.transfers.t
+        known = np.flatnonzero(t != NO_TIME)
+        if not len(known):
+            return
+        begins = [view.resumed(int(t[known].min()))]
+        end = view.resumed(int(t[known].max()))
+        while end > begins[0]:
+            begins.insert(1, end)
+            end = view.resumed(end - 1)
+        for begin in begins:
+            rows = known[t[known] >= begin]
+            rows = rows[self._woke[code[rows]] < begin][::-1]
+            self._woke[code[rows]] = t[rows]
 
-def _silence(view: View, last: Occurrence, active: int) -> Iterator[Occurrence]:
-    """What a node owes that was active until then, if its last NodeStatus was too long ago; gaps blame nobody."""
-    silence = active - max(last.t, view.resumed(active))
-    if silence > view.number("BUS-020", "late_s") * SECOND:
-        yield replace(last, values={"seconds": silence / SECOND}, severity=None if silence > OFFLINE else "note")
+    def _silence(self, view: View, last: Occurrence, active: int, node: int) -> Iterator[Occurrence]:
+        """What a node owes that was active until then, if its last NodeStatus was too long ago; gaps blame nobody."""
+        woke = int(self._woke[node])
+        silence = active - max(last.t, woke if woke <= active else view.resumed(active))
+        if silence > view.number("BUS-020", "late_s") * SECOND:
+            yield replace(last, values={"seconds": silence / SECOND}, severity=None if silence > OFFLINE else "note")
 
 
 def _place(view: View, row: int, name: str) -> Occurrence:

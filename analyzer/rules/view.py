@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import replace
 from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 GAP = SECOND  # without a frame of any interface
 MOST_GAPS = 4096
+BUSY, SILENT = 16, 8  # a gap this many times as long as the last frames took hides something
 _ANONYMOUS = 0
 NOBODY = -1
 _FOREIGN = VERDICTS.index("foreign")
@@ -58,8 +60,9 @@ class Past:
         self.buses: Sequence[str] = ()
         self.start = self.end = self.last = self.origin = NO_TIME
         self.starts: dict[int, int] = {}
-        self.gaps: list[tuple[int, int]] = []
+        self.gaps: list[tuple[int, int, bool]] = []
         self.resolution = SECOND
+        self._latest: Words = np.empty(0, np.int64)
         self._names: dict[int, str] = {}
         self._definitions: dict[str, Message | None] = {}
         self._tables = frozenset(registry.names())
@@ -118,11 +121,23 @@ class Past:
                 self.starts[index] = int(t[np.argmax(bus == index)])
 
     def _note_gaps(self, t: Words) -> None:
-        """Times after which nothing came for longer than `GAP`, each with the next one; and how coarse times are."""
-        before = t[:1] if self.last == NO_TIME else np.array([self.last])
-        apart = np.diff(t, prepend=before)
-        for at in np.flatnonzero(apart > GAP).tolist():
-            self.gaps.append((int(t[at] - apart[at]), int(t[at])))
+        """Times after which nothing came for longer than `GAP`, each with the next one; and how coarse times are.
+
+        A gap is said to hide something where much was sent before it. A clock that is set back by as much begins anew,
+        too.
+        """
+        known = len(self._latest)
+        whole = np.concatenate((self._latest, t))
+        apart = np.diff(whole[max(known - 1, 0) :])
+        for at in np.flatnonzero(np.abs(apart) > GAP).tolist():
+            end = at + max(known, 1)
+            usual = whole[max(end - BUSY, 0) : end]
+            if apart[at] < 0:
+                self.gaps[:] = [(int(whole[end]) - 1, int(whole[end]), False)]
+                continue
+            busy = len(usual) == BUSY and bool(apart[at] > SILENT * (usual[-1] - usual[0]))
+            self.gaps.append((int(whole[end - 1]), int(whole[end]), busy))
+        self._latest = whole[-BUSY:].copy()
         del self.gaps[:-MOST_GAPS]
         while self.resolution > 1 and (apart % self.resolution).any():
             self.resolution //= 10
@@ -133,9 +148,9 @@ class Past:
         return self.gaps[at - 1][1] if at else self.start
 
     def paused(self, since: int, until: int) -> bool:
-        """Whether there is a gap somewhere between two times."""
+        """Whether there is a gap somewhere between two times that hides something."""
         at = bisect_right(self.gaps, since, key=lambda gap: gap[1])
-        return at < len(self.gaps) and self.gaps[at][0] < until
+        return any(busy for start, _, busy in islice(self.gaps, at, None) if start < until)
 
 
 class View:
@@ -192,7 +207,7 @@ class View:
         return self._past.resumed(t)
 
     def paused(self, since: int, until: int) -> bool:
-        """Whether there is a gap somewhere between two times."""
+        """Whether there is a gap somewhere between two times that hides something."""
         return self._past.paused(since, until)
 
     @property

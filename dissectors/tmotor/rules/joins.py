@@ -196,6 +196,10 @@ class Pauses:
                     self._between(bus, int(part[at]), int(part[at + 1]))
             self.last[bus] = int(t[-1])
 
+    def first(self, bus: int, start: int, stop: int) -> int:
+        """When the first silence between two times begins, else the second time."""
+        return min((max(start, a) for a, b in self._known.get(bus, ()) if a < stop and b > start), default=stop)
+
     def inside(self, bus: int, start: int, stop: int) -> int:
         """Nanoseconds of silence between two times."""
         parts = (min(stop, b) - max(start, a) for a, b in self._known.get(bus, ()))

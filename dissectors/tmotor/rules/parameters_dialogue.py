@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.conformance import NO_TIME, SECOND, Watcher
-from dissectors.tmotor.rules.joins import MOST_UNITS, Pauses, end, units
+from dissectors.tmotor.rules.joins import MOST_UNITS, end, units
 from dissectors.tmotor.rules.rows import breach, usable
 
 if TYPE_CHECKING:
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 _ANY_UUID, _ANY_INDEX = 0xFFFFFFFF, 0xFF
 _OPEN8, _OPEN16, _AMBIGUOUS = 0xFF, 0xFFFF, 0x00FF
-_PAUSE = 2 * SECOND  # of the whole bus; no answer can be expected across it
+_LATE = 5 * SECOND // 2  # a damaged answer comes out 2.0 s after its start
+_ANSWER = 1332  # type ID of ParamGet (4.3.1)
+_BROKEN = -1  # stands for the table of a damaged answer
 MOST_PENDING = 256
 MOST_UUIDS = 4096
 # Fields that are set and reported under one name, with what stands for "no change", 4.4.2.
@@ -83,26 +85,22 @@ class Dialogue(Watcher):
         self._told: dict[tuple[int, int], int] = {}  # of the first ParamGet
         self._uuids: dict[int, set[int]] = {}  # the indexes that each UUID was seen with
         self._asked: dict[int, int] = {}  # time of the last ParamCfg, damaged ones too
-        self._pauses = Pauses(_PAUSE)
 
     def look(self, view: View) -> Iterable[Found | Occurrence]:
         """The messages of both kinds in order; deadlines in between and behind."""
         if view.start == NO_TIME:
             return
-        self._pauses.add(view)
         settings, parameters = view.table("ParamCfg"), view.table("ParamGet")
-        for unit, rows in units(view).items():
-            who, reports = (unit.bus, unit.node), view.table("ESCStatus")
-            if reports is not None and (who in self._since or len(self._since) < MOST_UNITS):
-                first = int(end(view, reports, rows[:1])[0])
-                self._since[who] = min(self._since.get(who, first), first)
+        self._note_first(view)
         tables = [table for table in (settings, parameters) if table is not None]
         window = view.number("BUS-014", "window_s")
         heard = [] if parameters is None else _heads(parameters)
         for number, k, row, t, good in _in_order(view, tables):
             if self._pending:
                 yield from self._due(view, t)
-            if tables[k] is settings:
+            if k == _BROKEN:
+                self._hear_some(view, row)
+            elif tables[k] is settings:
                 self._ask(view, tables[k], (row, number, t), good=good)
             elif good:
                 yield from self._hear(view, tables[k], (row, t, *heard[row]), window)
@@ -112,6 +110,19 @@ class Dialogue(Watcher):
                 last = int(reports.t[rows[-1]])
                 self._seen[unit.bus, unit.node] = max(self._seen.get((unit.bus, unit.node), last), last)
         yield from self._due(view, view.end)
+
+    def _note_first(self, view: View) -> None:
+        """When each node first sent ESCStatus."""
+        for unit, rows in units(view).items():
+            who, reports = (unit.bus, unit.node), view.table("ESCStatus")
+            if reports is not None and (who in self._since or len(self._since) < MOST_UNITS):
+                first = int(end(view, reports, rows[:1])[0])
+                self._since[who] = min(self._since.get(who, first), first)
+
+    def settle(self, view: View) -> Iterable[Found | Occurrence]:
+        """What nobody answered up to the end."""
+        if view.end != NO_TIME:
+            yield from self._due(view, view.end + _LATE)
 
     def _ask(self, view: View, table: Table, what: tuple[int, int, int], *, good: bool) -> None:
         row, number, t = what
@@ -143,6 +154,13 @@ class Dialogue(Watcher):
                     last[unit.node] = max(int(table.t[rows[before - 1]]), last.get(unit.node, NO_TIME))
         yield from (node for node, seen in last.items() if t - seen <= window)
 
+    def _hear_some(self, view: View, row: int) -> None:
+        """A damaged ParamGet: nobody knows what it answers, but it was an answer."""
+        transfers = view.transfers
+        node = int(transfers.src[row])
+        for one in self._waiting(view, int(transfers.bus[row]), node, int(transfers.t[row])):
+            one.answered.add(node)
+
     def _hear(self, view: View, table: Table, what: tuple[int, ...], window: float) -> Iterator[Occurrence]:
         row, t, bus, node, start, uuid, index = what
         asked = self._asked.get(bus)
@@ -156,7 +174,7 @@ class Dialogue(Watcher):
         if not self._pending:
             return
         got = {name: int(table[name][row]) for name in ("esc_index", "esc_uuid", "esc_id_req", *_FIELDS)}
-        waiting = [one for one in self._pending if one.bus == bus and node not in one.answered and one.meets(got)]
+        waiting = [one for one in self._waiting(view, bus, node, start) if one.meets(got)]
         if waiting:
             waiting[0].answered.add(node)
             later = {name for one in waiting[1:] for name in one.sets}
@@ -165,13 +183,19 @@ class Dialogue(Watcher):
                     values = {"field": name, "expected": expected, "value": wrong}
                     yield breach(view, table, row, "BUS-013", values)
 
+    def _waiting(self, view: View, bus: int, node: int, start: int) -> list[_Asked]:
+        """Requests that a node may answer at a time, the first one first."""
+        limit = max(_limits(view).values()) * SECOND
+        return [
+            one for one in self._pending if one.bus == bus and node not in one.answered and start - one.t <= limit
+        ]  # fmt: skip
+
     def _due(self, view: View, t: int) -> Iterator[Occurrence]:
         """Judges what has waited long enough; requests stay until every rule's time is over."""
-        limits = {rule: view.number(rule, name) for rule, name in (
-            ("BUS-011", "timeout_s"), ("BUS-012", "timeout_s"), ("BUS-015", "wait_s"))}  # fmt: skip
-        while self._pending and t - self._pending[0].t > max(limits.values()) * SECOND:
+        limits = _limits(view)
+        while self._pending and t - self._pending[0].t > max(limits.values()) * SECOND + _LATE:
             asked = self._pending.popleft()
-            if not self._pauses.inside(asked.bus, asked.t, asked.t + round(max(limits.values()) * SECOND)):
+            if not view.paused(asked.t, asked.t + round(max(limits.values()) * SECOND)):
                 yield from self._judged(asked, limits)
 
     def _judged(self, asked: _Asked, limits: Mapping[str, float]) -> Iterator[Occurrence]:
@@ -207,6 +231,12 @@ class Dialogue(Watcher):
         return f"that index has uuid {min(others):08X}" if others else ""
 
 
+def _limits(view: View) -> dict[str, float]:
+    """How long each rule waits for answers, in s."""
+    wanted = (("BUS-011", "timeout_s"), ("BUS-012", "timeout_s"), ("BUS-015", "wait_s"))
+    return {rule: view.number(rule, name) for rule, name in wanted}
+
+
 def _in_order(view: View, tables: Sequence[Table]) -> list[tuple[int, int, int, int, bool]]:
     """Number of the transfer, which table, row, time of the last frame and whether it is usable, of all rows."""
     order: list[tuple[int, int, int, int, bool]] = []
@@ -214,6 +244,9 @@ def _in_order(view: View, tables: Sequence[Table]) -> list[tuple[int, int, int, 
         columns = table["transfer"], end(view, table, np.arange(len(table))), usable(table)
         lists = (column.tolist() for column in columns)
         order += ((number, k, row, t, good) for row, (number, t, good) in enumerate(zip(*lists, strict=True)))
+    t = view.transfers
+    damaged = np.flatnonzero((t.type_id == _ANSWER) & (t.kind == 0) & (t.status != 0)).tolist()
+    order += ((t.first + row, _BROKEN, row, int(t.t_end[row]), False) for row in damaged)
     return sorted(order)
 
 

@@ -25,14 +25,23 @@ _LATER = 2 * SECOND  # by then a node has said that it restarted
 _AROUND = SECOND
 _STRAY = 0.1  # an index with a smaller share of the reports is no ESC of its own
 _FEW = 7  # bytes that one frame holds
+_SKIPS = 0.25  # a larger share of transfer IDs that do not count up by 1 says nothing of what was lost
 
 
 @dataclass(slots=True)
 class _Measured:
-    """The reports of a node since its rate was last set."""
+    """The reports of a node since its rate was last set.
+
+    `periods` are those of all reports by their transfer IDs, `heard` the times between those of one index. `skipped`
+    of `counted` IDs are not that of the report before plus 1.
+    """
 
     configured: int | None = None
     periods: Periods = field(default_factory=Periods)
+    heard: Periods = field(default_factory=Periods)
+    skipped: int = 0
+    counted: int = 0
+    latest: dict[int, int] = field(default_factory=dict)
     indexes: Counter[int] = field(default_factory=Counter)
     first: int = NO_TIME
     last: int = NO_TIME
@@ -40,6 +49,7 @@ class _Measured:
 
     def restart(self) -> None:
         self.periods, self.indexes, self.first = Periods(), Counter(), NO_TIME
+        self.heard, self.skipped, self.counted, self.latest = Periods(), 0, 0, {}
 
 
 class ReportRate(Watcher):
@@ -107,6 +117,13 @@ class ReportRate(Watcher):
             one.first = int(table.t[rows[0]]) if one.first == NO_TIME else one.first
             one.last = int(table.t[rows[-1]])
             one.periods.add(periods[rows])
+            t = table.t[rows]
+            one.heard.add(np.diff(t, prepend=one.latest.get(unit.index, t[0])))
+            one.latest[unit.index] = one.last
+            steps = view.transfers.step[table.row[rows]]
+            steps = steps[view.transfers.has("step")[table.row[rows]]]
+            one.counted += len(steps)
+            one.skipped += int(np.count_nonzero(steps != 1))
 
 
 def _periods(view: View) -> Words:
@@ -142,11 +159,20 @@ def _judged(view: View, one: _Measured) -> Iterator[Occurrence]:
     if one.last - one.first < view.number("BUS-018", "min_s") * SECOND:
         return
     escs = sum(count > max(one.indexes.values()) * _STRAY for count in one.indexes.values())
-    period, coarse = one.periods.below(0.5), view.resolution
-    least, most = (SECOND / max(period + way * coarse, 1) / escs for way in (1, -1))
+    measures = [(one.periods.below(0.5), escs)]
+    if one.skipped > _SKIPS * one.counted and one.heard.count:
+        # Lost, or never sent? What is as configured either way is right.
+        measures.append((one.heard.below(0.5), 1))
     tolerance = view.number("BUS-018", "tolerance_pct") / 100 * one.configured
-    if not least - tolerance <= one.configured <= most + tolerance:
+    if not any(_fits(one.configured, tolerance, period, escs, view.resolution) for period, escs in measures):
+        period, escs = measures[-1]
         yield replace(one.place, values={"configured": one.configured, "measured": SECOND / period / escs})
+
+
+def _fits(rate: int, tolerance: float, period: float, escs: int, coarse: int) -> bool:
+    """Whether a period may be that of so many ESCs at a rate; it is known no better than times are."""
+    least, most = (SECOND / max(period + way * coarse, 1) / escs for way in (1, -1))
+    return least - tolerance <= rate <= most + tolerance
 
 
 class Predicted(Watcher):

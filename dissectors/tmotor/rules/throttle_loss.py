@@ -93,11 +93,11 @@ class Stopped(Watcher):
     def _stop(self, view: View, bus: int, stream: _Stream, stop: int) -> Iterator[Occurrence]:
         if stream.count < _RUNNING or stream.place is None or self._pauses is None:
             return
-        silent = stop - stream.t - self._pauses.inside(bus, stream.t, stop)
+        silent = self._pauses.first(bus, stream.t, stop) - stream.t  # behind a gap all begins anew
         if silent > view.number("BUS-007", "timeout_ms") * MILLISECOND:
             indexes = ", ".join(map(str, sorted(stream.losing)))
             values = {"milliseconds": silent / MILLISECOND, "reported": f"index {indexes}" if indexes else "no ESC"}
-            yield replace(stream.place, values=values)
+            yield replace(stream.place, values=values, drops=True, until=stop)
 
 
 def _losing(view: View) -> dict[int, tuple[Words, Words]]:
