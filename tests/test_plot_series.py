@@ -7,12 +7,15 @@ import re
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pytest
 from flown import flown
 from plotted import Drawn, draw, tables
 
 from analyzer.plot import inventory, units
+from analyzer.plot.derived import Integrals
 from analyzer.simulate import START
+from dissectors.conformance import NO_TIME, SECOND
 
 SETTINGS = {"escs": 4, "profile": "mission", "seed": 3}
 
@@ -244,3 +247,10 @@ def test_devices_are_bounded(text: str, monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_not_a_number_is_kept_as_it_was_sent(drawn: Drawn) -> None:
     assert not any(math.isnan(value) for value in drawn.values("/voltage/esc1"))
+
+
+def test_without_times_there_is_no_sum() -> None:
+    sums = Integrals()
+    assert np.isnan(sums.add("a", np.full(3, NO_TIME), np.ones(3), 1.0)).all()
+    assert sums.add("a", np.array([0, SECOND]), np.ones(2), 1.0).tolist() == [0.0, 1.0]
+    assert sums.add("a", np.full(2, NO_TIME), np.ones(2), 1.0).tolist() == [1.0, 1.0]

@@ -29,11 +29,11 @@ class Integrals:
         self._last: dict[str, _Last] = {}
 
     def add(self, line: str, t: Words, values: Words, scale: float) -> Words:
-        """The sum behind each row."""
+        """The sum behind each row; no number before there is any time."""
         good = np.flatnonzero((t != NO_TIME) & np.isfinite(values))
         before = self._last.get(line)
         if not len(good):
-            return np.full(len(values), before.total if before else 0.0)
+            return np.full(len(values), before.total if before else np.nan)
         times, numbers = t[good], values[good].astype(np.float64)
         if before is None:
             before = _Last(int(times[0]), float(numbers[0]), 0.0)
