@@ -96,7 +96,8 @@ class Devices:
                 values, has = known[integral.of]
                 values = values if has is None else np.where(has, values, np.nan)
                 series = self._series(integral.quantity, "", rows.unit)
-                yield series, self._integrals.add(series.path, rows.moments.t, values, integral.scale), None
+                found = self._integrals.add(series.path, rows.moments.t, values, integral.scale)
+                yield series, found, ~np.isnan(found)
         if plot.intervals:
             bus, node, _ = rows.sender
             both = self._periods.add(f"{plot.table} {bus} {node}", rows.moments.t)
