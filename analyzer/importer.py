@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args, _ = parser.parse_known_args(argv)  # a capture has its own times: what the viewer says of time does not matter
     if not is_capture(args.file):
         return NOT_OURS
-    from analyzer.cli.plot_start import plain_arrow  # noqa: PLC0415
+    from analyzer.cli.start import plain_arrow  # noqa: PLC0415
 
     try:
         if argv is None:  # nobody else uses this process

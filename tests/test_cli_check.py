@@ -177,6 +177,7 @@ def test_rules_are_a_choice(command: Command) -> None:
         (["--json", HOVER], "is the capture"),
         (["--dissector", "/nowhere"], "/nowhere"),
         (["--dialect", "x"], "NODE=CHOICE"),
+        (["--dialect", "11=foo"], "'foo' (one of: tm, dronecan, degC, K)"),
     ],
 )
 def test_arguments_that_make_no_sense(command: Command, args: list[object], reason: str) -> None:
@@ -313,5 +314,7 @@ def test_python_gives_the_same_report(faulty: Any) -> None:
     assert plain_json.loads(json_report.render(report)) == faulty
     with pytest.raises(LookupError, match="TRF"):
         analyzer.check(FAULTS, select=["TRF-999"])
+    with pytest.raises(ValueError, match="one of: tm, dronecan"):
+        analyzer.check(FAULTS, dialects={11: ["tm", "foo"]})
     with pytest.raises(ValueError, match="no capture"):
         analyzer.check([])

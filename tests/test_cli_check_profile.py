@@ -108,7 +108,7 @@ running_s = 1
     assert (status, unmet(report), len(report["gate"]["requirements"])) == (0, {}, 10)
 
 
-def test_requirements_that_are_not_met_leave_it_unjudged(judged: Check) -> None:
+def test_what_is_expected_and_not_so_fails(judged: Check) -> None:
     text = """\
 escs = 5
 [node.11]
@@ -118,6 +118,49 @@ label = "spare"
 [unit]
 0xA1 = 12
 0xA7 = 11
+"""
+    status, report, _ = judged(text, HOVER)
+    gate = report["gate"]
+    assert (status, gate["judged"], gate["failed"]) == (1, True, True)
+    assert (
+        "expected but not met: ESCStatus of node 11 at 35/s, ParamCfg of node 11 at 1/s, node 19 (spare) and 3"
+        in (gate["reason"])
+    )
+    assert unmet(report) == {
+        "5 ESCs": "4",
+        "node 19 (spare)": "0 transfers",
+        "ESCStatus of node 11 at 35/s": "30/s",
+        "ParamCfg of node 11 at 1/s": "no rate",
+        "power unit 0xA1 at node 12": "node 11",
+        "power unit 0xA7 at node 11": "no status of it",
+    }
+    assert judged(text, HOVER, "--fail-on", "never")[0] == 0
+    assert judged(text, HOVER, "--fail-on", "device:error")[0] == 1
+    assert judged(text + "[require]\nescs = 5\n", HOVER)[0] == 1  # what is unlike the vehicle goes before
+
+
+def test_what_is_expected_is_told_in_the_first_line(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "vehicle.toml"
+    path.write_text("escs = 5\n[node.19]\n[node.11]\n")
+    assert main(["check", "--profile", str(path), str(HOVER)]) == 1
+    out = capfd.readouterr().out
+    assert out.startswith("FAIL  2 expectations not met, ")
+    assert out.count("NOT MET, found ") == 2
+
+
+def test_nothing_is_expected_of_what_cannot_be_judged(judged: Check, tmp_path: Path) -> None:
+    foreign, timeless = tmp_path / "foreign.log", tmp_path / "timeless.log"
+    foreign.write_text("(1.000000) can0 123#1122\n")
+    status, report, _ = judged("[node.11]\n", foreign)
+    assert (status, report["gate"]["requirements"]) == (4, [])
+    lines = HOVER.read_text().splitlines()
+    timeless.write_text("".join(f"{line.split(' ', 1)[1].replace(' ', '  ')}\n" for line in lines[:2000]))
+    status, report, _ = judged("[node.11]\nrates = { ESCStatus = 30 }\n", timeless)
+    assert (status, unmet(report)) == (4, {"ESCStatus of node 11 at 30/s": "no rate"})
+
+
+def test_requirements_that_are_not_met_leave_it_unjudged(judged: Check) -> None:
+    text = """\
 [require]
 types = ["BatteryInfo"]
 rules = ["UNJUDGED"]
@@ -127,12 +170,7 @@ running_s = 60
     status, report, _ = judged(text.replace("UNJUDGED", _unjudged(judged)), HOVER)
     assert (status, report["gate"]["judged"], report["gate"]["failed"]) == (4, False, False)
     missing = unmet(report)
-    assert missing["5 ESCs"] == missing["at least 5 ESCs"] == "4"
-    assert missing["node 19 (spare)"] == "0 transfers"
-    assert missing["ESCStatus of node 11 at 35/s"] == "30/s"
-    assert missing["ParamCfg of node 11 at 1/s"] == "no rate"
-    assert missing["power unit 0xA1 at node 12"] == "node 11"
-    assert missing["power unit 0xA7 at node 11"] == "no status of it"
+    assert missing["at least 5 ESCs"] == "4"
     assert missing["type BatteryInfo"] == "0 transfers"
     assert 0 < float(missing["motors turning for 60 s"].removesuffix(" s")) < 5
     assert any(what.startswith("rule ") and "NOT EXERCISED" in found for what, found in missing.items())
@@ -220,7 +258,7 @@ def test_any_part_of_the_same_flight_passes_the_file(capfd: pytest.CaptureFixtur
     assert main(["check", "--init", str(HOVER), "-o", str(path)]) == 0
     for window in ([], ["--from", "2"], ["--to", "3"], ["--last", "1500ms"]):
         assert main(["check", str(HOVER), "--profile", str(path), *window]) == 0, window
-        assert "requires " in capfd.readouterr().out
+        assert "expects " in capfd.readouterr().out
 
 
 def test_a_file_is_not_written_over(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -7,9 +7,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from command import CAPTURES
 from reports import START, finding
 
+import analyzer
 from analyzer.report.baseline import Baseline, BaselineError
+from analyzer.report.json import render
 from analyzer.report.model import SCHEMA, BusUse, Capture, NodeUse
 
 if TYPE_CHECKING:
@@ -103,3 +106,33 @@ def test_what_is_no_report_is_told(tmp_path: Path, text: str, reason: str) -> No
 def test_a_missing_file_is_told(tmp_path: Path) -> None:
     with pytest.raises(BaselineError, match="No such file"):
         Baseline.load(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize("path", sorted(CAPTURES.glob("*.log")), ids=lambda path: path.stem)
+def test_no_capture_is_worse_than_itself(tmp_path: Path, path: Path) -> None:
+    report = analyzer.check(path)
+    old = tmp_path / "old.json"
+    old.write_text(render(report))
+    found = Baseline.load(old).compare(report.findings, report.captures)
+    assert [one.baseline for one in found] == ["known"] * len(report.findings)
+
+
+@pytest.mark.parametrize(
+    "told",
+    [{"type": "DeviceTemperature"}, {"node": 30}, {"node": None}, {"bus": "can7"}, {"bus": "", "node": None}],
+)
+def test_what_is_about_transfers_that_never_came_has_a_rate_too(tmp_path: Path, told: dict[str, Any]) -> None:
+    def silent(count: int) -> list[Finding]:
+        return [replace(broken(count), **told)]
+
+    old = older(tmp_path, silent(5), [capture(1000)])
+    assert marks(old, silent(5), [capture(1000)]) == ["known"]
+    assert marks(old, silent(50), [capture(10_000, frames=100_000)]) == ["known"]
+    assert marks(old, silent(50), [capture(1000)]) == ["worse"]
+
+
+def test_a_capture_without_frames_compares_counts(tmp_path: Path) -> None:
+    of = [replace(capture(0), buses=(), nodes=())]
+    old = older(tmp_path, [broken(2)], of)
+    assert marks(old, [broken(2)], of) == ["known"]
+    assert marks(old, [broken(20)], of) == ["worse"]

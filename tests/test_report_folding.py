@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from command import CAPTURES
@@ -11,9 +11,16 @@ from reports import finding
 
 import analyzer
 from analyzer.report.folding import breaches, fold
-from analyzer.report.model import Example, Finding, Place, Waiver
+from analyzer.report.model import SEVERITIES, Example, Finding, Place, Waiver
+from analyzer.report.wording import verdict_counts
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from analyzer.report.model import Report, RuleVerdict
 
 FAULTS = CAPTURES / "mission-8-faults.log"
+SURE = {"error": (5, 20), "note": (9,)}
 
 
 def about(rule: str, *frames: int, count: int = 0, **more: Any) -> Finding:
@@ -43,13 +50,51 @@ def test_causes_that_differ_are_folded_together() -> None:
     "ended",
     [
         about("TRF-006", 6), about("TRF-006", 5, 6), about("TRF-006", 5, count=2), about("TRF-006", 5, node=25),
-        about("TRF-006", 5, bus="can1"), about("TRF-006", 5, capture="2"), about("TRF-006", 5, severity="note"),
-        about("TRF-007", 5),
+        about("TRF-006", 5, bus="can1"), about("TRF-006", 5, capture="2"), about("TRF-007", 5),
     ],
 )  # fmt: skip
 def test_others_stay(ended: Finding) -> None:
     lost = about("TRF-003", 5)
     assert fold([lost, ended]) == ((lost, ended), ())
+
+
+def test_a_severity_that_somebody_gave_changes_nothing() -> None:
+    for lost, ended in (("note", "error"), ("error", "note"), ("warning", "error")):
+        cause, end = about("TRF-003", 5, severity=lost), about("TRF-006", 5, severity=ended)
+        assert fold([cause, end]) == ((cause,), (end,))
+        assert [one.severity for one in breaches("1", [cause], [end])] == [lost, max(lost, ended, key=SEVERITIES.index)]
+
+
+def test_the_transfers_of_one_severity_are_told_with_it() -> None:
+    """Others between them, of which less is sure."""
+    found = [about(rule, *at, severity=severity) for rule in ("TRF-003", "TRF-006") for severity, at in SURE.items()]
+    assert fold(found) == (tuple(found[:2]), tuple(found[2:]))
+
+
+def test_the_report_follows_what_is_said_of_the_cause(tmp_path: Path) -> None:
+    vehicle = tmp_path / "vehicle.toml"
+    waiver = '[[waiver]]\nrule = "TRF-003"\nreason = "known"\nowner = "me"\nexpires = 9999-12-31\n'
+    for text, verdict, counted in (
+        ('[rule.TRF-003]\nseverity = "note"\n', "PASS", None),
+        ('[rule.TRF-003]\nseverity = "warning"\n', "WARN", "1 warn"),
+        (waiver, "WAIVED", "1 waived"),
+    ):
+        vehicle.write_text(text)
+        report = analyzer.check(FAULTS, profile=vehicle)
+        assert [one.rule for one in report.findings if one.rule in ("TRF-003", "TRF-006")] == ["TRF-003"]
+        assert {one.verdict for one in report.rules if one.rule in ("TRF-003", "TRF-006")} == {verdict}
+        assert counted is None or counted in verdict_counts(replace(report, rules=_of(report, "TRF-003", "TRF-006")))
+    ended = analyzer.check(FAULTS, select=["TRF-006"]).findings[0]
+    assert ended.text.endswith("bytes received, never complete: broken sequence (TRF-003)")
+
+
+def _of(report: Report, *rules: str) -> tuple[RuleVerdict, ...]:
+    return tuple(one for one in report.rules if one.rule in rules)
+
+
+def test_what_another_rule_tells_is_counted_once() -> None:
+    report = analyzer.check(FAULTS, select=["TRF-003", "TRF-006"])
+    assert verdict_counts(replace(report, rules=_of(report, "TRF-003", "TRF-006"))) == ["1 fail", "1 told elsewhere"]
 
 
 def gap(*places: tuple[int, int], count: int = 0, lost: int = 1, **more: Any) -> Finding:

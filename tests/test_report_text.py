@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -14,7 +15,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from reports import NASTY, TEXTS
 
-from analyzer.report import lines, text, wording
+from analyzer.report import github, html, junit, lines, markdown, text, wording
+from analyzer.report.model import Gate, Requirement
 from analyzer.report.problems import Problem, problems, ranked
 from analyzer.views.terminal import Palette, display_width
 
@@ -242,3 +244,20 @@ def test_wrapping_loses_nothing(words: str, width: int) -> None:
     got = lines.wrap(words, width, first="* ", indent="  ")
     assert all(display_width(line) <= width for line in got)
     assert "".join(line[2:] for line in got).replace(" ", "") == words.replace(" ", "")
+
+
+def test_expectations_are_told_apart_from_requirements_in_every_format() -> None:
+    needs = (
+        Requirement("node 19", met=False, found="0 transfers", expected=True),
+        Requirement("type Pump", met=True, found="9 transfers"),
+    )
+    gate = Gate(("protocol:error",), failed=True, judged=True, exit_status=1, reason="", requirements=needs)
+    made = replace(reports.healthy(), gate=gate)
+    assert text.render(made).startswith("FAIL  1 expectation not met")
+    assert "expects node 19:  NOT MET, found 0 transfers" in text.render(made)
+    assert "requires type Pump:  met, found 9 transfers" in text.render(made)
+    assert "- expects node 19: **not met**, found 0 transfers" in markdown.render(made)
+    assert "::error title=Expectation not met::node 19: found 0 transfers" in github.commands(made)
+    assert 'name="expects 1 node 19"' in junit.render(made)
+    assert "expected: node 19" in html.render(made)
+    assert "1 expectation not met" in html.render(made)

@@ -12,7 +12,7 @@ from judged import Said, judge, outcome, whole
 from proved import proved
 from sent import ALIVE, Sent, alive, log
 
-from analyzer.rules.counters import BEHEADED
+from analyzer.rules.steps import BEHEADED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

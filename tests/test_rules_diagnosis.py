@@ -142,7 +142,7 @@ def test_a_frame_with_another_transfer_id(payload: bytes) -> None:
     parts = sent(payload)
     strange = parts[1]._replace(tail=parts[1].tail ^ 3)
     cause = broken_sequence([parts[0], *parts[2:]], [strange], expected(payload))
-    assert cause == (diagnosis.OTHER_ID, " (frame 2 belongs to it)")
+    assert cause == (diagnosis.OTHER_ID, " in frame 2")
 
 
 def test_too_many_frames_are_not_permuted() -> None:
@@ -157,7 +157,8 @@ def test_ordinals() -> None:
 
 def said(joined: bytes, fits: int = SIGNATURE) -> str:
     """What is said of a transfer's bytes."""
-    return wrong_crc(int.from_bytes(joined[:2], "little"), joined[2:], [fits], {OTHER: "vendor.Name"})
+    cause = wrong_crc(int.from_bytes(joined[:2], "little"), joined[2:], [fits], {OTHER: "vendor.Name"})
+    return "" if cause is None else cause.what + cause.detail
 
 
 def made(payload: bytes, signature: int | None = SIGNATURE) -> bytes:
@@ -175,8 +176,8 @@ def test_mistakes_of_a_sender_are_named(payload: bytes) -> None:
     assert said(made(payload, None)) == checksums.NO_SIGNATURE
     assert said(bytes((good[1], good[0])) + payload) == checksums.BYTES_SWAPPED
     assert said(payload + good[:2]) == checksums.CRC_BEHIND
-    assert said(good + bytes(1)) == "1 zero byte at the end left out"
-    assert said(good + bytes(6)) == "6 zero bytes at the end left out"
+    assert said(good + bytes(1)) == "zero padding: 1 zero byte at the end"
+    assert said(good + bytes(6)) == "zero padding: 6 zero bytes at the end"
 
 
 def test_a_flipped_bit_is_no_mistake_of_a_sender() -> None:

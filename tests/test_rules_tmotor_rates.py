@@ -7,7 +7,7 @@ from encode import Transfer
 from faulted import flight
 from flight import Sent
 from judged import judge
-from tm_bus import Vehicle, found
+from tm_bus import OPERATING, Vehicle, found
 
 
 def noise(vehicle: Vehicle, start: float, stop: float, per_second: float) -> None:
@@ -101,6 +101,25 @@ def test_lost_reports_do_not_change_the_rate() -> None:
     vehicle = reporting(50, 20)
     kept = [line for k, line in enumerate(vehicle.finish().splitlines(keepends=True)) if k < 8 or k // 3 % 2]
     assert judge("".join(kept), ("BUS-018",)) == []
+
+
+def counted(configured: int, step: int, offsets: tuple[int, ...] = (0,), period: float = 20) -> Vehicle:
+    """Reports of node 11 every `period` ms of so many ESCs, whose transfer IDs rise by `step` from their offsets."""
+    vehicle = Vehicle()
+    vehicle.parameters(0, esc_fdb_rate=configured)
+    fields = {"error_count": OPERATING << 12, "voltage": 50.0, "current": 1.0, "temperature": 40.0, "rpm": 0}
+    for k in range(150):
+        for n, offset in enumerate(offsets):
+            report = {**fields, "power_rating_pct": 0, "esc_index": n}
+            vehicle.send(100 + k * period + n * 3, "ESCStatus", 11, report, transfer_id=(offset + k * step) % 32)
+    return vehicle
+
+
+@pytest.mark.parametrize(("step", "offsets"), [(2, (0,)), (5, (0,)), (1, (0, 9, 18)), (1, (4, 4, 4))])
+def test_ids_that_do_not_count_the_reports_say_nothing_of_the_rate(step: int, offsets: tuple[int, ...]) -> None:
+    assert found(counted(50, step, offsets), "BUS-018") == []
+    (one,) = found(counted(30, step, offsets), "BUS-018")
+    assert one.text == "configured 30 Hz, measured 50.0 Hz"
 
 
 def test_a_rate_is_measured_from_its_setting_on() -> None:

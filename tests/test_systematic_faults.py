@@ -94,6 +94,35 @@ def test_the_node_need_not_be_known_otherwise(fault: str) -> None:
     assert [one for one in found if one.rule == "CAN-018"] == []
 
 
+def counting_frames(text: str, node: int) -> str:
+    """The capture with transfer IDs of this node that count up with every frame of a session."""
+    counts: dict[int, int] = {}
+
+    def sent(line: str) -> str:
+        found = LINE.fullmatch(line)
+        if not found or int(found[2], 16) & 0x7F != node:
+            return line
+        count = counts[int(found[2], 16)] = counts.get(int(found[2], 16), -1) + 1
+        data = bytes.fromhex(found[3])
+        return found[1] + (data[:-1] + bytes((data[-1] & 0xE0 | count & 31,))).hex().upper() + found[4]
+
+    return "".join(sent(line) for line in text.splitlines(keepends=True))
+
+
+def test_transfer_ids_that_count_frames_are_told(sound: str) -> None:
+    found = whole(counting_frames(sound, 12), RULES, (501,))
+    told = {one.type: one.count for one in found if one.rule == "TRF-009" and one.node == 12}
+    assert min(told[name] for name in ("ESCStatus", "PUSHCAN", "ParamGet")) >= 40
+    assert [one for one in found if one.rule == "CAN-018"] == []
+    assert [one.node for one in found if one.severity == "error" and one.node != 12] == []
+
+
+def test_transfer_ids_that_count_frames_need_a_node_that_is_known() -> None:
+    frames = [frame for k in range(60) for frame in status(k % 32).frames()]
+    text = counting_frames(lines(frames).decode(), 10)
+    assert {(one.rule, one.severity) for one in judge(text, RULES)} == {("CAN-018", "note")}
+
+
 def test_toggles_that_begin_with_1_without_any_dronecan_are_cyphal() -> None:
     text = lines(*([at(k * 100 * MS, frame) for frame in status(k % 32).frames()] for k in range(60))).decode()
     found = judge(spoiled(text, "toggle inverted", (10,)), RULES)
@@ -116,7 +145,7 @@ def last_bytes(draw: Any) -> list[int]:
         case "checked":  # a counter below and a checksum above, as in TSC1 of J1939
             return [(k * 7 + low) % 16 << 4 | k & 0x0F for k in range(400)]
         case "alive":
-            width = draw(st.sampled_from([1, 2, 3]))
+            width = draw(st.sampled_from([1, 2, 3, 5]))
             return [high & 0x80 | (low + k) & (1 << width) - 1 for k in range(400)]
         case "state":
             states = draw(st.lists(st.integers(0, 255), min_size=1, max_size=4))
@@ -146,3 +175,15 @@ def test_counters_and_signals_of_others_are_never_believed(
     others = [Frame(can_id, numbers.randbytes(7) + bytes((tail,))) for tail in tails]
     got = decode(lines(own, others))
     assert got.verdicts == ["used"] * 12 + ["foreign"] * 400
+
+
+@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("can_id", COLLIDING)
+@pytest.mark.parametrize("first", [0x00, 0x41, 0xA1, 0xE8])
+def test_a_counter_of_eight_bits_is_never_believed(
+    decode: Callable[..., Any], first: int, can_id: int, *, alone: bool
+) -> None:
+    own = [] if alone else [frame for k in range(4) for frame in status(k).frames()]
+    others = [Frame(can_id, bytes((k % 7,)) * 7 + bytes(((first + k) % 256,))) for k in range(600)]
+    got = decode(lines(own, others))
+    assert got.verdicts == ["used"] * len(own) + ["foreign"] * 600

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from analyzer.facts.periods import Periods
     from analyzer.report.baseline import Baseline
     from analyzer.report.build import Taken
+    from analyzer.report.clock import Clock
     from analyzer.report.model import Report
     from analyzer.rules.catalogue import Page
     from analyzer.rules.checking import Check, Measured
@@ -32,9 +33,10 @@ merges them into one first, as for the other commands.
 
 A window is judged as a capture of its own, whose start was not seen; its frames keep their numbers in the file.
 
-exit status: 0 clean, 1 findings at or above --fail-on (--init: no healthy capture, no file), 2 wrong usage, 3 a capture
-unreadable or damaged or output not writable, 4 nothing to judge, no selected rule that could be judged, or less than
-the vehicle file requires, 130 interrupted. 1 wins over 4, 4 over 3. The report always states damage."""
+exit status: 0 clean, 1 findings at or above --fail-on or a vehicle unlike the expected one (--init: no healthy capture,
+no file), 2 wrong usage, 3 a capture unreadable or damaged or output not writable, 4 nothing to judge, no selected rule
+that could be judged, or less than the vehicle file requires, 130 interrupted. 1 wins over 4, 4 over 3. The report
+always states damage."""
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -107,9 +109,12 @@ class _UsageError(Exception):
 
 def run(args: argparse.Namespace) -> int:
     """Judges every capture, then writes the reports: each is there whole or not at all."""
+    from analyzer.cli.start import plain_arrow  # noqa: PLC0415
     from analyzer.sinks.atomic import Target, TargetError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
 
+    if args.alone:
+        plain_arrow()
     try:
         wanted = _Wanted(args)
         if args.init:
@@ -160,7 +165,7 @@ class _Wanted:
             self.registry: Registry = options.registry(args)
             self.pages: Mapping[str, Page] = _pages(self.registry)
             self.choice: Choice = _choice(args)
-            self.settings: Settings = _settings(args, self.choice, self.pages)
+            self.settings: Settings = _settings(args, self.choice, self.pages, self.registry)
             self._read_expectations()
         except LookupError as error:
             raise _UsageError(error.args[0]) from None
@@ -244,16 +249,17 @@ class _Wanted:
         from analyzer.cli.session import Session  # noqa: PLC0415
         from analyzer.conformance import damage_of, reason_of  # noqa: PLC0415
         from analyzer.report.build import Taken  # noqa: PLC0415
+        from analyzer.report.clock import Clock  # noqa: PLC0415
         from analyzer.rules.checking import Check  # noqa: PLC0415
         from analyzer.sources import CaptureError  # noqa: PLC0415
 
         args = argparse.Namespace(**{**vars(self._args), "capture": list(names), "capture_": []})
-        checking, unopened = Check(self.registry, self.settings), ""
+        checking, clock, unopened = Check(self.registry, self.settings), Clock(), ""
         with Session(args) as session:
             for part in session.source.parts:
                 part.hashed = True
             try:
-                for measured in self._measured(session, checking):
+                for measured in self._measured(session, checking, clock):
                     checking.feed(measured)
             except CaptureError as error:
                 unopened = reason_of(error, names[0])
@@ -269,15 +275,16 @@ class _Wanted:
             unopened=bool(unopened),
             live=session.source.live,
             arguments=tuple(self._again(names)),
+            coarse=clock.coarse,
         )
         return taken, session.status == INTERRUPTED
 
-    def _measured(self, session: Session, checking: Check) -> Iterator[Measured]:
+    def _measured(self, session: Session, checking: Check, clock: Clock) -> Iterator[Measured]:
         from analyzer.ahead import ahead  # noqa: PLC0415
         from analyzer.cli.progress import Progress  # noqa: PLC0415
         from analyzer.sources import StopReading  # noqa: PLC0415
 
-        decoded = session.inside(self.window)
+        decoded = clock.over(session.inside(self.window))
         batches = checking.measured(decoded if self._periods is None else self._periods.over(decoded))
         if all(os.path.isfile(part.name) for part in session.source.parts):  # noqa: PTH113 - signals end other reading here, in this thread
             batches = ahead(batches)
@@ -312,14 +319,16 @@ def _choice(args: argparse.Namespace) -> Choice:
     return Choice(_words(args.select), _words(args.ignore), tuple(word.lower() for word in _words(args.origin)))
 
 
-def _settings(args: argparse.Namespace, choice: Choice, pages: Mapping[str, Page]) -> Settings:
+def _settings(args: argparse.Namespace, choice: Choice, pages: Mapping[str, Page], registry: Registry) -> Settings:
+    from analyzer.conformance import checked_dialects  # noqa: PLC0415
     from analyzer.rules.settings import Settings  # noqa: PLC0415
 
     dialects: dict[int, list[str]] = {}
     for node, reading in args.dialect:
         dialects.setdefault(node, []).append(reading)
     select, ignore = choice.rules(pages)
-    return Settings(select=select, ignore=ignore, bit_rate=args.bitrate, dialects=dialects)
+    known = checked_dialects(dialects, registry)
+    return Settings(select=select, ignore=ignore, bit_rate=args.bitrate, dialects=known)
 
 
 def _words(given: Iterable[str]) -> tuple[str, ...]:

@@ -128,8 +128,10 @@ def _names(findings: Sequence[Finding]) -> Iterator[str]:
 
 def _wanted(one: Finding) -> Wanted:
     from analyzer.rules.extract import Wanted  # noqa: PLC0415
+    from analyzer.rules.verdicts import COARSE  # noqa: PLC0415
     from dissectors.conformance import NO_TIME  # noqa: PLC0415
 
     t = NO_TIME if one.first.t_ns is None else one.first.t_ns
     frames = one.frames if one.first.frame is None else (one.first.frame,)
-    return Wanted(one.rule, one.severity, one.bus, one.node, one.type, frames, t, t)
+    severity = "" if one.cause.startswith(COARSE) else one.severity  # which only the report makes a note
+    return Wanted(one.rule, severity, one.bus, one.node, one.type, frames, t, t)

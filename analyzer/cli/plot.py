@@ -70,7 +70,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Reads the captures once. A file is there whole or not at all; a viewer gets what there is as it comes."""
-    from analyzer.cli.plot_start import plain_arrow  # noqa: PLC0415
+    from analyzer.cli.start import plain_arrow  # noqa: PLC0415
     from analyzer.plot import LOG_LEVEL  # noqa: PLC0415
 
     os.environ.setdefault(LOG_LEVEL, "off")  # one clear line of ours instead

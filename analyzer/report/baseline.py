@@ -1,7 +1,8 @@
 """An older report as the measure: what is new, what has become worse, what was known.
 
 Captures differ in length, so counts say nothing: an occurrence is counted per transfer of its session (bus, node and
-type), or per frame of its bus where no session is to blame.
+type), or per frame of its bus where no session is to blame. What is about transfers that never came is counted per
+transfer of its node, or per frame.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ _SIGMAS = 3.0  # nor is what chance explains
 
 Session = tuple[str, int | None, str]
 Trouble = tuple[str, str, int | None, str, str]
+
+ALL: Session = ("", None, "")  # the frames of every bus
 
 
 class BaselineError(ValueError):
@@ -71,15 +74,23 @@ class Baseline:
             counts[_trouble(finding)] += finding.count
         sizes = Counter(dict(_sizes(captures)))
         marks: dict[Trouble, Any] = {
-            trouble: self._mark(trouble, count, sizes[trouble[1:4]]) for trouble, count in counts.items()
+            trouble: self._mark(trouble, count, self._times(trouble[1:4], sizes)) for trouble, count in counts.items()
         }
         return tuple(replace(finding, baseline=marks[_trouble(finding)]) for finding in found)
 
-    def _mark(self, trouble: Trouble, count: int, size: int) -> str:
+    def _times(self, session: Session, sizes: Counter[Session]) -> float:
+        """How many times as much was sent of the least that holds the session and that both reports saw."""
+        bus, node, _ = session
+        for wider in (session, (bus, node, ""), (bus, None, ""), ALL):
+            if sizes[wider] and self._sizes[wider]:
+                return sizes[wider] / self._sizes[wider]
+        return 1.0
+
+    def _mark(self, trouble: Trouble, count: int, times: float) -> str:
         before = self._counts[trouble]
         if not before:
             return "new"
-        expected = before * size / max(self._sizes[trouble[1:4]], 1)
+        expected = before * times
         # A capture of the same session that gives the same rate is never worse, whatever rounding does.
         return "worse" if count > expected * _TOLERANCE + _SIGMAS * math.sqrt(expected) else "known"
 
@@ -93,6 +104,7 @@ def _sizes(captures: Iterable[Capture]) -> Iterator[tuple[Session, int]]:
     for capture in captures:
         for bus in capture.buses:
             found[bus.name, None, ""] += bus.frames
+            found[ALL] += bus.frames
         for node in capture.nodes:
             for kind, count in node.types.items():
                 found[node.bus, node.node, kind] += count
@@ -113,6 +125,7 @@ def _old_sizes(old: dict[str, Any]) -> Counter[Session]:
     for capture in old["captures"]:
         for bus in capture["buses"]:
             sizes[bus["name"], None, ""] += int(bus["frames"])
+            sizes[ALL] += int(bus["frames"])
         for node in capture["nodes"]:
             for kind, count in node["types"].items():
                 sizes[node["bus"], node["node"], kind] += int(count)

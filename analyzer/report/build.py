@@ -29,7 +29,6 @@ from analyzer.tables import VERDICTS
 from dissectors.conformance import NO_TIME
 
 if TYPE_CHECKING:
-    from analyzer.facts.summary import Facts
     from analyzer.report.model import Category, Origin, Severity
     from analyzer.rules.catalogue import Page
     from analyzer.rules.checking import Checked
@@ -46,7 +45,10 @@ _EVERY_BUS = -1
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """A capture as it was taken in. `damage` says what could not be read, `unopened` that this is all of it."""
+    """A capture as it was taken in. `damage` says what could not be read, `unopened` that this is all of it.
+
+    `coarse` are times too far apart to judge rules by.
+    """
 
     id: str
     path: str
@@ -55,6 +57,17 @@ class Taken:
     unopened: bool = False
     live: bool = False
     arguments: tuple[str, ...] = ()
+    coarse: bool = False
+
+    @property
+    def timed(self) -> bool:
+        """Whether it tells how much time went by."""
+        return self.checked.facts.judge["timing"] == "yes"
+
+    @property
+    def judgeable(self) -> bool:
+        """Whether there was anything of DroneCAN in it."""
+        return self.checked.facts.transfers > 0 or self.checked.facts.verdicts[VERDICTS[0]] > 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +105,7 @@ def build(
     """The report of all captures, judged with the same settings."""
     enabled = settings.enabled(pages)
     captures = tuple(of_capture(one, registry, pages, settings) for one in taken)
-    found = [finding for one in taken for finding in _findings(one, pages)]
+    found = [finding for one in taken for finding in _findings(one, pages, settings)]
     shown, folded = folding.fold(_ranked(found))
     draft = Draft(tuple(taken), captures, shown)
     for revise in order.revise:
@@ -133,15 +146,16 @@ def _fails(finding: Finding, fail_on: FailOn) -> bool:
 # ---- findings -------------------------------------------------------------------------------------------------------
 
 
-def _findings(one: Taken, pages: Mapping[str, Page]) -> Iterable[Finding]:
+def _findings(one: Taken, pages: Mapping[str, Page], settings: Settings) -> Iterable[Finding]:
     names = one.checked.facts.bus_names
     for key, run in one.checked.outcome.runs:
         page = pages[key.rule]
+        doubtful = one.coarse and verdicts.TIMES in page.inconclusive and key.rule not in settings.severities
         label = one.checked.outcome.labels.get((key.bus, key.node), "")
         yield Finding(
             rule=key.rule,
             title=page.title,
-            severity=key.severity,
+            severity="note" if doubtful else key.severity,
             category=cast("Category", page.category),
             origin=cast("Origin", page.origin),
             clause=page.clause,
@@ -151,11 +165,11 @@ def _findings(one: Taken, pages: Mapping[str, Page]) -> Iterable[Finding]:
             label=label,
             type=key.type,
             key=key.key,
-            **_course(run),
+            **_course(run, verdicts.COARSE if doubtful else ""),
         )
 
 
-def _course(run: Run) -> dict[str, Any]:
+def _course(run: Run, doubt: str) -> dict[str, Any]:
     frames = dict.fromkeys(number + 1 for shown in run.examples for number in _evidence(shown))
     shown = run.examples[0] if run.examples else None
     return {
@@ -163,7 +177,7 @@ def _course(run: Run) -> dict[str, Any]:
         "first": _place(*run.first),
         "last": _place(*run.last),
         "frames": tuple(frames)[:MOST_FRAMES],
-        "cause": "" if shown is None else shown.cause,
+        "cause": ", ".join(filter(None, (doubt, "" if shown is None else shown.cause))),
         "text": "" if shown is None else shown.text,
         "examples": tuple(map(_example, run.examples)),
     }
@@ -191,9 +205,9 @@ def _session(
 ) -> verdicts.Session:
     breaches = folding.breaches(one.id, findings, folded)
     facts = one.checked.facts
-    proofs = verdicts.proofs_of(facts, settings.bit_rate)
+    proofs = verdicts.proofs_of(facts, settings.bit_rate, coarse=one.coarse)
     lossy = facts.judge["drops"] == "yes" or any(breach.rule == _GAP for breach in breaches)
-    return verdicts.Session(breaches, one.checked.outcome.words, proofs, lossy=lossy)
+    return verdicts.Session(breaches, one.checked.outcome.words, proofs, lossy=lossy, coarse=one.coarse)
 
 
 def _rule(rule: str, page: Page, ruling: Ruling, settings: Settings) -> RuleVerdict:
@@ -238,21 +252,18 @@ def _gate(
     selected: Sequence[RuleVerdict],
 ) -> Gate:
     unproven = all(rule.verdict in verdicts.UNJUDGED for rule in selected)
-    readable = any(_judgeable(one.checked.facts) for one in taken)
+    readable = any(one.judgeable for one in taken)
+    missing = [one for one in requirements if not one.met]
     passed = passage(
         sum(finding.fails for finding in findings),
-        [one.id for one in taken if not one.unopened and not _judgeable(one.checked.facts)],
-        [requirement.what for requirement in requirements if not requirement.met],
+        [one.id for one in taken if not one.unopened and not one.judgeable],
+        [one.what for one in missing if not one.expected],
         [one.id for one in taken if one.damage],
         list(map(_unproven, selected)) if unproven and readable else [],
+        [one.what for one in missing if one.expected and not fail_on.unlimited],
     )
     return Gate(fail_on.names, passed.failed, passed.judged, passed.exit_status, passed.reason, requirements)
 
 
 def _unproven(rule: RuleVerdict) -> str:
     return f"{rule.rule} {rule.verdict}" + (f" ({rule.reason})" if rule.reason else "")
-
-
-def _judgeable(facts: Facts) -> bool:
-    """Whether there was anything of DroneCAN in it."""
-    return facts.transfers > 0 or facts.verdicts[VERDICTS[0]] > 0

@@ -36,7 +36,7 @@ def of_capture(one: Taken, registry: Registry, pages: Mapping[str, Page], settin
         transfers=facts.transfers,
         accounting={name: facts.lines[name] for name in LINES},
         verdicts=dict(facts.verdicts),
-        can_judge=_can_judge(facts, settings),
+        can_judge=_can_judge(one, settings),
         dialects=_dialects(facts),
         buses=tuple(_buses(one, pages, settings)),
         nodes=tuple(_nodes(one, registry)),
@@ -45,9 +45,11 @@ def of_capture(one: Taken, registry: Registry, pages: Mapping[str, Page], settin
     )
 
 
-def _can_judge(facts: Facts, settings: Settings) -> dict[str, Judgeable | str]:
-    found = {what: _ANSWERS.get(answer, answer) for what, answer in facts.judge.items()}
+def _can_judge(one: Taken, settings: Settings) -> dict[str, Judgeable | str]:
+    found = {what: _ANSWERS.get(answer, answer) for what, answer in one.checked.facts.judge.items()}
     stamps = found.pop("stamps")
+    if one.coarse and one.timed:
+        found["timing"] = "coarse"
     return {**found, "bit rate": "no" if settings.bit_rate is None else "yes", "stamps": stamps}
 
 

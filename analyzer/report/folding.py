@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
+from analyzer.report.model import SEVERITIES
 from analyzer.rules.verdicts import Breach
 
 if TYPE_CHECKING:
@@ -39,12 +40,16 @@ def says(finding: Finding, findings: Iterable[Finding]) -> list[Finding]:
 
 
 def _cut_says(finding: Finding, others: Iterable[Finding]) -> list[Finding]:
-    """About the same transfers and no others."""
-    found = [one for one in others if one.severity == finding.severity and _within(one, finding)]
+    """About the same transfers and no others: those as severe as it, else those that somebody made more or less so."""
+    near = [one for one in others if _within(one, finding)]
+    as_severe = [one for one in near if one.severity == finding.severity]
+    return next((found for found in (as_severe, near) if _same(finding, found)), [])
+
+
+def _same(finding: Finding, found: Sequence[Finding]) -> bool:
     frames = {example.frame for one in found for example in one.examples}
     own = {example.frame for example in finding.examples}
-    same = None not in own and own <= frames and sum(one.count for one in found) == finding.count
-    return found if same else []
+    return None not in own and own <= frames and sum(one.count for one in found) == finding.count
 
 
 def _gap_says(finding: Finding, others: Iterable[Finding]) -> list[Finding]:
@@ -80,13 +85,16 @@ def _within(one: Finding, other: Finding) -> bool:
 
 
 def breaches(capture: str, findings: Sequence[Finding], folded: Iterable[Finding]) -> list[Breach]:
-    """Those of a capture; what is folded is excused with what says it."""
+    """Those of a capture; what is folded is excused with what says it, and no more severe."""
     found = [Breach(one.rule, one.severity, one.excused) for one in findings if one.capture == capture]
     for one in folded:
         into = says(one, findings) if one.capture == capture else []
-        excuses = {other.excused for other in into}
-        excused = "" if "" in excuses else "known" if "known" in excuses else "waived"
-        found += [Breach(one.rule, one.severity, cast("Excused", excused))] * bool(into)
+        if into:
+            excuses = {other.excused for other in into}
+            excused = "" if "" in excuses else "known" if "known" in excuses else "waived"
+            worst = min((other.severity for other in into), key=SEVERITIES.index)
+            severity = max(worst, one.severity, key=SEVERITIES.index)
+            found.append(Breach(one.rule, severity, cast("Excused", excused)))
     return found
 
 

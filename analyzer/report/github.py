@@ -38,7 +38,10 @@ def _commands(report: Report) -> Iterator[str]:
         ("Damaged capture", [f"{capture.path}: {capture.damage}"]) for capture in report.captures if capture.damage
     ]
     by_level["error"] += [
-        ("Requirement not met", [f"{requirement.what}: found {requirement.found}"])
+        (
+            "Expectation not met" if requirement.expected else "Requirement not met",
+            [f"{requirement.what}: found {requirement.found}"],
+        )
         for requirement in report.gate.requirements
         if not requirement.met
     ]

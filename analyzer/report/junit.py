@@ -166,7 +166,7 @@ def _gate(report: Report) -> Iterator[tuple[str, str]]:
         yield _pair(_Case("gate", name, "failure" if capture.damage else "", damaged, "damaged", _short(damaged)))
     for k, requirement in enumerate(report.gate.requirements[:_REQUIREMENTS]):
         found = f"{requirement.what}: found {requirement.found}"
-        name = f"requires {k + 1} {requirement.what}"
+        name = f"{'expects' if requirement.expected else 'requires'} {k + 1} {requirement.what}"
         yield _pair(_Case("gate", name, "" if requirement.met else "failure", found, "not met", _short(found)))
     for k, waiver in enumerate(report.waivers[:_REQUIREMENTS]):
         line = wording.waived(waiver)

@@ -94,7 +94,7 @@ def _left(count: int) -> str:
 def _head(report: Report, found: list[Problem]) -> Iterator[str]:
     yield f"### tailbyte check: {wording.verdict(report)}"
     yield ""
-    yield plain(wording.summary(found))
+    yield plain(wording.summary(report, found))
     if report.gate.reason:
         yield ""
         yield f"Gate: {plain(report.gate.reason)}"
@@ -106,7 +106,8 @@ def _head(report: Report, found: list[Problem]) -> Iterator[str]:
 
 def _requirement(requirement: Requirement) -> str:
     answer = "met" if requirement.met else "**not met**"
-    return f"- requires {plain(requirement.what)}: {answer}, found {plain(requirement.found)}\n"
+    word = "expects" if requirement.expected else "requires"
+    return f"- {word} {plain(requirement.what)}: {answer}, found {plain(requirement.found)}\n"
 
 
 def _row(one: Problem, report: Report) -> str:

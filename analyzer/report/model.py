@@ -21,7 +21,7 @@ Severity = Literal["error", "warning", "note"]
 Category = Literal["protocol", "device", "capture"]
 Origin = Literal["document", "implied", "dronecan", "heuristic"]
 Verdict = verdicts.Verdict
-Judgeable = Literal["yes", "no", "unknown"]
+Judgeable = Literal["yes", "no", "unknown", "coarse"]
 
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 CATEGORIES: tuple[Category, ...] = ("device", "protocol", "capture")
@@ -170,7 +170,8 @@ class NodeUse:
 class Capture:
     """One capture as it was read: the sum of its lines, what became of its frames, and what it can show at all.
 
-    `can_judge` answers with a `Judgeable`, but for `stamps`: the kinds of time stamps, in words.
+    `can_judge` answers with a `Judgeable`, but for `stamps`: the kinds of time stamps, in words. Only `timing` can be
+    coarse: no two times nearer than 10 ms, so they prove nothing to rules.
     `arguments` are options that read it the same way once more, for commands that show its evidence.
     """
 
@@ -205,16 +206,21 @@ class Coverage:
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """Something that the gate demands of a capture."""
+    """Something that the gate demands of a capture.
+
+    What is `expected` of the vehicle and not met fails like an error; what is required of the capture and not met
+    leaves it unjudged.
+    """
 
     what: str
     met: bool
     found: str
+    expected: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Whether this passes: findings at or above `fail_on`, requirements, damage; `exit_status` as documented."""
+    """Whether this passes: findings at or above `fail_on`, demands, damage; `exit_status` as documented."""
 
     fail_on: tuple[str, ...]
     failed: bool

@@ -25,7 +25,8 @@ _BANNERS = {"PASS": "pass", "FAIL": "fail"}
 def banner(report: Report) -> dict[str, str]:
     """The answer in a word, its colour, and the troubles in a line."""
     word = wording.verdict(report)
-    return {"word": word, "style": _BANNERS.get(word, "unsure"), "counts": wording.summary(problems(report.findings))}
+    counts = wording.summary(report, problems(report.findings))
+    return {"word": word, "style": _BANNERS.get(word, "unsure"), "counts": counts}
 
 
 def tally(found: Sequence[Problem]) -> list[tuple[str, list[int]]]:

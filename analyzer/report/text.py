@@ -67,7 +67,7 @@ def render(
 
 def _head(report: Report, page: _Page) -> Iterator[str]:
     word, gate = wording.verdict(report), report.gate
-    lines = wrap(wording.summary(problems(report.findings)), page.width, first=f"{word}  ", indent=_INDENT)
+    lines = wrap(wording.summary(report, problems(report.findings)), page.width, first=f"{word}  ", indent=_INDENT)
     first, *more = right(lines, f"exit {gate.exit_status}", page.width)
     yield page.palette.paint(_STYLES.get(word, "note"), word) + first[len(word) :]
     yield from more
@@ -87,7 +87,7 @@ def _head(report: Report, page: _Page) -> Iterator[str]:
         yield from wrap(f"only {wording.setting(window)}", page.width, first=_INDENT, indent=_INDENT)
     for requirement in gate.requirements:
         answer = "met" if requirement.met else "NOT MET"
-        words = [f"requires {wording.safe(requirement.what)}:", f"{answer}, found {wording.safe(requirement.found)}"]
+        words = [f"{wording.wanted(requirement)}:", f"{answer}, found {wording.safe(requirement.found)}"]
         yield from pack(words, page.width, _INDENT)
     for line in wording.waivers(report):
         yield from wrap(line, page.width, first=_INDENT, indent=_INDENT)

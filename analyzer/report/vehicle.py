@@ -64,12 +64,17 @@ def excuses(expected: Expected, today: date) -> Excuses:
 
 
 def demand(expected: Expected) -> Demand:
-    """The requirements of the file. Types and rules hold for all captures together, everything else for each one."""
+    """The requirements of the file. Types and rules hold for all captures together, everything else for each one.
+
+    Of a capture with nothing to judge nothing is expected, and no rate of one without times.
+    """
 
     def requirements(draft: Draft) -> Iterator[Requirement]:
         several = len(draft.taken) > 1
         for one in draft.taken:
             for needed in () if one.unopened else _of_capture(expected, one):
+                if needed.expected and not one.judgeable:
+                    continue
                 yield replace(needed, what=f"{needed.what} in {one.id}") if several else needed
         yield from _of_all(expected, draft)
 
@@ -86,7 +91,7 @@ def _of_capture(expected: Expected, one: Taken) -> Iterator[Requirement]:
         yield from _of_node(expected, node, one)
     escs, running = int(facts.get("escs", 0)), facts.get("running_s", 0.0)
     if expected.escs is not None:
-        yield Requirement(f"{expected.escs} ESCs", escs == expected.escs, str(escs))
+        yield Requirement(f"{expected.escs} ESCs", escs == expected.escs, str(escs), expected=True)
     if wanted.escs is not None:
         yield Requirement(f"at least {wanted.escs} ESCs", escs >= wanted.escs, str(escs))
     if wanted.running_s is not None:
@@ -94,19 +99,19 @@ def _of_capture(expected: Expected, one: Taken) -> Iterator[Requirement]:
     for unit, number in sorted(expected.units.items()):
         found = facts.get(f"unit {unit}")
         said = "no status of it" if found is None else f"node {found:g}"
-        yield Requirement(f"power unit 0x{unit:02X} at node {number}", found == number, said)
+        yield Requirement(f"power unit 0x{unit:02X} at node {number}", found == number, said, expected=True)
 
 
 def _of_node(expected: Expected, number: int, one: Taken) -> Iterator[Requirement]:
     node = expected.nodes[number]
     name = f"node {number}" + (f" ({node.label})" if node.label else "")
     sent = [what for what in one.checked.facts.nodes if what.node == number]
-    yield Requirement(name, bool(sent), f"{sum(what.count for what in sent)} transfers")
+    yield Requirement(name, bool(sent), f"{sum(what.count for what in sent)} transfers", expected=True)
     for kind, rate in node.rates.items():
         rates = [what.hz for what in sent if what.sends == kind and what.hz is not None]
         met = any(abs(hz - rate) <= TOLERANCE * rate for hz in rates) if rates else rate == 0
         shown = " and ".join(f"{hz:.4g}/s" for hz in rates) or "no rate"
-        yield Requirement(f"{short(kind)} of {name} at {rate:g}/s", met, shown)
+        yield Requirement(f"{short(kind)} of {name} at {rate:g}/s", met, shown, expected=one.timed)
 
 
 def _of_all(expected: Expected, draft: Draft) -> Iterator[Requirement]:

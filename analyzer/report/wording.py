@@ -17,12 +17,13 @@ from analyzer.views.terminal import escape
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from analyzer.report.model import Capture, Finding, Report, WaiverUse
+    from analyzer.report.model import Capture, Finding, Report, Requirement, WaiverUse
     from analyzer.report.problems import Problem
 
 _NEAR = 5  # frames to each side, where no time says what is near
 _MARGIN = "+-50ms"
 _NAMED = 3
+_BROKEN = ("FAIL", "WARN", "WAIVED", "KNOWN")
 _RANKS = ("protocol", "device", "capture")
 _COMMANDS = re.compile(r"#(#)(?=\w*\[)|:(:)(?=\w)")  # how commands to CI services begin in their logs
 _HARMLESS = re.compile(r"[\w%+,./:=@^-]+", re.ASCII)
@@ -144,10 +145,14 @@ def verdict(report: Report) -> str:
     return {0: "PASS", 3: "DAMAGED", 4: "NOT JUDGED"}.get(report.gate.exit_status, "FAIL")
 
 
-def summary(found: Sequence[Problem]) -> str:
-    """`1 protocol error (ch6), 9 warnings, 3 waived`: errors by category and place, the rest by number."""
+def summary(report: Report, found: Sequence[Problem]) -> str:
+    """`1 protocol error (ch6), 9 warnings, 3 waived`: errors by category and place, the rest by number.
+
+    Before them stands how much of what a vehicle file expects is not there.
+    """
     shown = [one for one in found if one.open]
-    parts = []
+    missed = sum(one.expected and not one.met for one in report.gate.requirements)
+    parts = [f"{plural(missed, 'expectation')} not met"] if missed else []
     for category in _RANKS:
         errors = [one for one in shown if one.severity == "error" and one.head.category == category]
         if errors:
@@ -204,12 +209,22 @@ def _name(finding: Finding) -> str:
     return safe(finding.label) or ("" if finding.node is None else f"node {finding.node}")
 
 
+def wanted(requirement: Requirement) -> str:
+    """What is asked of a capture, with how much it counts."""
+    return f"{'expects' if requirement.expected else 'requires'} {safe(requirement.what)}"
+
+
 def verdict_counts(report: Report) -> list[str]:
-    """`61 pass`, `2 fail`, ...; what there is none of is left out."""
-    counts = Counter(rule.verdict for rule in report.rules)
+    """`61 pass`, `2 fail`, ...; what there is none of is left out.
+
+    A broken rule whose findings are all told by another rule's is counted as such: the other one counts for both.
+    """
+    told = [rule for rule in report.rules if not rule.findings and rule.verdict in _BROKEN]
+    counts = Counter(rule.verdict for rule in report.rules if rule not in told)
     order = ("PASS", *(name for name in VERDICTS if name not in ("PASS", "INCONCLUSIVE", "NOT EXERCISED")),
              "NOT EXERCISED", "INCONCLUSIVE")  # fmt: skip
-    return [f"{counts[name]} {name.lower()}" for name in order if counts[name]]
+    words = [f"{counts[name]} {name.lower()}" for name in order if counts[name]]
+    return words + [f"{len(told)} told elsewhere"] * bool(told)
 
 
 def inconclusive(report: Report) -> dict[str, list[str]]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.rules.definitions import CRC_BEGIN, crc_start
+from analyzer.rules.diagnosis import Cause
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,12 +23,14 @@ NO_SIGNATURE = "no signature"
 FROM_ZERO = "no signature, a CRC that starts from 0"
 BYTES_SWAPPED = "CRC bytes swapped"
 CRC_BEHIND = "CRC behind the payload"
+PADDING = "zero padding"
+SHORT_FRAME = "a frame inside not full"
 MOST_PADDING = 63  # zeros that a last frame may have been filled up with
 MOST_BYTES = 80  # of a payload in which one turned bit is named: in longer ones it would fit too often by chance
 
 
-def wrong_crc(wire: int, payload: bytes, signatures: Sequence[int], mistaken: Mapping[int, str]) -> str:
-    """Which mistake of a sender gives the CRC `wire`, the first that fits; nothing if none does.
+def wrong_crc(wire: int, payload: bytes, signatures: Sequence[int], mistaken: Mapping[int, str]) -> Cause | None:
+    """Which mistake of a sender gives the CRC `wire`, the first that fits; None if none does.
 
     Args:
         wire: the CRC as received, the first two bytes of the transfer.
@@ -37,22 +40,22 @@ def wrong_crc(wire: int, payload: bytes, signatures: Sequence[int], mistaken: Ma
     """
     for signature, name in mistaken.items():
         if crc_hqx(payload, crc_start(signature)) == wire:
-            return OF + name
+            return Cause(OF + name)
     if crc_hqx(payload, CRC_BEGIN) == wire:
-        return NO_SIGNATURE
+        return Cause(NO_SIGNATURE)
     starts = [crc_start(signature) for signature in signatures]
     turned = (wire & 0xFF) << 8 | wire >> 8
     if any(crc_hqx(payload, start) == turned for start in starts):
-        return BYTES_SWAPPED
+        return Cause(BYTES_SWAPPED)
     joined = wire.to_bytes(2, "little") + payload
     behind = int.from_bytes(joined[-2:], "little")
     if any(crc_hqx(joined[:-2], start) == behind for start in starts):
-        return CRC_BEHIND
+        return Cause(CRC_BEHIND)
     zeros = min(len(payload) - len(payload.rstrip(b"\0")), MOST_PADDING)
     for count in range(1, zeros + 1):
         if any(crc_hqx(payload[:-count], start) == wire for start in starts):
-            return f"{count} zero byte{'s' if count > 1 else ''} at the end left out"
-    return ""
+            return Cause(PADDING, f": {count} zero byte{'s' if count > 1 else ''} at the end")
+    return None
 
 
 class Place(NamedTuple):

@@ -1,75 +1,43 @@
-"""Transfer IDs that do not count up by 1: gaps, repetitions, restarts, shared counters, and two senders in one session.
+"""Transfer IDs that do not count up by 1: gaps, repetitions, restarts, shared counters, several senders in a session.
 
 The core measures each step, so a session without breaches costs nothing. A node whose counter breaks is followed:
-what it breaks is held back until it is clear whether one counter for all types (TRF-020) or two devices (BUS-010)
-explain it. Both show in a few transfers; else everything is reported after 2.0 s without another breach, and transfers
-that only changed places are one breach.
+what it breaks is held back until it is clear whether one counter for all types (TRF-020), several devices (BUS-010) or
+a counter that always wraps early explain it. All show in a few transfers; else everything is reported after 2.0 s
+without another breach, and transfers that only changed places are one breach.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections import deque
 from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from analyzer.rules.headless import Headless
-from analyzer.rules.sequences import IDS, Senders, SharedCounter, changed_places
-from analyzer.tables import KINDS, TRANSFER_ANOMALIES
-from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Found, Occurrence, Watcher
+from analyzer.rules.nodes import STATUS
+from analyzer.rules.sequences import Senders, SharedCounter, Wraps, changed_places
+from analyzer.rules.steps import COPIED, GAP, MESSAGE, QUIET, REPEATED, RESTARTED, breach, odd_rows
+from dissectors.conformance import NO_TIME, SECOND, Found, Occurrence, Watcher
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from dissectors.conformance import Severity, Transfers, Values, View, Words
+    from analyzer.rules.steps import Breach
+    from dissectors.conformance import Severity, Transfers, View, Words
 
-MESSAGE, REQUEST = KINDS.index("message"), KINDS.index("request")
-QUIET = 2 * SECOND  # after it any transfer ID may follow (4.1.3)
 LATE = 5 * SECOND  # a transfer can come out 2.0 s after its start; then nothing follows within `QUIET` any more
 EXPIRY = 10 * SECOND  # a node is judged anew after this time without a breach
 LONGEST = 15 * SECOND  # held back at most
 MOST_HELD = 1024  # breaches a node; the oldest ones are reported first
 EVERY = SECOND  # what goes on is counted once in this time
-GAP, COPIED, REPEATED, RESTARTED = "TRF-016", "TRF-017", "TRF-018", "TRF-019"
-_RULES = {
-    1 << TRANSFER_ANOMALIES.index("transfer id gap"): GAP,
-    1 << TRANSFER_ANOMALIES.index("duplicate"): COPIED,
-    1 << TRANSFER_ANOMALIES.index("transfer id repeated"): REPEATED,
-    1 << TRANSFER_ANOMALIES.index("transfer id restarted"): RESTARTED,
-}
-_BITS = sum(_RULES)
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight")
 NEAR = 64  # breaches of a node among which those of transfers in another order are looked for
-REORDERED, BEHEADED = "transfers in another order", "frames came without a start"
+REORDERED = "transfers in another order"
+WRAPPING = "the counter always wraps after {}"
 FEW = 2  # so many may be lost before 0 rather than that all begins anew
-
-
-class Breach(NamedTuple):
-    """One step that is not 1. `session` is (kind, type, destination), `code` the type for `View.type_name`.
-
-    `late` is a step after more than `QUIET`, which proves nothing; `early` is one soon after the start of the capture.
-    `since` is the time of the transfer before; `cause` is that of a gap.
-    """
-
-    rule: str
-    severity: Severity | None
-    late: bool
-    t: int
-    code: int
-    session: tuple[int, int, int]
-    transfer_id: int
-    before: int
-    frames: Sequence[int]
-    values: Values
-    since: int
-    early: bool
-    cause: str = ""
-
-    @property
-    def of_message(self) -> bool:
-        """Whether it is no request."""
-        return self.session[0] == MESSAGE
 
 
 class _Node:
@@ -80,6 +48,9 @@ class _Node:
         self.held: list[Breach] = []
         self.senders: dict[tuple[int, int, int], Senders] = {}
         self.shared: SharedCounter | None = None
+        self.wraps = Wraps()
+        self.anew: deque[Breach] = deque(maxlen=NEAR)
+        self.latest: dict[tuple[int, int, int], Breach] = {}
         self.last = self.next = NO_TIME
         self.cause: Occurrence | None = None
         self.found: list[Breach] = []
@@ -91,16 +62,24 @@ class _Node:
             held.append(self._oldest())
         self.found += _restarts(held)
         self.senders.clear()
+        self.latest.clear()
         self.shared = None
 
     def add(self, one: Breach, view: View, sent: _Sent, row: int) -> Iterator[Occurrence]:
         """The next breach, in a row of the batch."""
+        sent.tell(self, row)
         quiet = one.t - self.last if self.last != NO_TIME else 0
         if quiet > QUIET:
             self.calm()
         if quiet > EXPIRY:
             self.cause = None
         self.last = max(self.last, one.t)
+        past = self.latest.get(one.session)
+        self.latest[one.session] = one
+        if one.rule == RESTARTED and past is not None and (past.transfer_id, past.step) == (one.before, one.step):
+            one = one.as_gap()  # it skips as many each time
+        if one.rule == RESTARTED:
+            self.anew.append(one)
         sent.run(self, row)
         if self.cause is not None:
             if not _explains(self.cause, one):
@@ -110,7 +89,8 @@ class _Node:
                 yield replace(self.cause, t=one.t, frames=tuple(one.frames))
             return
         self.held.append(one)
-        self.cause = self._shares(one, sent, row) or self._is_two(one, view)
+        wraps = self._wraps(one)
+        self.cause = self._shares(one, sent, row) or self._are_several(one, view) or wraps
         if self.cause is not None:
             yield self.cause
             self.next = one.t + EVERY
@@ -118,7 +98,8 @@ class _Node:
             self.calm()
         over = len(self.held) - MOST_HELD
         while self.held and (over > 0 or self.held[0].t < one.t - LONGEST):
-            self.found.append(self._oldest())
+            oldest = self._oldest()
+            self.found.append(oldest.as_gap() if _is_lost(oldest, self.anew) else oldest)
             over = len(self.held) - MOST_HELD
 
     def _oldest(self) -> Breach:
@@ -146,28 +127,47 @@ class _Node:
         values = {"types": len(self.shared.types), "node": self.node}
         return Occurrence("TRF-020", self.shared.t, self.bus, self.node, "", tuple(self.shared.frames), values)
 
-    def _is_two(self, one: Breach, view: View) -> Occurrence | None:
+    def _wraps(self, one: Breach) -> Occurrence | None:
+        if one.rule == COPIED or not self.wraps.add(one, to_zero=one.rule == RESTARTED):
+            return None
+        first = next(held for held in self.held if (held.rule, held.before) == (RESTARTED, one.before))
+        frames = tuple(dict.fromkeys((*first.frames, *one.frames)))
+        values = {**one.values, "cause": WRAPPING.format(one.before)}
+        return Occurrence(RESTARTED, first.t, self.bus, self.node, "", frames, values)
+
+    def _are_several(self, one: Breach, view: View) -> Occurrence | None:
         if one.late or one.rule == COPIED:
             return None
         senders = self.senders.setdefault(one.session, Senders())
-        senders.add(one.before, one.transfer_id, one.frames)
-        if senders.length() < view.number("BUS-010", "min_transfers"):
+        senders.add(one)
+        counters = senders.counters(int(view.number("BUS-010", "min_transfers")))
+        if not counters:
             return None
-        evidence = "two transfer-ID counters in {}, one at {}, one at {}".format(
-            view.type_name(one.code), *senders.at()
-        )
+        *places, last = (str(counter.last) for counter in counters)
+        number = _NUMBERS[len(counters)]
+        evidence = f"{number} transfer-ID counters in {view.type_name(one.code)}, at {', '.join(places)} and {last}"
         first = next(held for held in self.held if held.session == one.session)
-        frames = tuple(dict.fromkeys((*first.frames, *senders.frames())))
+        frames = tuple(dict.fromkeys((*first.frames, *(frame for counter in counters for frame in counter.frames))))
         return Occurrence("BUS-010", first.t, self.bus, self.node, "", frames, {"evidence": evidence})
 
 
 class _Sent:
-    """The messages of a node in a batch, walked through while a shared counter may show."""
+    """The messages of a node in a batch, walked through while a shared counter may show.
 
-    def __init__(self, transfers: Transfers) -> None:
+    `uptimes` are those in its NodeStatus by the row of the transfer.
+    """
+
+    def __init__(self, transfers: Transfers, uptimes: Sequence[tuple[int, int]]) -> None:
         self._t = transfers
         self._rows: list[int] | None = None
         self._at = 0
+        self._uptimes = deque(uptimes)
+
+    def tell(self, node: _Node, row: int) -> None:
+        """Says the uptimes before a row."""
+        while self._uptimes and self._uptimes[0][0] < row:
+            at, uptime = self._uptimes.popleft()
+            node.wraps.status(int(self._t.t[at]), uptime)
 
     def begin(self, node: _Node, row: int) -> None:
         """Starts with the message of a row."""
@@ -208,19 +208,20 @@ class TransferIds(Watcher):
         self._headless.add(view)
         t = view.transfers
         by_node: dict[tuple[int, int], list[int]] = {}
-        for row in _odd_rows(t).tolist():
+        for row in odd_rows(t).tolist():
             by_node.setdefault((int(t.bus[row]), int(t.src[row])), []).append(row)
-        for key, node in self._nodes.items():
-            if node.shared is not None:
-                by_node.setdefault(key, [])
+        uptimes = _uptimes(view)
+        for key in (*uptimes, *(key for key, node in self._nodes.items() if node.shared is not None)):
+            by_node.setdefault(key, [])
         for key, rows in by_node.items():
             node = self._nodes.setdefault(key, _Node(*key))
-            sent = _Sent(t)
+            sent = _Sent(t, uptimes.get(key, ()))
             for row in rows:
-                one = _breach(view, row, self._headless)
+                one = breach(view, row, self._headless)
                 if one is not None:
                     yield from node.add(one, view, sent, row)
             sent.run(node, len(t))
+            sent.tell(node, len(t))
         for node in self._nodes.values():
             if node.held and view.end != NO_TIME and view.end - node.last > LATE:
                 node.calm()
@@ -233,50 +234,22 @@ class TransferIds(Watcher):
             yield from _founds(node)
 
 
-def _odd_rows(t: Transfers) -> Words:
-    """Rows of messages and requests whose step is there and is not 1."""
-    rows: Words = np.flatnonzero(t.step != 1)
-    if not len(rows):
-        return rows
-    kind = t.kind[rows]
-    ours: Words = t.has("step")[rows] & ((kind == MESSAGE) | (kind == REQUEST))
-    return np.extract(ours, rows)
-
-
-def _breach(view: View, row: int, headless: Headless) -> Breach | None:
-    """The breach of a row, None if it is none: after a silence only a gap is, and no copy without times."""
-    t = view.transfers
-    bits = int(t.anomaly[row]) & _BITS
-    rule = _RULES[bits & -bits] if bits else GAP
-    transfer_id, step, at, kind = int(t.transfer_id[row]), int(t.step[row]), int(t.t[row]), int(t.kind[row])
-    late = not bits
-    if (late and (not step or not transfer_id)) or (rule == COPIED and at == NO_TIME):
-        return None
-    before, bus = (transfer_id - step) % IDS, int(t.bus[row])
-    expected = (before + 1) % IDS
-    past = at - int(t.gap[row]) if at != NO_TIME and t.has("gap")[row] else at
-    if at != NO_TIME and past < view.resumed(at):
-        return None
-    early = at != NO_TIME and at - view.starts[bus] < QUIET
-    values: dict[str, Any] = {"transfer_id": transfer_id, "expected": expected}
-    to, lost, cause = int(t.dst[row]) if kind == REQUEST else -1, (step - 1) % IDS, ""
-    if rule in (GAP, RESTARTED):
-        missing = ((expected + k) % IDS for k in range(lost))
-        bits_of = int(t.type_id[row]) << 8 if kind == MESSAGE else int(t.type_id[row]) << 16 | 1 << 15 | to << 8 | 0x80
-        session = bus << 32 | bits_of | int(t.src[row])
-        cause = BEHEADED if headless.hold(session, past, t.frames(row)[0], missing) else ""
-    if rule == GAP:
-        values |= {"lost": lost, "cause": cause}
-    elif rule == COPIED:
-        values["milliseconds"] = int(t.gap[row]) / MILLISECOND
-    return Breach(
-        rule, "note" if rule == GAP and (late or early) else None, late, at, int(t.code[row]),
-        (kind, int(t.type_id[row]), to), transfer_id, before, t.frames(row), values, past, early, cause,
-    )  # fmt: skip
+def _uptimes(view: View) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """What every node says, by the row of the transfer."""
+    found: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    table = view.table(STATUS)
+    if table is not None:
+        rows = np.flatnonzero(table.trusted)
+        columns = (column[rows].tolist() for column in (table.bus, table.src, table.row, table["uptime_sec"]))
+        for bus, src, row, uptime in zip(*columns, strict=True):
+            found.setdefault((bus, src), []).append((row, uptime))
+    return found
 
 
 def _explains(cause: Occurrence, one: Breach) -> bool:
-    """Two devices explain every breach of a node, a shared counter those of its messages that are no copies."""
+    """Several devices explain every breach of a node, a shared counter those of its messages that are no copies."""
+    if cause.rule == RESTARTED:
+        return one.rule == RESTARTED and one.values["expected"] == cause.values["expected"]
     return cause.rule == "BUS-010" or (one.of_message and one.rule != COPIED)
 
 
@@ -289,15 +262,22 @@ def _restarts(held: list[Breach]) -> Iterator[Breach]:
     anew = [one for one in held if one.rule == RESTARTED]
     known = {one.session for one in anew}
     for one in held:
-        others = any(abs(one.t - other.t) <= QUIET and other.session != one.session for other in anew)
-        if one.rule == RESTARTED and not others and 0 < -one.values["expected"] % IDS <= FEW:
-            lost = {"lost": -one.values["expected"] % IDS, "cause": one.cause}
-            yield one._replace(rule=GAP, values={**one.values, **lost}, severity="note" if one.early else None)
+        if _is_lost(one, anew):
+            yield one.as_gap()
         elif one.rule == REPEATED and not one.transfer_id and one.session not in known:
             known.add(one.session)
-            yield one._replace(rule=RESTARTED) if others else one
+            yield one._replace(rule=RESTARTED) if _with_others(one, anew) else one
         else:
             yield one
+
+
+def _is_lost(one: Breach, anew: Iterable[Breach]) -> bool:
+    """Whether the few IDs before 0 were lost, rather than all that the node sends begun anew."""
+    return one.rule == RESTARTED and 0 < one.step - 1 <= FEW and not _with_others(one, anew)
+
+
+def _with_others(one: Breach, anew: Iterable[Breach]) -> bool:
+    return any(abs(one.t - other.t) <= QUIET and other.session != one.session for other in anew)
 
 
 def _founds(node: _Node) -> Iterator[Found]:

@@ -13,11 +13,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 WRONG_BIT = "wrong toggle bit at the sender"
+EITHER = "frames swapped or wrong toggle bits"  # of two that are equal otherwise, which nobody can tell
 END_BIT, START_BIT = "wrong end bit at the sender", "wrong start bit at the sender"
 SWAPPED = "frames swapped"
 REPEATED = "a frame repeated later"
 OTHER_SENDER = "frames of another sender in between"
-OTHER_ID = "a frame with another transfer ID"
+OTHER_ID = "wrong transfer ID"
 UNPROVEN = "a frame lost or out of order"  # nothing is known that the CRC could be checked with
 
 _START, _END, _TOGGLE, _ID = 0x80, 0x40, 0x20, 0x1F
@@ -58,13 +59,15 @@ class Part(NamedTuple):
 class Expected(NamedTuple):
     """What is known of the type: values that its CRC may start from, payload bytes if they never change.
 
-    `lengths` are (frames, bytes before the tail of the last one) of whole transfers that the sender sent nearby.
+    `lengths` are (frames, bytes before the tail of the last one) of whole transfers that the sender sent nearby,
+    `singles` the bytes before the tail of those in one frame.
     """
 
     starts: Sequence[int]
     size: int | None
     fd: bool = False
     lengths: frozenset[tuple[int, int]] = frozenset()
+    singles: frozenset[int] = frozenset()
 
     @property
     def room(self) -> int:
@@ -82,7 +85,9 @@ class Expected(NamedTuple):
 
     def frames(self) -> int | None:
         """Frames that a transfer needs, if that never changes."""
-        return None if self.size is None else -(-(self.size + 2) // self.room)
+        if self.size is None:
+            return None
+        return 1 if self.size <= self.room else -(-(self.size + 2) // self.room)
 
 
 class Cause(NamedTuple):
@@ -120,7 +125,7 @@ def proven(parts: Sequence[Part], around: Sequence[Part], expected: Expected) ->
     own = [part for part in inside if part.transfer_id == transfer_id]
     for order in (list(parts), own):
         if not _tails_right(order) and _ends_right(order) and expected.fits(order):
-            return Proof(Cause(WRONG_BIT), order)
+            return Proof(Cause(EITHER if _swappable(order) else WRONG_BIT), order)
     turned = _one_bit_turned(pool, transfer_id, expected)
     if turned is not None:
         return turned
@@ -130,6 +135,12 @@ def proven(parts: Sequence[Part], around: Sequence[Part], expected: Expected) ->
             if cause is not None:
                 return Proof(cause, order)
     return None
+
+
+def _swappable(order: Sequence[Part]) -> bool:
+    """Whether two equal neighbours have each the toggle that the other one should have."""
+    wrong = [k for k, part in enumerate(order) if part.toggle != bool(k & 1)]
+    return len(wrong) == 2 and wrong[1] - wrong[0] == 1 and order[wrong[0]].body == order[wrong[1]].body
 
 
 def _one_bit_turned(pool: Sequence[Part], transfer_id: int, expected: Expected) -> Proof | None:
@@ -153,7 +164,7 @@ def _difference(order: Sequence[Part], pool: Sequence[Part], transfer_id: int) -
     """What separates the order that is right from the one that came."""
     if any(part.transfer_id != transfer_id for part in order):
         strange = next(part for part in order if part.transfer_id != transfer_id)
-        return Cause(OTHER_ID, f" (frame {strange.number + 1} belongs to it)")
+        return Cause(OTHER_ID, f" in frame {strange.number + 1}")
     if any(after.number < one.number for one, after in pairwise(order)):
         return Cause(SWAPPED, f" (right order: {', '.join(str(part.number + 1) for part in order)})")
     rest = [part for part in pool if part not in order and part.transfer_id == transfer_id]

@@ -1,6 +1,7 @@
 """The vehicle that somebody expects: a TOML file with its nodes, numbers, severities, waivers and demands.
 
-Mistakes are `ProfileError` with file and line. What a vehicle file can hold:
+Mistakes are `ProfileError` with file and line. A capture of another vehicle (nodes, rates, ESCs, units) fails, one that
+shows less than `require` is not judged. What a vehicle file can hold:
 
     bit_rate = 1000000
     escs = 6

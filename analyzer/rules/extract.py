@@ -114,7 +114,7 @@ class _Court:
     alone: bool
 
     def places(self, wanted: Wanted, text: bytes) -> list[Place]:
-        """Where a capture shows the finding, with the same severity."""
+        """Where a capture shows the finding, with the same severity if one is wanted."""
         settings = replace(self.settings, select={wanted.rule}, ignore=()) if self.alone else self.settings
         judge, engine = Judge(self.registry, settings), Engine(self.registry)
         for batch in engine.run([text]):
@@ -123,7 +123,8 @@ class _Court:
         return [
             (shown.t, shown.text)
             for key, run in judge.finish().runs
-            if (key.rule, key.severity, key.node, key.type) == (wanted.rule, wanted.severity, node, wanted.type)
+            if (key.rule, key.node, key.type) == (wanted.rule, node, wanted.type)
+            and wanted.severity in ("", key.severity)
             for shown in run.examples
         ]
 

@@ -47,6 +47,11 @@ class FailOn:
         """As it is written."""
         return tuple(f"{category}:{severity}" for category, severity in sorted(self.least.items())) or (NEVER,)
 
+    @property
+    def unlimited(self) -> bool:
+        """Whether nothing fails."""
+        return not self.least
+
     def fails(self, category: str, severity: str) -> bool:
         """Whether such a finding counts against the gate."""
         least = self.least.get(category)
@@ -64,9 +69,14 @@ class Passage:
 
 
 def passage(
-    failing: int, unjudged: Sequence[str], unmet: Sequence[str], damaged: Sequence[str], unproven: Sequence[str] = ()
+    failing: int,
+    unjudged: Sequence[str],
+    unmet: Sequence[str],
+    damaged: Sequence[str],
+    unproven: Sequence[str] = (),
+    missed: Sequence[str] = (),
 ) -> Passage:
-    """Findings win over what could not be judged, that over damage.
+    """Findings and a vehicle unlike the expected one win over what could not be judged, that over damage.
 
     Args:
         failing: findings that count.
@@ -74,10 +84,13 @@ def passage(
         unmet: demands that are not met.
         damaged: captures that could not be read as a whole.
         unproven: the selected rules, each with the reason, if not one of them could be judged.
+        missed: what was expected of the vehicle and is not so, if that counts.
     """
     reasons = []
     if failing:
         reasons.append(f"{failing} finding{'s' if failing > 1 else ''} at or above the limit")
+    if missed:
+        reasons.append(f"expected but not met: {_few(missed)}")
     if unmet:
         reasons.append(f"required but not met: {_few(unmet)}")
     if unjudged:
@@ -87,8 +100,9 @@ def passage(
     if damaged:
         reasons.append(f"not read as a whole: {_few(damaged)}")
     judged = not unjudged and not unmet and not unproven
-    status = FAILED if failing else NOT_JUDGED if not judged else DAMAGED if damaged else CLEAN
-    return Passage(failing > 0, judged, status, "; ".join(reasons))
+    failed = failing > 0 or len(missed) > 0
+    status = FAILED if failed else NOT_JUDGED if not judged else DAMAGED if damaged else CLEAN
+    return Passage(failed, judged, status, "; ".join(reasons))
 
 
 def _few(names: Sequence[str]) -> str:

@@ -14,19 +14,21 @@ import numpy as np
 from analyzer.rules.foreign import session_bits
 from analyzer.rules.frames import discriminator
 from analyzer.rules.remains import Loose
-from analyzer.rules.strays import KINDS, Strays, whose
+from analyzer.rules.strays import KINDS, Strays, preceding, whose
 from analyzer.tables import FD, FRAME_ANOMALIES, VERDICTS
 from dissectors.conformance import Occurrence, Watcher
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from dissectors.conformance import Found, Kept, Values, View, Words
+    from dissectors.conformance import Found, Kept, Severity, Values, View, Words
 
 _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
 _REMOTE, _NO_TAIL, _IMPOSSIBLE, _START_TOGGLE = (
     1 << FRAME_ANOMALIES.index(name) for name in ("remote", "no tail", "impossible length", "start toggle")
 )
+_ID, _GOES = 31, 0x60  # of a tail byte: end and toggle
+_CLOSE = 64  # frames before a start in which the one before it is looked for
 _LENGTH_CODE = 8  # bits 8 to 11 of the flags of a remote frame
 MOST_SESSIONS = 1 << 16
 MOST_HELD = 4096
@@ -42,7 +44,7 @@ class _Kind(NamedTuple):
 
 class _Held(NamedTuple):
     loose: Loose
-    about: tuple[tuple[str, Values], ...]
+    about: tuple[tuple[str, Values, Severity | None], ...]
 
 
 class Leftovers(Watcher):
@@ -120,8 +122,10 @@ class Leftovers(Watcher):
             loose, kept = one.loose, one.loose.kept
             self._held.pop(loose.number, None)
             node, type_, _ = whose(view, kept)
-            for rule, values in one.about:
-                yield Occurrence(rule, kept.t, kept.bus, node, type_, (loose.number,), values, lines=loose.lines)
+            for rule, values, severity in one.about:
+                yield Occurrence(
+                    rule, kept.t, kept.bus, node, type_, (loose.number,), values, severity=severity, lines=loose.lines
+                )
             if kept.verdict in KINDS:
                 self._strays.add(loose)
 
@@ -130,6 +134,12 @@ class Leftovers(Watcher):
         verdict, anomaly, flags = f.verdict[rows], f.anomaly[rows], f.flags[rows]
         for kind in _KINDS:
             mine = rows[kind.picks(verdict, anomaly, flags)]
+            if kind.rule == "TRF-002":
+                later = np.array(
+                    [_goes_on(view, row + f.first, view.frame(row + f.first)) for row in mine.tolist()], bool
+                )
+                yield view.among_frames(kind.rule, mine[later], partial(_values_of, view, kind), severity="note")
+                mine = mine[~later]
             if len(mine):
                 yield view.among_frames(kind.rule, mine, partial(_values_of, view, kind))
         strays = np.isin(verdict, KINDS)
@@ -142,8 +152,20 @@ class Leftovers(Watcher):
 def _held(view: View, number: int, session: int, kept: Kept, anomaly: int) -> _Held:
     facts = (np.array([value]) for value in (kept.verdict, anomaly, kept.flags))
     verdict, bits, flags = facts
-    about = [(kind.rule, kind.values(view, number, kept)) for kind in _KINDS if kind.picks(verdict, bits, flags)[0]]
+    kinds = [kind for kind in _KINDS if kind.picks(verdict, bits, flags)[0]]
+    later: Severity | None = (
+        "note" if any(kind.rule == "TRF-002" for kind in kinds) and _goes_on(view, number, kept) else None
+    )
+    about = [(kind.rule, kind.values(view, number, kept), later if kind.rule == "TRF-002" else None) for kind in kinds]
     return _Held(Loose(number, session, kept, view.lines((number,))), tuple(about))
+
+
+def _goes_on(view: View, number: int, kept: Kept | None) -> bool:
+    """Whether a start with toggle 1 is the next frame of a transfer, of which another rule says so (TRF-006)."""
+    if kept is None or not kept.data:
+        return False
+    tail = next((other.data[-1] for _, other in preceding(view, number, kept, _CLOSE)), None)
+    return tail is not None and not (tail ^ kept.data[-1]) & _ID and not tail & _GOES
 
 
 def _values_of(view: View, kind: _Kind, row: int) -> Values:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from analyzer.rules.diagnosis import UNPROVEN, Cause, break_at
+from analyzer.rules.diagnosis import END_BIT, START_BIT, UNPROVEN, Cause, break_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,6 +17,7 @@ LOST_ODD = "an odd number of frames lost"  # one, most likely; the toggles canno
 FIRST, FIRSTS = "first frame lost", "first frames lost"
 LAST, LASTS = "last frame lost", "last frames lost"
 NO_ORDER = "its frames fit in no order"
+TOO_MANY = "more frames than the type has"
 
 
 def missing(parts: Sequence[Part], expected: Expected) -> Cause | None:
@@ -26,10 +27,16 @@ def missing(parts: Sequence[Part], expected: Expected) -> Cause | None:
         parts: its frames, in the order in which they came; no order of them has the right CRC.
         expected: what is known of its type.
     """
+    return _alone(parts, expected) or _gone(parts, expected)
+
+
+def _gone(parts: Sequence[Part], expected: Expected) -> Cause | None:
     breaks = sum(one.toggle == after.toggle for one, after in pairwise(parts))
     totals = _totals(parts, breaks, expected)
     total = totals.pop() if len(totals) == 1 else None
     gone = None if total is None else total - len(parts)
+    if gone is not None and gone < 0:
+        return Cause(TOO_MANY, f" ({len(parts)} instead of {total})")
     if not parts[0].start:
         return _without_start(parts, breaks, gone)
     if breaks:
@@ -39,6 +46,20 @@ def missing(parts: Sequence[Part], expected: Expected) -> Cause | None:
     if gone and total is not None:
         return Cause(LOST_SEVERAL, f" ({gone} of {total})")
     return None
+
+
+def _alone(parts: Sequence[Part], expected: Expected) -> Cause | None:
+    """The start or end bit of a transfer in one frame, which has no CRC: nothing but its length tells."""
+    if len(parts) != 1 or parts[0].toggle or parts[0].start == parts[0].end:
+        return None
+    (part,) = parts
+    if expected.size is not None:
+        told = expected.frames() == 1 and len(part.body) == expected.size
+    else:
+        told = len(part.body) in expected.singles and not expected.lengths
+    if not told:
+        return None
+    return Cause(END_BIT if part.start else START_BIT, f" (frame {part.number + 1})")
 
 
 def _totals(parts: Sequence[Part], breaks: int, expected: Expected) -> set[int]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from analyzer.rules.broken import NOT_SOUGHT, Budget
+from analyzer.rules.bits import in_a_row
 from analyzer.rules.diagnosis import Cause, proven
-from analyzer.rules.losses import missing
+from analyzer.rules.habits import LIKE, NOT_SOUGHT, Budget, Habits
+from analyzer.rules.losses import FIRST, FIRSTS, LOST_SEVERAL, missing
 from analyzer.rules.surroundings import Scenes
 from analyzer.tables import FD
 from dissectors.conformance import NO_TIME, SECOND, Kept, Occurrence
@@ -15,12 +16,16 @@ from dissectors.conformance import NO_TIME, SECOND, Kept, Occurrence
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from analyzer.rules.surroundings import Scene
     from dissectors.conformance import View
 
 _END, _TRANSFER_ID = 0x40, 31
+_LOSSES = {FIRST, FIRSTS, LOST_SEVERAL, NOT_SOUGHT}  # what a sender that was busy as the capture began explains
 TIMEOUT = 2 * SECOND
 MOST_OPEN = 4096
 MOST_FRAMES = 64  # of one remainder that are named
+MOST_EARLY = 4096  # remainders that may be excused, until the session shows whether it goes on like that
+_HABIT = 3  # of them that no busy moment explains
 
 
 class Loose(NamedTuple):
@@ -38,8 +43,10 @@ class _Remainder:
     node: int | None
     type: str
     code: int
+    session: int
     first: Loose
     latest: int
+    received: int = 0
     frames: list[int] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
 
@@ -55,8 +62,15 @@ class Remains:
         self._begun = begun
         self._open: dict[int, _Remainder] = {}
         self._orphaned: dict[int, int] = {}
+        self._early_ones: dict[tuple[int, str], list[Occurrence]] = {}
+        self._excused = 0
         self._budget = Budget()
+        self._habits = Habits()
         self._scenes = Scenes()
+
+    def look(self, view: View) -> None:
+        """Takes in every batch."""
+        self._scenes.add(view)
 
     def add(self, view: View, loose: Loose, node: int | None, type_: str, code: int) -> Iterator[Occurrence]:
         """One more orphan; a remainder that cannot get any more frames."""
@@ -70,8 +84,9 @@ class Remains:
         if one is None:
             if len(self._open) >= MOST_OPEN:
                 yield from self._close(view, next(iter(self._open)))
-            one = self._open[key] = _Remainder(tail & _TRANSFER_ID, node, type_, code, loose, t)
+            one = self._open[key] = _Remainder(tail & _TRANSFER_ID, node, type_, code, key, loose, t)
         one.latest = t
+        one.received += len(loose.kept.data) - 1
         if len(one.frames) < MOST_FRAMES:
             one.frames.append(loose.number)
             one.lines += loose.lines
@@ -82,30 +97,45 @@ class Remains:
         """Those that were never closed."""
         for key in list(self._open):
             yield from self._close(view, key)
+        for held in self._early_ones.values():
+            yield from held
 
     def _close(self, view: View, key: int) -> Iterator[Occurrence]:
         one = self._open.pop(key)
         kept = one.first.kept
         cause = self._cause(view, one)
-        if cause is not None:
-            yield Occurrence(
-                "TRF-005", kept.t, kept.bus, one.node, one.type, tuple(one.frames),
-                {"transfer_id": one.transfer_id, "cause": cause.what, "detail": cause.detail},
-                severity="note" if self._early(view, one.first) else None, drops=True, lines=tuple(one.lines),
-            )  # fmt: skip
+        if cause is None:
+            return
+        early = cause.what in _LOSSES and self._early(view, one.first)
+        found = Occurrence(
+            "TRF-005", kept.t, kept.bus, one.node, one.type, tuple(one.frames),
+            {"transfer_id": one.transfer_id, "cause": cause.what, "detail": cause.detail},
+            severity="note" if early else None, drops=True, lines=tuple(one.lines),
+        )  # fmt: skip
+        kind = one.session, cause.what
+        if early and self._excused < MOST_EARLY:
+            self._excused += 1
+            self._early_ones.setdefault(kind, []).append(found)
+            return
+        held = self._early_ones.pop(kind, [])
+        self._excused -= len(held)
+        # What goes on is no moment in which the sender was busy.
+        yield from (replace(one, severity=None) for one in held) if len(held) >= _HABIT else held
+        yield found
 
     def _cause(self, view: View, one: _Remainder) -> Cause | None:
         """What is missing; None if the frames belong to a transfer that says so itself."""
-        kept = one.first.kept
+        kept, shape = one.first.kept, (len(one.frames), one.received)
         who = kept.bus, -1 if one.node is None else one.node, one.code
-        here = self._scenes.of(view, one.frames, one.code, fd=bool(kept.flags & FD)) if self._budget.take(who) else None
+        if not self._budget.take(who):
+            what = self._habits.like(who, shape)
+            return Cause(what, "" if what == NOT_SOUGHT else LIKE) if what else None
+        here = self._scenes.of(view, one.frames, one.code, fd=bool(kept.flags & FD))
         if here is None:
             return Cause(NOT_SOUGHT)
-        proof = proven(here.parts, here.around(), here.expected)
-        if proof is None:
-            return missing(here.parts, here.expected)
-        own = {part.number for part in here.parts}
-        return proof.cause if all(part.number in own for part in proof.order) else None
+        cause = _sought(here)
+        self._habits.note(who, shape, "" if cause is None else cause.what)
+        return cause
 
     def _early(self, view: View, loose: Loose) -> bool:
         """Whether the sender may have been busy when the session, the capture, or what follows a gap in it, began."""
@@ -117,3 +147,16 @@ class Remains:
         if begun != NO_TIME:
             starts[1] = min(starts[1], begun)
         return t - max(*starts, view.resumed(t)) <= TIMEOUT
+
+
+def _sought(here: Scene) -> Cause | None:
+    proof = proven(here.parts, here.around(), here.expected)
+    if proof is not None:
+        own = {part.number for part in here.parts}
+        return proof.cause if all(part.number in own for part in proof.order) else None
+    row = in_a_row(here.parts, here.near, here.expected)
+    if row is None:
+        return missing(here.parts, here.expected)
+    # The frames behind a single one with an end bit too many: nothing else tells of them.
+    first, second = row.order[:2]
+    return row.cause if first.start and first.end and second == here.parts[0] else None

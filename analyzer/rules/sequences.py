@@ -1,26 +1,37 @@
 """What explains breaches of a transfer-ID counter.
 
-Two senders in one session, one counter for several types, or transfers that came in another order.
+Several senders in one session, one counter for several types, one that wraps early, or transfers in another order.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from dissectors.conformance import NO_TIME
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
+
+    from analyzer.rules.steps import Breach
 
 IDS = 32
 MOST_MOVED = 8  # transfers that changed places with each other
 _STEPS = 3  # that a swap has
+MOST_SENDERS = 8
+_LATEST = 64  # steps that are judged, and of them:
+_NEARLY_ALL, _MOSTLY = 7 / 8, 3 / 4
+_TIMING = 1 / 4  # so far off may a period be
+WRAPS = 3  # from the same ID that are no restarts
+_MOST_SESSIONS = 256  # of a node
 RUN, EACH = 20, 3  # messages that count together without a break, and of each type that is judged
 MOST_SHOWN = 8  # messages of a shared counter that are evidence
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Chain:
-    """One sender's counter: the ID it came to, and how often it went on by 1 after the other one spoke, at least."""
+    """One sender's counter: the ID it came to, and how often it went on by 1 after another one spoke, at least."""
 
     last: int
     length: int = 1
@@ -28,45 +39,85 @@ class Chain:
 
 
 class Senders:
-    """Tells whether a session is two interleaved counters; it is told only of steps that are not 1.
+    """Tells whether a session is several interleaved counters; it is told only of steps that are not 1.
 
-    A lost transfer leaves a counter that nobody continues. Two senders continue both, by turns.
+    A lost transfer leaves a counter that nobody continues. Several senders continue all of them, by turns. Losses that
+    come at regular intervals may look the same, but then time goes on as the IDs do.
     """
 
     def __init__(self) -> None:
         self._speaks: Chain | None = None
-        self._waits: Chain | None = None
+        self._waiting: list[Chain] = []  # the one that spoke last at the end
+        self._at = NO_TIME  # of the latest step
+        self._went_on: deque[bool] = deque(maxlen=_LATEST)  # whether it continued a counter that waited
+        self._in_time: deque[bool] = deque(maxlen=_LATEST)  # whether losses explain it
 
-    def add(self, before: int, transfer_id: int, frames: Sequence[int]) -> None:
-        """A transfer whose ID is not that of the transfer `before` plus 1."""
-        if self._speaks is None:
-            self._speaks = Chain(before)
-        elif self._speaks.last != before:
-            self._speaks.last = before
-            self._speaks.length += 1
-        spoke, after = self._speaks, self._waits
-        if after is not None and (after.last + 1) % IDS == transfer_id:
-            after.last, after.length, after.frames = transfer_id, after.length + 1, frames
+    def add(self, one: Breach) -> None:
+        """A transfer whose ID is not that of the transfer before plus 1."""
+        spoke = self._speaks or Chain(one.before)
+        silent = (one.before - spoke.last) % IDS
+        self._in_time.append(_is_loss(silent, one.since - self._at if self._at != NO_TIME else 0, one))
+        if silent:
+            spoke.last = one.before
+            spoke.length += 1
+        self._waiting.append(spoke)
+        known = [k for k, chain in enumerate(self._waiting) if (chain.last + 1) % IDS == one.transfer_id]
+        if known:
+            goes_on = self._waiting.pop(known[0])
+            goes_on.length += 1
         else:
-            after = Chain(transfer_id, frames=frames)
-        self._speaks, self._waits = after, spoke
+            goes_on = Chain(one.transfer_id)
+            del self._waiting[: -MOST_SENDERS + 1]
+        goes_on.last, goes_on.frames = one.transfer_id, one.frames
+        self._speaks, self._at = goes_on, one.t
+        self._went_on.append(bool(known))
 
-    def length(self) -> int:
-        """Transfers of the shorter counter, at least."""
-        if self._speaks is None or self._waits is None:
-            return 0
-        return min(self._speaks.length, self._waits.length)
+    def counters(self, least: int) -> list[Chain]:
+        """The counters, the latest one last, once two had so many transfers and all explain nearly every step."""
+        chains = [*self._waiting, *filter(None, (self._speaks,))]
+        steps = len(self._went_on)
+        proven = sum(one.length >= least for one in chains) > 1 and sum(self._went_on) >= _NEARLY_ALL * steps
+        if not proven or sum(self._in_time) >= _MOSTLY * steps:
+            return []
+        return [one for one in chains if 2 * one.length >= least]
 
-    def at(self) -> tuple[int, int]:
-        """Where both counters are, the latest one last."""
-        chains = [one.last for one in (self._waits, self._speaks) if one is not None]
-        return chains[0], chains[-1]
 
-    def frames(self) -> Iterator[int]:
-        """The latest transfer of each, as far as it was a breach."""
-        for one in (self._waits, self._speaks):
-            if one is not None:
-                yield from one.frames
+def _is_loss(silent: int, took: int, one: Breach) -> bool:
+    """Whether one sender may have lost transfers: the IDs before, `silent` of them, came as fast as the lost ones."""
+    gap = one.t - one.since
+    if not one.step or one.t == NO_TIME or gap <= 0 or took <= 0:
+        return False
+    by_time = took * one.step / gap
+    return any(ids and abs(by_time - ids) <= _TIMING * ids for ids in range(silent, 4 * IDS, IDS))
+
+
+class Wraps:
+    """Tells a node's counters that always wrap early from restarts.
+
+    In a restart the uptime falls too, and the ID before 0 is a different one each time.
+    """
+
+    def __init__(self) -> None:
+        self._alike: dict[tuple[int, int, int], list[Breach]] = {}
+        self._uptime = 0
+        self._fell = NO_TIME  # when the uptime last did, or was 0
+
+    def status(self, t: int, uptime: int) -> None:
+        """The node's next NodeStatus."""
+        if not uptime or uptime < self._uptime:
+            self._fell = t
+        self._uptime = uptime
+
+    def add(self, one: Breach, *, to_zero: bool) -> bool:
+        """Whether the steps of a session that are not 1 are, one after the other, falls to 0 from the same ID."""
+        alike = self._alike.get(one.session, [])
+        if not to_zero or (alike and alike[-1].before != one.before):
+            self._alike.pop(one.session, None)
+            alike = []
+        if not to_zero or (one.session not in self._alike and len(self._alike) >= _MOST_SESSIONS):
+            return False
+        self._alike[one.session] = alike = [*alike, one][-WRAPS:]
+        return len(alike) == WRAPS and (self._fell == NO_TIME or self._fell < alike[0].since)
 
 
 @dataclass(slots=True)

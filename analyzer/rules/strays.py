@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.rules.broken import Budget
 from analyzer.rules.diagnosis import proven
 from analyzer.rules.foreign import session_bits
 from analyzer.rules.frames import GONE
+from analyzer.rules.habits import Budget
 from analyzer.rules.remains import Remains
 from analyzer.rules.surroundings import AHEAD, Scenes
 from analyzer.rules.view import who
@@ -51,6 +52,8 @@ class Strays:
 
     def look(self, view: View) -> Iterator[Occurrence]:
         """Those whose surroundings are known by now."""
+        self._scenes.add(view)
+        self._remains.look(view)
         if self._waiting:
             end = view.frames.first + len(view.frames)
             ready = [one for one in self._waiting if one.number + AHEAD < end]
@@ -84,8 +87,14 @@ class Strays:
 
 def whose(view: View, kept: Kept) -> tuple[int | None, str, int]:
     """Node, type and its code by the identifier of a frame."""
-    node, code = who(np.array([kept.id]), np.array([kept.flags]), np.array([_USED]))
-    return None if node[0] < 0 else int(node[0]), view.type_name(int(code[0])), int(code[0])
+    node, code = _whose(kept.id, kept.flags)
+    return None if node < 0 else node, view.type_name(code), code
+
+
+@lru_cache(maxsize=4096)
+def _whose(identifier: int, flags: int) -> tuple[int, int]:
+    node, code = who(np.array([identifier]), np.array([flags]), np.array([_USED]))
+    return int(node[0]), int(code[0])
 
 
 def _said(rule: str, one: Loose, node: int | None, type_: str, values: Values) -> Occurrence:
@@ -136,10 +145,10 @@ def _inside(near: Scene) -> str | None:
     return None if right else ""
 
 
-def _before(view: View, number: int, kept: Kept) -> Iterator[tuple[int, Kept]]:
+def preceding(view: View, number: int, kept: Kept, most: int = NEAR) -> Iterator[tuple[int, Kept]]:
     """Earlier frames of the session, the last one first."""
     wanted = int(session_bits(np.array([kept.id]))[0])
-    for earlier in range(number - 1, max(-1, number - 1 - NEAR), -1):
+    for earlier in range(number - 1, max(-1, number - 1 - most), -1):
         other = view.frame(earlier)
         if other is None:
             return
@@ -148,12 +157,12 @@ def _before(view: View, number: int, kept: Kept) -> Iterator[tuple[int, Kept]]:
 
 
 def _copy(view: View, number: int, kept: Kept) -> Values:
-    before = next((earlier + 1 for earlier, _ in _before(view, number, kept)), GONE)
-    return {"frame": number + 1, "previous_frame": before}
+    found = next((earlier + 1 for earlier, _ in preceding(view, number, kept)), GONE)
+    return {"frame": number + 1, "previous_frame": found}
 
 
 def _stray(view: View, number: int, kept: Kept) -> Values:
     mine = kept.data[-1] & _TRANSFER_ID
-    tails = (other.data[-1] for _, other in _before(view, number, kept) if other.verdict == _USED)
+    tails = (other.data[-1] for _, other in preceding(view, number, kept) if other.verdict == _USED)
     under_way = (tail & _TRANSFER_ID for tail in tails if not tail & _END)
     return {"transfer_id": mine, "expected": next((one for one in under_way if one != mine), GONE)}

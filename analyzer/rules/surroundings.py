@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from analyzer.rules.definitions import crc_start
 from analyzer.rules.diagnosis import Expected, Part
+from analyzer.rules.sessions import Sessions
 from analyzer.tables import ERROR, EXTENDED, REMOTE
 from dissectors.conformance import NO_TIME, SECOND
 
@@ -26,7 +25,7 @@ _MOST = 48  # frames of the session before it, and as many behind it
 WIDEST = 8192  # frames from the first to the last of a transfer that is looked into
 TIMEOUT = 2 * SECOND  # frames that are further apart than this belong to no common transfer
 MOST_KNOWN = 8192  # frames that are remembered
-_SESSION = 0xFF_FFFF  # bits of an identifier: all but the priority
+_UNSTEADY = 2  # toggles that stand still by habit, not by accident
 
 
 class Scene(NamedTuple):
@@ -58,6 +57,16 @@ class Scene(NamedTuple):
                 found.append(part)
         return found
 
+    def unsteady(self) -> bool:
+        """Whether toggles stand still in other transfers of the session too."""
+        own, last, breaks = {part.number for part in self.parts}, dict[int, Part](), 0
+        for part in self.near:
+            before = last.get(part.transfer_id)
+            if before is not None and not part.start and part.number not in own and part[1:] != before[1:]:
+                breaks += part.toggle == before.toggle
+            last[part.transfer_id] = part
+        return breaks >= _UNSTEADY
+
 
 def part_of(number: int, kept: Kept | None) -> Part | None:
     """A frame of the recent past with its tail byte apart; None without one."""
@@ -73,7 +82,12 @@ class Scenes:
     """Looks around; remembers frames, as broken transfers seldom come alone."""
 
     def __init__(self) -> None:
+        self._sessions = Sessions()
         self._known: dict[int, tuple[Part, int] | None] = {}
+
+    def add(self, view: View) -> None:
+        """Takes in every batch."""
+        self._sessions.add(view)
 
     def of(self, view: View, frames: Sequence[int], code: int, *, fd: bool) -> Scene | None:
         """What is around frames of one session and type; None if they are gone or too far apart."""
@@ -88,15 +102,16 @@ class Scenes:
         times = [t for part, t in session if frames[0] <= part.number <= frames[-1] and t != NO_TIME]
         low, high = (min(times) - TIMEOUT, max(times) + TIMEOUT) if times else (NO_TIME, NO_TIME)
         near = [part for part, t in session if NO_TIME in (t, low) or low <= t <= high]
+        singles = frozenset(len(part.body) for part in every if part.start and part.end and not part.toggle)
         right = [run for run in whole if not starts or run[0].number in settled]
         lengths = frozenset((len(run), len(run[-1].body)) for run in right)
-        return Scene(parts, near, whole, settled, expected._replace(lengths=lengths))
+        return Scene(parts, near, whole, settled, expected._replace(lengths=lengths, singles=singles))
 
     def _session(self, view: View, first: int, last: int, like: Kept) -> list[tuple[Part, int]]:
         """Frames with the session of another one, and their times: from some before `first` to some behind `last`."""
-        before = list(_numbers(view, max(first - BEFORE, 0), first, like))[-_MOST:]
-        inside = _numbers(view, first, last + 1, like)
-        behind = list(_numbers(view, last + 1, last + 1 + AHEAD, like))[:_MOST]
+        before = [*self._sessions.numbers(view, max(first - BEFORE, 0), first, like)][-_MOST:]
+        inside = self._sessions.numbers(view, first, last + 1, like)
+        behind = [*self._sessions.numbers(view, last + 1, last + 1 + AHEAD, like)][:_MOST]
         if len(self._known) > MOST_KNOWN:
             self._known.clear()
         found = (self._part(view, number) for number in (*before, *inside, *behind))
@@ -138,17 +153,3 @@ def _whole(near: Sequence[Part], expected: Expected) -> tuple[list[list[Part]], 
         else:
             under_way.pop(part.transfer_id, None)
     return runs, frozenset(settled)
-
-
-def _numbers(view: View, low: int, high: int, like: Kept) -> Iterable[int]:
-    """Frames from `low` to before `high` on the bus of a frame with its identifier, but for the priority."""
-    f = view.frames
-    at = min(max(low, f.first), high) if len(f) else high
-    for number in range(low, at):
-        kept = view.frame(number)
-        if kept is not None and kept.bus == like.bus and kept.id & _SESSION == like.id & _SESSION:
-            yield number
-    if at < high:
-        rows = slice(at - f.first, high - f.first)
-        same = (f.id[rows] & _SESSION == like.id & _SESSION) & (f.bus[rows] == like.bus)
-        yield from (np.flatnonzero(same) + at).tolist()

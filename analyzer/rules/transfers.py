@@ -10,7 +10,7 @@ import numpy as np
 
 from analyzer.rules.foreign import session_bits
 from analyzer.rules.frames import GONE, flagged
-from analyzer.tables import STATUSES, TRANSFER_ANOMALIES
+from analyzer.tables import STATUSES, TRANSFER_ANOMALIES, VERDICTS
 from dissectors.conformance import MILLISECOND, NO_TIME, SECOND, Occurrence, Watcher, watches
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from dissectors.conformance import Found, Kept, Severity, Values, View, Words
 
+_STRAY = tuple(VERDICTS.index(name) for name in ("wrong transfer id", "orphan"))
 _OK = STATUSES.index("ok")
 _COMPLETE = tuple(STATUSES.index(name) for name in ("ok", "unchecked", "bad crc"))
 _SINGLE_WITH_TOGGLE = 0xE0  # start, end and toggle of a tail byte
@@ -53,6 +54,10 @@ def measured(view: View) -> Iterator[Found]:
         if one.complete:
             rows = rows[np.isin(t.status[rows], _COMPLETE)]
         about = partial(one.values, view)
+        if one.rule == "TRF-026":
+            strays = np.array([_only_strays(view, row) for row in rows.tolist()], bool)
+            yield view.among_transfers(one.rule, rows[strays], about, severity="note")
+            rows = rows[~strays]
         yield view.among_transfers(one.rule, rows, about, severity=one.severity, drops=one.drops)
 
 
@@ -124,18 +129,28 @@ def _first(view: View, row: int) -> Values:
     return {"length": GONE if kept is None else len(kept.data)}
 
 
-def _in_turn(view: View, row: int) -> Values:
-    """The other transfer ID stands in a frame of the session between the first and the last one."""
+def _others(view: View, row: int) -> list[tuple[int, Kept]]:
+    """Frames of the session with another transfer ID, between the first and the last of a transfer."""
     numbers = view.transfers.frames(row)
     mine, first = int(view.transfers.transfer_id[row]), view.frame(numbers[0])
     between = range(numbers[0] + 1, min(numbers[-1], numbers[0] + NEAR))
-    others: list[tuple[int, int]] = []
-    if first is not None:
-        wanted = session_bits(np.array([first.id]))[0]
-        for number, kept in _known(view, between):
-            same = kept.bus == first.bus and kept.data and kept.id & 0xFF_FFFF == wanted
-            if same and kept.data[-1] & _TRANSFER_ID != mine:
-                others.append((number, kept.data[-1]))
+    if first is None:
+        return []
+    wanted = session_bits(np.array([first.id]))[0]
+    same = ((n, kept) for n, kept in _known(view, between) if kept.bus == first.bus and kept.id & 0xFF_FFFF == wanted)
+    return [(number, kept) for number, kept in same if kept.data and kept.data[-1] & _TRANSFER_ID != mine]
+
+
+def _only_strays(view: View, row: int) -> bool:
+    """Whether nothing but frames without a transfer stand inside, which have a rule of their own (TRF-009)."""
+    others = _others(view, row)
+    return bool(others) and all(kept.verdict in _STRAY for _, kept in others)
+
+
+def _in_turn(view: View, row: int) -> Values:
+    """The other transfer ID stands in a frame of the session between the first and the last one."""
+    mine = int(view.transfers.transfer_id[row])
+    others = [(number, kept.data[-1]) for number, kept in _others(view, row)]
     values: Values = {"first_id": mine, "transfer_id": others[0][1] & _TRANSFER_ID if others else GONE, "why": ""}
     # No other transfer of several frames begins in between, and without these frames the CRC is right.
     if others and view.transfers.status[row] == _OK and all(tail & _BEGINS != _START for _, tail in others):

@@ -17,15 +17,17 @@ Excused = Literal["", "waived", "known"]
 RANKED: tuple[Verdict, ...] = get_args(Verdict)  # the worst first
 UNJUDGED: tuple[Verdict, ...] = ("NOT EXERCISED", "INCONCLUSIVE")
 
+TIMES = "times"
 # Why a rule cannot be judged without it, by the words of `catalogue.PROOFS`.
 _MISSING = {
-    "times": "times not recorded",
+    TIMES: "times not recorded",
     "drops": "drops not recorded",
     "errors": "error frames not recorded",
     "bit rate": "bit rate not given (--bitrate)",
     "hardware times": "no hardware times",
 }
 _EITHER = {"bit rate", "hardware times"}  # where a page names both, one of them is enough
+COARSE = "times too coarse"
 _LOST = "frames were lost or not recorded there"
 
 
@@ -40,12 +42,13 @@ class Breach:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """One capture: its findings, what it exercised, and which proofs it has."""
+    """One capture: its findings, what it exercised, and which proofs it has; `coarse` times are none."""
 
     breaches: Sequence[Breach]
     words: Collection[str]
     proofs: Collection[str]
     lossy: bool = False
+    coarse: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,20 +68,21 @@ class _Tally:
     severities: Counter[str] = field(default_factory=Counter)
     excused: Counter[str] = field(default_factory=Counter)
     lost: int = 0
+    doubt: str = ""
 
     @property
     def count(self) -> int:
         return self.severities.total() + self.excused.total() + self.lost
 
 
-def proofs_of(facts: Facts, bit_rate: int | None) -> frozenset[str]:
-    """What a capture records of all that rules may want as proof."""
+def proofs_of(facts: Facts, bit_rate: int | None, *, coarse: bool = False) -> frozenset[str]:
+    """What a capture records of all that rules may want as proof; `coarse` times prove nothing."""
     found = {
-        "times": facts.judge.get("timing") == "yes",
+        TIMES: facts.judge.get("timing") == "yes" and not coarse,
         "drops": facts.judge.get("drops") == "yes",
         "errors": facts.judge.get("errors") == "yes",
         "bit rate": bit_rate is not None,
-        "hardware times": any("hardware" in stamp for stamp in facts.stamps),
+        "hardware times": not coarse and any("hardware" in stamp for stamp in facts.stamps),
     }
     return frozenset(word for word, there in found.items() if there)
 
@@ -109,8 +113,9 @@ def _tallies(pages: Mapping[str, Page], sessions: Iterable[Session]) -> dict[str
             tally, page = found.setdefault(one.rule, _Tally()), pages[one.rule]
             if one.excused == "waived" or (one.excused and one.severity != "note"):
                 tally.excused[one.excused] += 1
-            elif session.lossy and one.severity == "note" and page.drops:
+            elif one.severity == "note" and (doubt := _doubt(page, session)):
                 tally.lost += 1
+                tally.doubt = doubt
             else:
                 tally.severities[one.severity] += 1
     return found
@@ -126,10 +131,21 @@ def _ruling(page: Page, enabled: bool, tally: _Tally | None, sessions: Sequence[
         return Ruling("NOT EXERCISED", needs=page.exercised)
     missing = [lacking(page, session.proofs) for session in exercised]
     if all(missing):
-        return Ruling("INCONCLUSIVE", reason=", ".join(_MISSING.get(proof, proof) for proof in missing[0]))
+        return Ruling("INCONCLUSIVE", reason=", ".join(_why(proof, exercised[0]) for proof in missing[0]))
     unproven = sum(map(bool, missing))
     reason = f"inconclusive in {unproven} of {len(exercised)} captures" if unproven else ""
     return Ruling("PASS", reason=reason)
+
+
+def _doubt(page: Page, session: Session) -> str:
+    """Why what is found proves nothing there; nothing if it does."""
+    if session.coarse and TIMES in page.inconclusive:
+        return COARSE
+    return _LOST if session.lossy and page.drops else ""
+
+
+def _why(proof: str, session: Session) -> str:
+    return COARSE if proof == TIMES and session.coarse else _MISSING.get(proof, proof)
 
 
 def _broken(tally: _Tally) -> Ruling:
@@ -141,5 +157,5 @@ def _broken(tally: _Tally) -> Ruling:
     if tally.excused:
         return Ruling("WAIVED" if tally.excused["waived"] else "KNOWN", tally.count, excused)
     if tally.lost:
-        return Ruling("INCONCLUSIVE", tally.count, _LOST)
+        return Ruling("INCONCLUSIVE", tally.count, tally.doubt)
     return Ruling("PASS", tally.count, "notes only")

@@ -8,9 +8,12 @@
 //!   however slow, they change only when it carries into them;
 //! * in groups of one frame, or of frames with the same flags, they stay the same while the transfer ID goes through
 //!   all its 32 values and on. Counters of 8, 7 or 6 bits carry into the flags there, and those of 4 bits or less
-//!   never come so far. Only a counter of exactly 5 bits looks the same.
+//!   never come so far. Only a counter of exactly 5 bits looks the same, so a start or an end must be marked.
+//!
+//! A sender that counts its transfer ID up with every frame has groups of one frame of different forms: see [`Chain`].
 #![forbid(unsafe_code)]
 
+use crate::chain::Chain;
 use crate::wire::Tail;
 
 /// The flags of a tail byte: start, end, toggle.
@@ -28,6 +31,8 @@ const ROUND: usize = 40;
 const OUT_OF_TURN: usize = 8;
 /// At the end of a capture so many single frames that each count up by one may be enough.
 const COUNTED: usize = 4;
+/// And so many frames of whole transfers that each count up by one.
+const CHAINED: usize = 6;
 
 /// What the groups of one faulty sender have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,9 +101,10 @@ pub struct Cadence {
     last: Option<u8>,
     /// The last change of the last byte was to one more.
     rose: bool,
-    /// The last bytes are a counter of more than 5 bits: it rose, and then carried into the flags.
-    wide: bool,
+    /// Of a counter of more than 5 bits, which rose and then carried into the flags: the most bits that changed.
+    carried: u8,
     group: Group,
+    chain: Chain,
     /// The form of the last groups that came to an end, and how many in a row had it.
     form: Option<Form>,
     run: usize,
@@ -111,19 +117,33 @@ pub struct Cadence {
 }
 
 impl Cadence {
+    /// Begins anew, but what once was a wide counter remains one.
+    #[must_use]
+    pub fn anew(&self) -> Self {
+        Cadence {
+            carried: self.carried,
+            ..Cadence::default()
+        }
+    }
+
     pub fn note(&mut self, tail: u8) {
         self.frames += 1;
         let flags = tail & FLAGS;
         let Some(last) = self.last.replace(tail) else {
+            self.chain.note(Tail(tail), false);
             self.group = Group::begin(flags);
             return;
         };
         if tail != last {
             let carries = matches!(tail ^ last, 0x3F | 0x7F | 0xFF) && tail & !FLAGS == 0;
-            self.wide |= self.rose && carries;
+            if self.rose && carries {
+                self.carried = self.carried.max(tail ^ last);
+            }
             self.rose = tail == last.wrapping_add(1);
         }
-        match Tail(tail).transfer_id().wrapping_sub(Tail(last).transfer_id()) & 31 {
+        let step = Tail(tail).transfer_id().wrapping_sub(Tail(last).transfer_id()) & 31;
+        self.chain.note(Tail(tail), step == 1);
+        match step {
             0 => self.group.append(flags),
             1 => {
                 self.close();
@@ -147,20 +167,30 @@ impl Cadence {
         self.others += usize::from(!framed && self.rises > 0);
     }
 
+    /// The last bytes are a counter of more than 5 bits.
     pub fn is_wide_counter(&self) -> bool {
-        self.wide
+        self.carried > 0
+    }
+
+    /// And one that carries on into the marks of start and end, where no transfer ID comes that overflows.
+    pub fn carries_into_marks(&self) -> bool {
+        self.carried & (START | END) != 0
     }
 
     /// Whether it is worth while to wait for a proof.
     pub fn promising(&self) -> bool {
         let in_turn = self.breaks * OUT_OF_TURN <= self.frames;
         let begun = self.group.changing && self.group.in_order;
-        in_turn && (self.rises > 0 || begun) && !self.wide
+        in_turn && (self.rises > 0 || begun) && !self.is_wide_counter()
     }
 
-    /// Whether only a sender of transfers leaves such tail bytes. Where toggles begin with 1, as in Cyphal, and where
-    /// neither starts nor ends are marked, the sender must be known as a node that speaks DroneCAN.
+    /// Whether only a sender of transfers leaves such tail bytes. Where toggles begin with 1, as in Cyphal, where
+    /// starts and ends are out of order, and where every frame counts, the sender must be known as a node that speaks
+    /// DroneCAN.
     pub fn proves(&self, source_is_known: bool) -> bool {
+        if source_is_known && self.chain.whole() >= GROUPS && !self.is_wide_counter() {
+            return true;
+        }
         let Some(form) = self.form else {
             return false;
         };
@@ -168,16 +198,18 @@ impl Cadence {
             Form::Framed { first, .. } if source_is_known => (first, true, GROUPS),
             Form::Framed { first, .. } => (first, true, GROUPS_ALONE),
             Form::Repeated { .. } => (0, false, GROUPS),
-            Form::Uniform { flags, .. } => (flags, flags & (START | END) != 0, ROUND),
+            Form::Uniform { flags, .. } if flags & (START | END) != 0 => (flags, true, ROUND),
+            // The counter of another protocol may come from the address of a node.
+            Form::Uniform { .. } => return false,
         };
         let own = marked && first & START_AND_TOGGLE != START_AND_TOGGLE;
-        self.run >= needed && (source_is_known || own) && !self.wide
+        self.run >= needed && (source_is_known || own) && !self.is_wide_counter()
     }
 
     /// At the end of a capture, of a node that speaks DroneCAN: whether all that came has the form of transfers, or of
-    /// single frames that each count up by one.
+    /// frames that each count up by one.
     pub fn suits(&self) -> bool {
-        if self.breaks > 0 || self.wide {
+        if self.breaks > 0 || self.is_wide_counter() {
             return false;
         }
         let last = self.group.form();
@@ -185,6 +217,7 @@ impl Cadence {
         let framed = if self.rises == 0 { whole } else { self.framed > 0 };
         let single = matches!(last, Form::Uniform { flags, frames: 1 } if flags & (START | END) != 0);
         let counted = single && self.form == Some(last) && self.run == self.rises;
-        (framed && self.others == 0) || (counted && self.frames == self.run + 1 && self.frames >= COUNTED)
+        let chained = self.chain.whole() > 0 && self.chain.unbroken() >= CHAINED;
+        chained || (framed && self.others == 0) || (counted && self.frames == self.run + 1 && self.frames >= COUNTED)
     }
 }

@@ -170,13 +170,18 @@ impl Session {
     }
 }
 
+/// Whether so much time is enough for a transfer ID to come back by itself.
+pub(crate) fn come_around(gap: i64, period: i64) -> bool {
+    period > 0 && gap / period >= MANY
+}
+
 /// What the transfer ID says against the previous start of the session (clause 4.1.3). After the
 /// timeout any ID may follow. The same ID after a time for many transfers has come around again:
 /// 31 are missing.
 fn id_anomaly(step: u8, gap: i64, transfer_id: u8, repeats: bool, period: i64) -> u32 {
     if step == 1 || step == NO_STEP || (gap != NO_GAP && gap > TIMEOUT_NS) {
         0
-    } else if step == 0 && period > 0 && gap != NO_GAP && gap / period >= MANY {
+    } else if step == 0 && gap != NO_GAP && come_around(gap, period) {
         anomaly::ID_GAP
     } else if step == 0 {
         if repeats {

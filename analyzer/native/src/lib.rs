@@ -11,6 +11,7 @@ pub mod bits;
 pub mod buses;
 pub mod cadence;
 pub mod candump;
+pub mod chain;
 pub mod dataflash;
 pub mod dronecan_log;
 pub mod ending;

@@ -287,21 +287,19 @@ impl Reassembler {
         let believed = judgement == Judgement::Believe;
         let speaker = self.speaker(at);
         let (standing, session) = &mut self.sessions[at];
-        let next = if believed {
-            self.speakers[speaker] = true;
-            Standing::Trusted
-        } else if session.is_known() {
-            // It may still turn up where another protocol used its identifier before.
-            Standing::Probation(Box::new(Probation::strict()))
-        } else {
-            Standing::Foreign
-        };
-        if !believed {
-            *session = Session::new(session.id, session.bus, session.known.clone());
-        }
-        let Standing::Probation(probation) = std::mem::replace(standing, next) else {
+        let Standing::Probation(probation) = std::mem::replace(standing, Standing::Foreign) else {
             return;
         };
+        if believed {
+            self.speakers[speaker] = true;
+            *standing = Standing::Trusted;
+        } else {
+            if session.is_known() {
+                // It may still turn up where another protocol used its identifier before.
+                *standing = Standing::Probation(Box::new(Probation::strict(&probation)));
+            }
+            *session = Session::new(session.id, session.bus, session.known.clone());
+        }
         self.held -= probation.held.len();
         for held in &probation.held {
             let outcome = if believed { held.outcome } else { Outcome::FOREIGN };

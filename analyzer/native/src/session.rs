@@ -7,7 +7,8 @@
 
 use std::sync::Arc;
 
-use crate::slot::{Frame, Overtaken, Slot, State, TIMEOUT_NS};
+use crate::ending::come_around;
+use crate::slot::{elapsed, Frame, Overtaken, Slot, State, TIMEOUT_NS};
 use crate::transfers::{anomaly, when, Status, Transfers, NO_GAP, NO_STEP};
 use crate::verdict::{flaw, Outcome, Verdict};
 use crate::wire::{Id, Kind, Tail};
@@ -129,11 +130,14 @@ impl Session {
     /// A start of transfer that is not the plain case.
     fn restart(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8], out: &mut Transfers) -> Outcome {
         if self.select(tail.transfer_id()) {
-            if self.hot.state != State::Poisoned && self.hot.frames.len() == 1 && self.hot.repeats(tail, body) {
+            let lone = self.hot.state != State::Poisoned && self.hot.frames.len() == 1;
+            // Only the very next frame can be a copy: later the same bytes are the same values again.
+            let next = self.hot.overtaken == Overtaken::No && !self.came_around(frame.t);
+            if lone && next && self.hot.repeats(tail, body) {
                 self.hot.anomaly |= anomaly::DUPLICATE_FRAME;
                 return Outcome::of(Verdict::Duplicate);
             }
-            self.previous = self.hot.before;
+            self.forget_start(frame.t);
             self.close_hot(Status::Interrupted, anomaly::ABANDONED, out);
         }
         if tail.end() {
@@ -250,6 +254,20 @@ impl Session {
             self.period = gap;
         }
         (step, gap)
+    }
+
+    /// A transfer that is begun again at `t` does not count twice: its first start is no predecessor of the second.
+    /// Not so when others have started since.
+    fn forget_start(&mut self, t: i64) {
+        let latest = self.previous.is_some_and(|(id, _)| id == self.hot.transfer_id);
+        if latest && !self.came_around(t) {
+            self.previous = self.hot.before;
+        }
+    }
+
+    /// Whether from the start of the hot slot to `t` there was time for all other transfer IDs.
+    fn came_around(&self, t: i64) -> bool {
+        come_around(elapsed(self.hot.t, t), self.period)
     }
 
     fn begin(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8]) {

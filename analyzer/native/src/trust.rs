@@ -61,9 +61,11 @@ pub struct Probation {
 }
 
 impl Probation {
-    pub fn strict() -> Self {
+    /// Another chance for a known type that turned out to be foreign.
+    pub fn strict(before: &Probation) -> Self {
         Probation {
             strict: true,
+            cadence: before.cadence.anew(),
             ..Probation::default()
         }
     }
@@ -121,7 +123,8 @@ impl Probation {
     pub fn last_word(&self, session: &Session, source_is_known: bool) -> Judgement {
         let bare = self.held.iter().all(|held| held.outcome.verdict == Verdict::NoTail);
         let doubtful = self.held.len() <= FEW && (source_is_known || self.starts > 0 || bare);
-        let plausible = self.illegal == 0 || doubtful || self.complete().count() > self.illegal;
+        let plausible =
+            !self.is_counter(session) && (self.illegal == 0 || doubtful || self.complete().count() > self.illegal);
         let faulty = source_is_known && session.id.kind != Kind::Anonymous && self.cadence.suits();
         if session.is_known() && !self.strict && ((plausible && !self.cyphal()) || faulty) {
             Judgement::Believe
@@ -150,12 +153,11 @@ impl Probation {
         if self.complete().any(checked) {
             return true;
         }
-        // A transfer ID that overflows its 5 bits is a fault; the counters of other protocols do the same.
-        let counter = self.cadence.is_wide_counter() && !session.is_known();
+        let counter = self.is_counter(session);
         if (self.rising_run() && !counter) || self.one_start_value() {
             return true;
         }
-        if !session.is_known() || self.strict || self.illegal > 0 {
+        if counter || !session.is_known() || self.strict || self.illegal > 0 {
             return false;
         }
         let needed = match session.id.kind {
@@ -167,6 +169,15 @@ impl Probation {
             Kind::Anonymous => 4,
         };
         self.complete().count() >= needed
+    }
+
+    /// A transfer ID that overflows its 5 bits is a fault; the counters of other protocols do the same, and more.
+    fn is_counter(&self, session: &Session) -> bool {
+        if session.is_known() {
+            self.cadence.carries_into_marks()
+        } else {
+            self.cadence.is_wide_counter()
+        }
     }
 
     fn complete(&self) -> impl Iterator<Item = usize> + '_ {

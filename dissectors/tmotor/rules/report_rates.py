@@ -117,11 +117,10 @@ class ReportRate(Watcher):
             one.first = int(table.t[rows[0]]) if one.first == NO_TIME else one.first
             one.last = int(table.t[rows[-1]])
             one.periods.add(periods[rows])
-            t = table.t[rows]
+            t, row = table.t[rows], table.row[rows]
             one.heard.add(np.diff(t, prepend=one.latest.get(unit.index, t[0])))
             one.latest[unit.index] = one.last
-            steps = view.transfers.step[table.row[rows]]
-            steps = steps[view.transfers.has("step")[table.row[rows]]]
+            steps = view.transfers.step[row][view.transfers.has("step")[row]]
             one.counted += len(steps)
             one.skipped += int(np.count_nonzero(steps != 1))
 

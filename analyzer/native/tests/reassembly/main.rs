@@ -4,8 +4,10 @@
 mod bounds;
 #[path = "../common/capture.rs"]
 mod capture;
+mod counters;
 mod faulty;
 mod receiver;
+mod restart;
 #[path = "../common/sender.rs"]
 mod sender;
 mod trust;

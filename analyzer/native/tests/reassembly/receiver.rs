@@ -17,10 +17,10 @@ use Status::{BadCrc, Interrupted, Ok as Good, Open, TimedOut, TooShort, Unchecke
 use Verdict::{AnonymousMulti, Duplicate, Foreign, NoTail, Orphan, Used, WrongToggle, WrongTransferId};
 
 /// Three frames.
-const PAYLOAD: [u8; 14] = *b"a long payload";
+pub(crate) const PAYLOAD: [u8; 14] = *b"a long payload";
 
 /// The good transfer, then the frames that `situation` adds; its verdicts and transfers follow those of the good one.
-fn after_a_good_one(
+pub(crate) fn after_a_good_one(
     situation: impl Fn(&mut Bus, &dyn Fn(usize) -> Vec<u8>),
     verdicts: &[Verdict],
     transfers: &[(Status, u32)],
@@ -36,7 +36,7 @@ fn after_a_good_one(
 }
 
 /// Only the frames at these places, of a transfer with ID 5 and the good one's payload.
-fn parts(places: &[usize], verdicts: &[Verdict], transfers: &[(Status, u32)]) -> Capture {
+pub(crate) fn parts(places: &[usize], verdicts: &[Verdict], transfers: &[(Status, u32)]) -> Capture {
     let send = |bus: &mut Bus, part: &dyn Fn(usize) -> Vec<u8>| {
         for &at in places {
             bus.frame(ESC, &part(at));
@@ -89,13 +89,6 @@ fn copies_of_a_frame_are_dropped() {
         &[(Good, DUPLICATE_FRAME)],
     );
     parts(&[0, 1, 2, 2], &[Used, Used, Used, Duplicate], &[(Good, 0)]);
-}
-
-#[test]
-fn a_new_start_of_the_same_id_is_a_restart() {
-    let capture = parts(&[0, 1, 0, 1, 2], &[Used; 5], &[(Interrupted, ABANDONED), (Good, 0)]);
-    assert_eq!(capture.transfers.frames_of(2), [5, 6, 7]);
-    assert_eq!(capture.transfers.step[2], 1, "measured from before the attempt");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-"""What makes `plot` start quickly."""
+"""What makes commands that need Arrow start quickly."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class _Hidden(MetaPathFinder):
 def plain_arrow() -> None:
     """Keeps Arrow from importing pandas.
 
-    It would, where pandas is installed, with the first list it is given, and Rerun gives it lists: a quarter of a
-    second for nothing. Afterwards Arrow takes a pandas object for any other one: only for a process that is all ours.
+    It would, where pandas is installed, with the first list it is given: a quarter of a second for nothing. Afterwards
+    Arrow takes a pandas object for any other one: only for a process that is all ours.
     """
     import pyarrow as pa  # noqa: PLC0415
 
