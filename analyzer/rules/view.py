@@ -135,7 +135,7 @@ class Past:
             if apart[at] < 0:
                 self.gaps[:] = [(int(whole[end]) - 1, int(whole[end]), False)]
                 continue
-            busy = len(usual) == BUSY and bool(apart[at] > SILENT * (usual[-1] - usual[0]))
+            busy = len(usual) == BUSY and int(apart[at]) > SILENT * (int(usual[-1]) - int(usual[0]))
             self.gaps.append((int(whole[end - 1]), int(whole[end]), busy))
         self._latest = whole[-BUSY:].copy()
         del self.gaps[:-MOST_GAPS]
