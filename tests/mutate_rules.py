@@ -157,7 +157,8 @@ def copied(folder: Path) -> None:
 
 def passes(folder: Path, tests: Sequence[str], seconds: float) -> str:
     """What pytest says of the copy: passed, failed, or late after so many seconds."""
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *(f"tests/{one}" for one in tests)]
+    options = ("-q", "-x", "-p", "no:cacheprovider", "--numprocesses=0")
+    command = [sys.executable, "-m", "pytest", *options, *(f"tests/{one}" for one in tests)]
     # Some changes do not alter a file's size, nor its time as far as byte code remembers it.
     env = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
