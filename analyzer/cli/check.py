@@ -97,10 +97,7 @@ def _add_rules(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--force", action="store_true", help="--init writes over a file, and from any capture")
     group.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
-    group.add_argument(
-        "--dialect", action="append", default=[], type=options.dialect, metavar="NODE=CHOICE",
-        help="how to read a node's doubtful fields, against its own data (24=tm, 24=dronecan, 24=K); repeatable",
-    )  # fmt: skip
+    options.add_dialect(group)
 
 
 class _UsageError(Exception):
@@ -323,11 +320,8 @@ def _settings(args: argparse.Namespace, choice: Choice, pages: Mapping[str, Page
     from analyzer.conformance import checked_dialects  # noqa: PLC0415
     from analyzer.rules.settings import Settings  # noqa: PLC0415
 
-    dialects: dict[int, list[str]] = {}
-    for node, reading in args.dialect:
-        dialects.setdefault(node, []).append(reading)
     select, ignore = choice.rules(pages)
-    known = checked_dialects(dialects, registry)
+    known = checked_dialects(options.dialects(args), registry)
     return Settings(select=select, ignore=ignore, bit_rate=args.bitrate, dialects=known)
 
 

@@ -16,10 +16,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     options.add_output(parser)
     parser.add_argument("-T", dest="form", choices=("text", "json"), default="text", help="default: text")
     parser.add_argument("--all", action="store_true", help="every node and identifier, however many")
-    parser.add_argument(
-        "--dialect", action="append", default=[], type=options.dialect, metavar="NODE=CHOICE",
-        help="how to read a node's doubtful fields, against its own data (24=tm, 24=dronecan, 24=K); repeatable",
-    )  # fmt: skip
+    options.add_dialect(parser)
     parser.set_defaults(run=run)
 
 
@@ -37,10 +34,7 @@ def run(args: argparse.Namespace) -> int:
             return USAGE
         for part in session.source.parts:
             part.hashed = True
-        forced: dict[int, list[str]] = {}
-        for node, choice in args.dialect:
-            forced.setdefault(node, []).append(choice)
-        summary = Summary(session.registry, forced)
+        summary = Summary(session.registry, options.dialects(args))
         for batch in session.inside(window):
             summary.add(batch)
         if session.status == USAGE:

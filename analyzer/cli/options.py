@@ -198,6 +198,22 @@ def _whole(digits: str) -> int:
     return min(int(digits[:20]), sys.maxsize)
 
 
+def add_dialect(parser: argparse._ActionsContainer) -> None:
+    """Which readings of doubtful fields stand against the data."""
+    parser.add_argument(
+        "--dialect", action="append", default=[], type=dialect, metavar="NODE=CHOICE",
+        help="how to read a node's doubtful fields, against its own data (24=tm, 24=dronecan, 24=K); repeatable",
+    )  # fmt: skip
+
+
+def dialects(args: argparse.Namespace) -> dict[int, list[str]]:
+    """What `--dialect` says, by node ID."""
+    found: dict[int, list[str]] = {}
+    for node, choice in args.dialect:
+        found.setdefault(node, []).append(choice)
+    return found
+
+
 def dialect(text: str) -> tuple[int, str]:
     """`24=tm` as node ID and choice."""
     node, equals, choice = text.partition("=")

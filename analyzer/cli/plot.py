@@ -60,10 +60,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         help="of each line: the lowest and the highest of so many in a row, so that no peak is lost",
     )  # fmt: skip
     parser.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
-    parser.add_argument(
-        "--dialect", action="append", default=[], type=options.dialect, metavar="NODE=CHOICE",
-        help="how to read a node's doubtful fields, against its own data (24=tm, 24=dronecan, 24=K); repeatable",
-    )  # fmt: skip
+    options.add_dialect(parser)
     options.add_window(parser)
     parser.set_defaults(run=run)
 

@@ -32,11 +32,8 @@ class Drawing:
         from analyzer.rules.checking import Check  # noqa: PLC0415
         from analyzer.rules.settings import Settings  # noqa: PLC0415
 
-        dialects: dict[int, list[str]] = {}
-        for node, choice in args.dialect:
-            dialects.setdefault(node, []).append(choice)
         self._args, self._session, self._window = args, session, window
-        self._settings = Settings(bit_rate=args.bitrate, dialects=dialects)
+        self._settings = Settings(bit_rate=args.bitrate, dialects=options.dialects(args))
         self._check = Check(session.registry, self._settings)
         self._shown = 0
         self._batches: Iterator[Measured] = iter(())

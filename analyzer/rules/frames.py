@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 _IMPOSSIBLE = 1 << FRAME_ANOMALIES.index("impossible length")
 _ANONYMOUS = KINDS.index("anonymous")
-_MULTI = VERDICTS.index("anonymous multi")
 _USED = VERDICTS.index("used")
 _START = 0xFFFF  # of the CRC that libcanard draws its discriminators from
 _WINDOWS = range(3)  # positions of 14 bits in 16
