@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import dissectors
 from analyzer.ahead import ahead
 from analyzer.engine import Engine
+from analyzer.facts.dialects import checked
 from analyzer.report import vehicle
 from analyzer.report.baseline import Baseline
 from analyzer.report.build import Order, Taken, build
-from analyzer.report.clock import Clock
 from analyzer.rules.catalogue import ORIGINS, load, matching
 from analyzer.rules.checking import Check
 from analyzer.rules.expected import load as load_vehicle
@@ -66,20 +66,6 @@ class Choice:
         return {name: list(given) for name, given in words.items() if given}
 
 
-def checked_dialects(dialects: Mapping[int, Collection[str]], registry: Registry) -> Mapping[int, Collection[str]]:
-    """The same. Raises `ValueError` for a choice that no doubtful field has."""
-    if not dialects:
-        return dialects
-    messages = (body for profile in registry.profiles for _, body in profile.table.tables("message"))
-    choices = [choice for body in messages for _, one in body.tables("reading") for choice in one.strings("choices")]
-    for node, given in dialects.items():
-        for choice in given:
-            if choice not in choices:
-                known = f"one of: {', '.join(dict.fromkeys(choices))}" if choices else "no field is doubtful"
-                raise ValueError(f"dialect {node}={choice}: no field is read as {choice!r} ({known})")
-    return dialects
-
-
 def check(
     paths: Name | Sequence[Name],
     *,
@@ -120,7 +106,7 @@ def check(
     choice = Choice(tuple(select), tuple(ignore), tuple(origins))
     selected, ignored = choice.rules(pages)
     settings = Settings(
-        select=selected, ignore=ignored, bit_rate=bit_rate, dialects=checked_dialects(dialects or {}, registry)
+        select=selected, ignore=ignored, bit_rate=bit_rate, dialects=checked(dialects or {}, registry)
     )
     expected = None if profile is None else load_vehicle(Path(fspath(profile)), pages, registry)
     if expected is not None:
@@ -190,9 +176,9 @@ def _take(names: Sequence[str], label: str, registry: Registry, settings: Settin
     source = open_captures(names, Plan(same_bus=same_bus))
     for part in source.parts:
         part.hashed = True
-    engine, checking, clock, unopened = Engine(registry), Check(registry, settings), Clock(), ""
+    engine, checking, unopened = Engine(registry), Check(registry, settings), ""
     try:
-        for measured in ahead(checking.measured(clock.over(engine.run(source.chunks())))):
+        for measured in ahead(checking.measured(engine.run(source.chunks()))):
             checking.feed(measured)
     except CaptureError as error:
         unopened = reason_of(error, names[0])
@@ -204,5 +190,4 @@ def _take(names: Sequence[str], label: str, registry: Registry, settings: Settin
         unopened=bool(unopened),
         live=source.live,
         arguments=(*names[1:], "--same-bus") if same_bus else (),
-        coarse=clock.coarse,
     )

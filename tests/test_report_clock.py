@@ -12,7 +12,7 @@ from judged import registry
 import analyzer
 from analyzer.cli import main
 from analyzer.engine import Engine
-from analyzer.report.clock import Clock
+from analyzer.rules.clock import Clock
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,7 +37,8 @@ def coarse(text: str, cut: int) -> bool:
     engine, clock, lines = Engine(registry()), Clock(), text.encode().splitlines(keepends=True)
     for at in range(0, len(lines), cut):
         batches = [*engine.feed(b"".join(lines[at : at + cut])), engine.flush()]
-        assert list(clock.over(batches)) == batches
+        for batch in batches:
+            clock.look(batch)
     return clock.coarse
 
 

@@ -7,25 +7,17 @@ import os
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from analyzer.cli import DAMAGED, INTERRUPTED, OK, USAGE, check_init, extracting, options, reports, streams
+from analyzer.cli import DAMAGED, INTERRUPTED, OK, USAGE, check_init, extracting, judging, options, reports, streams
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from analyzer.cli.session import Session
-    from analyzer.conformance import Choice
     from analyzer.facts.periods import Periods
-    from analyzer.report.baseline import Baseline
     from analyzer.report.build import Taken
-    from analyzer.report.clock import Clock
     from analyzer.report.model import Report
-    from analyzer.rules.catalogue import Page
     from analyzer.rules.checking import Check, Measured
-    from analyzer.rules.expected import Expected
-    from analyzer.rules.gate import FailOn
-    from analyzer.rules.settings import Settings
     from analyzer.window import Window
-    from dissectors import Registry
 
 _EPILOG = """\
 Several captures are judged one by one, each with findings of its own in one report; --same-bus, --bus or --offset
@@ -50,7 +42,15 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     options.add_reader(parser)
-    _add_rules(parser)
+    rules = judging.add_rules(parser)
+    rules.add_argument(
+        "--init",
+        action="store_true",
+        help="write a file for --profile from a healthy capture to -o FILE instead; "
+        "a capture with findings at or above --fail-on, or errors of devices, is none: exit status 1, no file",
+    )
+    rules.add_argument("--force", action="store_true", help="--init writes over a file, and from any capture")
+    rules.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
     group = parser.add_argument_group("reports", "FILE - is standard output, and then the text is left out")
     group.add_argument("--junit", metavar="FILE", help="JUnit XML, for test reports of CI services")
     group.add_argument("--html", metavar="FILE", help="one page for a browser, without a network")
@@ -70,34 +70,6 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     options.add_window(parser)
     options.add_output(parser)
     parser.set_defaults(run=run, follow=False)
-
-
-def _add_rules(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("rules", "RULES: TRF-010, a layer (CAN, TRF, TYP, PUSH, BUS, CAP), or all")
-    for name, text in (("select", "only these, also those that are off by default"), ("ignore", "all but these")):
-        group.add_argument(
-            f"--{name}", action="append", default=[], metavar="RULES", help=f"{text}; comma-separated, repeatable"
-        )
-    group.add_argument(
-        "--origin", action="append", default=[], metavar="ORIGIN",
-        help="only rules that these state: document, implied (by it), dronecan, heuristic",
-    )  # fmt: skip
-    group.add_argument(
-        "--fail-on", action="append", default=[], metavar="CATEGORY:SEVERITY",
-        help="what exit status 1 is for: protocol, device, capture or any; error, warning or note; comma-separated; "
-        "or never (default: protocol:error)",
-    )  # fmt: skip
-    group.add_argument("--profile", metavar="FILE.toml", help="what is expected of the vehicle, with its own limits")
-    group.add_argument("--baseline", metavar="OLD.json", help="an older --json: what it has already does not fail")
-    group.add_argument(
-        "--init",
-        action="store_true",
-        help="write a file for --profile from a healthy capture to -o FILE instead; "
-        "a capture with findings at or above --fail-on, or errors of devices, is none: exit status 1, no file",
-    )
-    group.add_argument("--force", action="store_true", help="--init writes over a file, and from any capture")
-    group.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
-    options.add_dialect(group)
 
 
 class _UsageError(Exception):
@@ -146,8 +118,6 @@ class _Wanted:
     """The arguments, checked before anything is read. Raises `_UsageError`."""
 
     def __init__(self, args: argparse.Namespace) -> None:
-        from analyzer.rules.gate import DEFAULT, FailOn  # noqa: PLC0415
-
         self._args = args
         self._periods: Periods | None = None
         self.groups: dict[str, list[str]] = {}
@@ -158,37 +128,12 @@ class _Wanted:
             for _, path in self.files:
                 options.refuse_input(args, path)
             extracting.refuse_streams(args, self.names)
-            self._fail_on: FailOn = FailOn.parse(args.fail_on or [DEFAULT])
-            self.registry: Registry = options.registry(args)
-            self.pages: Mapping[str, Page] = _pages(self.registry)
-            self.choice: Choice = _choice(args)
-            self.settings: Settings = _settings(args, self.choice, self.pages, self.registry)
-            self._read_expectations()
+            self._judging = judging.Judging(args, "tailbyte check")
+            self.registry, self.settings = self._judging.registry, self._judging.settings
         except LookupError as error:
             raise _UsageError(error.args[0]) from None
         except (argparse.ArgumentTypeError, OSError, ValueError) as error:  # ProfileError and DsdlError are ValueError
             raise _UsageError(str(error)) from None
-
-    def _read_expectations(self) -> None:
-        """The vehicle file and the older report; a waiver that is over is told of."""
-        from pathlib import Path  # noqa: PLC0415
-
-        self._expected: Expected | None = None
-        self._older: Baseline | None = None
-        if self._args.profile is not None:
-            from datetime import date  # noqa: PLC0415
-
-            from analyzer.report.vehicle import expired  # noqa: PLC0415
-            from analyzer.rules.expected import load  # noqa: PLC0415
-
-            self._expected = load(Path(self._args.profile), self.pages, self.registry)
-            self.settings = self._expected.settings(self.settings, self.pages)
-            for line in expired(self._expected, date.today()):  # noqa: DTZ011 - the day where somebody reads it
-                streams.complain(line, "tailbyte check")
-        if self._args.baseline is not None:
-            from analyzer.report.baseline import Baseline  # noqa: PLC0415
-
-            self._older = Baseline.load(Path(self._args.baseline))
 
     @property
     def silent(self) -> bool:
@@ -228,35 +173,23 @@ class _Wanted:
         return taken, interrupted
 
     def _build(self, taken: Sequence[Taken]) -> Report:
-        from analyzer.conformance import order  # noqa: PLC0415
-        from analyzer.report.build import build  # noqa: PLC0415
-
-        asked: dict[str, object] = dict(self.choice.asked())
-        if self._args.dialect:
-            asked["dialects"] = [f"{node}={choice}" for node, choice in self._args.dialect]
-        if self._args.baseline is not None:
-            asked["baseline"] = self._args.baseline
-        if self.window:
-            asked["window"] = options.window_words(self._args)
-        told = order(self._fail_on, asked, self._expected, self._older)
-        return build(taken, self.registry, self.pages, self.settings, told)
+        return self._judging.build(taken, options.window_words(self._args) if self.window else "")
 
     def _take(self, names: Sequence[str], label: str) -> tuple[Taken, bool]:
         """One capture, or several as one. Complaints have been made when this is back."""
         from analyzer.cli.session import Session  # noqa: PLC0415
         from analyzer.conformance import damage_of, reason_of  # noqa: PLC0415
         from analyzer.report.build import Taken  # noqa: PLC0415
-        from analyzer.report.clock import Clock  # noqa: PLC0415
         from analyzer.rules.checking import Check  # noqa: PLC0415
         from analyzer.sources import CaptureError  # noqa: PLC0415
 
         args = argparse.Namespace(**{**vars(self._args), "capture": list(names), "capture_": []})
-        checking, clock, unopened = Check(self.registry, self.settings), Clock(), ""
+        checking, unopened = Check(self.registry, self.settings), ""
         with Session(args) as session:
             for part in session.source.parts:
                 part.hashed = True
             try:
-                for measured in self._measured(session, checking, clock):
+                for measured in self._measured(session, checking):
                     checking.feed(measured)
             except CaptureError as error:
                 unopened = reason_of(error, names[0])
@@ -272,16 +205,15 @@ class _Wanted:
             unopened=bool(unopened),
             live=session.source.live,
             arguments=tuple(self._again(names)),
-            coarse=clock.coarse,
         )
         return taken, session.status == INTERRUPTED
 
-    def _measured(self, session: Session, checking: Check, clock: Clock) -> Iterator[Measured]:
+    def _measured(self, session: Session, checking: Check) -> Iterator[Measured]:
         from analyzer.ahead import ahead  # noqa: PLC0415
         from analyzer.cli.progress import Progress  # noqa: PLC0415
         from analyzer.sources import StopReading  # noqa: PLC0415
 
-        decoded = clock.over(session.inside(self.window))
+        decoded = session.inside(self.window)
         batches = checking.measured(decoded if self._periods is None else self._periods.over(decoded))
         if all(os.path.isfile(part.name) for part in session.source.parts):  # noqa: PTH113 - signals end other reading here, in this thread
             batches = ahead(batches)
@@ -302,28 +234,3 @@ class _Wanted:
         for option, given in (("--bus", args.bus), ("--offset", args.offset), ("--dissector", args.dissector)):
             for value in given:
                 yield from (option, value)
-
-
-def _pages(registry: Registry) -> Mapping[str, Page]:
-    from analyzer.rules.catalogue import load  # noqa: PLC0415
-
-    return load(registry)
-
-
-def _choice(args: argparse.Namespace) -> Choice:
-    from analyzer.conformance import Choice  # noqa: PLC0415
-
-    return Choice(_words(args.select), _words(args.ignore), tuple(word.lower() for word in _words(args.origin)))
-
-
-def _settings(args: argparse.Namespace, choice: Choice, pages: Mapping[str, Page], registry: Registry) -> Settings:
-    from analyzer.conformance import checked_dialects  # noqa: PLC0415
-    from analyzer.rules.settings import Settings  # noqa: PLC0415
-
-    select, ignore = choice.rules(pages)
-    known = checked_dialects(options.dialects(args), registry)
-    return Settings(select=select, ignore=ignore, bit_rate=args.bitrate, dialects=known)
-
-
-def _words(given: Iterable[str]) -> tuple[str, ...]:
-    return tuple(word.strip() for text in given for word in text.split(",") if word.strip())

@@ -28,13 +28,13 @@ def run(args: argparse.Namespace) -> int:
 
     with Session(args) as session:
         try:
-            window = options.window(args)
-        except argparse.ArgumentTypeError as error:
+            window, dialects = options.window(args), options.dialects(args, session.registry)
+        except (argparse.ArgumentTypeError, ValueError) as error:
             streams.complain(str(error), "tailbyte info")
             return USAGE
         for part in session.source.parts:
             part.hashed = True
-        summary = Summary(session.registry, options.dialects(args))
+        summary = Summary(session.registry, dialects)
         for batch in session.inside(window):
             summary.add(batch)
         if session.status == USAGE:

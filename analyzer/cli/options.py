@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from analyzer.sinks import COMPRESSIONS, FORMS, form_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Collection, Mapping
 
     from analyzer.live.interfaces import Interface
     from analyzer.sources.merge import Plan
@@ -59,6 +59,11 @@ def add_bus(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
         "slcan:/dev/ttyACM0@1000000)",
     )  # fmt: skip
     parser.add_argument("-i", dest="iface_", metavar="IFACE", help="the same, by letter")
+    return add_python_can(parser)
+
+
+def add_python_can(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """The options of python-can for the buses of a command."""
     group = parser.add_argument_group("bus, as python-can has it")
     group.add_argument("--interface", metavar="TYPE", help="socketcan, virtual, slcan, pcan, ...")
     group.add_argument("--channel", metavar="CHANNEL", help="of that interface")
@@ -79,8 +84,13 @@ def bus(args: argparse.Namespace) -> Interface | None:
         raise ValueError(f"{args.iface} and -i {args.iface_}: which one?")
     if text is None and args.interface is None and args.channel is None:
         return None
+    return resolve(text, python_can(args))
+
+
+def python_can(args: argparse.Namespace) -> dict[str, Any]:
+    """What the options of python-can say, by their names; None of those that were not given."""
     names = ("interface", "channel", "bitrate", "data_bitrate", "fd", "timing", "bus_kwargs")
-    return resolve(text, {name: getattr(args, name) for name in names})
+    return {name: getattr(args, name) for name in names}
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
@@ -206,12 +216,14 @@ def add_dialect(parser: argparse._ActionsContainer) -> None:
     )  # fmt: skip
 
 
-def dialects(args: argparse.Namespace) -> dict[int, list[str]]:
-    """What `--dialect` says, by node ID."""
+def dialects(args: argparse.Namespace, registry: Registry) -> Mapping[int, Collection[str]]:
+    """What `--dialect` says, by node ID. Raises `ValueError` for a choice that no field has."""
+    from analyzer.facts.dialects import checked  # noqa: PLC0415
+
     found: dict[int, list[str]] = {}
     for node, choice in args.dialect:
         found.setdefault(node, []).append(choice)
-    return found
+    return checked(found, registry)
 
 
 def dialect(text: str) -> tuple[int, str]:

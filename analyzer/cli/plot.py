@@ -105,8 +105,12 @@ class _Goal:
         from analyzer.cli.session import Session  # noqa: PLC0415
 
         with Session(args) as session:
-            with ExitStack() as stack:
+            try:
                 drawing = Drawing(args, session, window)
+            except ValueError as error:
+                streams.complain(str(error), "tailbyte plot")
+                return USAGE
+            with ExitStack() as stack:
                 drawing.start()
                 output, words = self._opened(stack)
                 gc.freeze()

@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 
 class Drawing:
-    """One capture on its way into a recording."""
+    """One capture on its way into a recording. Raises `ValueError` for arguments that make no sense."""
 
     def __init__(self, args: argparse.Namespace, session: Session, window: Window) -> None:
         from analyzer.rules.checking import Check  # noqa: PLC0415
         from analyzer.rules.settings import Settings  # noqa: PLC0415
 
         self._args, self._session, self._window = args, session, window
-        self._settings = Settings(bit_rate=args.bitrate, dialects=options.dialects(args))
+        self._settings = Settings(bit_rate=args.bitrate, dialects=options.dialects(args, session.registry))
         self._check = Check(session.registry, self._settings)
         self._shown = 0
         self._batches: Iterator[Measured] = iter(())

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+    from dissectors import Registry
     from dissectors.schema import Evidence, Message, Reading
 
     Words = npt.NDArray[Any]
@@ -31,6 +32,20 @@ class Statement(NamedTuple):
     bus: int
     node: int
     choice: str
+
+
+def checked(dialects: Mapping[int, Collection[str]], registry: Registry) -> Mapping[int, Collection[str]]:
+    """The same. Raises `ValueError` for a choice that no doubtful field has."""
+    if not dialects:
+        return dialects
+    messages = (body for profile in registry.profiles for _, body in profile.table.tables("message"))
+    choices = [choice for body in messages for _, one in body.tables("reading") for choice in one.strings("choices")]
+    for node, given in dialects.items():
+        for choice in given:
+            if choice not in choices:
+                known = f"one of: {', '.join(dict.fromkeys(choices))}" if choices else "no field is doubtful"
+                raise ValueError(f"dialect {node}={choice}: no field is read as {choice!r} ({known})")
+    return dialects
 
 
 class Dialects:

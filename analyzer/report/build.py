@@ -2,37 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
 from analyzer.report import folding
 from analyzer.report.captures import of_capture
 from analyzer.report.explain import needs
+from analyzer.report.found import ranked, told
 from analyzer.report.model import (
-    SEVERITIES,
     Capture,
     Coverage,
-    Example,
     Finding,
     Gate,
-    Place,
     Report,
     Requirement,
     RuleVerdict,
     WaiverUse,
 )
-from analyzer.report.problems import MOST_FRAMES
 from analyzer.rules import coverage, verdicts
 from analyzer.rules.gate import FailOn, passage
 from analyzer.tables import VERDICTS
-from dissectors.conformance import NO_TIME
 
 if TYPE_CHECKING:
     from analyzer.report.model import Category, Origin, Severity
     from analyzer.rules.catalogue import Page
     from analyzer.rules.checking import Checked
-    from analyzer.rules.findings import Run, Shown
     from analyzer.rules.settings import Settings
     from analyzer.rules.verdicts import Ruling
     from dissectors import Registry
@@ -40,15 +35,9 @@ if TYPE_CHECKING:
 _GAP = "CAP-002"  # what was sent meanwhile is not recorded
 
 
-_EVERY_BUS = -1
-
-
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """A capture as it was taken in. `damage` says what could not be read, `unopened` that this is all of it.
-
-    `coarse` are times too far apart to judge rules by.
-    """
+    """A capture as it was taken in. `damage` says what could not be read, `unopened` that this is all of it."""
 
     id: str
     path: str
@@ -57,7 +46,6 @@ class Taken:
     unopened: bool = False
     live: bool = False
     arguments: tuple[str, ...] = ()
-    coarse: bool = False
 
     @property
     def timed(self) -> bool:
@@ -106,7 +94,7 @@ def build(
     enabled = settings.enabled(pages)
     captures = tuple(of_capture(one, registry, pages, settings) for one in taken)
     found = [finding for one in taken for finding in _findings(one, pages, settings)]
-    shown, folded = folding.fold(_ranked(found))
+    shown, folded = folding.fold(ranked(found))
     draft = Draft(tuple(taken), captures, shown)
     for revise in order.revise:
         draft = revise(draft)
@@ -132,69 +120,13 @@ def build(
     )
 
 
-def _ranked(found: Iterable[Finding]) -> tuple[Finding, ...]:
-    def order(one: Finding) -> tuple[int, int]:
-        return SEVERITIES.index(one.severity), -1 if one.first.t_ns is None else one.first.t_ns
-
-    return tuple(sorted(found, key=order))
+def _findings(one: Taken, pages: Mapping[str, Page], settings: Settings) -> Iterator[Finding]:
+    checked = one.checked
+    return told(checked.outcome, checked.facts.bus_names, pages, settings, capture=one.id, coarse=checked.coarse)
 
 
 def _fails(finding: Finding, fail_on: FailOn) -> bool:
     return not finding.excused and fail_on.fails(finding.category, finding.severity)
-
-
-# ---- findings -------------------------------------------------------------------------------------------------------
-
-
-def _findings(one: Taken, pages: Mapping[str, Page], settings: Settings) -> Iterable[Finding]:
-    names = one.checked.facts.bus_names
-    for key, run in one.checked.outcome.runs:
-        page = pages[key.rule]
-        doubtful = one.coarse and verdicts.TIMES in page.inconclusive and key.rule not in settings.severities
-        label = one.checked.outcome.labels.get((key.bus, key.node), "")
-        yield Finding(
-            rule=key.rule,
-            title=page.title,
-            severity="note" if doubtful else key.severity,
-            category=cast("Category", page.category),
-            origin=cast("Origin", page.origin),
-            clause=page.clause,
-            capture=one.id,
-            bus="" if key.bus == _EVERY_BUS else names[key.bus],
-            node=None if key.node < 0 else key.node,
-            label=label,
-            type=key.type,
-            key=key.key,
-            **_course(run, verdicts.COARSE if doubtful else ""),
-        )
-
-
-def _course(run: Run, doubt: str) -> dict[str, Any]:
-    frames = dict.fromkeys(number + 1 for shown in run.examples for number in _evidence(shown))
-    shown = run.examples[0] if run.examples else None
-    return {
-        "count": run.count,
-        "first": _place(*run.first),
-        "last": _place(*run.last),
-        "frames": tuple(frames)[:MOST_FRAMES],
-        "cause": ", ".join(filter(None, (doubt, "" if shown is None else shown.cause))),
-        "text": "" if shown is None else shown.text,
-        "examples": tuple(map(_example, run.examples)),
-    }
-
-
-def _evidence(shown: Shown) -> Sequence[int]:
-    """The frame where an occurrence is; for one without, what it is concluded from."""
-    return (shown.frame,) if shown.frame >= 0 else shown.frames
-
-
-def _example(shown: Shown) -> Example:
-    place = _place(shown.t, shown.frame)
-    return Example(place.frame, place.t_ns, shown.text, shown.lines)
-
-
-def _place(t: int, frame: int) -> Place:
-    return Place(None if frame < 0 else frame + 1, None if t == NO_TIME else t)
 
 
 # ---- verdicts and gate ----------------------------------------------------------------------------------------------
@@ -205,9 +137,9 @@ def _session(
 ) -> verdicts.Session:
     breaches = folding.breaches(one.id, findings, folded)
     facts = one.checked.facts
-    proofs = verdicts.proofs_of(facts, settings.bit_rate, coarse=one.coarse)
+    proofs = verdicts.proofs_of(facts, settings.bit_rate, coarse=one.checked.coarse)
     lossy = facts.judge["drops"] == "yes" or any(breach.rule == _GAP for breach in breaches)
-    return verdicts.Session(breaches, one.checked.outcome.words, proofs, lossy=lossy, coarse=one.coarse)
+    return verdicts.Session(breaches, one.checked.outcome.words, proofs, lossy=lossy, coarse=one.checked.coarse)
 
 
 def _rule(rule: str, page: Page, ruling: Ruling, settings: Settings) -> RuleVerdict:

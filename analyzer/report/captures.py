@@ -48,7 +48,7 @@ def of_capture(one: Taken, registry: Registry, pages: Mapping[str, Page], settin
 def _can_judge(one: Taken, settings: Settings) -> dict[str, Judgeable | str]:
     found = {what: _ANSWERS.get(answer, answer) for what, answer in one.checked.facts.judge.items()}
     stamps = found.pop("stamps")
-    if one.coarse and one.timed:
+    if one.checked.coarse and one.timed:
         found["timing"] = "coarse"
     return {**found, "bit rate": "no" if settings.bit_rate is None else "yes", "stamps": stamps}
 

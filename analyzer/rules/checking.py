@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from analyzer.facts.cells import pylist
 from analyzer.facts.summary import MOST_NODES, Summary
+from analyzer.rules.clock import Clock
 from analyzer.rules.columns import Frames
 from analyzer.rules.course import Course
 from analyzer.rules.coverage import Tracker
@@ -32,13 +33,17 @@ _INFO = "uavcan.protocol.GetNodeInfo.Response"
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """A capture after the last batch. `names` are what nodes call themselves, by (bus, node)."""
+    """A capture after the last batch. `names` are what nodes call themselves, by (bus, node).
+
+    `coarse` are times too far apart to judge rules by.
+    """
 
     facts: Facts
     outcome: Outcome
     seen: Seen
     course: Course
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
+    coarse: bool = False
 
 
 class Measured(NamedTuple):
@@ -56,12 +61,14 @@ class Check:
         self._summary = Summary(registry, read=self.judge.dialects)
         self._seen = Tracker(registry)
         self._course = Course()
+        self._clock = Clock()
         self._names: dict[tuple[int, int], str] = {}
 
     def measured(self, batches: Iterable[Batch]) -> Iterator[Measured]:
         """What no rule is needed for: another thread may do this while `feed` judges what came before."""
         for batch in batches:
             self._summary.add(batch)
+            self._clock.look(batch)
             yield Measured(batch, bit_times(Frames(batch.frames)))
 
     def feed(self, measured: Measured) -> None:
@@ -75,8 +82,8 @@ class Check:
 
     def finish(self, stored: Iterable[Stored], engine: Engine) -> Checked:
         """Everything, after the last batch of the captures `stored`."""
-        outcome = self.judge.finish()
-        return Checked(self._summary.finish(stored, engine), outcome, self._seen.seen(), self._course, self._names)
+        outcome, facts = self.judge.finish(), self._summary.finish(stored, engine)
+        return Checked(facts, outcome, self._seen.seen(), self._course, self._names, self._clock.coarse)
 
     def _note_names(self, table: pa.RecordBatch) -> None:
         if "name" not in table.schema.names or not table.num_rows:

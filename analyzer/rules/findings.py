@@ -6,7 +6,7 @@ The result does not depend on the order in which occurrences come in, as long as
 from __future__ import annotations
 
 from bisect import bisect_left, insort
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -83,6 +83,7 @@ class Findings:
         self._severities = severities
         self._runs: dict[Key, list[Run]] = {}
         self._total = 0
+        self.changes = 0  # how often something was added
 
     def add(self, found: Found | Occurrence, view: View, *, near_drops: Sequence[bool] | None = None) -> None:
         """Occurrences of one rule; `near_drops` marks those that lost frames may explain."""
@@ -94,7 +95,10 @@ class Findings:
             self._add_many(found, view, near_drops)
 
     def results(self, readings: Iterable[Statement]) -> list[tuple[Key, Run]]:
-        """Every run by place; what is no breach in the reading that its node turned out to use is left out."""
+        """Every run by place; what is no breach in the reading that its node turned out to use is left out.
+
+        It may be asked for again after more has been added.
+        """
         choices: dict[tuple[int, int], set[str]] = {}
         for one in readings:
             choices.setdefault((one.bus, one.node), set()).add(one.choice.removesuffix(FORCED))
@@ -107,7 +111,7 @@ class Findings:
             if severity is not None:
                 known = settled.setdefault(key._replace(severity=severity, dialects=()), [])
                 for run in runs:
-                    _merge(known, run)
+                    _merge(known, replace(run, examples=list(run.examples)))
         found = list(self._caused((key, run) for key, runs in settled.items() for run in runs))
         return sorted(found, key=lambda one: (one[1].first, one[0]))
 
@@ -191,6 +195,7 @@ class Findings:
     def _put(self, key: Key, run: Run) -> None:
         if key not in self._runs and len(self._runs) >= MOST_GROUPS:
             key = key._replace(bus=-1, node=-1, type="", key=FURTHER)
+        self.changes += 1
         runs = self._runs.setdefault(key, [])
         self._total -= len(runs)
         _merge(runs, run)

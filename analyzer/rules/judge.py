@@ -81,6 +81,16 @@ class Judge:
         self._release(view, view.end)
         return view
 
+    @property
+    def changes(self) -> int:
+        """Another number whenever `so_far` may have more to tell."""
+        return self._findings.changes
+
+    def so_far(self) -> Outcome:
+        """What is known before the end: runs as they stand now, without what only the end will tell."""
+        readings = tuple(self._past.dialects.statements())
+        return Outcome(tuple(self._findings.results(readings)), frozenset(), dict(self._labels), readings)
+
     def finish(self) -> Outcome:
         """Everything, after the last batch."""
         view = self._past.finish()

@@ -9,8 +9,6 @@ import numpy as np
 from analyzer.facts.traffic import times
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
     from analyzer.engine import Batch
 
 FINE = 10_000_000  # ns; a step up to this is fine enough
@@ -25,12 +23,10 @@ class Clock:
         self._last: int | None = None
         self._frames = self._steps = 0
 
-    def over(self, batches: Iterable[Batch]) -> Iterator[Batch]:
-        """The same batches."""
-        for batch in batches:
-            if not self._fine:
-                self._add(batch)
-            yield batch
+    def look(self, batch: Batch) -> None:
+        """The next batch."""
+        if not self._fine:
+            self._add(batch)
 
     @property
     def coarse(self) -> bool:

@@ -1,0 +1,88 @@
+"""What the rules found, as findings of a report: named, with places and examples."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, cast
+
+from analyzer.report.model import SEVERITIES, Example, Finding, Place
+from analyzer.report.problems import MOST_FRAMES
+from analyzer.rules import verdicts
+from dissectors.conformance import NO_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from analyzer.report.model import Category, Origin
+    from analyzer.rules.catalogue import Page
+    from analyzer.rules.findings import Run, Shown
+    from analyzer.rules.judge import Outcome
+    from analyzer.rules.settings import Settings
+
+_EVERY_BUS = -1
+
+
+def told(
+    outcome: Outcome,
+    buses: Sequence[str],
+    pages: Mapping[str, Page],
+    settings: Settings,
+    *,
+    capture: str = "",
+    coarse: bool = False,
+) -> Iterator[Finding]:
+    """A finding for each run; `buses` are names by index, `coarse` times too far apart to judge rules by."""
+    for key, run in outcome.runs:
+        page = pages[key.rule]
+        doubtful = coarse and verdicts.TIMES in page.inconclusive and key.rule not in settings.severities
+        yield Finding(
+            rule=key.rule,
+            title=page.title,
+            severity="note" if doubtful else key.severity,
+            category=cast("Category", page.category),
+            origin=cast("Origin", page.origin),
+            clause=page.clause,
+            capture=capture,
+            bus="" if key.bus == _EVERY_BUS else buses[key.bus],
+            node=None if key.node < 0 else key.node,
+            label=outcome.labels.get((key.bus, key.node), ""),
+            type=key.type,
+            key=key.key,
+            **_course(run, verdicts.COARSE if doubtful else ""),
+        )
+
+
+def ranked(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Worst first, then by time."""
+
+    def order(one: Finding) -> tuple[int, int]:
+        return SEVERITIES.index(one.severity), -1 if one.first.t_ns is None else one.first.t_ns
+
+    return tuple(sorted(found, key=order))
+
+
+def _course(run: Run, doubt: str) -> dict[str, Any]:
+    frames = dict.fromkeys(number + 1 for shown in run.examples for number in _evidence(shown))
+    shown = run.examples[0] if run.examples else None
+    return {
+        "count": run.count,
+        "first": _place(*run.first),
+        "last": _place(*run.last),
+        "frames": tuple(frames)[:MOST_FRAMES],
+        "cause": ", ".join(filter(None, (doubt, "" if shown is None else shown.cause))),
+        "text": "" if shown is None else shown.text,
+        "examples": tuple(map(_example, run.examples)),
+    }
+
+
+def _evidence(shown: Shown) -> Sequence[int]:
+    """The frame where an occurrence is; for one without, what it is concluded from."""
+    return (shown.frame,) if shown.frame >= 0 else shown.frames
+
+
+def _example(shown: Shown) -> Example:
+    place = _place(shown.t, shown.frame)
+    return Example(place.frame, place.t_ns, shown.text, shown.lines)
+
+
+def _place(t: int, frame: int) -> Place:
+    return Place(None if frame < 0 else frame + 1, None if t == NO_TIME else t)
