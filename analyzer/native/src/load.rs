@@ -21,6 +21,11 @@ const STATES: usize = 10;
 /// Bytes that the CRC covers at most: a head of 39 bits and 8 bytes of data.
 const COVERED: usize = 13;
 
+/// Whole bytes of a classic frame up to its CRC, and one more.
+const MOST_BYTES: usize = (39 + 64 + 15) / 8 + 1;
+/// Frames whose bits are counted at once.
+const SIDE_BY_SIDE: usize = 4;
+
 /// What a byte adds to the CRC, by how many bytes follow it: every place is looked up without waiting for another.
 const CRC_TABLE: [[u16; 256]; COVERED] = crc_table();
 /// For every state and byte: the next state times 8, and the stuff bits (at most 2).
@@ -146,8 +151,9 @@ fn crc15(bits: u128) -> u16 {
         .fold(0, |value, (place, byte)| value ^ place[usize::from(byte)])
 }
 
-/// Bit times of a classic frame: 67 + 8 n and the stuffing with a 29-bit identifier, 47 + 8 n with 11 bits.
-fn classic(id: u32, flags: u16, data: &[u8]) -> u32 {
+/// What is stuffed of a classic frame, from its start to its CRC, and how many bits these are: 54 + 8 n with a 29-bit
+/// identifier, 34 + 8 n with 11 bits.
+fn classic(id: u32, flags: u16, data: &[u8]) -> (u128, u32) {
     let remote = flags & REMOTE != 0;
     let data = if remote {
         &[]
@@ -167,11 +173,29 @@ fn classic(id: u32, flags: u16, data: &[u8]) -> u32 {
     field[MAX_CLASSIC - data.len()..].copy_from_slice(data);
     bits = bits << (8 * data.len()) | u128::from(u64::from_be_bytes(field));
     count += 8 * data.len() as u32;
-    bits = bits << 15 | u128::from(crc15(bits));
-    count += 15;
-    let mut stuffing = Stuffing::default();
-    stuffing.bits(bits, count);
-    count + stuffing.stuffed + TRAILER
+    (bits << 15 | u128::from(crc15(bits)), count + 15)
+}
+
+/// Bit times of classic frames with equally many whole bytes of bits. They are counted side by side: each byte of a
+/// frame waits for the one before it, but not for those of other frames.
+fn lengths<const N: usize>(frames: [(u128, u32); N]) -> [u32; N] {
+    let whole = frames[0].1 / 8;
+    let bytes = frames.map(|(bits, _)| (bits << (128 - 8 * whole)).to_be_bytes());
+    let mut found = frames.map(|(bits, count)| {
+        let odd = count % 8;
+        FIRST[odd as usize][(bits >> (count - odd)) as usize & ((1 << odd) - 1)]
+    });
+    let mut lengths = frames.map(|(_, count)| count + TRAILER);
+    for at in 0..whole as usize {
+        for lane in 0..N {
+            lengths[lane] += u32::from(found[lane] & 7);
+            found[lane] = STUFF[usize::from(found[lane] >> 3)][usize::from(bytes[lane][at])];
+        }
+    }
+    for lane in 0..N {
+        lengths[lane] += u32::from(found[lane] & 7);
+    }
+    lengths
 }
 
 /// Bit times of a CAN FD frame, at the nominal rate and at the rate of its data phase.
@@ -212,27 +236,57 @@ fn flexible(id: u32, flags: u16, data: &[u8]) -> (u32, u32) {
 
 /// Bit times of one frame at the nominal rate, rounded down.
 pub fn bits_of(id: u32, flags: u16, data: &[u8]) -> u16 {
-    let bits = if flags & FD == 0 {
-        classic(id, flags, data)
-    } else {
-        let (slow, fast) = flexible(id, flags, data);
-        slow + if flags & BRS == 0 { fast } else { fast / FD_SPEED }
-    };
+    if flags & FD == 0 {
+        let [bits] = lengths([classic(id, flags, data)]);
+        return short(bits);
+    }
+    let (slow, fast) = flexible(id, flags, data);
+    short(slow + if flags & BRS == 0 { fast } else { fast / FD_SPEED })
+}
+
+fn short(bits: u32) -> u16 {
     u16::try_from(bits).unwrap_or(u16::MAX)
+}
+
+/// Classic frames with the same number of whole bytes that wait for others.
+#[derive(Clone, Copy, Default)]
+struct Waiting {
+    rows: [usize; SIDE_BY_SIDE],
+    frames: [(u128, u32); SIDE_BY_SIDE],
+    count: usize,
 }
 
 /// Bit times of every frame; a row without its data counts as empty.
 pub fn frame_bits(id: &[u32], flags: &[u16], offsets: &[i32], data: &[u8]) -> Vec<u16> {
     let place = |at: usize| offsets.get(at).and_then(|&o| usize::try_from(o).ok());
-    id.iter()
-        .zip(flags)
-        .enumerate()
-        .map(|(row, (&id, &flags))| {
-            let span = place(row).zip(place(row + 1));
-            let own = span.and_then(|(start, end)| data.get(start..end)).unwrap_or(&[]);
-            bits_of(id, flags, own)
-        })
-        .collect()
+    let mut found = vec![0; id.len().min(flags.len())];
+    let mut waiting = [Waiting::default(); MOST_BYTES];
+    for (row, (&id, &flags)) in id.iter().zip(flags).enumerate() {
+        let span = place(row).zip(place(row + 1));
+        let own = span.and_then(|(start, end)| data.get(start..end)).unwrap_or(&[]);
+        if flags & FD != 0 {
+            found[row] = bits_of(id, flags, own);
+            continue;
+        }
+        let frame = classic(id, flags, own);
+        let like = &mut waiting[frame.1 as usize / 8];
+        like.rows[like.count] = row;
+        like.frames[like.count] = frame;
+        like.count += 1;
+        if like.count == SIDE_BY_SIDE {
+            like.count = 0;
+            for (row, bits) in like.rows.into_iter().zip(lengths(like.frames)) {
+                found[row] = short(bits);
+            }
+        }
+    }
+    for like in &waiting {
+        for at in 0..like.count {
+            let [bits] = lengths([like.frames[at]]);
+            found[like.rows[at]] = short(bits);
+        }
+    }
+    found
 }
 
 #[cfg(test)]
@@ -277,6 +331,31 @@ mod tests {
         let slow = bits_of(0x1F04_0A0B, EXTENDED | FD, &[0x5A; 64]);
         let fast = bits_of(0x1F04_0A0B, EXTENDED | FD | BRS, &[0x5A; 64]);
         assert!(slow > 600 && fast < slow / 3, "{slow} {fast}");
+    }
+
+    #[test]
+    fn frames_side_by_side_are_as_long_as_alone() {
+        let (mut id, mut flags, mut offsets, mut data) = (vec![], vec![], vec![0], vec![]);
+        let mut random = 1_u32;
+        for row in 0..500_u32 {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            id.push(random >> 3);
+            flags.push([EXTENDED, EXTENDED, 0, EXTENDED | REMOTE, EXTENDED | FD][(random >> 16) as usize % 5]);
+            for byte in 0..random >> 8 & 15 {
+                data.push(if row % 3 == 0 { 0 } else { (random >> (byte % 25)) as u8 });
+            }
+            offsets.push(data.len() as i32);
+        }
+        let alone: Vec<u16> = (0..id.len())
+            .map(|row| {
+                bits_of(
+                    id[row],
+                    flags[row],
+                    &data[offsets[row] as usize..offsets[row + 1] as usize],
+                )
+            })
+            .collect();
+        assert_eq!(frame_bits(&id, &flags, &offsets, &data), alone);
     }
 
     #[test]
