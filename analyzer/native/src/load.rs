@@ -5,6 +5,9 @@
 //! taken as [`FD_SPEED`] times the first.
 #![forbid(unsafe_code)]
 
+mod stuffing;
+
+use self::stuffing::{lengths, Stuffing};
 use crate::frames::{BRS, DLC_SHIFT, EXTENDED, FD, MAX_CLASSIC, REMOTE};
 
 /// Data bits are sent this many times faster than the others where a CAN FD frame switches.
@@ -14,10 +17,6 @@ const TRAILER: u32 = 1 + 1 + 1 + 7 + 3;
 const CRC15: u16 = 0x4599;
 /// Data lengths that CAN FD has a code for.
 const FD_LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
-/// A state is 2 * run + bit: how many equal bits were sent last, and which.
-const START: u8 = 0;
-const STATES: usize = 10;
-
 /// Bytes that the CRC covers at most: a head of 39 bits and 8 bytes of data.
 const COVERED: usize = 13;
 
@@ -28,11 +27,6 @@ const SIDE_BY_SIDE: usize = 4;
 
 /// What a byte adds to the CRC, by how many bytes follow it: every place is looked up without waiting for another.
 const CRC_TABLE: [[u16; 256]; COVERED] = crc_table();
-/// For every state and byte: the next state times 8, and the stuff bits (at most 2).
-const STUFF: [[u8; 256]; STATES] = stuff_table();
-/// The same from the start of a frame, by count, for what is left over when the rest is whole bytes.
-const FIRST: [[u8; 128]; 8] = first_table();
-
 const fn crc_table() -> [[u16; 256]; COVERED] {
     let mut table = [[0; 256]; COVERED];
     let mut byte = 0;
@@ -52,85 +46,6 @@ const fn crc_table() -> [[u16; 256]; COVERED] {
         byte += 1;
     }
     table
-}
-
-/// State times 8 plus stuff bits after the `count` (at most 8) low bits of `bits`.
-const fn walk(state: u8, bits: usize, count: u32) -> u8 {
-    let (mut run, mut last, mut stuffed, mut left) = (state >> 1, state & 1, 0, count);
-    while left > 0 {
-        left -= 1;
-        let bit = (bits >> left & 1) as u8;
-        run = if run > 0 && bit == last { run + 1 } else { 1 };
-        last = bit;
-        if run == 5 {
-            run = 1;
-            last = 1 - last;
-            stuffed += 1;
-        }
-    }
-    (run << 1 | last) << 3 | stuffed
-}
-
-const fn stuff_table() -> [[u8; 256]; STATES] {
-    let mut table = [[0; 256]; STATES];
-    let mut state = 0;
-    while state < STATES {
-        let mut byte = 0;
-        while byte < 256 {
-            table[state][byte] = walk(state as u8, byte, 8);
-            byte += 1;
-        }
-        state += 1;
-    }
-    table
-}
-
-const fn first_table() -> [[u8; 128]; 8] {
-    let mut table = [[0; 128]; 8];
-    let mut count = 0;
-    while count < 8 {
-        let mut bits = 0;
-        while bits < 1 << count {
-            table[count][bits] = walk(START, bits, count as u32);
-            bits += 1;
-        }
-        count += 1;
-    }
-    table
-}
-
-/// Counts stuff bits as a frame goes by.
-#[derive(Default)]
-struct Stuffing {
-    state: u8,
-    stuffed: u32,
-}
-
-impl Stuffing {
-    /// The next `count` bits.
-    fn bits(&mut self, bits: u128, count: u32) {
-        let odd = count % 8;
-        let top = (bits >> (count - odd)) as usize & ((1 << odd) - 1);
-        self.step(if self.state == START {
-            FIRST[odd as usize][top]
-        } else {
-            walk(self.state, top, odd)
-        });
-        for at in (0..count / 8).rev() {
-            self.byte((bits >> (8 * at)) as u8);
-        }
-    }
-
-    #[inline]
-    fn byte(&mut self, byte: u8) {
-        self.step(STUFF[usize::from(self.state)][usize::from(byte)]);
-    }
-
-    #[inline]
-    fn step(&mut self, found: u8) {
-        self.state = found >> 3;
-        self.stuffed += u32::from(found & 7);
-    }
 }
 
 /// The start of frame and the identifier as they are sent; SRR and IDE stand between the parts of one of 29 bits.
@@ -176,28 +91,6 @@ fn classic(id: u32, flags: u16, data: &[u8]) -> (u128, u32) {
     (bits << 15 | u128::from(crc15(bits)), count + 15)
 }
 
-/// Bit times of classic frames with equally many whole bytes of bits. They are counted side by side: each byte of a
-/// frame waits for the one before it, but not for those of other frames.
-fn lengths<const N: usize>(frames: [(u128, u32); N]) -> [u32; N] {
-    let whole = frames[0].1 / 8;
-    let bytes = frames.map(|(bits, _)| (bits << (128 - 8 * whole)).to_be_bytes());
-    let mut found = frames.map(|(bits, count)| {
-        let odd = count % 8;
-        FIRST[odd as usize][(bits >> (count - odd)) as usize & ((1 << odd) - 1)]
-    });
-    let mut lengths = frames.map(|(_, count)| count + TRAILER);
-    for at in 0..whole as usize {
-        for lane in 0..N {
-            lengths[lane] += u32::from(found[lane] & 7);
-            found[lane] = STUFF[usize::from(found[lane] >> 3)][usize::from(bytes[lane][at])];
-        }
-    }
-    for lane in 0..N {
-        lengths[lane] += u32::from(found[lane] & 7);
-    }
-    lengths
-}
-
 /// Bit times of a CAN FD frame, at the nominal rate and at the rate of its data phase.
 fn flexible(id: u32, flags: u16, data: &[u8]) -> (u32, u32) {
     let (extended, brs) = (flags & EXTENDED != 0, u128::from(flags & BRS != 0));
@@ -238,7 +131,7 @@ fn flexible(id: u32, flags: u16, data: &[u8]) -> (u32, u32) {
 pub fn bits_of(id: u32, flags: u16, data: &[u8]) -> u16 {
     if flags & FD == 0 {
         let [bits] = lengths([classic(id, flags, data)]);
-        return short(bits);
+        return short(bits + TRAILER);
     }
     let (slow, fast) = flexible(id, flags, data);
     short(slow + if flags & BRS == 0 { fast } else { fast / FD_SPEED })
@@ -276,14 +169,14 @@ pub fn frame_bits(id: &[u32], flags: &[u16], offsets: &[i32], data: &[u8]) -> Ve
         if like.count == SIDE_BY_SIDE {
             like.count = 0;
             for (row, bits) in like.rows.into_iter().zip(lengths(like.frames)) {
-                found[row] = short(bits);
+                found[row] = short(bits + TRAILER);
             }
         }
     }
     for like in &waiting {
         for at in 0..like.count {
             let [bits] = lengths([like.frames[at]]);
-            found[like.rows[at]] = short(bits);
+            found[like.rows[at]] = short(bits + TRAILER);
         }
     }
     found
@@ -292,18 +185,6 @@ pub fn frame_bits(id: &[u32], flags: &[u16], offsets: &[i32], data: &[u8]) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The worst case: five equal bits, then four of the other kind each time, which the stuff bit makes five.
-    #[test]
-    fn at_most_every_fourth_bit_is_stuffed() {
-        let bits = (0..28).fold(0_u128, |bits, four| bits << 4 | if four % 2 == 0 { 0xF } else { 0 });
-        let mut stuffing = Stuffing::default();
-        stuffing.bits(bits, 5 + 4 * 28);
-        assert_eq!(stuffing.stuffed, 1 + 28);
-        let mut zeros = Stuffing::default();
-        zeros.bits(0, 118);
-        assert_eq!(zeros.stuffed, 118 / 5);
-    }
 
     #[test]
     fn sizes_lie_between_no_stuffing_and_the_most() {
