@@ -24,7 +24,7 @@ const EXCERPT: usize = 80;
 /// What is kept of a line that is too long: enough to see that the excerpt is cut.
 const START: usize = EXCERPT + 1;
 /// Characters of a comment or drop line that are kept.
-const REMARK: usize = 200;
+pub(crate) const REMARK: usize = 200;
 const OUT_OF_RANGE: &str = "time stamp out of range";
 
 pub struct Candump {
@@ -190,7 +190,7 @@ impl Candump {
         if let Err(reason) = done {
             self.counts.unreadable += 1;
             let text = format!("{reason}: {}", line::escape(line.trim_ascii_end(), EXCERPT));
-            self.event(EventKind::Unreadable, &text, frames, events);
+            self.event(NO_TIME, EventKind::Unreadable, &text, frames, events);
         }
         self.settle(frames, events, false);
     }
@@ -245,20 +245,21 @@ impl Candump {
         let event = Event {
             bus: drop.name.and_then(|name| self.bus(name).ok()),
             class: drop.frames,
-            ..Event::remark(NO_TIME, self.counts.lines, EventKind::Drop, &text)
+            ..Event::remark(drop.t.unwrap_or(NO_TIME), self.counts.lines, EventKind::Drop, &text)
         };
         self.held.tables(frames, events).1.push(&event);
     }
 
     fn remark(&mut self, line: &[u8], frames: &mut Frames, events: &mut Events) {
         self.counts.comments += 1;
-        let text = line::escape(line.trim_ascii(), REMARK);
-        self.event(EventKind::Comment, &text, frames, events);
+        let (t, text) = line::remark::time_in_front(line.trim_ascii());
+        let text = line::escape(&text, REMARK);
+        self.event(t.unwrap_or(NO_TIME), EventKind::Comment, &text, frames, events);
     }
 
-    fn event(&mut self, kind: EventKind, text: &str, frames: &mut Frames, events: &mut Events) {
+    fn event(&mut self, t: i64, kind: EventKind, text: &str, frames: &mut Frames, events: &mut Events) {
         let line = self.counts.lines;
-        let event = Event::remark(NO_TIME, line, kind, text);
+        let event = Event::remark(t, line, kind, text);
         self.held.tables(frames, events).1.push(&event);
     }
 

@@ -3,8 +3,8 @@
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`ending`] -> [`trust`] ->
 //! [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`plan`], [`bits`], [`unpack`] -> [`packets`];
-//! [`load`] is how long a frame takes. None of them knows Python or does
-//! I/O; `python` is the only file that knows Python, `simd` the only one with `unsafe`.
+//! [`load`] is how long a frame takes. None of them knows Python or does I/O, but for `drain`, which empties a socket of
+//! Linux; `python` is the only file that knows Python, `simd` and `drain/system` are the only ones with `unsafe`.
 
 pub mod binary;
 pub mod bits;
@@ -13,6 +13,8 @@ pub mod cadence;
 pub mod candump;
 pub mod chain;
 pub mod dataflash;
+#[cfg(target_os = "linux")]
+pub mod drain;
 pub mod dronecan_log;
 pub mod ending;
 pub mod events;

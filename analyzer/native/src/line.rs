@@ -3,6 +3,7 @@
 
 mod console;
 mod errors;
+pub mod remark;
 mod text;
 
 use std::borrow::Cow;
@@ -36,6 +37,8 @@ pub struct DropCount<'a> {
     pub frames: u32,
     /// Unknown when the line is cut or the socket listened on every interface.
     pub name: Option<&'a [u8]>,
+    /// Only our own writer states it.
+    pub t: Option<i64>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -246,6 +249,7 @@ fn drop_count(text: &[u8]) -> Option<DropCount<'_>> {
     Some(DropCount {
         frames,
         name: known.then_some(name),
+        t: remark::time_behind(text),
     })
 }
 

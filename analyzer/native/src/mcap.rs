@@ -1,8 +1,7 @@
 //! MCAP messages that carry CAN frames to rows, one record after the other, without I/O.
 //!
 //! Chunks, schemas, channels and checksums are the business of the caller: it announces what the messages of a channel
-//! look like ([`Layout`]) and hands over stretches of records. Every message of a stretch is one frame, one error frame,
-//! unreadable, or `other`.
+//! look like ([`Layout`]) and hands over stretches of records. Every message of a stretch is one frame or event, or `other`.
 #![forbid(unsafe_code)]
 
 mod bytes;
@@ -14,6 +13,7 @@ mod held;
 mod json;
 mod layout;
 mod protobuf;
+mod remarks;
 mod role;
 mod ros;
 mod texts;
@@ -24,7 +24,7 @@ pub use layout::{Kind, Layout, Wire};
 pub use protobuf::Form;
 pub use role::Role;
 
-use crate::frames::{NO_TIME, RX, TX};
+use crate::frames::NO_TIME;
 use crate::line::Reason;
 use crate::reader::{Piece, Rows};
 use crate::stamp::Stamps;
@@ -99,6 +99,7 @@ pub struct Walk {
 }
 
 /// Who says when a frame was on the bus.
+#[derive(Clone, Copy)]
 enum Clock {
     Message,
     Recorder,
@@ -117,8 +118,7 @@ impl Walk {
         self.channels[at] = Some(Box::new(Channel::new(bus, layout, messages)));
     }
 
-    /// Marks all frames of an announced channel that do not state their direction, or that they are CAN FD: flag bits
-    /// of [`crate::frames`].
+    /// Marks all frames of an announced channel with what they do not state: flag bits of [`crate::frames`].
     pub fn mark(&mut self, id: u16, flags: u16) {
         if let Some(Some(channel)) = self.channels.get_mut(usize::from(id)) {
             channel.flags = flags;
@@ -224,9 +224,10 @@ impl Walk {
         let mut log_time = [0; 8];
         log_time.copy_from_slice(&header[6..14]);
         match channel.add(data, u64::from_le_bytes(log_time), &mut self.found, &mut self.rows) {
-            Ok(Clock::Message) => self.header_times += 1,
-            Ok(Clock::Recorder) => self.log_times += 1,
-            Ok(Clock::Nobody) => self.absent_times += 1,
+            Ok(Some(Clock::Message)) => self.header_times += 1,
+            Ok(Some(Clock::Recorder)) => self.log_times += 1,
+            Ok(Some(Clock::Nobody)) => self.absent_times += 1,
+            Ok(None) => {}
             Err(reason) => {
                 let text = format!("message {} of channel {id}: {reason}", channel.messages);
                 self.rows.unreadable(NO_TIME, None, &text);
@@ -241,8 +242,9 @@ fn channel_of(record: &[u8]) -> u16 {
 
 impl Channel {
     /// Adds the row of a message.
-    fn add(&mut self, data: &[u8], log_time: u64, found: &mut Found, rows: &mut Rows) -> Result<Clock, Reason> {
+    fn add(&mut self, data: &[u8], log_time: u64, found: &mut Found, rows: &mut Rows) -> Result<Option<Clock>, Reason> {
         let mut message = match &self.layout.0 {
+            Read::Comments | Read::Drops => return self.remark(data, log_time, rows).map(|()| None),
             Read::Ros(wire, kind) => ros::read(*wire, *kind, data)?,
             Read::Json(fields) => {
                 found.clear();
@@ -261,24 +263,25 @@ impl Channel {
             message.can.fd = self.is_fd(&message.can);
         }
         let row = message.can.row()?;
-        let (t, clock) = match message.stamp {
-            _ if !self.timed => (NO_TIME, Clock::Nobody),
-            Some(t) => (t, Clock::Message),
-            None => (i64::try_from(log_time).map_err(|_| OUT_OF_RANGE)?, Clock::Recorder),
-        };
+        let (t, clock) = self.time(message.stamp, log_time)?;
         let bus = self.names.bus(message.name, rows)?;
         if self.timed {
             rows.stamp(Stamps::ABSOLUTE);
             rows.stamp(Stamps::NANOSECONDS);
         }
-        let directed = |flags: u16| match flags & (TX | RX) {
-            0 => flags | self.flags & (TX | RX),
-            _ => flags,
-        };
         match row {
-            Row::Frame { id, flags, data } => rows.frame(t, bus, id, directed(flags), data),
-            Row::Error { class, flags, data } => rows.error_frame(t, bus, class, directed(flags), data),
+            Row::Frame { id, flags, data } => rows.frame(t, bus, id, self.flagged(flags), data),
+            Row::Error { class, flags, data } => rows.error_frame(t, bus, class, self.flagged(flags), data),
         }
-        Ok(clock)
+        Ok(Some(clock))
+    }
+
+    /// The time of a message that states `stamp`, and who says so.
+    fn time(&self, stamp: Option<i64>, log_time: u64) -> Result<(i64, Clock), Reason> {
+        Ok(match stamp {
+            _ if !self.timed => (NO_TIME, Clock::Nobody),
+            Some(t) => (t, Clock::Message),
+            None => (i64::try_from(log_time).map_err(|_| OUT_OF_RANGE)?, Clock::Recorder),
+        })
     }
 }

@@ -52,6 +52,8 @@ pub struct Merger {
     overlaps: Overlaps,
     out: Piece,
     before: u64,
+    /// What came up to the last `take_later` ends before this time.
+    reached: i64,
 }
 
 impl Merger {
@@ -72,6 +74,7 @@ impl Merger {
             overlaps: Overlaps::default(),
             out: Piece::default(),
             before: 0,
+            reached: NO_TIME,
         }
     }
 
@@ -127,6 +130,20 @@ impl Merger {
     pub fn take(&mut self) -> Piece {
         let waiting = self.inputs.iter().filter(|input| !input.done);
         let frontier = waiting.map(|input| input.latest).min();
+        self.release(frontier)
+    }
+
+    /// For buses, which do not wait for each other: all rows up to the latest one that had come when this was called
+    /// the last time. What another bus delivered late in between still finds its place.
+    pub fn take_later(&mut self) -> Piece {
+        let frontier = self.reached;
+        let latest = self.inputs.iter().map(|input| input.latest).max();
+        self.reached = latest.map_or(NO_TIME, |latest| latest.saturating_add(1));
+        self.release(Some(frontier))
+    }
+
+    /// All rows before a time, all there are without one.
+    fn release(&mut self, frontier: Option<i64>) -> Piece {
         let mut heap: BinaryHeap<Reverse<(i64, usize)>> = BinaryHeap::new();
         for (index, input) in self.inputs.iter_mut().enumerate() {
             heap.extend(input.next_time(&mut self.out).map(|t| Reverse((t, index))));

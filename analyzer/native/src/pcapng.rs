@@ -1,10 +1,12 @@
 //! pcapng as dumpcap, tcpdump and Wireshark write it: sections of either byte order, several interfaces in each.
 //!
-//! Every block is one record. Blocks without CAN frames count as `other`; comments in blocks are not kept. Of a damaged
+//! Every block is one record. Blocks without CAN frames count as `other`; of comments those are kept that our own writer
+//! writes ([`journal`]). Of a damaged
 //! block the two lengths around it disagree; behind it, the next is where the type is known and the lengths agree.
 #![forbid(unsafe_code)]
 
 mod interface;
+pub(crate) mod journal;
 mod names;
 mod options;
 
@@ -30,8 +32,9 @@ const PACKET: u32 = 2;
 const SIMPLE_PACKET: u32 = 3;
 const STATISTICS: u32 = 5;
 const ENHANCED_PACKET: u32 = 6;
-/// Types by which a block is recognised behind damage: those above, name resolution, journal entries, decryption
-/// secrets, and custom blocks.
+const JOURNAL: u32 = 9;
+/// Types by which a block is recognised behind damage: those above, name resolution, decryption secrets, and custom
+/// blocks.
 const KNOWN: [u32; 11] = [
     SECTION,
     INTERFACE,
@@ -39,8 +42,8 @@ const KNOWN: [u32; 11] = [
     SIMPLE_PACKET,
     STATISTICS,
     ENHANCED_PACKET,
+    JOURNAL,
     4,
-    9,
     0xA,
     0xBAD,
     0x4000_0BAD,
@@ -223,8 +226,11 @@ impl PcapngFormat {
             ENHANCED_PACKET => Packet::enhanced(body, order.u32(body, 0), order),
             PACKET => Packet::enhanced(body, order.u16(body, 0).into(), order),
             SIMPLE_PACKET => Packet::simple(body, self.interfaces.first(), order),
-            _ => {
-                rows.other(1);
+            kind => {
+                match journal::read(body).filter(|_| kind == JOURNAL) {
+                    Some((t, text)) => rows.comment(t, &text),
+                    None => rows.other(1),
+                }
                 return Ok(());
             }
         };

@@ -45,6 +45,8 @@ macro_rules! columns {
 }
 
 mod decode;
+#[cfg(target_os = "linux")]
+mod drain;
 mod load;
 mod mcap;
 mod merge;
@@ -261,6 +263,8 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<pieces::Rows>()?;
     m.add_class::<pieces::Reader>()?;
     m.add_class::<mcap::McapWalk>()?;
+    #[cfg(target_os = "linux")]
+    m.add_class::<drain::Drain>()?;
     m.add_class::<write::Messages>()?;
     m.add_class::<write::Writer>()?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;

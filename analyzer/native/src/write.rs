@@ -40,29 +40,19 @@ pub trait Writer: Send + Sync {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Loss {
-    Comment,
     LongFrame,
     LongError,
     EarlyTime,
-    EventTime,
     RawCode,
-    RateSwitch,
-    ErrorState,
-    DropCount,
     DropBus,
     Name,
 }
 
-const WORDS: [&str; 11] = [
-    "comments",
+const WORDS: [&str; 6] = [
     "classic frames of more than 8 bytes",
     "error frames of more than 8 bytes",
     "times before 1970",
-    "times of comments and drop counts",
     "raw length codes",
-    "bit rate switches",
-    "error states of senders",
-    "drop counts, written as receive overflows",
     "interfaces of drop counts",
     "interface names, changed to fit",
 ];

@@ -6,12 +6,14 @@ use std::collections::HashSet;
 use super::can::Can;
 use super::texts::Text;
 use super::{Layout, Role};
-use crate::frames::{FD, MAX_CLASSIC};
+use crate::frames::{BRS, DLC_SHIFT, ESI, FD, MAX_CLASSIC, RX, TX};
 use crate::line::Reason;
 use crate::reader::Rows;
 
 /// What ROS drivers write as the name of every interface.
 const ANY: &[u8] = b"can";
+/// The bits of a length code.
+const CODE: u16 = 15 << DLC_SHIFT;
 /// Identifiers remembered as those of CAN FD frames.
 const MAX_IDS: usize = 1 << 16;
 
@@ -21,7 +23,7 @@ pub(super) struct Channel {
     /// How identifiers and data in text are coded.
     pub id: Text,
     pub data: Text,
-    /// Direction of all frames that do not state theirs; [`FD`] if all are CAN FD.
+    /// What all frames have beside what they state: a direction, that they are CAN FD, its flags, a raw length code.
     pub flags: u16,
     /// Whether its messages, or the recorder, state times.
     pub timed: bool,
@@ -45,6 +47,13 @@ impl Channel {
             long: HashSet::new(),
             messages,
         }
+    }
+
+    /// The flags of a frame with those of the channel, which hold unless it states a direction.
+    pub fn flagged(&self, flags: u16) -> u16 {
+        let unless = |stated: u16| if flags & stated == 0 { self.flags & stated } else { 0 };
+        let code = self.flags & CODE;
+        (if code == 0 { flags } else { flags & !CODE | code }) | unless(TX | RX) | self.flags & (BRS | ESI)
     }
 
     /// Whether a frame of an interface in CAN FD mode is one, where the message does not say: if it is long, or if its

@@ -132,7 +132,7 @@ impl Channel {
         let read = match &self.layout.0 {
             Read::Json(fields) => json::read(fields, data, found),
             Read::Protobuf(fields, defaults) => protobuf::read(fields, defaults, data, found),
-            Read::Ros(..) => return false,
+            Read::Ros(..) | Read::Comments | Read::Drops => return false,
         };
         if read.is_err() {
             return false;

@@ -43,6 +43,10 @@ pub struct Layout(pub(super) Read);
 #[derive(Debug)]
 pub(super) enum Read {
     Ros(Wire, Kind),
+    /// Log messages of ROS 2.
+    Comments,
+    /// Frames of `can_msgs` whose data is a number of frames.
+    Drops,
     Json(json::Fields),
     /// With the roles whose absence says zero.
     Protobuf(protobuf::Fields, Vec<Role>),
@@ -53,10 +57,20 @@ impl Layout {
         Layout(Read::Ros(wire, kind))
     }
 
+    /// Comments, as our own writer writes them.
+    pub fn comments() -> Layout {
+        Layout(Read::Comments)
+    }
+
+    /// Drop counts, as our own writer writes them.
+    pub fn drops() -> Layout {
+        Layout(Read::Drops)
+    }
+
     /// Whether a field has this role.
     pub(super) fn has(&self, role: Role) -> bool {
         match &self.0 {
-            Read::Ros(..) => false,
+            Read::Ros(..) | Read::Comments | Read::Drops => false,
             Read::Json(fields) => fields.leaves().any(|leaf| leaf == role),
             Read::Protobuf(fields, _) => fields.leaves().any(|(leaf, _)| leaf == role),
         }

@@ -26,6 +26,22 @@ pub(super) fn read(wire: Wire, kind: Kind, data: &[u8]) -> Result<Message<'_>, R
     }
 }
 
+/// Time and text of a log message of ROS 2.
+///
+/// # Errors
+/// The reason why `data` is none.
+pub(super) fn log(data: &[u8]) -> Result<(Option<i64>, &[u8]), Reason> {
+    let (head, data) = data.split_at_checked(4).ok_or(ENDS_EARLY)?;
+    if !matches!(head, [0, 1 | 7, ..]) {
+        return Err(format!("CDR encapsulation {:02X}{:02X} not understood", head[0], head[1]).into());
+    }
+    let mut fields = Fields::<true, false> { data, at: 0 };
+    let stamp = fields.stamp()?;
+    let [_level] = *fields.bytes::<1>()?;
+    fields.string()?; // who says it
+    Ok((stamp, fields.string()?))
+}
+
 /// What is left of a message. Alignment counts from its first field.
 struct Fields<'a, const ALIGNED: bool, const BIG: bool> {
     data: &'a [u8],

@@ -22,7 +22,7 @@ impl McapWalk {
     }
 
     /// Says what the messages of a channel look like, again for a change. `bus` names the interface of messages that
-    /// name none, `flags` marks frames that do not state their direction; without `timed` no frame has a time, whatever
+    /// name none, `flags` marks frames with what they do not state; without `timed` no frame has a time, whatever
     /// the stamps of its message are. Raises `ValueError` for a bad layout.
     #[pyo3(signature = (id, bus, layout, flags = 0, timed = true))]
     fn channel(&mut self, id: u16, bus: &str, layout: &Bound<'_, PyTuple>, flags: u16, timed: bool) -> PyResult<()> {
@@ -127,6 +127,8 @@ pub fn crc32(py: Python<'_>, data: &[u8], value: u32, start: usize, end: usize) 
 fn read_layout(layout: &Bound<'_, PyTuple>) -> PyResult<Layout> {
     let (name, what) = layout.extract::<(String, Bound<'_, PyAny>)>()?;
     match name.as_str() {
+        "comments" => Ok(Layout::comments()),
+        "drops" => Ok(Layout::drops()),
         "cdr" => ros(Wire::Cdr, &what),
         "ros1" => ros(Wire::Ros1, &what),
         "json" => {

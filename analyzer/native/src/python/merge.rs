@@ -41,6 +41,11 @@ impl Merger {
     fn take(&mut self, py: Python<'_>) -> Piece {
         Piece(py.detach(|| self.0.take()))
     }
+
+    /// All rows up to the latest one that had come at the last call: for buses, which do not wait for each other.
+    fn take_later(&mut self, py: Python<'_>) -> Piece {
+        Piece(py.detach(|| self.0.take_later()))
+    }
 }
 
 /// The frames by which two captures of one bus are recognised.

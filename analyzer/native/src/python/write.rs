@@ -14,10 +14,13 @@ pub struct Writer(Box<dyn write::Writer>);
 
 #[pymethods]
 impl Writer {
-    /// `form` is `candump` or `pcapng`; raises `ValueError` for any other.
+    /// `form` is `candump` or `pcapng`; raises `ValueError` for any other. In `recording`s of a live bus no line of
+    /// candump depends on those before it: fractions always have 9 digits, and every name can stand in a drop count.
     #[new]
-    fn new(form: &str) -> PyResult<Self> {
+    #[pyo3(signature = (form, recording = false))]
+    fn new(form: &str, recording: bool) -> PyResult<Self> {
         let writer: Box<dyn write::Writer> = match form {
+            "candump" if recording => Box::new(candump::Candump::recording()),
             "candump" => Box::new(candump::Candump::default()),
             "pcapng" => Box::new(pcapng::Pcapng::default()),
             _ => return Err(PyValueError::new_err(format!("no writer for {form}"))),
@@ -77,13 +80,20 @@ impl Messages {
         self.0.waiting()
     }
 
-    /// Bus, direction (0 unknown, 1 received, 2 sent), whether CAN FD and whether there are times, from channel `first`
-    /// (counted from 0) on.
-    fn channels(&self, first: usize) -> Vec<(String, u8, bool, bool)> {
+    /// Bus, direction (0 unknown, 1 received, 2 sent), what the messages are (`frames`, `drops`, `comments`), flag bits
+    /// that all frames have though no message says so, and whether there are times, from channel `first` (counted from 0)
+    /// on.
+    fn channels(&self, first: usize) -> Vec<(String, u8, &'static str, u16, bool)> {
         let channels = self.0.channels().iter().skip(first);
-        channels
-            .map(|one| (one.bus.clone(), one.direction as u8, one.fd, one.timed))
-            .collect()
+        let row = |one: &mcap::Channel| {
+            let (content, flags) = match one.content {
+                mcap::Content::Frames(flags) => ("frames", flags),
+                mcap::Content::Drops => ("drops", 0),
+                mcap::Content::Comments => ("comments", 0),
+            };
+            (one.bus.clone(), one.direction as u8, content, flags, one.timed)
+        };
+        channels.map(row).collect()
     }
 
     /// The messages since the last call, to stand behind `before` further bytes in a chunk: their records, then channel

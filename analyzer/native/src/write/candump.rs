@@ -11,6 +11,9 @@ const SECOND: i64 = 1_000_000_000;
 const MICROSECOND: i64 = 1_000;
 /// Seconds are filled up to this many digits.
 const SECOND_DIGITS: usize = 10;
+/// What drop counts call all interfaces together, and what ends a name in them.
+const ANY: &[u8] = b"any";
+const QUOTING: &[u8] = b"',";
 const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
 /// Both digits of each byte.
 const HEX: [[u8; 2]; 256] = {
@@ -29,6 +32,8 @@ pub struct Candump {
     /// Names as they are written, by bus.
     names: Vec<Vec<u8>>,
     fine: bool,
+    /// Names fit drop counts, too.
+    strict: bool,
     /// Frames that the drop counts report as lost.
     dropped: u64,
     account: Account,
@@ -89,21 +94,10 @@ impl Writer for Candump {
                 out.push(b'#');
                 hex(events.data_of(row), out);
                 end(events.flags[row], out);
-                return;
             }
-            EventKind::Unreadable => return,
+            EventKind::Unreadable => {}
             EventKind::Drop => self.drop_count(piece, row, out),
-            EventKind::Comment | EventKind::Gap => {
-                let text = events.text_of(row);
-                if !text.starts_with(['#', ';']) {
-                    out.extend(b"# ");
-                }
-                out.extend(escape(text.as_bytes(), usize::MAX).as_bytes());
-                out.push(b'\n');
-            }
-        }
-        if events.t[row] != NO_TIME {
-            self.account.add(Loss::EventTime);
+            EventKind::Comment | EventKind::Gap => self.comment(events.t[row], &events.text_of(row), out),
         }
     }
 
@@ -113,9 +107,20 @@ impl Writer for Candump {
 }
 
 impl Candump {
+    /// A writer for recordings of a live bus: all fractions have 9 digits, so that no line depends on those before it,
+    /// and every name can stand in a drop count.
+    #[must_use]
+    pub fn recording() -> Self {
+        Candump {
+            fine: true,
+            strict: true,
+            ..Candump::default()
+        }
+    }
+
     fn learn(&mut self, names: &[String]) {
         for name in &names[self.names.len().min(names.len())..] {
-            let mut fit = fitting(name.as_bytes());
+            let mut fit = fitting(name.as_bytes(), self.strict);
             for number in 2_u32.. {
                 if !self.names.contains(&fit) {
                     break;
@@ -136,13 +141,15 @@ impl Candump {
         let (events, frames) = (&piece.events, piece.events.class[row]);
         self.dropped += u64::from(frames);
         let bus = bus_of(events, row).and_then(|bus| self.names.get(usize::from(bus)));
-        let plain = |name: &&Vec<u8>| ***name != *b"any" && !name.iter().any(|b| b"',".contains(b));
-        let name = bus.filter(plain).map_or(&b"any"[..], Vec::as_slice);
-        if bus.is_some() && name == b"any" {
+        let plain = |name: &&Vec<u8>| ***name != *ANY && !name.iter().any(|b| QUOTING.contains(b));
+        let name = bus.filter(plain).map_or(ANY, Vec::as_slice);
+        if bus.is_some() && name == ANY {
             self.account.add(Loss::DropBus);
         }
         let says_the_same = |text: &[u8]| match line::read(text) {
-            Ok(Line::Drop(drop)) => drop.frames == frames && drop.name.unwrap_or(b"any") == name,
+            Ok(Line::Drop(drop)) => {
+                (drop.frames, drop.name.unwrap_or(ANY), drop.t.unwrap_or(NO_TIME)) == (frames, name, events.t[row])
+            }
             _ => false,
         };
         let text = events.text_of(row);
@@ -160,27 +167,57 @@ impl Candump {
             out.extend(b"' socket (total drops ");
             number(self.dropped, 1, out);
             out.push(b')');
+            self.time(events.t[row], out);
         }
         out.push(b'\n');
+    }
+
+    /// A time stands behind the mark of a comment.
+    fn comment(&mut self, t: i64, text: &str, out: &mut Vec<u8>) {
+        let text = escape(text.as_bytes(), usize::MAX);
+        let marked = text.starts_with(['#', ';']);
+        let (mark, rest) = text.split_at(usize::from(marked));
+        out.extend(if marked { mark } else { "#" }.as_bytes());
+        self.time(t, out);
+        if !marked {
+            out.push(b' ');
+        }
+        out.extend(rest.as_bytes());
+        out.push(b'\n');
+    }
+
+    /// The time of a comment or a drop count, if it has one, as [`line::remark`] finds it.
+    fn time(&mut self, t: i64, out: &mut Vec<u8>) {
+        if t >= 0 {
+            out.push(b' ');
+            self.stamp(t, out);
+        } else if t != NO_TIME {
+            self.account.add(Loss::EarlyTime);
+        }
     }
 
     /// Stamp and interface. A line without a stamp is one without a time.
     fn start(&mut self, t: i64, bus: u8, out: &mut Vec<u8>) {
         if t >= 0 {
-            out.push(b'(');
-            number((t / SECOND) as u64, SECOND_DIGITS, out);
-            out.push(b'.');
-            if self.fine {
-                number((t % SECOND) as u64, 9, out);
-            } else {
-                number((t % SECOND / MICROSECOND) as u64, 6, out);
-            }
-            out.extend(b") ");
+            self.stamp(t, out);
+            out.push(b' ');
         } else if t != NO_TIME {
             self.account.add(Loss::EarlyTime);
         }
         out.extend(self.names.get(usize::from(bus)).map_or(&b"can"[..], Vec::as_slice));
         out.push(b' ');
+    }
+
+    fn stamp(&self, t: i64, out: &mut Vec<u8>) {
+        out.push(b'(');
+        number((t / SECOND) as u64, SECOND_DIGITS, out);
+        out.push(b'.');
+        if self.fine {
+            number((t % SECOND) as u64, 9, out);
+        } else {
+            number((t % SECOND / MICROSECOND) as u64, 6, out);
+        }
+        out.push(b')');
     }
 }
 
@@ -194,15 +231,15 @@ fn end(flags: u16, out: &mut Vec<u8>) {
     out.push(b'\n');
 }
 
-/// A name that is one word of a line, and not the start of another kind of line.
-fn fitting(name: &[u8]) -> Vec<u8> {
-    let mut fit: Vec<u8> = name
-        .iter()
-        .take(MAX_NAME)
-        .map(|&b| if b.is_ascii_graphic() && b != b'#' { b } else { b'_' })
-        .collect();
+/// A name that is one word of a line, and not the start of another kind of line; `strict` also asks that a drop count can
+/// quote it.
+fn fitting(name: &[u8], strict: bool) -> Vec<u8> {
+    let good = |b: u8| b.is_ascii_graphic() && b != b'#' && !(strict && QUOTING.contains(&b));
+    let kept = name.iter().take(MAX_NAME).map(|&b| if good(b) { b } else { b'_' });
+    let mut fit: Vec<u8> = kept.collect();
     match fit.as_mut_slice() {
         [] => fit.extend(b"can"),
+        any if strict && *any == *ANY => fit.push(b'_'),
         [first @ (b'(' | b';'), ..] => *first = b'_',
         [b'D', b'R', b'O', b'P', b'C', b'O', b'U', b'N', b'T', colon @ b':', ..] => *colon = b'_',
         _ => {}

@@ -1,10 +1,16 @@
 //! MCAP message records as ROS 2 has them: `can_msgs/msg/Frame` for classic frames, `ros2_socketcan_msgs/msg/FdFrame`
-//! for CAN FD, both in little-endian CDR. Chunks, channels and the summary are the business of the caller.
+//! for CAN FD, `rcl_interfaces/msg/Log` for comments, all in little-endian CDR. What these cannot say is said of a whole
+//! channel ([`Content`]). Chunks, channels and the summary are the business of the caller.
 #![forbid(unsafe_code)]
+
+mod content;
+mod log;
+
+pub use content::{Content, Direction};
 
 use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row, Stamper};
 use crate::events::EventKind;
-use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, NO_TIME, REMOTE, RX, TX};
+use crate::frames::{DLC_SHIFT, EXTENDED, FD, MAX_CLASSIC, NO_TIME, REMOTE};
 use crate::piece::Piece;
 
 pub(super) const MESSAGE: u8 = 5;
@@ -21,35 +27,19 @@ const STAMP: usize = DATA + 4;
 const PREFIX: usize = 9;
 /// Plain CDR, little endian.
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
-/// An error frame that says what a drop count says, but for the number: class "controller", receive overflow.
+/// A drop count is an error frame that says so to everybody: class "controller", receive overflow. The number of frames
+/// follows in the bytes that this class leaves free, for those who know from the channel that it is there.
 const CONTROLLER: u32 = 4;
-const OVERFLOW: [u8; 8] = [0, 1, 0, 0, 0, 0, 0, 0];
+const OVERFLOW: [u8; 4] = [0, 1, 0, 0];
 
-/// Whether a frame was received or sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Direction {
-    Unknown = 0,
-    Received = 1,
-    Sent = 2,
-}
-
-impl Direction {
-    fn of(flags: u16) -> Direction {
-        match flags & (TX | RX) {
-            0 => Direction::Unknown,
-            RX => Direction::Received,
-            _ => Direction::Sent,
-        }
-    }
-}
-
-/// Messages of one bus, direction and type, with times or without; its ID is its place in [`Messages::channels`] plus 1.
+/// Messages of one bus, direction and content, with times or without; its ID is its place in [`Messages::channels`]
+/// plus 1.
 #[derive(Clone, Debug)]
 pub struct Channel {
+    /// Empty for comments, which have none.
     pub bus: String,
     pub direction: Direction,
-    pub fd: bool,
+    pub content: Content,
     /// Without times there is no stamp in the messages, and the log time is that of the message before.
     pub timed: bool,
     /// Messages so far, in all chunks.
@@ -74,7 +64,7 @@ pub struct Chunk {
 #[derive(Default)]
 pub struct Messages {
     channels: Vec<Channel>,
-    /// Channel IDs by bus, lack of times, direction and CAN FD; 0 is none.
+    /// Channel IDs by bus, lack of times, direction and content; 0 is none.
     known: Vec<u16>,
     out: Vec<u8>,
     span: Option<(u64, u64)>,
@@ -89,6 +79,7 @@ struct Can<'a> {
     t: i64,
     bus: u8,
     direction: Direction,
+    content: Content,
     id: u32,
     /// Remote, extended, error.
     flags: [bool; 3],
@@ -155,19 +146,11 @@ impl Messages {
             return self.account.add(Loss::LongFrame);
         }
         self.account.frames += 1;
-        if !fd && usize::from(code) > MAX_CLASSIC {
-            self.account.add(Loss::RawCode);
-        }
-        if fd && flags & BRS != 0 {
-            self.account.add(Loss::RateSwitch);
-        }
-        if fd && flags & ESI != 0 {
-            self.account.add(Loss::ErrorState);
-        }
         let can = Can {
             t: frames.t[row],
             bus: frames.bus[row],
             direction: Direction::of(flags),
+            content: Content::of(flags),
             id: frames.id[row],
             flags: [remote, flags & EXTENDED != 0, false],
             length: if remote {
@@ -177,47 +160,48 @@ impl Messages {
             },
             data,
         };
-        self.message(piece, fd, &can);
+        self.message(piece, &can);
     }
 
     fn event(&mut self, piece: &Piece, row: usize) {
         let (events, data) = (&piece.events, piece.events.data_of(row));
         let (t, bus) = (events.t[row], events.bus[row]);
-        let (t, bus, id, data) = match kind_of(events, row) {
+        let mut dropped = [0; 8];
+        let (t, bus, content, id, data) = match kind_of(events, row) {
             EventKind::ErrorFrame if data.len() > MAX_CLASSIC => return self.account.add(Loss::LongError),
-            EventKind::ErrorFrame => (t, bus, events.class[row], data),
+            EventKind::ErrorFrame => (t, bus, Content::of(0), events.class[row], data),
             EventKind::Drop => {
-                self.account.add(Loss::DropCount);
                 let t = if t == NO_TIME { self.stamper.last() } else { t };
-                let bus = bus_of(events, row).unwrap_or(self.bus);
-                (t, bus, CONTROLLER, &OVERFLOW[..])
+                let bus = bus_of(events, row).unwrap_or_else(|| {
+                    self.account.add(Loss::DropBus);
+                    self.bus
+                });
+                dropped[..4].copy_from_slice(&OVERFLOW);
+                dropped[4..].copy_from_slice(&events.class[row].to_le_bytes());
+                (t, bus, Content::Drops, CONTROLLER, &dropped[..])
             }
             EventKind::Unreadable => return,
-            EventKind::Comment | EventKind::Gap => return self.account.add(Loss::Comment),
+            EventKind::Comment | EventKind::Gap => return self.comment(piece, t, &events.text_of(row)),
         };
         let can = Can {
             t,
             bus,
             direction: Direction::of(events.flags[row]),
+            content,
             id,
             flags: [false, false, true],
             length: data.len() as u8,
             data,
         };
-        self.message(piece, false, &can);
+        self.message(piece, &can);
     }
 
-    fn message(&mut self, piece: &Piece, fd: bool, can: &Can<'_>) {
-        let time = self.stamper.stamp(can.t, &mut self.account);
+    fn message(&mut self, piece: &Piece, can: &Can<'_>) {
         self.bus = can.bus;
-        let id = self.channel(piece, can, fd);
-        let channel = &mut self.channels[usize::from(id) - 1];
-        let start = self.out.len();
-        channel.index.extend_from_slice(&time.to_le_bytes());
-        channel.index.extend_from_slice(&(start as u64).to_le_bytes());
-        self.out.extend_from_slice(&channel.start);
+        let channel = self.channel(piece, can.t, can.bus, can.direction, can.content);
+        let start = self.open(channel);
         self.out.extend_from_slice(&can.id.to_le_bytes());
-        if fd {
+        if can.content.is_fd() {
             let [_, extended, error] = can.flags.map(u8::from);
             let tail = [extended, error, can.length, 0, can.length, 0, 0, 0]; // a byte to align the count
             self.out.extend_from_slice(&tail);
@@ -228,6 +212,29 @@ impl Messages {
             tail[4..4 + can.data.len()].copy_from_slice(can.data);
             self.out.extend_from_slice(&tail);
         }
+        self.close(channel, start, can.t);
+    }
+
+    fn comment(&mut self, piece: &Piece, t: i64, text: &str) {
+        let channel = self.channel(piece, t, 0, Direction::Unknown, Content::Comments);
+        let start = self.open(channel);
+        log::write(text, &mut self.out);
+        self.close(channel, start, t);
+    }
+
+    /// Begins a record of a channel; the place where it starts.
+    fn open(&mut self, channel: usize) -> usize {
+        let start = self.out.len();
+        self.out.extend_from_slice(&self.channels[channel].start);
+        start
+    }
+
+    /// Fills in what is known once the record is whole.
+    fn close(&mut self, channel: usize, start: usize, t: i64) {
+        let time = self.stamper.stamp(t, &mut self.account);
+        let channel = &mut self.channels[channel];
+        channel.index.extend_from_slice(&time.to_le_bytes());
+        channel.index.extend_from_slice(&(start as u64).to_le_bytes());
         let record = &mut self.out[start..];
         let length = (record.len() - PREFIX) as u64;
         record[LENGTH..PREFIX].copy_from_slice(&length.to_le_bytes());
@@ -244,26 +251,34 @@ impl Messages {
         self.span = Some((first.min(time), last.max(time)));
     }
 
-    fn channel(&mut self, piece: &Piece, can: &Can<'_>, fd: bool) -> u16 {
-        let (timed, direction) = (Stamper::holds(can.t), can.direction);
-        let key = usize::from(can.bus) << 4 | usize::from(!timed) << 3 | (direction as usize) << 1 | usize::from(fd);
+    /// The place of the channel for such messages, which is new if need be.
+    fn channel(&mut self, piece: &Piece, t: i64, bus: u8, direction: Direction, content: Content) -> usize {
+        let timed = Stamper::holds(t);
+        let key =
+            (usize::from(bus) << 3 | usize::from(!timed) << 2 | direction as usize) * Content::COUNT + content.index();
         if self.known.len() <= key {
             self.known.resize(key + 1, 0);
         }
         if self.known[key] == 0 {
-            let (id, name) = (self.channels.len() as u16 + 1, name(piece, can.bus));
+            let id = self.channels.len() as u16 + 1;
+            let (bus, start) = if content == Content::Comments {
+                ("", log::start(beginning(id)))
+            } else {
+                let name = name(piece, bus);
+                (name, named(beginning(id), name.as_bytes()))
+            };
             self.known[key] = id;
             self.channels.push(Channel {
-                bus: name.to_owned(),
+                bus: bus.to_owned(),
                 direction,
-                fd,
+                content,
                 timed,
                 messages: 0,
-                start: beginning(id, name.as_bytes()),
+                start,
                 index: vec![],
             });
         }
-        self.known[key]
+        usize::from(self.known[key]) - 1
     }
 }
 
@@ -286,15 +301,31 @@ pub(super) fn index_record(channel: u16, index: &mut Vec<u8>, before: u64) -> Ve
     record
 }
 
-/// A message record up to the identifier.
-fn beginning(channel: u16, name: &[u8]) -> Vec<u8> {
+/// A message record up to the stamp.
+fn beginning(channel: u16) -> Vec<u8> {
     let mut start = vec![0; STAMP + 8];
     start[0] = MESSAGE;
     start[PREFIX..SEQUENCE].copy_from_slice(&channel.to_le_bytes());
     start[DATA..STAMP].copy_from_slice(&ENCAPSULATION);
-    start.extend((name.len() as u32 + 1).to_le_bytes());
-    start.extend(name);
-    start.push(0);
-    start.resize(DATA + (start.len() - DATA).next_multiple_of(4), 0);
     start
+}
+
+/// The same up to the identifier.
+fn named(mut start: Vec<u8>, name: &[u8]) -> Vec<u8> {
+    string(name, &mut start, DATA);
+    align(&mut start, DATA);
+    start
+}
+
+/// Appends a text of CDR to data that begins at `from`.
+fn string(text: &[u8], out: &mut Vec<u8>, from: usize) {
+    align(out, from);
+    out.extend((text.len() as u32 + 1).to_le_bytes());
+    out.extend(text);
+    out.push(0);
+}
+
+/// Fills up to whole words.
+fn align(out: &mut Vec<u8>, from: usize) {
+    out.resize(from + (out.len() - from).next_multiple_of(4), 0);
 }

@@ -1,5 +1,6 @@
 //! pcapng with one section: packets of `LINKTYPE_CAN_SOCKETCAN`, each interface described where it first appears.
 //! Packets without times are those of a second interface of the same name, whose description says so ([`NO_STAMPS`]).
+//! Comments are entries of a system journal, which Wireshark lists among the packets.
 #![forbid(unsafe_code)]
 
 use super::{bus_of, kind_of, name, Account, Loss, Stamper, Writer};
@@ -8,13 +9,14 @@ use crate::frames::{
     BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, MAX_DATA, NO_TIME, REMOTE, RX, TX, WORD_ERROR, WORD_EXTENDED,
     WORD_REMOTE,
 };
-use crate::pcapng::NO_STAMPS;
+use crate::pcapng::{journal, NO_STAMPS};
 use crate::piece::Piece;
 
 const SECTION: u32 = 0x0A0D_0D0A;
 const INTERFACE: u32 = 1;
 const STATISTICS: u32 = 5;
 const PACKET: u32 = 6;
+const JOURNAL: u32 = 9;
 const LINK_CAN: u16 = 227;
 /// Options: of a section, an interface, a packet, statistics.
 const APPLICATION: u16 = 4;
@@ -147,7 +149,14 @@ impl Writer for Pcapng {
             }
             EventKind::Drop => self.drop_count(piece, row, out),
             EventKind::Unreadable => {}
-            EventKind::Comment | EventKind::Gap => self.account.add(Loss::Comment),
+            EventKind::Comment | EventKind::Gap => {
+                if events.t[row] != NO_TIME && !Stamper::holds(events.t[row]) {
+                    self.account.add(Loss::EarlyTime);
+                }
+                block(JOURNAL, out, |out| {
+                    journal::write(events.t[row], &events.text_of(row), out);
+                });
+            }
         }
     }
 
