@@ -15,22 +15,8 @@ from can import Message
 from can.io.generic import BinaryIOMessageReader, BinaryIOMessageWriter
 
 from analyzer._native import Rows
+from analyzer.can_rows import BRS, DLC_SHIFT, ESI, EXTENDED, FD, REMOTE, TX, Unreadable, add, from_float
 from analyzer.sources import Source
-from analyzer.sources.python_can.messages import (
-    BRS,
-    BUS_ERROR,
-    DLC_SHIFT,
-    ESI,
-    EXTENDED,
-    FD,
-    REMOTE,
-    RX,
-    TX,
-    Unreadable,
-    from_float,
-    store,
-    store_error,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
@@ -245,13 +231,6 @@ def _add(rows: Rows, message: Message) -> None:
     named = isinstance(message.channel, str)
     bus = str(message.channel) if named else f"can{message.channel if isinstance(message.channel, int) else 0}"
     try:
-        t = from_float(message.timestamp)
-        if message.is_error_frame:
-            flags = RX if message.is_rx else TX
-            store_error(rows, t, bus, message.arbitration_id or BUS_ERROR, bytes(message.data), flags)
-        else:
-            size = message.dlc if message.is_fd else min(8, message.dlc)
-            code = 0 if message.is_fd else message.dlc
-            store(rows, message, t, bus, code=code, size=size, directed=True)
+        add(rows, message, from_float(message.timestamp), bus)
     except Unreadable as error:
         raise ValueError(f"{message}: {error}") from None

@@ -6,6 +6,8 @@ import signal
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import can
+import can.util
 import pyarrow as pa
 import pytest
 
@@ -168,3 +170,31 @@ def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str,
         return status, *capsys.readouterr()
 
     return call
+
+
+@pytest.fixture
+def no_can_configuration(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever this machine has configured for python-can."""
+    monkeypatch.setattr(can.util, "CONFIG_FILES", [])
+    for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE", "CAN_CONFIG"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def receiver() -> Iterator[can.BusABC]:
+    """The other end of `virtual:here`."""
+    with can.Bus("here", interface="virtual", ignore_config=True) as bus:
+        yield bus
+
+
+@pytest.fixture
+def real(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    """Whatever is opened from now on is the virtual bus; the list says as what."""
+    opened: list[dict[str, Any]] = []
+
+    def open_(**config: Any) -> can.BusABC:
+        opened.append(config)
+        return can.interface.Bus("here", interface="virtual", ignore_config=True)
+
+    monkeypatch.setattr(can, "Bus", open_)
+    return opened

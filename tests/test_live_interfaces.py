@@ -11,7 +11,7 @@ import can.util
 import pytest
 
 from analyzer.live import links
-from analyzer.live.interfaces import InterfaceError, open_bus, resolve
+from analyzer.live.interfaces import InterfaceError, close_bus, open_bus, resolve
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,7 +41,8 @@ def nothing_configured(monkeypatch: pytest.MonkeyPatch) -> None:
         ("virtual:", {}, "virtual", None, {}),
         ("slcan:/dev/ttyACM0@1000000", {}, "slcan", "/dev/ttyACM0", {"bitrate": 1_000_000}),
         ("slcan:/dev/ttyACM0@115200@1000000", {}, "slcan", "/dev/ttyACM0@115200", {"bitrate": 1_000_000}),
-        ("udp_multicast:ff15::1", {}, "udp_multicast", "ff15::1", {}),
+        ("udp_multicast:ff15::1", {}, "udp_multicast", "ff15::1", {"hop_limit": 0}),
+        ("udp_multicast:239.1.2.3", {"bus_kwargs": ["hop_limit=1"]}, "udp_multicast", "239.1.2.3", {"hop_limit": 1}),
         ("demo", {"interface": "virtual"}, "virtual", "demo", {}),
         (None, {"interface": "virtual", "channel": "demo"}, "virtual", "demo", {}),
         (None, {"channel": "vcan1"}, "socketcan", "vcan1", {"fd": True}),
@@ -51,7 +52,7 @@ def nothing_configured(monkeypatch: pytest.MonkeyPatch) -> None:
         ),
         ("virtual:x@500000", {"interface": "virtual", "bitrate": 500_000}, "virtual", "x", {"bitrate": 500_000}),
         (
-            "udp_multicast:", {"bus_kwargs": ["hop-limit=0", "port=5000"]}, "udp_multicast", None,
+            "udp_multicast:", {"bus_kwargs": ["port=5000"]}, "udp_multicast", None,
             {"hop_limit": 0, "port": 5000},
         ),
     ],
@@ -118,6 +119,7 @@ def test_the_bit_rate_that_the_kernel_knows(monkeypatch: pytest.MonkeyPatch) -> 
     [
         (OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol"), "this system has no SocketCAN"),
         (OSError(errno.EPERM, "Operation not permitted"), "Operation not permitted"),
+        (OSError(errno.ENODEV, "No such device"), "no such interface (there is none)"),
         (can.CanInitializationError("could not\n create", 5), "could not"),
         (TypeError("missing"), "missing"),
         (KeyError(), "KeyError"),
@@ -130,13 +132,32 @@ def test_what_cannot_be_opened(monkeypatch: pytest.MonkeyPatch, error: Exception
     monkeypatch.setattr(can, "Bus", fail)
     with pytest.raises(InterfaceError) as caught:
         open_bus(resolve("can0", {}))
-    assert str(caught.value) == f"can0: {said}"
+    assert (str(caught.value), caught.value.reason) == (f"can0: {said}", said)
 
 
 def test_a_name_that_the_kernel_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(links, "links", lambda: [links.Link(1, "can0"), links.Link(2, "vcan0")])
     with pytest.raises(InterfaceError, match=r"^can7: no such interface \(there is can0, vcan0\)$"):
         open_bus(resolve("can7", {}))
+
+
+def test_what_another_interface_says_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernel's words are explained for SocketCAN alone."""
+
+    def fail(**_: object) -> None:
+        raise OSError(errno.ENODEV, "No such device")
+
+    monkeypatch.setattr(can, "Bus", fail)
+    with pytest.raises(InterfaceError, match=r"^slcan:x: No such device$"):
+        open_bus(resolve("slcan:x", {}))
+
+
+def test_a_bus_that_cannot_be_closed() -> None:
+    class Broken:
+        def shutdown(self) -> None:
+            raise can.CanOperationError("pulled out")
+
+    close_bus(Broken())  # type: ignore[arg-type]
 
 
 def test_it_opens_what_is_meant() -> None:

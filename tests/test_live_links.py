@@ -67,21 +67,65 @@ def real_links(monkeypatch: pytest.MonkeyPatch) -> Any:
     return answer
 
 
+def number(value: int) -> bytes:
+    return struct.pack("=I", value)
+
+
 def test_links_as_the_kernel_tells_them(real_links: Any) -> None:
     timing = attribute(1, struct.pack("=8I", 500_000, *range(7)))
     info = [attribute(18, attribute(1, kind) + attribute(2 | 0x8000, data)) for kind, data in (
         (b"can\0", timing), (b"vcan\0", b""), (b"vxcan", b""))]  # fmt: skip
     real_links(
-        link(9, "lo", arp=772) + link(3, "can1", info[0], attribute(4, struct.pack("=I", 16)), flags=0),
-        link(2, "vcan0", attribute(4, struct.pack("=I", 72)), info[1])
-        + link(5, "vx0", attribute(5, struct.pack("=I", 6)), attribute(37, struct.pack("=i", 0)), info[2]),
+        link(9, "lo", arp=772) + link(3, "can1", info[0], attribute(4, number(16)), flags=0),
+        link(2, "vcan0", attribute(4, number(72)), info[1])
+        + link(5, "vx0", attribute(5, number(6)), attribute(37, struct.pack("=i", 0)), info[2]),
         DONE,
     )
     assert links.links() == [
-        links.Link(2, "vcan0", "vcan", up=True, fd=True),
-        links.Link(3, "can1", "can", bit_rate=500_000),
+        links.Link(2, "vcan0", "vcan", up=True, fd=True, mtu=72),
+        links.Link(
+            3, "can1", "can", bit_rate=500_000, mtu=16, controller=links.Controller(timing=links.Timing(500_000))
+        ),
         links.Link(5, "vx0", "vxcan", up=True, peer=6, elsewhere=True),
     ]
+
+
+def test_a_controller_as_its_driver_tells_it(real_links: Any) -> None:
+    data = [
+        attribute(1, struct.pack("=8I", 500_000, 875, *range(6))), attribute(4, number(2)),
+        attribute(5, struct.pack("=2I", 0xFFFF, 0x22)), attribute(6, number(100)),
+        attribute(8, struct.pack("=2H", 130, 7)), attribute(9, struct.pack("=8I", 2_000_000, 750, *range(6))),
+    ]  # fmt: skip
+    counts = attribute(3, struct.pack("=6I", 11, 12, 13, 14, 15, 16))
+    traffic = attribute(23, struct.pack("=24Q", *range(100, 124)))
+    info = attribute(18, attribute(1, b"can\0") + attribute(2, b"".join(data)) + counts)
+    real_links(link(3, "can0", attribute(4, number(72)), attribute(13, number(10)), info, traffic) + DONE)
+    assert links.links() == [
+        links.Link(
+            3, "can0", "can", up=True, fd=True, bit_rate=500_000, mtu=72, queue=10,
+            controller=links.Controller(
+                state="error passive", timing=links.Timing(500_000, 875), data_timing=links.Timing(2_000_000, 750),
+                restart_ms=100, modes=("listen only", "fd"), tx_errors=130, rx_errors=7,
+                bus_errors=11, bus_offs=14, restarts=16,
+            ),
+            traffic=links.Traffic(received=100, sent=101, receive_dropped=106, send_dropped=107),
+        )
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("data", "state"),
+    [
+        *((attribute(4, number(code)), name) for code, name in enumerate(links._STATES)),
+        (attribute(4, number(99)), ""),
+        (b"", ""),
+    ],
+)
+def test_states_of_a_controller(real_links: Any, data: bytes, state: str) -> None:
+    real_links(link(3, "can0", attribute(18, attribute(1, b"can\0") + attribute(2, data))) + DONE)
+    (found,) = links.links()
+    assert found.controller == links.Controller(state=state)
+    assert found.bit_rate is None
 
 
 def test_gateways_as_the_kernel_tells_them(real_links: Any) -> None:

@@ -7,29 +7,14 @@ from itertools import pairwise
 
 import can
 import pytest
+from ticking import Clock
 
 from analyzer.live.interfaces import InterfaceError
-from analyzer.live.sender import LONGEST, MOST_BEHIND, PATIENCE, SECOND, SLICE, Pace, Sender
+from analyzer.live.sender import BURST, LONGEST, MOST_BEHIND, PATIENCE, SECOND, SLICE, Pace, Sender
 from dissectors.traffic import Frame
 
 BIT = 1000  # ns at 1 Mbit/s
 EMPTY = 67 * BIT  # of an extended frame without data
-
-
-class Clock:
-    """Time passes only in sleeps, each a little too long, as real ones are."""
-
-    def __init__(self, over: int = 0) -> None:
-        self.now, self.over = 1_000_000_000_000, over
-        self.slept: list[float] = []
-
-    def __call__(self) -> int:
-        return self.now
-
-    def sleep(self, seconds: float) -> None:
-        assert seconds > 0
-        self.slept.append(seconds)
-        self.now += round(seconds * SECOND) + self.over
 
 
 def frames(*times: int, data: bytes = b"") -> list[Frame]:
@@ -61,15 +46,43 @@ def test_a_delay_is_caught_up_with_at_the_speed_of_the_bus() -> None:
     late = [a - b for a, b in zip(got, times, strict=True)]
     assert late[50] > late[60] > late[70] > 0
     assert late[-1] == pace.behind == 0
-    assert min(b - a for a, b in pairwise(got)) == length
+    assert all(b - a >= 20 * length - BURST for a, b in zip(got, got[20:], strict=False))
+
+
+def test_sleeps_that_are_too_long_do_not_slow_a_full_bus_down() -> None:
+    length = EMPTY + 64 * BIT
+    times = [k * length for k in range(1, 2000)]
+    got, pace = sent(Clock(over=100_000), frames(*times, data=b"12345678"))
+    assert max(a - b for a, b in zip(got, times, strict=True)) <= 100_000
+    assert pace.behind == 0
 
 
 def test_a_long_delay_moves_the_rest() -> None:
     times = [k * SECOND // 100 for k in range(1, 100)]
     got, pace = sent(Clock(), frames(*times), {20: 3 * SECOND})
     assert got[:21] == times[:21]
+    assert pace.elapsed == times[-1]
     assert pace.behind > MOST_BEHIND
     assert [b - a for a, b in pairwise(got[21:])] == [SECOND // 100] * 77
+
+
+def test_no_bus_waits_for_another() -> None:
+    waiting = [Frame(1, b"12345678", bus=bus, t=0) for bus in (0, 0, 1, 2, 1)]
+    assert sent(Clock(), waiting)[0] == [length * (EMPTY + 64 * BIT) for length in (1, 2, 2, 2, 2)]
+
+
+def test_switched_data_take_less_time() -> None:
+    waiting = [Frame(1, bytes(64), fd=True, brs=brs, t=0) for brs in (False, True)]
+    got, _ = sent(Clock(), waiting)
+    assert [got[0], got[1] - got[0]] == [EMPTY + 512 * BIT, EMPTY + 64 * BIT]
+
+
+def test_without_a_bit_rate_times_count_for_nothing() -> None:
+    clock, seen = Clock(), list[int]()
+    pace = Pace(None, lambda: len(seen) == 3, clock, clock.sleep)
+    for frame in pace.over(frames(0, SECOND, 5, 7, 9)):
+        seen.append(frame.t)
+    assert (seen, clock.slept, pace.behind) == ([0, SECOND, 5], [], 0)
 
 
 def test_a_wait_is_cut_short_by_its_end() -> None:

@@ -7,6 +7,7 @@ import errno
 import json
 import logging
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,14 @@ if TYPE_CHECKING:
 # python-can warns of what this program says itself.
 logging.getLogger("can").addHandler(logging.NullHandler())
 
+# What the kernel means when a SocketCAN interface cannot be opened.
+_REASONS = {
+    errno.EAFNOSUPPORT: "this system has no SocketCAN",
+    errno.ENODEV: "no such interface (there is none)",
+}
+# What it means of datagrams to a group, for which even a machine of its own needs a way.
+_NO_NETWORK = (errno.ENODEV, errno.ENETUNREACH)
+_ALONE = "without a network it takes a route, on Linux: ip route add 239.0.0.0/8 dev lo"
 # The two forms of --timing, by the parameters that each of them has.
 _TIMINGS: dict[Callable[..., can.BitTiming | can.BitTimingFd], str] = {
     can.BitTiming: "f_clock brp tseg1 tseg2 sjw nof_samples",
@@ -33,6 +42,7 @@ class InterfaceError(Exception):
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(f"{name}: {reason}")
+        self.reason = reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +110,8 @@ def resolve(text: str | None, options: Mapping[str, Any]) -> Interface:
         if not channel:
             raise ValueError("which SocketCAN interface? (vcan0, can0)")
         loaded.setdefault("fd", True)  # opens classic interfaces as well
+    if kind == "udp_multicast":
+        loaded.setdefault("hop_limit", 0)  # frames stay in this machine unless somebody asks for more
     return Interface(kind, channel, loaded)
 
 
@@ -115,11 +127,18 @@ def open_bus(interface: Interface) -> can.BusABC:
     try:
         return can.Bus(interface=interface.kind, ignore_config=True, **config)
     except OSError as error:
-        none = interface.kind == "socketcan" and error.errno == errno.EAFNOSUPPORT
-        reason = "this system has no SocketCAN" if none else error.strerror or first_line(error)
-        raise InterfaceError(interface.name, reason) from None
+        reason = _REASONS.get(error.errno or 0) if interface.kind == "socketcan" else None
+        raise InterfaceError(interface.name, reason or error.strerror or first_line(error)) from None
     except Exception as error:  # noqa: BLE001 - each driver fails in its own way
-        raise InterfaceError(interface.name, first_line(error)) from None
+        cause = error.__cause__
+        alone = interface.kind == "udp_multicast" and isinstance(cause, OSError) and cause.errno in _NO_NETWORK
+        raise InterfaceError(interface.name, _ALONE if alone else first_line(error)) from None
+
+
+def close_bus(bus: can.BusABC) -> None:
+    """Whatever its driver says to that: a device may have been pulled out."""
+    with suppress(Exception):
+        bus.shutdown()
 
 
 def first_line(error: Exception) -> str:

@@ -19,9 +19,11 @@ if TYPE_CHECKING:
 _GET_LINK, _GET_ROUTE = 18, 26
 _REQUEST, _DUMP = 0x1, 0x300
 _ERROR, _DONE = 2, 3
-_IFNAME, _MTU, _LINK, _LINKINFO, _NETNS = 3, 4, 5, 18, 37
-_KIND, _DATA = 1, 2
-_BITTIMING = 1
+_IFNAME, _MTU, _LINK, _QUEUE, _LINKINFO, _STATS, _NETNS = 3, 4, 5, 13, 18, 23, 37
+_KIND, _DATA, _MORE_STATS = 1, 2, 3
+_BITTIMING, _STATE, _MODE, _RESTART, _ERROR_COUNTERS, _DATA_BITTIMING = 1, 4, 5, 6, 8, 9
+_MODES = {0x1: "loopback", 0x2: "listen only", 0x4: "triple sampling", 0x8: "one shot", 0x10: "bus errors", 0x20: "fd"}
+_STATES = ("error active", "error warning", "error passive", "bus off", "stopped", "sleeping")
 _SOURCE, _DESTINATION = 9, 10
 _ARPHRD_CAN, _AF_CAN = 280, 29
 _UP = 0x1
@@ -29,9 +31,50 @@ _FD_MTU = 72
 _TYPE_MASK = 0x3FFF
 _HEADER, _ATTRIBUTE = struct.Struct("=IHHII"), struct.Struct("=HH")
 _LINK_BODY, _GATEWAY_BODY = struct.Struct("=BxHiII"), struct.Struct("=BBH")
+_TRAFFIC = struct.Struct("=QQ32xQQ")
 _BUFFER = 1 << 17
 # Seconds for an answer that the kernel gives at once.
 _PATIENCE = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """Bits per second, and the sample point in tenths of a percent of a bit, 0 if the driver does not say."""
+
+    bit_rate: int
+    sample_point: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """What the driver of a CAN controller says.
+
+    `state` is error active, error warning, error passive, bus off, stopped or sleeping. `timing` is None before it was
+    set, `data_timing` without CAN FD. `restart_ms` is the pause after which it leaves bus off by itself, 0 if it does
+    not. `modes` are those that are on: loopback, listen only, triple sampling, one shot, bus errors, fd. `tx_errors`
+    and `rx_errors` are its error counters, None if it does not tell. The last three count since it was made.
+    """
+
+    state: str = ""
+    timing: Timing | None = None
+    data_timing: Timing | None = None
+    restart_ms: int = 0
+    modes: tuple[str, ...] = ()
+    tx_errors: int | None = None
+    rx_errors: int | None = None
+    bus_errors: int = 0
+    bus_offs: int = 0
+    restarts: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Traffic:
+    """Frames since the interface was made: received, sent, and those of both that the kernel or the driver dropped."""
+
+    received: int
+    sent: int
+    receive_dropped: int
+    send_dropped: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +83,7 @@ class Link:
 
     With `fd` it takes CAN FD frames. `peer` is the index of the other end of a vxcan pair; `elsewhere` says that this
     end is in another network namespace, where nobody here can look. `bit_rate` is what the controller is set to, None
-    without one.
+    without one. `queue` is the length of the transmit queue in frames. `controller` is None if there is none (vcan).
     """
 
     index: int
@@ -51,6 +94,10 @@ class Link:
     peer: int | None = None
     elsewhere: bool = False
     bit_rate: int | None = None
+    mtu: int = 0
+    queue: int = 0
+    controller: Controller | None = None
+    traffic: Traffic | None = None
 
 
 def links() -> list[Link]:
@@ -73,18 +120,57 @@ def _link(answer: bytes) -> Link | None:
         return None
     found = dict(_attributes(answer[_LINK_BODY.size :]))
     info = dict(_attributes(found.get(_LINKINFO, b"")))
-    timing = dict(_attributes(info.get(_DATA, b""))).get(_BITTIMING, b"")
     kind_name = _text(info.get(_KIND, b""))
+    mtu = _number(found.get(_MTU, b""))
+    controller = _controller(info) if kind_name == "can" else None
     return Link(
         index=index,
         name=_text(found.get(_IFNAME, b"")),
         kind=kind_name,
         up=bool(flags & _UP),
-        fd=_MTU in found and _number(found[_MTU]) >= _FD_MTU,
+        fd=mtu >= _FD_MTU,
         peer=_number(found[_LINK]) if _LINK in found else None,
         elsewhere=_NETNS in found,
-        bit_rate=(_number(timing) or None) if kind_name == "can" and len(timing) >= 4 else None,
+        bit_rate=controller.timing.bit_rate if controller and controller.timing else None,
+        mtu=mtu,
+        queue=_number(found.get(_QUEUE, b"")),
+        controller=controller,
+        traffic=_traffic(found.get(_STATS, b"")),
     )
+
+
+def _controller(info: dict[int, bytes]) -> Controller:
+    data = dict(_attributes(info.get(_DATA, b"")))
+    _, modes = _numbers(data.get(_MODE, b""), 2)
+    state = data.get(_STATE)
+    number = len(_STATES) if state is None else _number(state)
+    counters = data.get(_ERROR_COUNTERS, b"")
+    tx_errors, rx_errors = struct.unpack_from("=HH", counters) if len(counters) >= 4 else (None, None)
+    bus_errors, _, _, bus_offs, _, restarts = _numbers(info.get(_MORE_STATS, b""), 6)
+    return Controller(
+        state=_STATES[number] if number < len(_STATES) else "",
+        timing=_timing(data.get(_BITTIMING, b"")),
+        data_timing=_timing(data.get(_DATA_BITTIMING, b"")),
+        restart_ms=_number(data.get(_RESTART, b"")),
+        modes=tuple(name for bit, name in _MODES.items() if modes & bit),
+        tx_errors=tx_errors,
+        rx_errors=rx_errors,
+        bus_errors=bus_errors,
+        bus_offs=bus_offs,
+        restarts=restarts,
+    )
+
+
+def _timing(data: bytes) -> Timing | None:
+    bit_rate, sample_point = _numbers(data, 2)
+    return Timing(bit_rate, sample_point) if bit_rate else None
+
+
+def _traffic(data: bytes) -> Traffic | None:
+    if len(data) < _TRAFFIC.size:
+        return None
+    received, sent, receive_dropped, send_dropped = _TRAFFIC.unpack_from(data)
+    return Traffic(received, sent, receive_dropped, send_dropped)
 
 
 def _rule(answer: bytes) -> tuple[int, int]:
@@ -135,4 +221,9 @@ def _text(data: bytes) -> str:
 
 
 def _number(data: bytes) -> int:
-    return int(struct.unpack_from("=I", data)[0])
+    return _numbers(data, 1)[0]
+
+
+def _numbers(data: bytes, count: int) -> tuple[int, ...]:
+    """The first numbers of 32 bits; those that are not there are 0."""
+    return struct.unpack_from(f"={count}I", data.ljust(4 * count, b"\0"))

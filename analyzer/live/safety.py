@@ -102,10 +102,10 @@ class Survey:
     def __init__(self) -> None:
         self._counts: dict[Verdict, int] = {}
 
-    def add(self, verdict: Verdict) -> None:
-        """Counts a frame, if it actuates."""
+    def add(self, verdict: Verdict, frames: int = 1) -> None:
+        """Counts so many frames, if they actuate."""
         if verdict.actuates:
-            self._counts[verdict] = self._counts.get(verdict, 0) + 1
+            self._counts[verdict] = self._counts.get(verdict, 0) + frames
 
     def rows(self) -> list[tuple[str, str, int]]:
         """Node (`-` if there is none), type and number of frames, by node."""

@@ -1,9 +1,10 @@
-"""Frames on a bus at their times: paced by the monotonic clock, no faster than the bus could carry them."""
+"""Frames on buses at their times: paced by the monotonic clock, no faster than a bus could carry them."""
 
 from __future__ import annotations
 
 import errno
 import time
+from itertools import takewhile
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import can
@@ -18,10 +19,14 @@ SECOND = 1_000_000_000
 SLICE = SECOND // 20
 # Behind by more than this, time goes on from where it is instead of being caught up with.
 MOST_BEHIND = SECOND
+# What sleeps were too long is caught up with at once, up to this: as many frames as any transmit buffer takes.
+BURST = SECOND // 1000
 # How long a full transmit buffer is waited for, and the first and the longest pause between two attempts.
 PATIENCE, SHORTEST, LONGEST = SECOND, SECOND // 10_000, SECOND // 100
 # Bits of a frame besides its data, none of them stuffed, up to the next frame: 11-bit and 29-bit identifiers.
 _OVERHEAD = 47, 67
+# Bits of the data phase that may take the time of one, where the bit rate is switched.
+_SWITCHED = 8
 _FULL = (errno.ENOBUFS, errno.EAGAIN)
 _GONE = (errno.ENODEV, errno.ENXIO)
 
@@ -41,40 +46,61 @@ class Timed(Protocol):
     def extended(self) -> bool:
         """Whether its identifier has 29 bits."""
 
+    @property
+    def brs(self) -> bool:
+        """Whether its data come at a higher bit rate."""
+
+    @property
+    def bus(self) -> int:
+        """Which of the buses it is for: none waits for another one."""
+
 
 _Frame = TypeVar("_Frame", bound=Timed)
 
 
 class Pace:
-    """Lets frames through at their times, the first moment of which is when the first frame is asked for.
+    """Lets frames through at their times, the first moment of which is when there is a first frame.
 
-    A frame that is late goes out as soon as the bus could carry it behind the one before, until the delay is caught up
-    with. `behind` sums up delays (ns) that were too long for that: the rest of the frames is as much later.
+    A frame that is late goes out as soon as its bus could carry it behind the one before, until the delay is caught up
+    with. `behind` sums up delays (ns) that were too long for that: the rest of the frames is as much later. `bit_rate`
+    is that of every bus; without one their times count for nothing, and frames are let through as they come.
     """
 
     def __init__(
         self,
-        bit_rate: int,
+        bit_rate: int | None,
         stopped: Callable[[], bool],
         clock: Callable[[], int] = time.monotonic_ns,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.behind = 0
-        self._bit = SECOND // bit_rate
+        self._start: int | None = None
+        self._bit = None if bit_rate is None else SECOND // bit_rate
         self._stopped, self._clock, self._sleep = stopped, clock, sleep
+
+    @property
+    def elapsed(self) -> int:
+        """The time (ns) on the scale of the frames; 0 before the first one, and without a bit rate."""
+        return 0 if self._start is None else self._clock() - self._start
 
     def over(self, frames: Iterable[_Frame]) -> Iterator[_Frame]:
         """The frames, each at its time; ends early when `stopped` says so, before the frame that was waited for."""
-        start = self._clock()
-        before = start
+        if self._bit is None:
+            yield from takewhile(lambda _: not self._stopped(), frames)
+            return
+        free: dict[int, int] = {}
         for frame in frames:
-            length = (_OVERHEAD[frame.extended] + 8 * len(frame.data)) * self._bit
-            if not self._wait(max(start + frame.t, before + length)):
+            start = self._start = self._clock() if self._start is None else self._start
+            data = 8 * len(frame.data) // (_SWITCHED if frame.brs else 1)
+            length = (_OVERHEAD[frame.extended] + data) * self._bit
+            due = max(start + frame.t, free.get(frame.bus, start) + length)
+            if not self._wait(due):
                 return
-            before = self._clock()
-            late = before - start - frame.t
+            now = self._clock()
+            free[frame.bus] = max(due, now - BURST)
+            late = now - start - frame.t
             if late > MOST_BEHIND:
-                start += late
+                self._start = start + late
                 self.behind += late
             yield frame
 

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 from can.io.asc import ASCReader
 from can.util import len2dlc
 
-from analyzer.sources.python_can import lines
-from analyzer.sources.python_can.lines import Sort
-from analyzer.sources.python_can.messages import (
+from analyzer.can_rows import (
     DELTA,
     FROM_START,
     MICROSECONDS,
@@ -18,14 +16,13 @@ from analyzer.sources.python_can.messages import (
     RX,
     TX,
     Unreadable,
-    bus_name,
-    channel,
     in_range,
-    nanoseconds,
-    quoted,
     store,
     store_error,
 )
+from analyzer.sources.python_can import lines
+from analyzer.sources.python_can.lines import Sort
+from analyzer.sources.python_can.messages import bus_name, channel, nanoseconds, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

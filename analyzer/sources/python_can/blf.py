@@ -12,9 +12,7 @@ from can.io import blf as library
 from can.util import len2dlc
 
 from analyzer._native import Rows
-from analyzer.sources.errors import CaptureError
-from analyzer.sources.python_can.lines import Sort
-from analyzer.sources.python_can.messages import (
+from analyzer.can_rows import (
     ABSOLUTE,
     BUS_ERROR,
     DATE,
@@ -22,14 +20,14 @@ from analyzer.sources.python_can.messages import (
     MICROSECONDS,
     NANOSECONDS,
     Unreadable,
-    bus_name,
-    channel,
     in_range,
     rounded,
     store,
     store_error,
-    words,
 )
+from analyzer.sources.errors import CaptureError
+from analyzer.sources.python_can.lines import Sort
+from analyzer.sources.python_can.messages import bus_name, channel, words
 from analyzer.sources.python_can.objects import SIGNATURE, Gap, Object, Objects
 
 if TYPE_CHECKING:

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 
 from can.io.csv import CSVReader
 
-from analyzer.sources.python_can import lines
-from analyzer.sources.python_can.lines import Sort
-from analyzer.sources.python_can.messages import (
+from analyzer.can_rows import (
     ABSOLUTE,
     BUS_ERROR,
     FROM_START,
@@ -17,11 +15,13 @@ from analyzer.sources.python_can.messages import (
     NANOSECONDS,
     SECOND,
     Unreadable,
-    nanoseconds,
     significant,
     store,
     store_error,
 )
+from analyzer.sources.python_can import lines
+from analyzer.sources.python_can.lines import Sort
+from analyzer.sources.python_can.messages import nanoseconds
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Protocol
 from can import Message
 
 from analyzer._native import Rows
+from analyzer.can_rows import Unreadable
 from analyzer.sources.formats import UTF8_MARK
-from analyzer.sources.python_can.messages import Unreadable, quoted, words
+from analyzer.sources.python_can.messages import quoted, words
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

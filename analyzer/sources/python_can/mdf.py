@@ -12,18 +12,9 @@ from typing import TYPE_CHECKING, Any
 from can.io import mf4 as library
 
 from analyzer._native import Rows
+from analyzer.can_rows import ABSOLUTE, MICROSECONDS, RX, TX, Unreadable, from_float, store, store_error
 from analyzer.sources.errors import CaptureError
-from analyzer.sources.python_can.messages import (
-    ABSOLUTE,
-    MICROSECONDS,
-    RX,
-    TX,
-    Unreadable,
-    channel,
-    from_float,
-    store,
-    store_error,
-)
+from analyzer.sources.python_can.messages import channel
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,24 +8,11 @@ from typing import TYPE_CHECKING
 from can.io.trc import TRCReader
 from can.util import dlc2len
 
+from analyzer.can_rows import DATE, FROM_START, MICROSECONDS, NANOSECONDS, RX, TX, Unreadable, store, store_error
 from analyzer.sources.errors import CaptureError
 from analyzer.sources.python_can import lines
 from analyzer.sources.python_can.lines import Sort
-from analyzer.sources.python_can.messages import (
-    DATE,
-    FROM_START,
-    MICROSECONDS,
-    NANOSECONDS,
-    RX,
-    TX,
-    Unreadable,
-    bus_name,
-    channel,
-    nanoseconds,
-    quoted,
-    store,
-    store_error,
-)
+from analyzer.sources.python_can.messages import bus_name, channel, nanoseconds, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -1,0 +1,132 @@
+"""When a live session has had enough: `-a` as dumpcap has it, `-c`, and findings."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from analyzer.live import conditions
+from analyzer.live.wanted import Wanted, first_met, parse_wanted
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable
+
+    from analyzer._native import Piece
+    from analyzer.live.wanted import Change
+
+_SECOND = 1_000_000_000
+_NAMES = ("duration", "packets", "frames", "filesize", "files", "finding")
+
+
+class Recorded(Protocol):
+    """How far a recording has come."""
+
+    @property
+    def bytes(self) -> int:
+        """In all files together."""
+
+    @property
+    def full(self) -> int:
+        """Files that have had enough."""
+
+
+@dataclass(frozen=True, slots=True)
+class AutostopPlan:
+    """What ends a session, whichever comes first; None: never.
+
+    Args:
+        duration: nanoseconds from its start.
+        frames: frames of all buses; the session ends behind the last of them.
+        size: bytes that have been recorded, in all files together.
+        files: files that have been filled.
+        findings: one of these.
+    """
+
+    duration: int | None = None
+    frames: int | None = None
+    size: int | None = None
+    files: int | None = None
+    findings: tuple[Wanted, ...] = ()
+
+
+def parse_autostop(texts: Iterable[str], count: int | None = None, rules: Collection[str] = ()) -> AutostopPlan:
+    """The conditions of all `-a`; the last one of a name counts, but all findings. Raises `ValueError`.
+
+    Args:
+        texts: `duration:60`, `packets:N` or `frames:N`, `filesize:100` (kB of 1000 bytes) or `filesize:20MB`,
+            `files:N`, `finding:error` (or worse), `finding:protocol:error`, `finding:TRF-010`, `finding:TRF`.
+        count: that of `-c`.
+        rules: the rules that there are.
+    """
+    found: dict[str, int] = {}
+    findings: list[Wanted] = []
+    for text in texts:
+        name, value = conditions.split("-a", text, _NAMES)
+        if name == "duration":
+            found[name] = conditions.seconds("-a", name, value)
+        elif name == "filesize":
+            found["size"] = conditions.size("-a", name, value)
+        elif name == "finding":
+            findings.append(parse_wanted("-a finding:", value, rules))
+        else:
+            found["files" if name == "files" else "frames"] = conditions.number("-a", name, value)
+    if count is not None:
+        found["frames"] = min(count, found.get("frames", count))
+    return AutostopPlan(**found, findings=tuple(findings))
+
+
+class Autostop:
+    """Looks whether a session has had enough. Its time runs from the first call of `due`.
+
+    Args:
+        plan: the conditions.
+        recording: what is recorded, for `size` and `files`. What comes until the session ends is recorded, too.
+        clock: monotonic nanoseconds.
+    """
+
+    def __init__(
+        self, plan: AutostopPlan, recording: Recorded | None = None, clock: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        self._plan, self._recording, self._clock = plan, recording, clock
+        self._frames = 0
+        self._end: int | None = None
+        self.reason = ""
+
+    def cut(self, piece: Piece) -> Piece:
+        """The piece up to the last frame that is wanted, and nothing of any piece behind that."""
+        most = self._plan.frames
+        if most is None or self._frames + piece.frames < most:
+            self._frames += piece.frames
+            return piece
+        from analyzer.live.pieces import Ordered  # noqa: PLC0415 - takes its time
+
+        ordered = Ordered(piece)
+        wanted = most - self._frames
+        self._frames = most
+        return ordered.take(slice(0, ordered.behind_frame(wanted)))
+
+    def found(self, changes: Iterable[Change]) -> None:
+        """Takes findings."""
+        finding = first_met(self._plan.findings, changes)
+        if finding is not None:
+            self._enough(f"{finding.rule} ({finding.severity})")
+
+    def due(self) -> bool:
+        """Whether it is enough; `reason` says in words why."""
+        plan, recording = self._plan, self._recording
+        if plan.duration is not None:
+            now = self._clock()
+            self._end = self._end or now + plan.duration
+            if now >= self._end:
+                self._enough(f"{plan.duration / _SECOND:g} s are over")
+        if plan.frames is not None and self._frames >= plan.frames:
+            self._enough(f"{plan.frames} frames")
+        if recording is not None and plan.size is not None and recording.bytes >= plan.size:
+            self._enough(f"{recording.bytes} bytes recorded")
+        if recording is not None and plan.files is not None and recording.full >= plan.files:
+            self._enough(f"{plan.files} files")
+        return bool(self.reason)
+
+    def _enough(self, reason: str) -> None:
+        self.reason = self.reason or reason

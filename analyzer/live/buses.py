@@ -1,0 +1,150 @@
+"""Any other interface of python-can: messages one by one, with the time stamps that its driver gives, or the host's."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from analyzer._native import Rows
+from analyzer.can_rows import ABSOLUTE, BUS_ERROR, MICROSECONDS, SECOND, Unreadable, add, from_float, rounded
+from analyzer.live.interfaces import InterfaceError, close_bus, first_line, open_bus
+from analyzer.live.watching import Journal, Retry, lasting
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import can
+
+    from analyzer._native import Piece
+    from analyzer.live.filters import Filters
+    from analyzer.live.interfaces import Interface
+
+# Messages that one call takes at most.
+BATCH = 1024
+# The identifier of an error frame holds its class bits only with these; other drivers have numbers of their own there.
+_CLASSES = ("virtual", "udp_multicast", "socketcand")
+# A driver whose time is further off than this counts from somewhere else.
+_FAR = 3600 * SECOND
+
+
+class Bus:
+    """`Receiver` of an interface that python-can receives from. A driver that fails is opened again, for a while.
+
+    Args:
+        interface: which one.
+        filters: applied to each message here, so that all of them mean the same with every driver.
+        clock: nanoseconds since 1970.
+        now: seconds of a monotonic clock.
+        sleep: waits so many seconds.
+
+    Raises `InterfaceError` if it cannot be opened.
+    """
+
+    def __init__(
+        self,
+        interface: Interface,
+        filters: Filters,
+        clock: Callable[[], int] = time.time_ns,
+        now: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.name = interface.name
+        self.failed: str | None = None
+        self._interface, self._filters = interface, filters
+        self._clock, self._now, self._sleep = clock, now, sleep
+        self._journal, self._retry = Journal(self.name, clock), Retry()
+        self._rows = Rows()
+        self._own_clock = True
+        self._broken: float | None = None
+        self._bus: can.BusABC | None = open_bus(interface)
+
+    def receive(self, seconds: float) -> Piece | None:
+        """What has come, after waiting for it at most so long."""
+        if (piece := self._journal.take()) is not None or self.failed is not None:
+            return piece
+        if (pause := self._retry.wait(self._now())) and self._broken is not None:
+            self._sleep(min(pause, seconds))
+            return None
+        try:
+            if self._bus is None:
+                self._bus = open_bus(self._interface)
+            self._take(self._bus, seconds)
+        except Exception as error:  # noqa: BLE001 - each driver fails in its own way
+            self._keep()
+            self._fail(error)
+        else:
+            if self._broken is not None:
+                self._journal.say(f"works again after {lasting(self._now() - self._broken)}")
+                self._broken = None
+            self._keep()
+        return self._journal.take()
+
+    def finish(self) -> list[Piece]:
+        """What is still there: no more than was said."""
+        return self._journal.rest()
+
+    def wake(self) -> None:
+        """Drivers cannot be woken: `receive` ends with its time."""
+
+    def notes(self) -> list[str]:
+        """What is new for people."""
+        return self._journal.notes()
+
+    def close(self) -> None:
+        """The driver lets go of the device."""
+        if self._bus is not None:
+            close_bus(self._bus)
+            self._bus = None
+
+    def _take(self, bus: can.BusABC, seconds: float) -> None:
+        end, taken = self._now() + seconds, 0
+        message = bus.recv(seconds)
+        while message is not None:
+            self._add(message)
+            taken += 1
+            if taken >= BATCH or self._now() > end:
+                return
+            message = bus.recv(0)
+
+    def _add(self, message: can.Message) -> None:
+        class_ = None
+        if message.is_error_frame:
+            class_ = (self._interface.kind in _CLASSES and message.arbitration_id) or BUS_ERROR
+        if not self._filters.take(message, class_ or 0):
+            return
+        try:
+            add(self._rows, message, self._time(message), self.name, class_)
+            self._rows.stamp(ABSOLUTE | MICROSECONDS)
+        except Unreadable as error:
+            self._rows.unreadable(f"{self.name}: {error}")
+
+    def _time(self, message: can.Message) -> int:
+        """The driver's time if it is that of a clock that was set, else the host's."""
+        host = self._clock()
+        try:
+            t = from_float(message.timestamp)
+        except Unreadable:
+            t = 0
+        if abs(t - host) < _FAR:
+            return t
+        if self._own_clock:
+            self._own_clock = False
+            told = "no time stamps" if not t else "time stamps that do not count from 1970"
+            self._journal.say(f"its driver gives {told}: times are those of the moment when a frame was read")
+        return rounded(host, 1000)
+
+    def _keep(self) -> None:
+        if self._rows.waiting:
+            self._journal.add(self._rows.take())
+
+    def _fail(self, error: Exception) -> None:
+        """The first time the driver gets another chance as it is; then it is opened anew each time."""
+        reason, now = error.reason if isinstance(error, InterfaceError) else first_line(error), self._now()
+        if not self._retry.fail(now):
+            self.failed = f"{reason}; given up after {lasting(self._retry.lasted)}"
+            self._journal.say(self.failed)
+        elif self._broken is None:
+            self._broken = now
+            self._journal.say(f"{reason}; trying again")
+            return
+        self.close()

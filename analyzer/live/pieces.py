@@ -1,0 +1,134 @@
+"""Cutting pieces by rows, in the order of their records, and rows for frames that were lost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analyzer._native import Piece
+from analyzer.tables import EVENTS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
+
+    Numbers = npt.NDArray[Any]
+
+SECOND = 1_000_000_000
+NO_TIME = int(np.iinfo(np.int64).min)
+_DROP = EVENTS.index("drop")
+# A row holds no larger number.
+_MOST = (1 << 32) - 1
+
+
+class Ordered:
+    """The rows of a piece in the order of their records.
+
+    `t` is the time of each (ns, i64, `NO_TIME` where there is none), `frame` whether it is a frame.
+    """
+
+    def __init__(self, piece: Piece) -> None:
+        self.piece = piece
+        frames, events = piece.columns()
+        lines = np.concatenate([_of(frames, "line", "u4"), _of(events, "line", "u4")])
+        first = len(frames["t"]) // 8
+        # A record is one row; where numbers have come to their end, frames go first, as the writers have it.
+        self._order = np.lexsort((np.arange(len(lines)) >= first, lines))
+        self._first = first
+        t = np.concatenate([_times(frames), _times(events)])
+        self.t: Numbers = t[self._order]
+        self.frame: npt.NDArray[np.bool_] = self._order < first
+
+    def __len__(self) -> int:
+        """How many rows there are."""
+        return len(self._order)
+
+    def take(self, rows: slice | Numbers) -> Piece:
+        """Some of them, by their places in the order."""
+        chosen = np.sort(self._order[rows])
+        at = int(np.searchsorted(chosen, self._first))
+        picked = chosen[:at].astype("=u4"), (chosen[at:] - self._first).astype("=u4")
+        return self.piece.pick(picked[0].tobytes(), picked[1].tobytes())
+
+    def behind_frame(self, count: int) -> int:
+        """The place behind so many frames; behind everything if there are fewer."""
+        places = np.flatnonzero(self.frame)
+        return int(places[count - 1]) + 1 if 0 < count <= len(places) else len(self) if count else 0
+
+
+def rows(piece: Piece) -> int:
+    """How many there are of all kinds."""
+    lines = piece.lines
+    return int(sum(lines[kind] for kind in ("frames", "error_frames", "drops", "comments", "unreadable")))
+
+
+class Losses:
+    """Frames that nobody will see, by bus: how many, and the times of the first and the last."""
+
+    def __init__(self) -> None:
+        self._total = 0
+        self._of: dict[int, tuple[int, int, int]] = {}
+        self._names: Sequence[str] = ()
+
+    def add(self, piece: Piece) -> None:
+        """All frames of a piece."""
+        frames, _ = piece.columns()
+        t, bus = _times(frames), _of(frames, "bus", "u1")
+        self._names = piece.buses
+        for one in np.unique(bus).tolist():
+            mine = t[bus == one]
+            count, first, _ = self._of.get(one, (0, int(mine[0]), 0))
+            self._of[one] = count + len(mine), first, int(mine[-1])
+
+    def take(self) -> Piece | None:
+        """Rows that say so, at the first loss and at the last one; None if there were none since the last call."""
+        found = []
+        for bus, (count, first, last) in self._of.items():
+            found += [(first, bus, count - 1)] if count > 1 else []
+            found.append((last, bus, 1))
+        self._of.clear()
+        return self._drops(sorted(found)) if found else None
+
+    def _drops(self, found: Sequence[tuple[int, int, int]]) -> Piece:
+        """Drop counts: time, bus and number of each. Their text is the line of candump, whatever file it goes to."""
+        texts = []
+        for t, bus, count in found:
+            self._total += count
+            stamp = "" if t < 0 else f" ({t // SECOND:010}.{t % SECOND:09})"
+            texts.append(
+                f"DROPCOUNT: dropped {count} CAN frame{'s' * (count != 1)} on '{self._names[bus]}' socket"
+                f" (total drops {self._total}){stamp}".encode()
+            )
+        return _events(_DROP, found, self._names, texts)
+
+
+def _events(kind: int, found: Sequence[tuple[int, int, int]], names: Sequence[str], texts: Sequence[bytes]) -> Piece:
+    """Events of a kind: time, bus and number of each."""
+    t, bus, count = (np.asarray(column) for column in zip(*found, strict=True))
+    size = len(found)
+    none = bytes(size)
+    ends = np.cumsum([0, *map(len, texts)]).astype("=i4")
+    frames = {**dict.fromkeys(("t", "bus", "id", "flags", "line", "data"), b""), "data_offset": bytes(4)}
+    events = {
+        "t": t.astype("=i8").tobytes(), "bus": bus.astype("u1").tobytes(), "bus_valid": b"\x01" * size,
+        "line": np.arange(1, size + 1, dtype="=u4").tobytes(), "kind": bytes([kind]) * size,
+        "class": count.clip(max=_MOST).astype("=u4").tobytes(), "flags": none * 2, "tx_errors": none,
+        "rx_errors": none, "tx_errors_valid": none, "data": b"", "data_offset": bytes(4 * size + 4),
+        "text": b"".join(texts), "text_offset": ends.tobytes(),
+    }  # fmt: skip
+    return Piece.of(frames, events, list(names))
+
+
+def _of(table: dict[str, Any], name: str, kind: str) -> Numbers:
+    return np.frombuffer(table[name], "=" + kind)
+
+
+def _times(table: dict[str, Any]) -> Numbers:
+    t = _of(table, "t", "i8")
+    valid = table["t_valid"]
+    if valid is None:
+        return t
+    known = np.unpackbits(np.frombuffer(valid, np.uint8), count=len(t), bitorder="little").view(bool)
+    return np.where(known, t, NO_TIME)

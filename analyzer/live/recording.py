@@ -1,0 +1,214 @@
+"""What a live session records: a thread of its own writes, so that no disk holds up the bus."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from threading import Condition, Thread
+from typing import TYPE_CHECKING
+
+from analyzer.live.files import Files
+from analyzer.live.pieces import Losses, rows
+from analyzer.sinks.atomic import TargetError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from types import TracebackType
+
+    from analyzer._native import Piece
+    from analyzer.live.ring import RingPlan
+    from analyzer.live.wanted import Change
+
+# Rows that may wait for the disk, 34 s of a full bus of 1 Mbit/s: at most 30 MB.
+MOST = 1 << 18
+# Seconds that a row waits at most until the system has it, and until the disk has it, which may take its time.
+FLUSHED, SYNCED = 0.5, 5.0
+# Seconds that the end of a session waits for a disk that does not answer.
+PATIENCE = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingPlan:
+    """Where to and how.
+
+    Args:
+        path: `-w`; with a ring the files are named after it.
+        form: one of `analyzer.sinks.FORMS`.
+        packing: `gzip`, `zstd` or nothing.
+        compression: of MCAP chunks, one of `analyzer.sinks.COMPRESSIONS`.
+        ring: when a new file begins; None if never.
+        force: write over a file that exists; otherwise that is refused.
+        files: after so many files no new one begins, the last one takes the rest; None if there is no such limit.
+    """
+
+    path: str
+    form: str
+    packing: str = ""
+    compression: str = "zstd"
+    ring: RingPlan | None = None
+    force: bool = False
+    files: int | None = None
+
+
+class Recorder(AbstractContextManager["Recorder"]):
+    """Records the pieces that it is given, in the form of `AsRecorded`.
+
+    It opens the file at once, which raises `TargetError`. `put` and the properties are for one thread, the session's.
+
+    What came more than `FLUSHED` seconds ago is in the file, which can be read up to there: candump and pcapng end with
+    a whole record, MCAP with a whole chunk (only its summary is missing then), packed files with a whole member. When
+    the disk is too slow, up to `most` rows wait; frames beyond are lost, counted, and told by drop counts in front of
+    the next row. When it is full, or cannot be written, recording ends and `problem` says so: what had been flushed
+    before stays, and every frame since then is counted as lost.
+    """
+
+    def __init__(
+        self,
+        plan: RecordingPlan,
+        *,
+        most: int = MOST,
+        flushed: float = FLUSHED,
+        synced: float = SYNCED,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.problem: str | None = None
+        self._files = Files(plan)
+        self._most, self._flushed, self._synced, self._clock = most, flushed, synced, clock
+        self._changed = Condition()
+        self._queue: deque[Piece] = deque()
+        self._waiting = self._lost = self._taken = 0
+        self._losses = Losses()
+        self._ended = False
+        self._notes: list[str] = []
+        self._behind = False
+        self._thread = Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        """Finishes the file."""
+        self.close()
+
+    def put(self, piece: Piece) -> None:
+        """The next rows. Never waits for the disk."""
+        size = rows(piece)
+        if not size:
+            return
+        with self._changed:
+            if self.problem is not None or self._ended:
+                self._lost += piece.frames
+            elif self._waiting and self._waiting + size > self._most:
+                self._lost += piece.frames
+                self._losses.add(piece)
+                if not self._behind:
+                    self._notes.append("the disk is too slow: frames are missing in the recording")
+                self._behind = True
+            else:
+                self._tell()
+                self._add(piece, size)
+                self._changed.notify()
+
+    def found(self, changes: Iterable[Change]) -> None:
+        """Findings, which make no difference here."""
+
+    def notes(self) -> list[str]:
+        """What has happened since the last call, a line each."""
+        with self._changed:
+            notes, self._notes = self._notes, []
+        return [*self._files.notes(), *notes]
+
+    @property
+    def frames(self) -> int:
+        """Frames that can be read in the files, or could before a file was deleted."""
+        return self._files.frames
+
+    @property
+    def lost(self) -> int:
+        """Frames that were put and will not be read."""
+        with self._changed:
+            return self._lost
+
+    @property
+    def bytes(self) -> int:
+        """What was written, in all files together."""
+        return self._files.bytes
+
+    @property
+    def full(self) -> int:
+        """Files of a ring that have had enough."""
+        return self._files.full
+
+    @property
+    def files(self) -> list[str]:
+        """The files that are there, the one that is written last."""
+        return list(self._files.names)
+
+    def close(self) -> None:
+        """Writes what waits and finishes the file. A disk that does not answer within `PATIENCE` is given up."""
+        with self._changed:
+            if not self._ended:
+                self._tell()
+            self._ended = True
+            self._changed.notify()
+        self._thread.join(PATIENCE)
+        if self._thread.is_alive():
+            self._fail(f"{self._files.current}: takes no more data; what follows is not recorded")
+
+    def _tell(self) -> None:
+        """Drop counts for frames that were lost because too many rows waited."""
+        drops = self._losses.take()
+        self._behind = False
+        if drops is not None:
+            self._add(drops, rows(drops))
+
+    def _add(self, piece: Piece, size: int) -> None:
+        self._queue.append(piece)
+        self._waiting += size
+
+    def _fail(self, problem: str) -> None:
+        with self._changed:
+            if self.problem is None:
+                self.problem = problem
+                self._notes.append(problem)
+                self._lost += self._taken + sum(piece.frames for piece in self._queue) - self._files.frames
+                self._queue.clear()
+                self._waiting = 0
+
+    def _run(self) -> None:
+        try:
+            self._record()
+        except TargetError as error:
+            self._files.abandon()
+            self._fail(f"{error}; recording ends with {self._files.frames} frames")
+        except Exception as error:  # noqa: BLE001 - the session goes on without a recording, and must know
+            self._files.abandon()
+            self._fail(f"{self._files.current}: {type(error).__name__}: {error}; recording has ended")
+
+    def _record(self) -> None:
+        files = self._files
+        flush = sync = self._clock()
+        while True:
+            dirty = files.dirty
+            ends = [flush + self._flushed] * dirty + [sync + self._synced] * files.unsynced
+            with self._changed:
+                wait = max(min(ends) - self._clock(), 0.0) if ends else None
+                self._changed.wait_for(lambda: self._queue or self._ended, wait)
+                pieces, self._queue = self._queue, deque()
+                ended = self._ended
+                self._taken += sum(piece.frames for piece in pieces)
+            if pieces and not dirty:
+                flush = self._clock()  # counts from the first row that waits
+            for piece in pieces:
+                files.write(piece)
+                with self._changed:
+                    self._waiting -= rows(piece)
+            if ended and not pieces:
+                files.close()
+                return
+            if self._clock() >= flush + self._flushed:
+                files.flush()
+                flush = self._clock()
+            if files.unsynced and self._clock() >= sync + self._synced:
+                files.sync()
+                sync = self._clock()

@@ -1,0 +1,118 @@
+"""Capture filters as candump writes them, and what they let through."""
+
+from __future__ import annotations
+
+import re
+import struct
+
+import can
+import pytest
+
+from analyzer.live.filters import MOST, Filters, Rule, parse, split
+
+EXTENDED, REMOTE = 1 << 31, 1 << 30
+
+
+class Socket:
+    """Remembers its options."""
+
+    def __init__(self) -> None:
+        self.options: list[tuple[int, int, object]] = []
+
+    def setsockopt(self, level: int, name: int, value: object) -> None:
+        self.options.append((level, name, value))
+
+
+def message(number: int, **more: bool) -> can.Message:
+    return can.Message(arbitration_id=number, is_extended_id=number > 0x7FF, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("texts", "expected"),
+    [
+        ([], Filters()),
+        ([""], Filters()),
+        (["123:7FF"], Filters((Rule(0x123, 0x7FF),))),
+        (["0x123:0x7ff"], Filters((Rule(0x123, 0x7FF),))),
+        (["123~7FF"], Filters((Rule(0x123, 0x7FF, inverted=True),))),
+        (["123:7FF, 92345678:DFFFFFFF"], Filters((Rule(0x123, 0x7FF), Rule(0x92345678, 0xDFFFFFFF)))),
+        (["123:7FF", "124:7FF"], Filters((Rule(0x123, 0x7FF), Rule(0x124, 0x7FF)))),
+        (["123~7FF,124~7FF,j"], Filters((Rule(0x123, 0x7FF, True), Rule(0x124, 0x7FF, True)), join=True)),
+        (["00000123:1FFFFFFF"], Filters((Rule(0x123, 0x1FFFFFFF),))),
+        (["00000123:9FFFFFFF"], Filters((Rule(EXTENDED | 0x123, 0x9FFFFFFF),))),
+        (["123:C00007FF"], Filters((Rule(0x123, 0xC00007FF),))),
+        (["12345:9FFFFFFF"], Filters((Rule(0x345, 0x800007FF),))),
+        (["#FF"], Filters(errors=0xFF)),
+        (["#1,#40", "1:1"], Filters((Rule(1, 1),), errors=0x41)),
+        (["#FFFFFFFF"], Filters(errors=0x1FFFFFFF)),
+    ],
+)
+def test_what_is_meant(texts: list[str], expected: Filters) -> None:
+    assert parse(texts) == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["123", "123:", ":7FF", "123:7FF:1", "xyz:7FF", "123456789:1", "#", "123:7FF;1:1", "!"]
+)
+def test_what_is_none(text: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(f"{text!r} is no filter: ID:MASK in hex as in 123:7FF")):
+        parse([text])
+
+
+def test_bounds() -> None:
+    assert len(parse(["1:1"] * MOST).rules) == MOST
+    with pytest.raises(ValueError, match="513 filters, 512 at most"):
+        parse(["1:1"] * (MOST + 1))
+    with pytest.raises(ValueError, match="j joins filters"):
+        parse(["j"])
+
+
+def test_an_interface_with_its_filters() -> None:
+    assert split("can0") == ("can0", "")
+    assert split("can0,123:7FF,#FF") == ("can0", "123:7FF,#FF")
+
+
+@pytest.mark.parametrize(
+    ("text", "taken", "refused"),
+    [
+        ("", [0x123, EXTENDED | 0x123, REMOTE | 1], []),
+        ("#1", [0x123, EXTENDED | 0x123], []),
+        ("123:7FF", [0x123, EXTENDED | 0x123, EXTENDED | 0x10923, REMOTE | 0x123], [0x122, EXTENDED | 0x124]),
+        ("123~7FF", [0x122], [0x123, EXTENDED | 0x123]),
+        ("123:C00007FF", [0x123], [EXTENDED | 0x123, REMOTE | 0x123]),
+        ("00000123:9FFFFFFF", [EXTENDED | 0x123, EXTENDED | REMOTE | 0x123], [0x123, EXTENDED | 0x10923]),
+        ("123:7FF,124:7FF", [0x123, 0x124], [0x125]),
+        ("123~7FF,124~7FF", [0x123, 0x124, 0x125], []),
+        ("123~7FF,124~7FF,j", [0x125], [0x123, 0x124]),
+        ("12345:9FFFFFFF", [0x345], [EXTENDED | 0x12345]),
+    ],
+)
+def test_what_is_taken(text: str, taken: list[int], refused: list[int]) -> None:
+    filters = parse([text])
+    for words, expected in ((taken, True), (refused, False)):
+        for word in words:
+            frame = can.Message(
+                arbitration_id=word & 0x1FFFFFFF,
+                is_extended_id=bool(word & EXTENDED),
+                is_remote_frame=bool(word & REMOTE),
+            )
+            assert filters.take(frame, 0) == expected, hex(word)
+
+
+def test_error_frames_have_a_mask_of_their_own() -> None:
+    error = message(0x7FF, is_error_frame=True)
+    assert parse(["123:7FF"]).take(error, 0x40)
+    assert parse(["#40"]).take(error, 0x48)
+    assert not parse(["#40"]).take(error, 0x8)
+    assert not parse(["#0"]).take(error, 0x1FFFFFFF)
+
+
+def test_the_kernel_is_told() -> None:
+    socket = Socket()
+    parse(["123:7FF,92345678~9FFFFFFF,j,#44"]).apply(socket)  # type: ignore[arg-type]
+    words = struct.pack("=4I", 0x123, 0x7FF, 0xB2345678, 0x9FFFFFFF)
+    assert socket.options == [(101, 1, words), (101, 6, 1), (101, 2, struct.pack("=I", 0x44))]
+    nothing = Socket()
+    parse([]).apply(nothing)  # type: ignore[arg-type]
+    assert nothing.options == []
+    assert [bool(parse([text])) for text in ("", "#0", "1:1")] == [False, True, True]
