@@ -96,6 +96,7 @@ TRANSFER_ANOMALIES = (
 )
 
 _NS = pa.timestamp("ns")
+_FLOATS = {pa.float32(): "f4", pa.float64(): "f8"}
 
 
 def _field(name: str, kind: pa.DataType, about: str) -> pa.Field:
@@ -184,7 +185,7 @@ def numbers(array: pa.Array) -> npt.NDArray[Any]:
     if pa.types.is_boolean(array.type):
         return _bits(array.buffers()[1], array.offset, len(array))
     width = array.type.bit_width // 8
-    kind = {pa.float32(): "f4", pa.float64(): "f8"}.get(array.type)
+    kind = _FLOATS.get(array.type)
     if kind is None:
         kind = f"{'u' if pa.types.is_unsigned_integer(array.type) else 'i'}{width}"
     return np.frombuffer(array.buffers()[1], kind, len(array), array.offset * width)

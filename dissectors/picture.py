@@ -6,15 +6,17 @@ the decoded tables, fields, parts (`field.part`) and derived ones alike.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from dissectors.registry import UnknownNameError
 from dissectors.toml_table import read
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
-    from dissectors.profile import Profile
+    from dissectors.registry import Registry
     from dissectors.toml_table import Table
 
 FILE = "plots.toml"
@@ -125,11 +127,14 @@ class Pictures:
     plots: Mapping[str, Plot] = field(default_factory=dict)
 
 
-def load(profiles: Iterable[Profile]) -> Pictures:
-    """What the folders say; of two that speak of one quantity or table the first one counts. Raises `ProfileError`."""
+def load(registry: Registry) -> Pictures:
+    """What the folders say; of two that speak of one quantity or table the first one counts. Raises `ProfileError`.
+
+    Tables are named as people name messages; a packet stands behind the message that carries it.
+    """
     quantities: dict[str, Quantity] = {}
     plots: dict[str, Plot] = {}
-    for profile in profiles:
+    for profile in registry.profiles:
         path = profile.folder / FILE
         if not path.is_file():
             continue
@@ -137,9 +142,20 @@ def load(profiles: Iterable[Profile]) -> Pictures:
         own = {name: _quantity(name, table) for name, table in top.tables("quantity")}
         quantities = quantities | {name: found for name, found in own.items() if name not in quantities}
         for name, table in top.tables("table"):
-            plots.setdefault(name, _Reader(quantities).plot(name, table))
+            plots.setdefault(whole := _table(registry, name, table), _Reader(quantities).plot(whole, table))
         top.finish()
     return Pictures(quantities, plots)
+
+
+def _table(registry: Registry, name: str, table: Table) -> str:
+    """The table that is meant."""
+    message, _, packet = name.rpartition(".")
+    try:
+        return registry.table(name)
+    except UnknownNameError as error:
+        with suppress(UnknownNameError):
+            return f"{registry.table(message)}.{packet}"
+        table.fail(str(error))
 
 
 def _quantity(name: str, table: Table) -> Quantity:

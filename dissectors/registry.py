@@ -83,6 +83,11 @@ class Registry:
 
         An exact name wins over an end, and capitals matter only where they decide. Raises `UnknownNameError`.
         """
+        profile, kind, full_name = self._tables[self.table(name)]
+        return profile.message(kind, full_name)
+
+    def table(self, name: str) -> str:
+        """The name of that message's table, without compiling it. Raises `UnknownNameError`."""
         lower = name.lower()
         ends: tuple[Callable[[str], bool], ...] = (
             lambda known: known == name,
@@ -92,8 +97,7 @@ class Registry:
         for matches in ends:
             tables = sorted({table for known, table in self._known if matches(known)})
             if len(tables) == 1:
-                profile, kind, full_name = self._tables[tables[0]]
-                return profile.message(kind, full_name)
+                return tables[0]
             if tables:
                 raise UnknownNameError(name, tuple(tables), several=True)
         import difflib  # noqa: PLC0415 - costs 4 ms that only a mistyped name is worth

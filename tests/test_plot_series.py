@@ -12,7 +12,8 @@ import pytest
 from flown import flown
 from plotted import Drawn, draw, tables
 
-from analyzer.plot import inventory, units
+from analyzer.devices import units
+from analyzer.plot import inventory
 from analyzer.plot.derived import Integrals
 from analyzer.simulate import START
 from dissectors.conformance import NO_TIME, SECOND

@@ -10,7 +10,7 @@ from plotted import draw
 from test_dissector_folder import ACME, PART, PROFILE, PUMP, capture
 
 import dissectors
-from analyzer.plot.definitions import Definitions
+from analyzer.devices.definitions import Definitions
 from dissectors import ProfileError, notes, picture
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def test_with_the_file_quantities_have_plots(folder: Path) -> None:
 def test_a_mistake_is_told_with_file_and_line(folder: Path, wrong: str, line: int, text: str) -> None:
     known = loaded(folder, wrong)
     with pytest.raises(ProfileError, match=text) as told:
-        picture.load(known.profiles)
+        picture.load(known)
     assert (told.value.line, Path(told.value.file).name) == (line, "plots.toml")
 
 
@@ -105,7 +105,7 @@ def test_the_command_tells_of_it_too(folder: Path, command, tmp_path: Path) -> N
 
 def test_built_in_files_name_columns_that_exist() -> None:
     known = dissectors.load()
-    pictures = picture.load(known.profiles)
+    pictures = picture.load(known)
     definitions = Definitions(known)
     for name, plot in pictures.plots.items():
         of = definitions.of(name)
@@ -119,4 +119,4 @@ def test_built_in_files_name_columns_that_exist() -> None:
 
 def test_the_first_folder_wins_a_table(folder: Path) -> None:
     known = loaded(folder, "[table.ESCStatus]\nwho = { path = 'mine' }\n")
-    assert picture.load(known.profiles).plots["ESCStatus"].who.path == "mine"
+    assert picture.load(known).plots["ESCStatus"].who.path == "mine"

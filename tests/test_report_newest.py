@@ -50,4 +50,4 @@ def test_a_finding_is_told_once_and_then_as_it_grows() -> None:
     counts = [one.finding.count for one in told]
     assert len(counts) > 1
     assert counts == sorted(set(counts))
-    assert counts[-1] == device.count
+    assert counts[-1] == device.count == sum(one.more for one in told)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.facts.overflow import CONTROLLER, overflowed
+from analyzer.facts.recorder import DROPS, ERRORS, stated
 from analyzer.facts.traffic import SECOND, times
 from analyzer.tables import EVENTS, STAMPS, VERDICTS, numbers
 
@@ -28,7 +29,8 @@ class Recording:
     """Adds up batches; bounded by the nodes that there can be."""
 
     def __init__(self) -> None:
-        self._dropped = False
+        self.lossy = False  # the recorder has told of frames that it lost
+        self._stated: set[str] | None = None
         self._cut = False
         self._first: int | None = None
         self._running: dict[tuple[int, int], bool] = {}  # whether a node ran before the capture began
@@ -40,18 +42,20 @@ class Recording:
             t, valid = times(batch.frames)
             self._first = int(t[int(np.argmax(valid))]) if valid.any() else None
         self._note_drops(batch.events)
+        if self._stated is None and len(batch.events):
+            self._stated = stated(batch.events)
         table = batch.messages.get(_STATUS)
         if table is not None and "uptime_sec" in table.schema.names:  # a folder may have another type of this name
             self._note_uptimes(table)
 
     def judge(self, totals: Totals, stamps: Iterable[str], *, timed: bool) -> dict[str, str]:
         """The answers in words: yes, NO, unknown; for `stamps`, which are the kinds that were met, those themselves."""
-        kinds = list(stamps)
+        kinds, said = list(stamps), self._stated or ()
         return {
             "transfers": "yes" if totals.verdicts[VERDICTS[0]] else "NO",
             "timing": "yes" if timed else "NO",
-            "drops": "yes" if self._dropped else "unknown",
-            "errors": "yes" if totals.lines["error_frames"] else "NO",
+            "drops": "yes" if self.lossy or DROPS in said else "unknown",
+            "errors": "yes" if totals.lines["error_frames"] or ERRORS in said else "NO",
             "start": self._start(),
             "stamps": ("mixed: " if mixed(kinds) else "") + (", ".join(kinds) or _NONE),
         }
@@ -63,10 +67,10 @@ class Recording:
         return "yes" if self._running else "unknown"
 
     def _note_drops(self, events: pa.RecordBatch) -> None:
-        if self._dropped or not len(events):
+        if self.lossy or not len(events):
             return
         kinds, classes = numbers(events.column("kind")), numbers(events.column("class"))
-        self._dropped = bool((kinds == _DROP).any()) or any(
+        self.lossy = bool((kinds == _DROP).any()) or any(
             overflowed(int(classes[row]), events.column("data")[row].as_py() or b"")
             for row in np.flatnonzero((kinds == _ERROR_FRAME) & (classes & CONTROLLER != 0)).tolist()
         )

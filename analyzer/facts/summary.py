@@ -91,7 +91,10 @@ class NodeFacts:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """A whole capture. `lines` and `verdicts` are the terms of the two conservation sums."""
+    """A whole capture. `lines` and `verdicts` are the terms of the two conservation sums.
+
+    `lossy` says that its recorder told of frames that it lost.
+    """
 
     files: tuple[FileFacts, ...]
     start: int | None
@@ -110,6 +113,7 @@ class Facts:
     transfers: int = 0
     broken: int = 0
     bus_names: tuple[str, ...] = field(default=())
+    lossy: bool = False
 
 
 class Summary:
@@ -179,6 +183,7 @@ class Summary:
             transfers=sum(node.count for node in nodes) + self._talks.beyond,
             broken=sum(node.bad for node in nodes),
             bus_names=self._names,
+            lossy=self._recording.lossy,
         )
 
     def _count_frames(self, batch: Batch) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from analyzer.plot import fields
+from analyzer.devices import fields
 from analyzer.plot.chunks import path
 from analyzer.plot.derived import Integrals, Periods
 from analyzer.plot.inventory import Series
@@ -17,10 +17,10 @@ from analyzer.tables import numbers
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from analyzer.devices.readings import Readings
+    from analyzer.devices.units import Unit, Units
     from analyzer.plot.canvas import Canvas, Column
     from analyzer.plot.moments import Moments
-    from analyzer.plot.readings import Readings
-    from analyzer.plot.units import Unit, Units
     from dissectors.conformance import Words
     from dissectors.picture import Line, Only, Pictures, Plot
     from dissectors.schema import Message, Packet

@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from analyzer.plot.canvas import Canvas
-    from analyzer.report.model import Finding, Report, Severity
+    from analyzer.report.model import Finding, Severity
 
 FINDINGS = "findings"
 _LEVELS: dict[Severity, str] = {"error": "ERROR", "warning": "WARN", "note": "INFO"}
 _FRAMES = 10
 
 
-def draw(canvas: Canvas, report: Report, inside: Iterable[Finding]) -> None:
-    """A line for each finding that is `inside` the window, a series a severity."""
-    found = list(inside)
+def draw(canvas: Canvas, findings: Iterable[Finding], *, several: bool) -> None:
+    """A line for each finding, a series a severity; `several` says that there are buses to tell apart."""
+    found = list(findings)
     for severity, level in _LEVELS.items():
         here = [one for one in found if one.severity == severity]
         entity = path(FINDINGS, severity)
@@ -44,16 +44,16 @@ def draw(canvas: Canvas, report: Report, inside: Iterable[Finding]) -> None:
                     np.array([NO_TIME if one.first.t_ns is None else one.first.t_ns for one in rows], np.int64),
                     np.array([NO_FRAME if one.first.frame is None else one.first.frame for one in rows], np.int64),
                 )
-                texts = [line(one, report) for one in rows]
+                texts = [line(one, several=several) for one in rows]
                 canvas.texts(series, texts, [level] * len(rows), moments)
 
 
-def line(one: Finding, report: Report) -> str:
+def line(one: Finding, *, several: bool) -> str:
     """A finding in a line: rule, place, what, how often, and its frames."""
     frames = ""
     if one.frames:
         more = f" and {len(one.frames) - _FRAMES} more" if len(one.frames) > _FRAMES else ""
         frames = f"  frame{'s' if len(one.frames) > 1 else ''} {' '.join(map(str, one.frames[:_FRAMES]))}{more}"
     count = f"  {one.count}x" if one.count > 1 else ""
-    place = wording.place(one, bus=wording.several_buses(report))
+    place = wording.place(one, bus=several)
     return wording.safe(f"{one.rule} {place} {one.type}".strip() + f": {one.title}: {one.text}{count}{frames}")

@@ -14,12 +14,13 @@ from analyzer.plot.inventory import Series
 from analyzer.plot.layout import layout
 from analyzer.plot.messages import Messages
 from analyzer.plot.moments import NO_FRAME, Clock, times
+from analyzer.report import wording
 from analyzer.rules.columns import Frames
 from analyzer.tables import numbers
 from dissectors.conformance import NO_TIME
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 
     import pyarrow as pa
     from rerun.blueprint import Blueprint
@@ -62,6 +63,7 @@ class Picture:
         self._buses = Buses(self._canvas, bit_rate)
         self._from, self._to = NO_TIME, NO_TIME
         self._first = self._last = 0
+        self._told: set[Hashable] = set()
 
     @property
     def inventory(self) -> Inventory:
@@ -103,6 +105,13 @@ class Picture:
         self._note_span(frames, part.frame_rows)
         self._canvas.flush()
 
+    def tell(self, found: Iterable[Finding], *, several: bool) -> None:
+        """Findings that have not been told yet; `several` says that there are buses to tell apart."""
+        new = {_name(one): one for one in found if _name(one) not in self._told}
+        self._told |= new.keys()
+        findings.draw(self._canvas, new.values(), several=several)
+        self._canvas.flush()
+
     def close(self, limits: Mapping[str, float]) -> None:
         """The end of the capture: what was held back. `limits` are frames a second by what they hold for."""
         self._buses.finish(limits)
@@ -113,7 +122,8 @@ class Picture:
         """The end of the capture with all there is to say of it. `window` says in words what is shown."""
         limits = {name: limit for one in report.captures for bus in one.buses for name, limit in bus.limits.items()}
         self.close(limits)
-        findings.draw(self._canvas, report, [one for one in report.findings if not window or self._inside(one)])
+        inside = [one for one in report.findings if not window or self._inside(one)]
+        self.tell(inside, several=wording.several_buses(report))
         text = summary.page(report, facts, self.inventory, self.thinned(), window)
         self._canvas.page(Series(path(SUMMARY), "text", SUMMARY, "Summary", owner=SUMMARY), text)
         self._canvas.flush()
@@ -139,6 +149,11 @@ class Picture:
         if first.t_ns is not None and last.t_ns is not None and self._from != NO_TIME:
             return first.t_ns <= self._to and last.t_ns >= self._from
         return first.frame is not None and first.frame <= self._last and (last.frame or first.frame) >= self._first
+
+
+def _name(one: Finding) -> Hashable:
+    """What keeps a finding apart from all others, however it grows."""
+    return (one.rule, one.severity, one.bus, one.node, one.type, one.key, one.first)
 
 
 def _leads(transfers: pa.RecordBatch) -> Words:

@@ -138,7 +138,7 @@ def _session(
     breaches = folding.breaches(one.id, findings, folded)
     facts = one.checked.facts
     proofs = verdicts.proofs_of(facts, settings.bit_rate, coarse=one.checked.coarse)
-    lossy = facts.judge["drops"] == "yes" or any(breach.rule == _GAP for breach in breaches)
+    lossy = facts.lossy or any(breach.rule == _GAP for breach in breaches)
     return verdicts.Session(breaches, one.checked.outcome.words, proofs, lossy=lossy, coarse=one.checked.coarse)
 
 

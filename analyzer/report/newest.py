@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A finding that is new, or has come up again; `fresh` says which."""
+    """A finding that is new, or has come up again; `fresh` says which, `more` how often since the last look."""
 
     finding: Finding
     fresh: bool
+    more: int
 
 
 class Newest:
@@ -58,6 +59,7 @@ class Newest:
         for one in draft.findings:
             known = (one.rule, one.severity, one.bus, one.node, one.type, one.key, one.first)
             self._seen[known] = now = (one.count, one.last)
-            if before.get(known) != now:
-                found.append(Change(one, known not in before))
+            then = before.get(known, (0, None))
+            if then != now:
+                found.append(Change(one, known not in before, one.count - then[0]))
         return found

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from analyzer.facts.cells import pylist
-from analyzer.facts.summary import MOST_NODES, Summary
+from analyzer.facts.node_names import NodeNames
+from analyzer.facts.summary import Summary
 from analyzer.rules.clock import Clock
 from analyzer.rules.columns import Frames
 from analyzer.rules.course import Course
@@ -17,8 +17,6 @@ from analyzer.rules.load import bit_times
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    import pyarrow as pa
-
     from analyzer.engine import Batch, Engine
     from analyzer.facts.summary import Facts, Stored
     from analyzer.rules.coverage import Seen
@@ -26,9 +24,6 @@ if TYPE_CHECKING:
     from analyzer.rules.settings import Settings
     from dissectors import Registry
     from dissectors.conformance import Words
-
-MOST_NAME = 80  # characters
-_INFO = "uavcan.protocol.GetNodeInfo.Response"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +57,7 @@ class Check:
         self._seen = Tracker(registry)
         self._course = Course()
         self._clock = Clock()
-        self._names: dict[tuple[int, int], str] = {}
+        self._names = NodeNames()
 
     def measured(self, batches: Iterable[Batch]) -> Iterator[Measured]:
         """What no rule is needed for: another thread may do this while `feed` judges what came before."""
@@ -77,26 +72,9 @@ class Check:
         view = self.judge.feed(batch, bits)
         self._seen.look(view)
         self._course.look(view)
-        if (table := batch.messages.get(_INFO)) is not None:
-            self._note_names(table)
+        self._names.look(batch.messages)
 
     def finish(self, stored: Iterable[Stored], engine: Engine) -> Checked:
         """Everything, after the last batch of the captures `stored`."""
         outcome, facts = self.judge.finish(), self._summary.finish(stored, engine)
-        return Checked(facts, outcome, self._seen.seen(), self._course, self._names, self._clock.coarse)
-
-    def _note_names(self, table: pa.RecordBatch) -> None:
-        if "name" not in table.schema.names or not table.num_rows:
-            return
-        good = table.filter(table.column("trusted"))
-        for bus, src, name in zip(*(pylist(good.column(c)) for c in ("bus", "src", "name")), strict=True):
-            if (bus, src) in self._names or len(self._names) < MOST_NODES:
-                self._names[bus, src] = _text(name)
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, list):
-        value = bytes(value)
-    if isinstance(value, bytes):
-        value = value.partition(b"\0")[0].decode("utf-8", "backslashreplace")
-    return str(value or "")[:MOST_NAME]
+        return Checked(facts, outcome, self._seen.seen(), self._course, self._names.all, self._clock.coarse)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -52,6 +52,24 @@ def column(of: Message | Packet | None, table: pa.RecordBatch, name: str) -> lis
     if name not in table.schema.names:
         return []
     return list(_flat(of, name, (name,), table.column(name), None))
+
+
+def elements(of: Message | Packet | None, table: pa.RecordBatch, name: str) -> tuple[Words, Words, Column] | None:
+    """All numbers in a column of lists: the row of each, its place in the list, and the numbers; None if it has none.
+
+    Places from `MOST_ELEMENTS` on are left out.
+    """
+    array = table.column(name) if name in table.schema.names else None
+    if array is None or not pa.types.is_list(array.type) or pa.types.is_nested(array.type.value_type):
+        return None
+    offsets = np.asarray(array.offsets).astype(np.int64)
+    counts = np.diff(offsets)
+    row = np.repeat(np.arange(len(counts)), counts)
+    place = np.arange(len(row)) - np.repeat(offsets[:-1] - offsets[0], counts)
+    values = array.values.slice(offsets[0], len(row)) if len(offsets) else array.values
+    found = _number(of, name, (name,), values, _both(None, values))
+    has = found.has if found.has is not None else np.ones(len(row), bool)
+    return row, place, replace(found, has=has & (place < MOST_ELEMENTS))
 
 
 def _flat(

@@ -14,12 +14,13 @@ from analyzer.facts.meaning import meaning
 from analyzer.tables import numbers, valid
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Iterable, Mapping
 
     import pyarrow as pa
 
+    from analyzer.devices.definitions import Definitions
     from dissectors.conformance import Words
-    from dissectors.picture import Only
+    from dissectors.picture import Only, Plot
     from dissectors.schema import Evidence, Message, Reading
 
 _NEVER = np.iinfo(np.uint64).max
@@ -90,6 +91,19 @@ class Readings:
             if wanted:
                 rows = np.where(mine, wanted[0] == only.choice, rows)
         return rows
+
+
+def doubtful(
+    plots: Iterable[Plot], definitions: Definitions, forced: Mapping[int, Collection[str]]
+) -> dict[str, Readings]:
+    """The readings that plots ask for, by table."""
+    found = {}
+    for plot in plots:
+        if any(line.only for line in plot.lines) or any(states.only for states in plot.states):
+            message = definitions.message(plot.table)
+            if message is not None:
+                found[plot.table] = Readings(message, forced)
+    return found
 
 
 def senders(table: pa.RecordBatch) -> Words:

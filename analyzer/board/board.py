@@ -1,0 +1,152 @@
+"""The state of the bus now: batches, findings, counts and notes in, snapshots out."""
+
+from __future__ import annotations
+
+from collections import deque
+from heapq import nlargest
+from typing import TYPE_CHECKING
+
+from analyzer.board.buses import Buses
+from analyzer.board.devices import Devices
+from analyzer.board.findings import Findings
+from analyzer.board.latches import MOST_LATCHED, Latches
+from analyzer.board.nodes import Nodes
+from analyzer.board.opened import Opened
+from analyzer.board.snapshot import Snapshot
+from analyzer.rules.columns import Events, Frames
+from analyzer.rules.nodes import STATUS
+from dissectors.conformance import NO_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Mapping
+
+    from analyzer.board.findings import News
+    from analyzer.board.snapshot import Latched, Recording
+    from analyzer.engine import Batch
+    from dissectors import Registry
+    from dissectors.conformance import Words
+
+_MOST_NOTES = 50
+
+
+class Board:
+    """Follows the interfaces of one session. Not safe for several threads: snapshots are.
+
+    Args:
+        registry: the types that frames are decoded with. Raises `ProfileError` for a wrong `plots.toml`.
+        bit_rates: in bits a second by the name of each interface, None where nobody knows.
+        forced: readings of doubtful fields by node ID, against a node's own data.
+
+    Memory is bounded: nodes, devices, findings and what is latched each have a limit, and `Snapshot.beyond` counts what
+    found no place.
+    """
+
+    def __init__(
+        self,
+        registry: Registry,
+        bit_rates: Mapping[str, int | None],
+        *,
+        forced: Mapping[int, Collection[str]] | None = None,
+    ) -> None:
+        self._latches = Latches()
+        self._buses = Buses(bit_rates, self._latches)
+        self._nodes = Nodes(self._latches)
+        self._devices = Devices(registry, forced or {})
+        self._findings = Findings(self._latches)
+        self._opened = Opened()
+        self._notes: deque[tuple[int, str]] = deque(maxlen=_MOST_NOTES)
+        self._names: tuple[str, ...] = ()
+        self._recording: Recording | None = None
+        self._start = self._since = self._last = self._then = NO_TIME
+        self._marks = 0
+
+    def add(self, batch: Batch, now_ns: int, bits: Words | None = None) -> None:
+        """The next batch, known at `now_ns`; `bits` are the `bit_times` of its frames if somebody has them."""
+        self._names = batch.buses
+        frames = Frames(batch.frames, batch.first_frame)
+        if len(frames):
+            if frames.t[-1] != NO_TIME:
+                self._last, self._then = int(frames.t[-1]), now_ns
+                self._begin(int(frames.t[0]))
+            self._buses.add(frames, batch.buses, bits)
+            self._opened.add(frames)
+        if len(batch.events):
+            self._buses.events(Events(batch.events), batch.buses)
+        self._nodes.add(batch.transfers)
+        if (table := batch.messages.get(STATUS)) is not None:
+            self._nodes.status(table, batch.buses)
+        self._nodes.names.look(batch.messages)
+        self._devices.add(batch.messages, batch.buses)
+
+    def findings(self, news: Iterable[News]) -> None:
+        """Findings that are new or have come up again."""
+        self._findings.add(news, self._names)
+
+    def counts(self, interface: str, received: int, dropped: int, here: int) -> None:
+        """What an interface's receiver has counted: frames received, dropped before it, and dropped by this program."""
+        self._buses.counts(interface, received, dropped, here)
+
+    def recording(self, state: Recording | None) -> None:
+        """How the recording goes."""
+        self._recording = state
+
+    def note(self, text: str, now_ns: int) -> None:
+        """Something to tell, such as a link that went down; `NAME: text` belongs to an interface."""
+        t = self._frame_time(now_ns)
+        self._begin(t)
+        self._notes.appendleft((t, text))
+        self._buses.note(text)
+        subject, colon, rest = text.partition(": ")
+        self._latches.put("note", text, subject if colon else "", rest if colon else text, t)
+
+    def mark(self, now_ns: int) -> None:
+        """What is latched, the longest, lowest and highest begin anew."""
+        self._since = self._frame_time(now_ns)
+        self._marks += 1
+        self._latches.clear()
+        self._nodes.mark()
+        self._devices.mark()
+        self._findings.mark()
+
+    def clear(self, now_ns: int) -> None:
+        """Forgets findings, what is latched, and nodes and devices that are gone; min and max stay."""
+        now = self._frame_time(now_ns)
+        self._latches.clear()
+        self._findings.clear()
+        self._nodes.clear(now)
+        self._devices.clear(now)
+        self._notes.clear()
+
+    def snapshot(self, now_ns: int) -> Snapshot:
+        """Everything there is to show at `now_ns`."""
+        now = self._frame_time(now_ns)
+        found = self._findings.by_node
+        overdue = self._opened.overdue(now, self._last) if self._last != NO_TIME else {}
+        latched = [*self._latches.rows(), *self._devices.latched(now), *self._nodes.silences(now, self._names)]
+        return Snapshot(
+            now=now,
+            since=now if self._since == NO_TIME else self._since,
+            start=now if self._start == NO_TIME else self._start,
+            marks=self._marks,
+            buses=tuple(self._buses.rows(now)),
+            nodes=tuple(self._nodes.rows(now, self._names, found, overdue)),
+            devices=tuple(self._devices.tables(now, self._names, found)),
+            findings=tuple(self._findings.rows()),
+            found=self._findings.tally,
+            latched=tuple(nlargest(MOST_LATCHED, latched, key=_latest)),
+            notes=tuple(self._notes),
+            recording=self._recording,
+            beyond=self._nodes.beyond + self._devices.beyond + self._latches.beyond,
+        )
+
+    def _begin(self, t: int) -> None:
+        if self._start == NO_TIME:
+            self._start = self._since = t
+
+    def _frame_time(self, now_ns: int) -> int:
+        """`now_ns` on the clock of the frames, which need not be that of this machine."""
+        return now_ns if self._last == NO_TIME else self._last + max(0, now_ns - self._then)
+
+
+def _latest(one: Latched) -> tuple[int, int, str, str]:
+    return one.last, one.first, one.subject, one.text

@@ -1,0 +1,57 @@
+"""What happened since the mark, whether anybody looked or not: one entry a thing, with first, last and count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from analyzer.board.snapshot import Latched
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from analyzer.board.snapshot import LatchKind
+
+MOST_LATCHED = 512
+
+
+@dataclass(slots=True)
+class _Entry:
+    subject: str
+    text: str
+    first: int
+    last: int
+    count: int
+
+
+class Latches:
+    """At most `MOST_LATCHED` entries; `beyond` counts what found no place."""
+
+    def __init__(self) -> None:
+        self._entries: dict[tuple[LatchKind, object], _Entry] = {}
+        self.beyond = 0
+
+    def put(
+        self, kind: LatchKind, key: object, subject: str, text: str, t: int, *, count: int = 1, first: int | None = None
+    ) -> None:  # fmt: skip
+        """Something that happened `count` times from `first` (`t` if not given) to `t`; equal keys are one entry."""
+        entry = self._entries.get((kind, key))
+        if entry is None:
+            if len(self._entries) >= MOST_LATCHED:
+                self.beyond += 1
+                return
+            self._entries[kind, key] = _Entry(subject, text, t if first is None else first, t, count)
+            return
+        entry.last = max(entry.last, t)
+        entry.count += count
+        entry.text = text
+
+    def clear(self) -> None:
+        """Nothing has happened yet."""
+        self._entries.clear()
+        self.beyond = 0
+
+    def rows(self) -> Iterator[Latched]:
+        """Every entry, in the order of the first time."""
+        for (kind, _), one in self._entries.items():
+            yield Latched(kind, one.subject, one.text, one.first, one.last, one.count)

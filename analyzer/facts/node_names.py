@@ -1,0 +1,41 @@
+"""What nodes call themselves, from the answers that somebody got who asked them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from analyzer.facts.cells import pylist
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import pyarrow as pa
+
+MOST_NODES = 4096
+MOST_NAME = 80  # characters
+_INFO = "uavcan.protocol.GetNodeInfo.Response"
+
+
+class NodeNames:
+    """Names by bus and node, the latest of each, of the first `MOST_NODES` nodes. Text from the bus, not escaped."""
+
+    def __init__(self) -> None:
+        self.all: dict[tuple[int, int], str] = {}
+
+    def look(self, tables: Mapping[str, pa.RecordBatch]) -> None:
+        """The tables of a batch."""
+        table = tables.get(_INFO)
+        if table is None or "name" not in table.schema.names or not table.num_rows:
+            return
+        good = table.filter(table.column("trusted"))
+        for bus, src, name in zip(*(pylist(good.column(c)) for c in ("bus", "src", "name")), strict=True):
+            if (bus, src) in self.all or len(self.all) < MOST_NODES:
+                self.all[bus, src] = _text(name)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list):
+        value = bytes(value)
+    if isinstance(value, bytes):
+        value = value.partition(b"\0")[0].decode("utf-8", "backslashreplace")
+    return str(value or "")[:MOST_NAME]

@@ -1,0 +1,34 @@
+"""What the monitor needs of a session that runs in another thread."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from analyzer.board.snapshot import Snapshot
+
+
+class Feed(Protocol):
+    """Called from the thread of the monitor; every method returns at once.
+
+    An action gives the line that tells the user of it, empty for none.
+    """
+
+    @property
+    def ended(self) -> bool:
+        """Whether the session is over, so that the monitor has to go."""
+
+    def snapshot(self) -> Snapshot | None:
+        """The newest state; None until there is one."""
+
+    def mark(self) -> str:
+        """Sets a mark in the recording; what is latched begins anew."""
+
+    def clear(self) -> str:
+        """Forgets findings, what is latched, and rows of what is gone."""
+
+    def save(self) -> str:
+        """Writes down what there is to report now."""
+
+    def stop(self) -> None:
+        """The user has quit: the session is to end. Called once."""
