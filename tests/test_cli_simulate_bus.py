@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import can
-import can.util
 import pytest
+from arrivals import Failing, got
 
 import dissectors
 from analyzer.cli import simulate_bus
@@ -26,28 +26,15 @@ if TYPE_CHECKING:
 
     Command = Callable[..., tuple[int, str, str]]
 
+pytestmark = pytest.mark.usefixtures("no_can_configuration")
+
 SETTINGS = ("--duration", "700ms", "--esc", "2", "--seed", "3", "--fault", "TRF-003@0.4")
 
 
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(can.util, "CONFIG_FILES", [])
-    for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE", "CAN_CONFIG"):
-        monkeypatch.delenv(name, raising=False)
     return tmp_path
-
-
-@pytest.fixture
-def receiver() -> Iterator[can.BusABC]:
-    with can.Bus("here", interface="virtual") as bus:
-        yield bus
-
-
-def got(bus: can.BusABC) -> list[tuple[int, bool, bool, bytes]]:
-    """What has arrived by now."""
-    messages = iter(lambda: bus.recv(0), None)
-    return [(m.arbitration_id, m.is_extended_id, m.is_remote_frame, bytes(m.data)) for m in messages if m is not None]
 
 
 def held(path: str) -> list[tuple[int, bool, bool, bytes]]:
@@ -174,19 +161,6 @@ def test_a_fault_that_found_no_occasion(command: Command, receiver: can.BusABC) 
     assert got(receiver)
 
 
-@pytest.fixture
-def real(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """Whatever is opened is the virtual bus; the list says as what."""
-    opened: list[dict[str, Any]] = []
-
-    def open_(**config: Any) -> can.BusABC:
-        opened.append(config)
-        return can.interface.Bus("here", interface="virtual", ignore_config=True)
-
-    monkeypatch.setattr(can, "Bus", open_)
-    return opened
-
-
 def test_commands_are_kept_from_what_may_be_real(
     command: Command, receiver: can.BusABC, real: list[dict[str, Any]]
 ) -> None:
@@ -254,28 +228,11 @@ def test_a_bus_that_cannot_be_opened(command: Command, monkeypatch: pytest.Monke
 
 def test_a_bus_that_fails(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its own failure is told, not that of closing it."""
-    sent = 0
-
-    class Failing(can.BusABC):
-        protocol = can.CanProtocol.CAN_20
-
-        def __init__(self, **_: object) -> None:
-            super().__init__("x")
-
-        def send(self, *_: object) -> None:
-            nonlocal sent
-            sent += 1
-            if sent > 20:
-                raise can.CanOperationError("Failed to transmit: Network is down", errno.ENETDOWN)
-
-        def shutdown(self) -> None:
-            super().shutdown()
-            raise RuntimeError
-
-    monkeypatch.setattr(can, "Bus", Failing)
+    failing = Failing(20, can.CanOperationError("Failed to transmit: Network is down", errno.ENETDOWN))
+    monkeypatch.setattr(can, "Bus", lambda **_: failing)
     said = "-- 20 frames, 0.0 s, 0 faults sent on virtual:x\ntailbyte: virtual:x: is down\n"
     assert command("simulate", "virtual:x", "--key", "key.json") == (3, "", said)
-    assert (sent, json.loads(Path("key.json").read_text())["capture"]["frames"]) == (21, 20)
+    assert json.loads(Path("key.json").read_text())["capture"]["frames"] == failing.sent == 20
 
 
 def test_a_key_that_cannot_be_written_is_known_before_anything_is_sent(command: Command, receiver: can.BusABC) -> None:

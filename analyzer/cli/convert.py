@@ -10,9 +10,6 @@ from analyzer.cli import USAGE, options, streams
 from analyzer.sinks import FORMS, losses
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from analyzer._native import Piece
     from analyzer.cli.session import Session
     from analyzer.window import Window
 
@@ -75,7 +72,7 @@ def _convert(args: argparse.Namespace, session: Session, window: Window, form: s
         with Progress(session.source, wanted=not shown) as progress:
             session.held = [] if progress.active else None
             sink = open_sink(form, file, compression=args.compression or "zstd")
-            for piece in progress.over(_pieces(session, window)):
+            for piece in progress.over(session.pieces_inside(window)):
                 inside += sum(piece.lines[kind] for kind in ("frames", "error_frames", "drops", "comments"))
                 frames += piece.frames
                 sink.write(piece)
@@ -92,16 +89,3 @@ def _convert(args: argparse.Namespace, session: Session, window: Window, form: s
     )
     if lost := losses(sink.lost):
         streams.tell(f"-- {form} cannot hold: {lost}\n")
-
-
-def _pieces(session: Session, window: Window) -> Iterator[Piece]:
-    """The rows inside the window. Ends the session when there is no use in going on."""
-    pieces = session.pieces()
-    if window:
-        from analyzer.cut import FrameSelection  # noqa: PLC0415
-
-        selection = FrameSelection(window, session.pieces_again)
-        yield from selection.cut(pieces)
-        session.require(selection.problem)
-        return
-    yield from pieces

@@ -83,6 +83,11 @@ def bytes_a_second(rate: float) -> str:
     return f"{_bytes(rate)}/s"
 
 
+def real_time(rate: float) -> str:
+    """How fast work goes whose size is nanoseconds of a bus."""
+    return f"{rate / 1e9:.1f} x real time"
+
+
 def line(reading: Reading, seconds: float, width: int, speed: Callable[[float], str] = bytes_a_second) -> str:
     """The bar: share, rate and time left, or bytes and rate of what has no known length.
 

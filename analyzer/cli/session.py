@@ -130,6 +130,21 @@ class Session(AbstractContextManager["Session"]):
                 yield piece
         self._conclude()
 
+    def pieces_inside(self, window: Window, *, again: bool = False) -> Iterator[Piece]:
+        """The rows inside the window; `again` reads them once more. Ends the session if that does not go."""
+        pieces = self.pieces_again() if again else self.pieces()
+        if pieces is None:
+            self.require("cannot be read a second time")
+            return
+        if not window:
+            yield from pieces
+            return
+        from analyzer.cut import FrameSelection  # noqa: PLC0415 - most runs have no window
+
+        selection = FrameSelection(window, self.pieces_again)
+        yield from selection.cut(pieces)
+        self.require(selection.problem)
+
     def again(self) -> Iterator[Batch] | None:
         """The capture once more, with nothing counted or complained about; None if it exists only once."""
         chunks = self._again()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import dissectors
 from analyzer.cli import DAMAGED, OK, USAGE, streams
 from analyzer.cli.interrupt import graceful
-from analyzer.cli.progress import Progress
+from analyzer.cli.progress import Progress, real_time
 from analyzer.cli.simulate import NAME
 from analyzer.simulate import Simulation
 from analyzer.simulate.key import text as key_text
@@ -104,7 +104,7 @@ def shown(name: str) -> str:
 def _write(args: argparse.Namespace, simulation: Simulation, work: Work, form: str, file: BinaryIO) -> str:
     """Returns what the format could not hold, in words."""
     on_terminal = args.output == "-" and sys.stdout.isatty()
-    with Progress(simulation, wanted=not on_terminal, speed=_speed) as progress:
+    with Progress(simulation, wanted=not on_terminal, speed=real_time) as progress:
         chunks = _chunks(simulation, work, whole=args.output != "-")
         if form == "candump":
             for chunk in progress.over(chunks):  # noqa: FURB122 - the compressor has no writelines
@@ -139,7 +139,3 @@ def _go_on(work: Work, *, whole: bool) -> None:
         if whole:
             streams.complain("interrupted, nothing is written")
         raise KeyboardInterrupt
-
-
-def _speed(rate: float) -> str:
-    return f"{rate / SECOND:.1f} x real time"
