@@ -34,9 +34,10 @@ class Clock:
 
 
 def text(piece: Piece | None) -> list[str]:
-    """Its rows as lines, with times in seconds from the start of the test."""
+    """Its rows as lines, with times in seconds from the start of the test; remarks and drops without theirs."""
     assert piece is not None
     found = Writer("candump").write(piece).decode()
+    found = re.sub(r"^(# )\(\S+\) |^(DROPCOUNT.*\)) \(\S+\)$", r"\1\2", found, flags=re.MULTILINE)
     return re.sub(r"\((\d+)\.", lambda stamp: f"({int(stamp[1]) - START // SECOND:02}.", found).splitlines()
 
 

@@ -11,9 +11,8 @@ import pytest
 from command import wait_until
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from live_pieces import MS, Note, Row, cut, made, sessions, stored, taken, traffic
+from live_pieces import MS, Note, Row, as_recorded, cut, made, plan, record, sessions, stored, taken, traffic
 from recorded import Frame
-from test_live_recording import as_recorded, plan, record
 
 from analyzer.live import files as files_module
 from analyzer.live.recording import Recorder
@@ -224,6 +223,19 @@ def test_a_file_that_cannot_be_deleted_is_told(tmp_path: Path) -> None:
         wait_until(lambda: recorder.frames == 2)
         assert recorder.notes() == [f"{first}: cannot be deleted: Is a directory"]
     assert recorder.problem is None
+
+
+@pytest.mark.parametrize("suffix", [".log", ".mcap", ".log.gz"])
+def test_a_file_that_cannot_be_opened_leaves_the_last_one_whole(suffix: str, tmp_path: Path) -> None:
+    folder, moved = tmp_path / "old", tmp_path / "new"
+    folder.mkdir()
+    with Recorder(plan(folder / f"a{suffix}", ring=RingPlan(frames=3))) as recorder:
+        folder.rename(moved)
+        recorder.put(made(traffic(5)))
+        wait_until(lambda: recorder.problem is not None)
+        assert "No such file or directory; recording ends with 3 frames" in str(recorder.problem)
+    assert (recorder.frames, recorder.lost) == (3, 2)
+    assert stored(*moved.iterdir()) == traffic(3)
 
 
 def test_a_file_of_that_name_is_safe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

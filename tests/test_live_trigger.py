@@ -10,10 +10,9 @@ import pytest
 from command import wait_until
 from hypothesis import given
 from hypothesis import strategies as st
-from live_pieces import MS, START, Note, Row, cut, made, stored, taken, traffic
+from live_pieces import MS, START, Note, Row, cut, made, plan, stored, taken, traffic
 from recorded import Frame
 from test_live_autostop import RULES, Change, Finding, Place
-from test_live_recording import plan
 
 from analyzer.live import trigger as module
 from analyzer.live.dashcam import Dashcam

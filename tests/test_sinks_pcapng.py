@@ -172,3 +172,17 @@ def test_tshark_reads_it(tmp_path: Path) -> None:
     assert [(row["brs"], row["esi"]) for row in shown[2:4]] == [("1", "0"), ("0", "1")]
     assert [shown[row]["remote"] for row in (0, 4)] == ["0", "1"]
     assert [shown[row]["error"] for row in (0, 4, 5)] == ["0", "0", "1"]
+
+
+@pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
+def test_tshark_lists_comments_among_the_packets(tmp_path: Path) -> None:
+    path = tmp_path / "a.pcapng"
+    frame = "(1700000000.000001000) can0 123#11\n"
+    path.write_bytes(written("pcapng", text(f"{frame}# (1700000000.000002000) mark 3\n{frame}"))[0])
+    done = subprocess.run(
+        ["tshark", "-r", path, "-T", "fields", "-e", "frame.time_epoch", "-e", "_ws.col.Info"],
+        capture_output=True, timeout=LIMIT, check=True, text=True,
+    )  # fmt: skip
+    rows = [line.split("\t") for line in done.stdout.splitlines()]
+    assert rows[1] == ["1700000000.000002000", "# mark 3"]
+    assert len(rows) == 3

@@ -61,7 +61,7 @@ class Version(argparse.Action):
 
 def parser() -> Parser:
     """Every command with its options; light enough for `--help`."""
-    from analyzer.cli import check, convert, decode, explain, export, info, plot, simulate  # noqa: PLC0415 - all are argparse only at this point
+    from analyzer.cli import check, convert, decode, explain, export, info, live, plot, replay, simulate  # noqa: PLC0415 - all are argparse only at this point
 
     main_parser = Parser(
         prog="tailbyte",
@@ -71,7 +71,7 @@ def parser() -> Parser:
     )
     main_parser.add_argument("--version", action=Version, nargs=0, help="show the version and exit")
     commands = main_parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
-    for command in (decode, info, check, explain, convert, export, plot, simulate):
+    for command in (decode, info, check, explain, convert, export, plot, live, replay, simulate):
         command.add(commands)
     return main_parser
 

@@ -51,19 +51,10 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     rules.add_argument("--force", action="store_true", help="--init writes over a file, and from any capture")
     rules.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
-    group = parser.add_argument_group("reports", "FILE - is standard output, and then the text is left out")
-    group.add_argument("--junit", metavar="FILE", help="JUnit XML, for test reports of CI services")
-    group.add_argument("--html", metavar="FILE", help="one page for a browser, without a network")
-    group.add_argument("--json", metavar="FILE", help="everything, in a documented schema")
-    group.add_argument("--markdown", metavar="FILE", help="for comments and job summaries")
+    group = reports.add(parser)
     group.add_argument(
         "--github", action="store_true", help="annotations for GitHub Actions, and the summary of the step"
     )
-    group.add_argument(
-        "-o", "-w", dest="output", action="append", default=[], metavar="REPORT",
-        help="a report in the format that the name says: .html .json .xml (JUnit) .md .txt; repeatable",
-    )  # fmt: skip
-    group.add_argument("--all", action="store_true", help="in the text: every finding, rule, node and setting")
     group.add_argument(
         "--extract", metavar="DIR", help="the smallest capture that still shows it, of each finding, as candump text"
     )
@@ -79,7 +70,7 @@ class _UsageError(Exception):
 def run(args: argparse.Namespace) -> int:
     """Judges every capture, then writes the reports: each is there whole or not at all."""
     from analyzer.cli.start import plain_arrow  # noqa: PLC0415
-    from analyzer.sinks.atomic import Target, TargetError  # noqa: PLC0415
+    from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
 
     if args.alone:
@@ -89,14 +80,9 @@ def run(args: argparse.Namespace) -> int:
         if args.init:
             return wanted.initial()
         with ExitStack() as stack:
-            targets = []
-            for form, path in wanted.files:  # opened before the work: what cannot be written is known at once
-                own = stack.enter_context(ExitStack())
-                targets.append((form, own.enter_context(Target(path)), own))
+            targets = reports.opened(wanted.files, stack)
             report, interrupted = wanted.judge()
-            written = True
-            for form, target, own in targets:
-                written = reports.written(form, report, target, own, everything=args.all) and written
+            written = reports.all_written(targets, report, everything=args.all)
         reports.tell(args, report, silent=wanted.silent)
         if args.github:
             written = reports.tell_github(report, aside=wanted.silent) and written

@@ -23,20 +23,25 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     options.add_reader(parser)
     show = parser.add_argument_group("what to show")
     show.add_argument("-c", dest="count", type=options.positive, metavar="N", help="stop after N transfers")
+    add_view(show)
+    show.add_argument("-q", dest="quiet", action="store_true", help="decode and check, but list nothing")
+    show.add_argument("--follow", action="store_true", help="show at once what comes; wait at the end of a file")
+    options.add_window(parser)
+    options.add_output(parser)
+    parser.set_defaults(run=run)
+
+
+def add_view(show: argparse._ArgumentGroup) -> None:
+    """What a list says of each transfer."""
     show.add_argument("-V", dest="details", action="store_true", help="details: every field down to its bits")
     show.add_argument("-O", dest="only", metavar="TYPE,...", help="details of these types only (implies -V)")
     show.add_argument("-P", dest="summary", action="store_true", help="the summary line too, with -V")
     show.add_argument("-x", dest="bytes", action="store_true", help="bytes: CRC, payload, padding and tail told apart")
-    show.add_argument("-q", dest="quiet", action="store_true", help="decode and check, but list nothing")
     show.add_argument("-t", dest="time", choices=_TIMES, default="r", metavar="a|ad|d|dd|e|r|u|ud", help=_TIME_HELP)
     show.add_argument("-T", dest="form", choices=_FORMS, default="text", help="default: text")
     show.add_argument(
         "-e", dest="fields", action="append", default=[], metavar="FIELD", help="a field of -T fields; repeatable"
     )
-    show.add_argument("--follow", action="store_true", help="show at once what comes; wait at the end of a file")
-    options.add_window(parser)
-    options.add_output(parser)
-    parser.set_defaults(run=run)
 
 
 _TIME_HELP = "time of day, with date, since previous, since shown, epoch, relative (default), UTC, UTC with date"
@@ -44,8 +49,10 @@ _TIME_HELP = "time of day, with date, since previous, since shown, epoch, relati
 
 def run(args: argparse.Namespace) -> int:
     """Reads the capture once, writes the chosen view, and accounts for every line on standard error."""
-    if bool(args.fields) != (args.form == "fields"):
-        return _usage("-T fields and -e FIELD go together")
+    try:
+        check_view(args)
+    except ValueError as error:
+        return _usage(str(error))
     if args.follow and args.last is not None:
         return _usage("--last needs an end, --follow has none")
     from analyzer.cli.session import Session  # noqa: PLC0415
@@ -64,6 +71,12 @@ def run(args: argparse.Namespace) -> int:
         else:
             _decode(args, session, window)
     return session.status
+
+
+def check_view(args: argparse.Namespace) -> None:
+    """Raises `ValueError` for what does not go together."""
+    if bool(args.fields) != (args.form == "fields"):
+        raise ValueError("-T fields and -e FIELD go together")
 
 
 def _decode(args: argparse.Namespace, session: Session, window: Window) -> None:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from analyzer.report.baseline import Baseline
-    from analyzer.report.build import Taken
+    from analyzer.report.build import Revise, Taken
     from analyzer.report.model import Report
     from analyzer.rules.catalogue import Page
     from analyzer.rules.expected import Expected
@@ -72,6 +72,12 @@ class Judging:
             from analyzer.report.baseline import Baseline  # noqa: PLC0415
 
             self._older = Baseline.load(Path(args.baseline))
+
+    def revisions(self) -> Sequence[Revise]:
+        """What the vehicle file has to say of findings, before there is a report."""
+        from analyzer.conformance import order  # noqa: PLC0415
+
+        return order(self._fail_on, {}, self._expected, None).revise
 
     def build(self, taken: Sequence[Taken], window: str = "") -> Report:
         """The report of captures that were judged with `settings`; `window` is the one that was asked for."""

@@ -14,6 +14,7 @@ from analyzer.sinks import COMPRESSIONS, FORMS, form_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
 
+    from analyzer.live.filters import Filters
     from analyzer.live.interfaces import Interface
     from analyzer.sources.merge import Plan
     from analyzer.window import Window
@@ -62,6 +63,19 @@ def add_bus(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     return add_python_can(parser)
 
 
+def add_buses(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """Several buses that exist, with the options of python-can."""
+    parser.add_argument(
+        "iface", nargs="*", metavar="IFACE[,FILTER]",
+        help="a SocketCAN interface (can0), or TYPE:CHANNEL[@BITRATE] for those of python-can (virtual:demo, "
+        "slcan:/dev/ttyACM0@1000000); with filters as candump has them: can0,123:7FF",
+    )  # fmt: skip
+    parser.add_argument(
+        "-i", dest="iface_", action="append", default=[], metavar="IFACE", help="the same, by letter; repeatable"
+    )
+    return add_python_can(parser)
+
+
 def add_python_can(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     """The options of python-can for the buses of a command."""
     group = parser.add_argument_group("bus, as python-can has it")
@@ -87,22 +101,45 @@ def bus(args: argparse.Namespace) -> Interface | None:
     return resolve(text, python_can(args))
 
 
+def buses(args: argparse.Namespace) -> list[tuple[Interface, Filters]]:
+    """The buses that are meant, with what is let through; none if none was named. Raises `ValueError`."""
+    from analyzer.live.filters import parse, split  # noqa: PLC0415
+    from analyzer.live.interfaces import resolve  # noqa: PLC0415 - python-can takes its time
+
+    named: list[str | None] = [*args.iface, *args.iface_]
+    if not named and (args.interface is not None or args.channel is not None):
+        named = [None]
+    found: dict[str, tuple[Interface, Filters]] = {}
+    for text in named:
+        name, own = (None, "") if text is None else split(text)
+        interface = resolve(name, python_can(args))
+        if interface.name in found:
+            raise ValueError(f"{interface.name} is named twice")
+        found[interface.name] = interface, parse([*args.filter, own])
+    return list(found.values())
+
+
 def python_can(args: argparse.Namespace) -> dict[str, Any]:
     """What the options of python-can say, by their names; None of those that were not given."""
     names = ("interface", "channel", "bitrate", "data_bitrate", "fd", "timing", "bus_kwargs")
     return {name: getattr(args, name) for name in names}
 
 
+def add_colour(parser: argparse.ArgumentParser) -> None:
+    """Whether results have colours."""
+    parser.add_argument("--color", choices=("auto", "always", "never"), default="auto", help="default: auto")
+
+
 def add_output(parser: argparse.ArgumentParser) -> None:
     """How results reach a terminal."""
-    parser.add_argument("--color", choices=("auto", "always", "never"), default="auto", help="default: auto")
+    add_colour(parser)
     parser.add_argument("--no-pager", action="store_true", help="do not page long output on a terminal")
 
 
-def add_capture_form(parser: argparse.ArgumentParser) -> None:
-    """The format of a capture that is written."""
+def add_capture_form(parser: argparse._ActionsContainer, name: str = "form") -> None:
+    """The format of a capture that is written, in the attribute `name`."""
     parser.add_argument(
-        "-F", "--format", dest="form", choices=FORMS,
+        "-F", "--format", dest=name, choices=FORMS,
         help="default: what the name says: .log .txt .candump, .mcap, .pcapng, with .gz or .zst behind it",
     )  # fmt: skip
     parser.add_argument("--compression", choices=COMPRESSIONS, help="of MCAP chunks; default: zstd")
@@ -149,17 +186,17 @@ def window(args: argparse.Namespace) -> Window:
     around, margin = None, AROUND
     if args.around is not None:
         where, sign, width = args.around.replace("+-", "±").partition("±")
-        margin = _checked("--around", duration, width) if sign else AROUND
-        around = _whole(where) if where.strip().isdecimal() else _checked("--around", Moment.parse, where)
+        margin = checked("--around", duration, width) if sign else AROUND
+        around = _whole(where) if where.strip().isdecimal() else checked("--around", Moment.parse, where)
         if around == 0:
             raise argparse.ArgumentTypeError("--around: frame numbers start at 1")
     return Window(
-        start=_checked("--from", Moment.parse, args.start),
-        stop=_checked("--to", Moment.parse, args.stop),
-        last=_checked("--last", duration, args.last),
+        start=checked("--from", Moment.parse, args.start),
+        stop=checked("--to", Moment.parse, args.stop),
+        last=checked("--last", duration, args.last),
         around=around,
         margin=margin,
-        frames=_checked("--frames", _range, args.frames),
+        frames=checked("--frames", _range, args.frames),
     )
 
 
@@ -175,7 +212,8 @@ def window_words(args: argparse.Namespace) -> str:
     return " ".join(f"{option} {text}" for option, text in given.items() if text is not None)
 
 
-def _checked(option: str, read: Callable[[str], Any], text: str | None) -> Any:
+def checked(option: str, read: Callable[[str], Any], text: str | None) -> Any:
+    """What `read` makes of the text of an option, None of none. Raises `argparse.ArgumentTypeError` with its reason."""
     try:
         return None if text is None else read(text)
     except ValueError as error:
@@ -253,8 +291,8 @@ def plan(args: argparse.Namespace) -> Plan:
     """How several captures become one. Raises `argparse.ArgumentTypeError` with the option and the reason."""
     from analyzer.sources.merge import Plan, bus_name  # noqa: PLC0415
 
-    names = dict(_checked("--bus", bus_name, text) for text in args.bus)
-    offsets = dict(_checked("--offset", _offset, text) for text in args.offset)
+    names = dict(checked("--bus", bus_name, text) for text in args.bus)
+    offsets = dict(checked("--offset", _offset, text) for text in args.offset)
     return Plan(names, offsets, args.same_bus)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+from contextlib import ExitStack
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -12,8 +13,7 @@ from analyzer.cli import options, streams
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable, Iterator
-    from contextlib import ExitStack
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from analyzer.report.model import Report
     from analyzer.sinks.atomic import Target
@@ -21,6 +21,21 @@ if TYPE_CHECKING:
 _WIDTH, _WIDEST = 80, 120
 _FORMS = ("junit", "html", "json", "markdown")
 _SUFFIXES = {".html": "html", ".htm": "html", ".json": "json", ".xml": "junit", ".md": "markdown", ".txt": "text"}
+
+
+def add(parser: argparse.ArgumentParser, letters: Sequence[str] = ("-o", "-w")) -> argparse._ArgumentGroup:
+    """The reports that may be asked for; `letters` are those of one whose name says the format."""
+    group = parser.add_argument_group("reports", "FILE - is standard output, and then the text is left out")
+    group.add_argument("--junit", metavar="FILE", help="JUnit XML, for test reports of CI services")
+    group.add_argument("--html", metavar="FILE", help="one page for a browser, without a network")
+    group.add_argument("--json", metavar="FILE", help="everything, in a documented schema")
+    group.add_argument("--markdown", metavar="FILE", help="for comments and job summaries")
+    group.add_argument(
+        *letters, dest="output", action="append", default=[], metavar="REPORT",
+        help="a report in the format that the name says: .html .json .xml (JUnit) .md .txt; repeatable",
+    )  # fmt: skip
+    group.add_argument("--all", action="store_true", help="in the text: every finding, rule, node and setting")
+    return group
 
 
 def files(args: argparse.Namespace) -> Iterator[tuple[str, str]]:
@@ -41,6 +56,26 @@ def files(args: argparse.Namespace) -> Iterator[tuple[str, str]]:
         if not os.path.exists(path) or os.path.isfile(path):  # noqa: PTH110, PTH113 - devices take several
             seen.add(place)
         yield form, path
+
+
+Opened = tuple[str, "Target", ExitStack]
+
+
+def opened(files: Iterable[tuple[str, str]], stack: ExitStack) -> list[Opened]:
+    """Every file before the work begins: what cannot be written is known at once. Raises `TargetError`."""
+    from analyzer.sinks.atomic import Target  # noqa: PLC0415
+
+    found = []
+    for form, path in files:
+        own = stack.enter_context(ExitStack())
+        found.append((form, own.enter_context(Target(path)), own))
+    return found
+
+
+def all_written(targets: Iterable[Opened], report: Report, *, everything: bool) -> bool:
+    """Writes each report; whether all could be."""
+    done = [written(form, report, target, own, everything=everything) for form, target, own in targets]
+    return all(done)
 
 
 def written(form: str, report: Report, target: Target, own: ExitStack, *, everything: bool) -> bool:

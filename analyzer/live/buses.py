@@ -97,14 +97,14 @@ class Bus:
             self._bus = None
 
     def _take(self, bus: can.BusABC, seconds: float) -> None:
-        end, taken = self._now() + seconds, 0
-        message = bus.recv(seconds)
-        while message is not None:
-            self._add(message)
-            taken += 1
-            if taken >= BATCH or self._now() > end:
+        """All that comes in this time: one by one it would cost more to pass on than to receive."""
+        end, left = self._now() + seconds, seconds
+        for _ in range(BATCH):
+            message = bus.recv(left)
+            if message is None:
                 return
-            message = bus.recv(0)
+            self._add(message)
+            left = max(0.0, end - self._now())
 
     def _add(self, message: can.Message) -> None:
         class_ = None

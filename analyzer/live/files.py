@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, cast
 
+from analyzer.live import remarks
 from analyzer.live.pieces import Ordered
 from analyzer.live.ring import Ring
 from analyzer.sinks import open_sink
@@ -93,15 +95,15 @@ class Files:
         self.unsynced = True
 
     def sync(self) -> None:
-        """Waits until the disk has it."""
-        self._file.sync()
+        """Begins to bring it to the disk."""
+        self._file.sync_aside()
         self.unsynced = False
 
     def close(self) -> None:
         """Finishes the file."""
         self._sink.close()
         self.flush()
-        self.sync()
+        self._file.sync()
         self._file.close()
 
     def abandon(self) -> None:
@@ -136,7 +138,11 @@ class Files:
         if self.full == self._plan.files:
             return
         old, sink = self._file, self._sink
-        self._file, self._sink = self._open()
+        try:
+            self._file, self._sink = self._open()
+        except TargetError:
+            self.close()
+            raise
         sink.close()
         old.flush()
         old.sync()
@@ -153,6 +159,9 @@ class Files:
                 path = self._ring.next_name()
         file = GrowingFile(path, plan.packing, force=plan.force)
         sink = open_sink(plan.form, cast("BinaryIO", file), compression=plan.compression, recording=True)
+        if plan.header:
+            sink.write(remarks.comment(time.time_ns(), plan.header))
+            sink.flush()
         file.flush()
         self._used = False
         self.names.append(file.path)

@@ -41,6 +41,7 @@ class RecordingPlan:
         ring: when a new file begins; None if never.
         force: write over a file that exists; otherwise that is refused.
         files: after so many files no new one begins, the last one takes the rest; None if there is no such limit.
+        header: a comment in front of every file; empty for none.
     """
 
     path: str
@@ -50,6 +51,7 @@ class RecordingPlan:
     ring: RingPlan | None = None
     force: bool = False
     files: int | None = None
+    header: str = ""
 
 
 class Recorder(AbstractContextManager["Recorder"]):
@@ -111,6 +113,9 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     def found(self, changes: Iterable[Change]) -> None:
         """Findings, which make no difference here."""
+
+    def press(self, why: str) -> None:
+        """Somebody wants what is there now to be recorded, as it is."""
 
     def notes(self) -> list[str]:
         """What has happened since the last call, a line each."""
@@ -179,11 +184,11 @@ class Recorder(AbstractContextManager["Recorder"]):
         try:
             self._record()
         except TargetError as error:
-            self._files.abandon()
             self._fail(f"{error}; recording ends with {self._files.frames} frames")
-        except Exception as error:  # noqa: BLE001 - the session goes on without a recording, and must know
             self._files.abandon()
+        except Exception as error:  # noqa: BLE001 - the session goes on without a recording, and must know
             self._fail(f"{self._files.current}: {type(error).__name__}: {error}; recording has ended")
+            self._files.abandon()
 
     def _record(self) -> None:
         files = self._files

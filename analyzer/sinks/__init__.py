@@ -25,6 +25,10 @@ class Sink(Protocol):
         """Frames written so far."""
 
     @property
+    def held(self) -> int:
+        """Bytes that are held back, more or less."""
+
+    @property
     def lost(self) -> dict[str, int]:
         """What the format could not hold so far, in words, and how often."""
 
@@ -45,15 +49,28 @@ def form_of(path: str) -> tuple[str, str]:
     return _SUFFIXES.get(PurePath(name.stem).suffix if packing else name.suffix, ""), packing
 
 
-def open_sink(form: str, file: BinaryIO, *, compression: str = "zstd") -> Sink:
-    """A sink of one of `FORMS` that writes to `file`; `compression` (one of `COMPRESSIONS`) is for MCAP chunks."""
+def open_sink(form: str, file: BinaryIO, *, compression: str = "zstd", recording: bool = False) -> Sink:
+    """A sink of one of `FORMS` that writes to `file`; `compression` (one of `COMPRESSIONS`) is for MCAP chunks.
+
+    In a `recording` of a live bus no line of candump text depends on those before it.
+    """
     if form == "mcap":
         from analyzer.sinks.mcap import McapSink  # noqa: PLC0415 - the mcap package takes its time
 
         return McapSink(file, compression)
     from analyzer.sinks.plain import PlainSink  # noqa: PLC0415
 
-    return PlainSink(form, file)
+    return PlainSink(form, file, recording=recording)
+
+
+def split_name(path: str) -> tuple[str, str]:
+    """A path in front of the suffix that names its format, with that of its packing; and those suffixes."""
+    name = PurePath(path).name
+    stem = name[: -len(PurePath(name).suffix) or None]
+    if PurePath(name.lower()).suffix in _PACKINGS:
+        stem = stem[: -len(PurePath(stem).suffix) or None]
+    suffix = name[len(stem) :]
+    return path[: len(path) - len(suffix)], suffix
 
 
 def losses(lost: dict[str, int]) -> str:

@@ -1,7 +1,9 @@
 """CAN frames in MCAP as ROS 2 records them: a topic for each bus and direction. Messages are formatted natively.
 
 Frames without a time have topics of their own, such as `/can0/untimed/can`, whose metadata says so: every message has a
-log time, and a reader cannot tell one that was made up.
+log time, and a reader cannot tell one that was made up. What else messages cannot say stands in the metadata of their
+channels, too, which then share a topic: the two flags of CAN FD, raw length codes, and that receive overflows count
+lost frames. Comments are a log, as ROS 2 has it.
 """
 
 from __future__ import annotations
@@ -11,15 +13,18 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from analyzer._native import Messages
 from analyzer.sinks.mcap_file import McapFile
-from analyzer.sinks.schemas import FD_FRAME, FRAME
+from analyzer.sinks.schemas import FD_FRAME, FRAME, LOG
 
 if TYPE_CHECKING:
     from analyzer._native import Piece
 
+# Bits of the flags of a frame, and where the length code begins.
+FD, BRS, ESI, CODE = 8, 16, 32, 8
 # Bytes of messages that fill a chunk.
 CHUNK = 1 << 20
 # Topics by direction: unknown, received, sent.
 _TOPICS = ("can", "from_can_bus", "to_can_bus")
+_COMMENTS = "/comments"
 
 
 class McapSink:
@@ -35,6 +40,11 @@ class McapSink:
     def frames(self) -> int:
         """Frames written so far, those of the open chunk too."""
         return self._messages.frames
+
+    @property
+    def held(self) -> int:
+        """Bytes of the open chunk, not compressed yet."""
+        return self._messages.waiting
 
     @property
     def lost(self) -> dict[str, int]:
@@ -80,12 +90,27 @@ class McapSink:
 
     def _add_channels(self) -> None:
         """Schemas and channels that messages of the open chunk are the first to use."""
-        for bus, direction, fd, timed in self._messages.channels(self._channels):
-            definition = FD_FRAME if fd else FRAME
+        for bus, direction, content, flags, timed in self._messages.channels(self._channels):
+            definition = LOG if content == "comments" else FD_FRAME if flags & FD else FRAME
             schema = self.container.schema(definition.name, "ros2msg", definition.text.encode())
             self._channels += 1
-            parts = [self.topic(bus), *([] if timed else ["untimed"]), _TOPICS[direction] + ("_fd" if fd else "")]
-            # A topic may not have the name as it is. Our reader takes it for a sign that classic frames are apart, and
-            # believes no time of a channel that has none.
-            about = {"bus": bus or "can"} | ({"frames": "CAN FD"} if fd else {}) | ({} if timed else {"times": "none"})
-            self.container.channel(self._channels, "/" + "/".join(parts), "cdr", schema, about)
+            # Our reader believes no time of a channel that has none.
+            about = {} if timed else {"times": "none"}
+            topic = _COMMENTS
+            if content != "comments":
+                parts = [self.topic(bus), *([] if timed else ["untimed"]), _TOPICS[direction]]
+                topic = f"/{'/'.join(parts)}{'_fd' if flags & FD else ''}"
+                # A topic may not have the name as it is.
+                about = {"bus": bus or "can"} | _marks(flags) | about
+            if content != "frames":
+                about["content"] = content
+            self.container.channel(self._channels, topic, "cdr", schema, about)
+
+
+def _marks(flags: int) -> dict[str, str]:
+    """What all frames of a channel are, as its metadata say it; nothing of common classic frames."""
+    if flags & FD:
+        more = [word for bit, word in ((BRS, "bit rate switch"), (ESI, "error state")) if flags & bit]
+        # Our reader takes it for a sign that classic frames are apart.
+        return {"frames": "CAN FD"} | ({"flags": ", ".join(more)} if more else {})
+    return {"length code": str(flags >> CODE)} if flags >> CODE else {}

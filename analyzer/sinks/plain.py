@@ -11,16 +11,21 @@ if TYPE_CHECKING:
 
 
 class PlainSink:
-    """Writes `candump` or `pcapng` to a file that is open."""
+    """Writes `candump` or `pcapng` to a file that is open; `recording` is that of the native writer."""
 
-    def __init__(self, form: str, file: BinaryIO) -> None:
-        self._writer, self._file = Writer(form), file
+    def __init__(self, form: str, file: BinaryIO, *, recording: bool = False) -> None:
+        self._writer, self._file = Writer(form, recording), file
         file.write(self._writer.start())
 
     @property
     def frames(self) -> int:
         """Frames written so far."""
         return self._writer.frames
+
+    @property
+    def held(self) -> int:
+        """Nothing is held back."""
+        return 0
 
     @property
     def lost(self) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""ROS 2 definitions of the messages that carry CAN frames, in the form that MCAP embeds (`ros2msg`)."""
+"""ROS 2 definitions of the messages that carry CAN frames and comments, in the form that MCAP embeds (`ros2msg`)."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ class Definition(NamedTuple):
 
 
 _RULE = "=" * 80
-_HEADER = f"""\
-{_RULE}
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
+_TIME = f"""\
 {_RULE}
 MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 """
+_HEADER = f"""\
+{_RULE}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+{_TIME}"""
 
 FRAME = Definition(
     "can_msgs/msg/Frame",
@@ -46,4 +48,16 @@ bool is_error
 uint8 len
 uint8[<=64] data
 {_HEADER}""",
+)
+LOG = Definition(
+    "rcl_interfaces/msg/Log",
+    f"""\
+builtin_interfaces/Time stamp
+uint8 level
+string name
+string msg
+string file
+string function
+uint32 line
+{_TIME}""",
 )

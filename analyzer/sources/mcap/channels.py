@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mcap.records import Channel, Schema
 
-from analyzer.sources.mcap import jsons, protobuf, ros, topics
+from analyzer.sources.mcap import jsons, marks, protobuf, ros, topics
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -18,7 +18,8 @@ _ROS = {
     "cdr": ("cdr", "ros2", ("ros2msg", "ros2idl", "omgidl", "")),
     "ros1": ("ros1", "ros1", ("ros1msg", "")),
 }
-_FD = 8  # bit of the flags of a frame
+# Contents that our own files have beside frames, by the layouts of the native walk.
+_REMARKS = {"comments": ("comments", ""), "drops": ("drops", "")}
 # Messages that a channel of JSON without a description may have in front of the first frame.
 _PATIENCE = 64
 _ASSUMED = {
@@ -85,7 +86,9 @@ class Channels:
             return False
         if channel.message_encoding == "json":
             return self._settle_json(channel, schema, message)
-        layout, said = self._layout(channel, schema)
+        layout, said = _REMARKS.get(channel.metadata.get("content", "")), ""
+        if layout is None:
+            layout, said = self._layout(channel, schema)
         self._announce(channel, schema, layout, said)
         return True
 
@@ -145,9 +148,9 @@ class Channels:
         """Settles a channel: with its layout, else as one to ignore, of which something may be said."""
         self._settled.add(channel.id)
         if layout is not None:
-            # Our own files say which bus it is, and keep apart CAN FD and frames without a time.
+            # Our own files say which bus it is, and keep apart what no message says.
             bus = channel.metadata.get("bus") or self._names.bus(channel.topic)
-            flags = topics.direction(channel.topic) | (_FD if channel.metadata.get("frames") == "CAN FD" else 0)
+            flags = topics.direction(channel.topic) | marks.flags(channel.metadata)
             try:
                 self._walk.channel(channel.id, bus, layout, flags, timed=channel.metadata.get("times") != "none")
             except ValueError:
@@ -162,8 +165,10 @@ class Channels:
             self._note(f"{self._title(channel)} looks like CAN, its layout is not known")
 
     def _announced(self, channel: Channel, layout: tuple[str, Any]) -> None:
-        self._frames.add(channel.id)
         form, fields = layout
+        if form in _REMARKS:
+            return
+        self._frames.add(channel.id)
         if form in _ROS:
             self.headers += 1
             return

@@ -1,0 +1,183 @@
+"""`tailbyte live`: what is on the bus now, judged as it comes, and recorded."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from analyzer.cli import DAMAGED, OK, USAGE, decode, judging, options, reports, streams
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from analyzer.live.filters import Filters
+    from analyzer.live.interfaces import Interface
+
+NAME = "tailbyte live"
+HOUR = 3600.0
+_EPILOG = """\
+On a terminal a monitor (q ends it, ? tells of its keys); in a pipe, or with an option about what to list, a list. Both
+end with Ctrl-C or SIGTERM, which finish the recording; SIGUSR1 sets a mark in it. Findings are told on standard error
+when they begin, and the verdict at the end is that of `tailbyte check` on the recording.
+
+COND of -b and -a as dumpcap has them. Times may be written as 10, 10s, 5min, 2h; sizes in kB, or as 100MB.
+
+exit status: that of check: 0 clean, 1 findings at or above --fail-on, 2 wrong usage, 3 an interface that cannot be
+opened or is gone for good, or a recording that could not be written, 4 nothing to judge."""
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the command and its options; letters mean what they mean to tshark and dumpcap."""
+    parser = commands.add_parser(
+        "live",
+        help="watch, record and judge a bus",
+        usage="%(prog)s [options] IFACE...",
+        description=__doc__,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    group = options.add_buses(parser)
+    group.add_argument("-D", dest="interfaces", action="store_true", help="list the interfaces that there are, and end")
+    group.add_argument(
+        "-f", "--filter", dest="filter", action="append", default=[], metavar="ID:MASK",
+        help="capture filter of the kernel, as candump has it: 123:7FF, ID~MASK, #ERRORMASK; repeatable",
+    )  # fmt: skip
+    _add_recording(parser)
+    show = parser.add_argument_group("what to show")
+    decode.add_view(show)
+    show.add_argument("--list", action="store_true", help="a list on a terminal, too")
+    show.add_argument("-q", dest="quiet", action="store_true", help="no list and no monitor: record and judge")
+    show.add_argument("-l", dest="flush", action="store_true", help="list each frame at once, not ten times a second")
+    show.add_argument(
+        "--plot", nargs="?", const="", metavar="URL", help="feed a Rerun viewer: a new one, or that of URL"
+    )
+    show.add_argument("--status", metavar="TIME", help="say so often what has happened; default: 1h")
+    rules = judging.add_rules(parser)
+    rules.add_argument(
+        "--dissector", action="append", default=[], metavar="DIR",
+        help="folder with further data types (DSDL, profile.toml); repeatable, comes before the built-in ones",
+    )  # fmt: skip
+    reports.add(parser, ["-o"])
+    options.add_colour(parser)
+    parser.set_defaults(run=run, around=None, follow=False, no_pager=True)
+
+
+def _add_recording(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("recording")
+    group.add_argument("-w", dest="record", metavar="FILE", help="candump text, MCAP or pcapng, by its name")
+    options.add_capture_form(group, "record_form")
+    group.add_argument("--force", action="store_true", help="write over a file that is there")
+    group.add_argument(
+        "-b", dest="ring", action="append", default=[], metavar="COND",
+        help="begin a new file after duration:TIME, interval:TIME, filesize:KB or packets:N; keep the last files:N",
+    )  # fmt: skip
+    group.add_argument(
+        "-a", dest="autostop", action="append", default=[], metavar="COND",
+        help="end after duration:TIME, packets:N, filesize:KB, files:N, or finding:SEVERITY or finding:RULE",
+    )  # fmt: skip
+    group.add_argument("-c", dest="count", type=options.positive, metavar="N", help="end after N frames")
+    group.add_argument(
+        "--trigger", action="append", default=[], metavar="RULE|SEVERITY",
+        help="record only around findings: of a rule or layer, or of at least this severity; repeatable",
+    )  # fmt: skip
+    group.add_argument("--pre", metavar="TIME", help="recorded before each of them; default: 10s")
+    group.add_argument("--post", metavar="TIME", help="and after the last; default: 5s")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs until somebody or a condition ends it."""
+    if args.interfaces:
+        return _list()
+    from analyzer.cli.live_run import Run  # noqa: PLC0415 - not before it is known that there is something to do
+    from analyzer.live.interfaces import InterfaceError  # noqa: PLC0415
+    from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
+    from dissectors import DsdlError, ProfileError  # noqa: PLC0415
+
+    try:
+        wanted = Wanted(args)
+    except (LookupError, ValueError, OSError, argparse.ArgumentTypeError) as error:
+        streams.complain(str(error.args[0] if isinstance(error, LookupError) else error), NAME)
+        return USAGE
+    try:
+        return Run(wanted).status()
+    except (DsdlError, ProfileError) as error:  # types are compiled when they occur
+        streams.complain(str(error), NAME)
+        return USAGE
+    except (InterfaceError, TargetError) as error:
+        streams.complain(str(error))
+        return DAMAGED
+
+
+class Wanted:
+    """The arguments, checked before anything is opened. Raises `LookupError`, `ValueError` and `OSError`."""
+
+    def __init__(self, args: argparse.Namespace) -> None:
+        from analyzer.cli.judging import Judging  # noqa: PLC0415
+        from analyzer.cli.live_keeper import Plan  # noqa: PLC0415
+        from analyzer.window import duration  # noqa: PLC0415
+
+        self.args = args
+        decode.check_view(args)
+        self.buses = _buses(args)
+        self.mode = _mode(args)
+        self.files = list(reports.files(args))
+        if self.silent and self.apart:
+            raise ValueError("standard output is taken: give the report a file, or leave out the list with -q")
+        self.every = duration(args.status) / 1e9 if args.status else HOUR
+        if args.bitrate is None:
+            args.bitrate = _common_rate(interface for interface, _ in self.buses)
+        self.judging = Judging(args, NAME)
+        self.plan = Plan(args, self.judging.pages, _header(self.buses))
+        self.name = "+".join(interface.name for interface, _ in self.buses)
+
+    @property
+    def apart(self) -> bool:
+        """Whether standard output is full of frames."""
+        return self.mode == "list" or self.args.record == "-"
+
+    @property
+    def silent(self) -> bool:
+        """Whether standard output belongs to a report."""
+        return any(path == "-" for _, path in self.files)
+
+
+def _mode(args: argparse.Namespace) -> str:
+    """`list`, `monitor` or `quiet`."""
+    if args.quiet or args.record == "-":
+        return "quiet"
+    listing = args.list or args.details or args.only or args.bytes or args.form != "text" or args.flush
+    if listing:
+        return "list"
+    from analyzer.terminal import possible  # noqa: PLC0415
+
+    return "monitor" if sys.stdout.isatty() and possible() else "list"
+
+
+def _header(buses: Sequence[tuple[Interface, Filters]]) -> str:
+    """What the recording would hold if it happened: only the kernel counts what it drops."""
+    from analyzer.facts.recorder import statement  # noqa: PLC0415
+
+    kernel = all(interface.kind == "socketcan" for interface, _ in buses)
+    return statement(drops=kernel, errors=kernel and all(filters.errors is None for _, filters in buses))
+
+
+def _common_rate(interfaces: Iterable[Interface]) -> int | None:
+    """The bit rate of the controllers, if all of them have the same."""
+    rates = {interface.bit_rate for interface in interfaces}
+    return rates.pop() if len(rates) == 1 else None
+
+
+def _buses(args: argparse.Namespace) -> Sequence[tuple[Interface, Filters]]:
+    found = options.buses(args)
+    if not found:
+        raise ValueError("which interface? give can0, or TYPE:CHANNEL; -D lists them")
+    return found
+
+
+def _list() -> int:
+    from analyzer.live.listing import found  # noqa: PLC0415
+    from analyzer.views.interfaces import render  # noqa: PLC0415
+
+    sys.stdout.write(render(found()))
+    return OK

@@ -1,0 +1,111 @@
+"""A live session as lines: transfers on standard output, findings and whatever happens on standard error."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.cli import streams
+from analyzer.cli.writers import writer
+from analyzer.facts.traffic import times
+from analyzer.report import wording
+from analyzer.views.terminal import escape
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Sequence
+
+    from analyzer.cli.live_session import LiveSession
+    from analyzer.cli.writers import Writer
+    from analyzer.live.printer import Printer
+    from analyzer.report.model import Finding
+    from analyzer.report.newest import Change
+    from analyzer.rules.checking import Measured
+    from dissectors import Registry
+
+
+class Lines:
+    """What happens: findings as they begin, notes of the session.
+
+    Args:
+        several: whether the names of interfaces say anything.
+    """
+
+    def __init__(self, *, several: bool) -> None:
+        self._several = several
+
+    def batch(self, measured: Measured) -> None:
+        """Nothing."""
+
+    def found(self, changes: Sequence[Change]) -> None:
+        """A line for each that is new; notes can wait for the verdict."""
+        for change in changes:
+            if change.fresh and change.finding.severity != "note":
+                streams.tell(f"{said(change.finding, bus=self._several)}\n")
+
+    def note(self, text: str) -> None:
+        """A line."""
+        streams.tell(f"-- {escape(text)}\n")
+
+    def look(self, session: LiveSession) -> None:
+        """Nothing."""
+
+
+class List(Lines):
+    """The transfers, too, as `decode` shows them.
+
+    Args:
+        args: the options about what to list.
+        registry: the types.
+        printer: takes the lines.
+        several: as for `Lines`.
+    """
+
+    def __init__(self, args: argparse.Namespace, registry: Registry, printer: Printer, *, several: bool) -> None:
+        super().__init__(several=several)
+        self._args, self._registry, self._printer = args, registry, printer
+        self._writer: Writer | None = None
+        self._lost = 0
+
+    def batch(self, measured: Measured) -> None:
+        """Its transfers."""
+        batch = measured.batch
+        if self._writer is None:
+            if not len(batch.frames) and not len(batch.events):
+                return
+            self._writer = writer(self._args, self._registry, _first_time(measured))
+            self._printer.put(self._writer.begin())
+        for text in self._writer.rows(batch, np.arange(len(batch.transfers), dtype=np.int64)):
+            self._printer.put(text)
+
+    def look(self, session: LiveSession) -> None:
+        """Whoever reads may have seen enough, or be too slow."""
+        printer = self._printer
+        if printer.gone:
+            session.stop()
+        elif printer.problem is not None and not session.stopped:
+            session.problems.append(f"standard output: {printer.problem}")
+            session.stop()
+        if printer.lost > self._lost:
+            self.note(f"{printer.lost - self._lost:,} entries not listed: whoever reads the list is too slow for it")
+            self._lost = printer.lost
+
+    def end(self) -> None:
+        """What stands behind everything."""
+        if self._writer is not None:
+            self._printer.put(self._writer.end())
+
+
+def said(finding: Finding, *, bus: bool = False) -> str:
+    """A finding in one line, with the local time of day; `bus` says that there are several."""
+    when = wording.moment(finding.first.t_ns, None, utc=False)
+    where = " ".join(filter(None, (wording.place(finding, bus=bus), wording.safe(finding.type))))
+    frame = f" (frame {finding.first.frame})" if finding.first.frame is not None else ""
+    text = wording.safe(f"{finding.title}: {finding.text}")
+    return f"! {when} {finding.severity} {finding.rule} {where}: {text}{frame}"
+
+
+def _first_time(measured: Measured) -> int | None:
+    t, valid = times(measured.batch.frames)
+    return int(t[valid][0]) if valid.any() else None
