@@ -42,8 +42,8 @@ class Drain:
     made = 0
     dropped = lost = 0
 
-    def __init__(self, fd: int, bus: str, *, buffer: int) -> None:
-        assert (fd, bus, buffer) == (7, "can0", socketcan.BUFFER)
+    def __init__(self, fd: int, bus: str, *, buffer: int, hardware: bool) -> None:
+        assert (fd, bus, buffer, hardware) == (7, "can0", socketcan.BUFFER, False)
         type(self).made += 1
         self.buffer, self._got = 2 * buffer, None
         self.woken = 0
@@ -310,3 +310,18 @@ def test_filters_that_the_kernel_refuses(pair: socket.socket) -> None:
     assert pair
     with pytest.raises(InterfaceError, match=r"^can0: \S"):
         socketcan.SocketCan(CAN0, parse(["1:1"]))  # no socket of CAN
+
+
+def test_it_says_whose_time_stamps_there_are(pair: socket.socket) -> None:
+    """A datagram socket has no controller behind it."""
+    receiver = open_receiver(CAN0, Filters(), hardware=True)
+    receiver.notes()
+    assert receiver.receive(0) is None
+    assert receiver.notes() == []
+    pair.send(datagram(0x123))
+    assert receiver.receive(5) is not None
+    assert receiver.notes() == ["can0: the controller stamps no frames: times are the kernel's"]
+    pair.send(datagram(0x124))
+    assert receiver.receive(5) is not None
+    assert receiver.notes() == []
+    receiver.close()

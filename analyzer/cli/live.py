@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from typing import TYPE_CHECKING
 
@@ -43,6 +44,10 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "-f", "--filter", dest="filter", action="append", default=[], metavar="ID:MASK",
         help="capture filter of the kernel, as candump has it: 123:7FF, ID~MASK, #ERRORMASK; repeatable",
     )  # fmt: skip
+    group.add_argument(
+        "--time-stamp-type", dest="stamps", choices=("host", "adapter"), default="host",
+        help="of SocketCAN: the kernel's clock (default), or that of the controller, if it has one",
+    )  # fmt: skip
     _add_recording(parser)
     show = parser.add_argument_group("what to show")
     decode.add_view(show)
@@ -76,7 +81,7 @@ def _add_recording(parser: argparse.ArgumentParser) -> None:
         "-a", dest="autostop", action="append", default=[], metavar="COND",
         help="end after duration:TIME, packets:N, filesize:KB, files:N, or finding:SEVERITY or finding:RULE",
     )  # fmt: skip
-    group.add_argument("-c", dest="count", type=options.positive, metavar="N", help="end after N frames")
+    group.add_argument("-c", dest="count", type=_count, metavar="N", help="end after N frames")
     group.add_argument(
         "--trigger", action="append", default=[], metavar="RULE|SEVERITY",
         help="record only around findings: of a rule or layer, or of at least this severity; repeatable",
@@ -115,19 +120,22 @@ class Wanted:
     def __init__(self, args: argparse.Namespace) -> None:
         from analyzer.cli.judging import Judging  # noqa: PLC0415
         from analyzer.cli.live_keeper import Plan  # noqa: PLC0415
-        from analyzer.window import duration  # noqa: PLC0415
+        from analyzer.cli.writers import writer  # noqa: PLC0415
 
         self.args = args
         decode.check_view(args)
         self.buses = _buses(args)
         self.mode = _mode(args)
         self.files = list(reports.files(args))
+        _check_record(args.record, self.files)
         if self.silent and self.apart:
             raise ValueError("standard output is taken: give the report a file, or leave out the list with -q")
-        self.every = duration(args.status) / 1e9 if args.status else HOUR
+        self.every = HOUR if args.status is None else options.checked("--status", _span, args.status)
         if args.bitrate is None:
             args.bitrate = _common_rate(interface for interface, _ in self.buses)
         self.judging = Judging(args, NAME)
+        if self.mode == "list":
+            writer(args, self.judging.registry, None)  # names that do not exist are told before anything is opened
         self.plan = Plan(args, self.judging.pages, _header(self.buses))
         self.name = "+".join(interface.name for interface, _ in self.buses)
 
@@ -143,11 +151,17 @@ class Wanted:
 
 
 def _mode(args: argparse.Namespace) -> str:
-    """`list`, `monitor` or `quiet`."""
+    """`list`, `monitor` or `quiet`. Raises `ValueError` for options about a list that there is not to be."""
+    asked = {
+        "--list": args.list, "-V": args.details, "-O": args.only, "-P": args.summary, "-x": args.bytes,
+        f"-T {args.form}": args.form != "text", "-l": args.flush,
+    }  # fmt: skip
+    listing = next((option for option, given in asked.items() if given), None)
     if args.quiet or args.record == "-":
+        if listing is not None:
+            raise ValueError(f"{listing} and {'-q' if args.quiet else '-w -'} contradict each other")
         return "quiet"
-    listing = args.list or args.details or args.only or args.bytes or args.form != "text" or args.flush
-    if listing:
+    if listing is not None:
         return "list"
     from analyzer.terminal import possible  # noqa: PLC0415
 
@@ -160,6 +174,30 @@ def _header(buses: Sequence[tuple[Interface, Filters]]) -> str:
 
     kernel = all(interface.kind == "socketcan" for interface, _ in buses)
     return statement(drops=kernel, errors=kernel and all(filters.errors is None for _, filters in buses))
+
+
+def _check_record(path: str | None, files: Iterable[tuple[str, str]]) -> None:
+    """Raises `ValueError` for a recording and a report in one file."""
+    for _, report in files:
+        if path not in (None, "", "-") and report != "-" and os.path.realpath(path) == os.path.realpath(report):
+            raise ValueError(f"{path}: a recording and a report cannot be one file")
+
+
+def _count(text: str) -> int:
+    """A number of frames; others have an interface there."""
+    if text[:1].isalpha():
+        raise argparse.ArgumentTypeError(f"takes a number; did you mean: {NAME} {text}")
+    return options.positive(text)
+
+
+def _span(text: str) -> float:
+    """Seconds between two lines."""
+    from analyzer.window import duration  # noqa: PLC0415
+
+    seconds = duration(text) / 1e9
+    if seconds <= 0:
+        raise ValueError("no time at all")
+    return seconds
 
 
 def _common_rate(interfaces: Iterable[Interface]) -> int | None:

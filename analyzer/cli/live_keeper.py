@@ -46,6 +46,8 @@ class Plan:
             if option := next((name for name, value in given.items() if value), None):
                 raise ValueError(f"{option} is for a recording: add -w FILE")
             return
+        if ring is not None and args.record == "-":
+            raise ValueError("-b: files of a ring need names: -w FILE")
         if self.autostop.files is not None and ring is None:
             raise ValueError("-a files: counts the files of a ring: add -b")
         how = argparse.Namespace(output=args.record, form=args.record_form, compression=args.compression)
@@ -131,8 +133,8 @@ class Recording:
         if self.recorder is not None:
             self.recorder.close()
 
-    def account(self) -> Iterator[str]:
-        """What has become of it."""
+    def account(self, bit_rate: int | None) -> Iterator[str]:
+        """What has become of it, and what finds in it the same as the session did; `bit_rate` is what was known."""
         recorder = self.recorder
         if recorder is None:
             return
@@ -141,6 +143,9 @@ class Recording:
         more = f" and {wording.plural(len(names) - 1, 'file')} before it" if len(names) > 1 else ""
         lost = f", {recorder.lost:,} not recorded" if recorder.lost else ""
         yield f"recorded: {recorder.frames:,} frames, {size(recorder.bytes)}, in {where}{more}{lost}"
+        if len(self.files) == 1:
+            rate = "" if bit_rate is None else f" --bitrate {bit_rate}"
+            yield f"the same verdict: tailbyte check {wording.argument(self.files[0])}{rate}"
 
 
 def _size(name: str) -> int:

@@ -67,6 +67,7 @@ class List(Lines):
         self._args, self._registry, self._printer = args, registry, printer
         self._writer: Writer | None = None
         self._lost = 0
+        self._failed = False
 
     def batch(self, measured: Measured) -> None:
         """Its transfers."""
@@ -74,27 +75,31 @@ class List(Lines):
         if self._writer is None:
             if not len(batch.frames) and not len(batch.events):
                 return
-            self._writer = writer(self._args, self._registry, _first_time(measured))
-            self._printer.put(self._writer.begin())
+            self._writer = self._begun(_first_time(measured))
         for text in self._writer.rows(batch, np.arange(len(batch.transfers), dtype=np.int64)):
             self._printer.put(text)
 
     def look(self, session: LiveSession) -> None:
-        """Whoever reads may have seen enough, or be too slow."""
+        """Whoever reads may have seen enough, or be too slow. To be called after the printer has ended, too."""
         printer = self._printer
-        if printer.gone:
-            session.stop()
-        elif printer.problem is not None and not session.stopped:
+        if printer.problem is not None and not self._failed:
+            self._failed = True
             session.problems.append(f"standard output: {printer.problem}")
+        if printer.gone or self._failed:
             session.stop()
         if printer.lost > self._lost:
             self.note(f"{printer.lost - self._lost:,} entries not listed: whoever reads the list is too slow for it")
             self._lost = printer.lost
 
     def end(self) -> None:
-        """What stands behind everything."""
-        if self._writer is not None:
-            self._printer.put(self._writer.end())
+        """What stands behind everything; a form that brackets its entries does so around none of them, too."""
+        self._writer = self._writer or self._begun(None)
+        self._printer.put(self._writer.end())
+
+    def _begun(self, zero: int | None) -> Writer:
+        made = writer(self._args, self._registry, zero)
+        self._printer.put(made.begin())
+        return made
 
 
 def said(finding: Finding, *, bus: bool = False) -> str:

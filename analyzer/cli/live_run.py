@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from analyzer.cli import DAMAGED, OK, reports, streams
 from analyzer.cli.live_keeper import Recording
 from analyzer.cli.live_list import Lines, List, said
+from analyzer.cli.live_overdue import Overdue
 from analyzer.cli.live_session import LiveSession
 from analyzer.cli.live_status import Status, account
 from analyzer.live.hub import Hub
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from analyzer.report.model import Report
 
 # Seconds between two batches.
-_INTERVALS = {"list": 0.1, "monitor": 0.25, "quiet": 0.5}
+_INTERVALS = {"list": 0.1, "monitor": 0.4, "quiet": 0.5}
 _AT_ONCE = 0.02
 
 
@@ -66,10 +67,12 @@ class Run:
                 session.drain()
                 recording.close()
                 report = self._concluded(session, recording)
+            if self._list is not None:
+                self._list.look(session)
             written = reports.all_written(targets, report, everything=self._args.all)
         failed = (f"{one.name}: {one.failed}" for one in self._receivers if one.failed is not None)
         problems = [*failed, *session.problems, *recording.problems()]
-        for line in (*account(hub.counts), *recording.account()):
+        for line in (*account(hub.counts), *recording.account(self._args.bitrate)):
             streams.tell(f"-- {line}\n")
         for problem in problems:
             streams.complain(problem)
@@ -81,9 +84,10 @@ class Run:
 
     def _hub(self, stack: ExitStack) -> Hub:
         """Open, and receiving from now on."""
+        hardware = self._args.stamps == "adapter"
         with ExitStack() as opening:
             for interface, filters in self._wanted.buses:
-                self._receivers.append(receiver := open_receiver(interface, filters))
+                self._receivers.append(receiver := open_receiver(interface, filters, hardware=hardware))
                 opening.callback(receiver.close)
             hub = stack.enter_context(Hub(self._receivers))
             opening.pop_all()  # from here on they are the hub's
@@ -104,6 +108,8 @@ class Run:
             self._views.append(self._list)
         else:
             self._views.append(Lines(several=self._several))
+        if self._display is None:
+            self._views.append(Overdue(tell))
         self._views.append(Status(wanted.every, tell, recording.words))
         if args.plot is not None:
             from analyzer.cli.live_plot import Plot, opened  # noqa: PLC0415 - Rerun takes its time

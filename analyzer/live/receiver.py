@@ -34,12 +34,15 @@ class Receiver(Protocol):
         """Lets go of the interface."""
 
 
-def open_receiver(interface: Interface, filters: Filters) -> Receiver:
-    """Opens an interface for receiving alone. Raises `InterfaceError` with one line that says why it cannot be."""
+def open_receiver(interface: Interface, filters: Filters, *, hardware: bool = False) -> Receiver:
+    """Opens an interface for receiving alone. Raises `InterfaceError` with one line that says why it cannot be.
+
+    `hardware` asks a SocketCAN controller for its own time stamps.
+    """
     if interface.kind == "socketcan":
         from analyzer.live.socketcan import SocketCan  # noqa: PLC0415 - its native part is for Linux only
 
-        return SocketCan(interface, filters)
+        return SocketCan(interface, filters, hardware=hardware)
     from analyzer.live.buses import Bus  # noqa: PLC0415 - only what is needed
 
     return Bus(interface, filters)

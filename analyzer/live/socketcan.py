@@ -41,6 +41,7 @@ class SocketCan:
         filters: for the kernel.
         clock: nanoseconds since 1970.
         now: seconds of a monotonic clock.
+        hardware: times are those of the controller's clock, wherever it starts, if it has one.
 
     Raises `InterfaceError` if it cannot be opened.
     """
@@ -51,8 +52,11 @@ class SocketCan:
         filters: Filters,
         clock: Callable[[], int] = time.time_ns,
         now: Callable[[], float] = time.monotonic,
+        *,
+        hardware: bool = False,
     ) -> None:
         self.name = interface.name
+        self._hardware, self._untold = hardware, hardware
         self.failed: str | None = None
         self._interface = replace(interface, options={**interface.options, "fd": True})
         self._filters, self._now = filters, now
@@ -75,6 +79,7 @@ class SocketCan:
             self._return(seconds)
         else:
             self._drain_for(seconds, self._drain)
+            self._tell_stamps(self._drain)
         return self._journal.take()
 
     def finish(self) -> list[Piece]:
@@ -128,7 +133,7 @@ class SocketCan:
             if self._filters:
                 self._filters.apply(bus.socket)
                 _empty(bus.socket)
-            drain = Drain(bus.fileno(), self.name, buffer=BUFFER)
+            drain = Drain(bus.fileno(), self.name, buffer=BUFFER, hardware=self._hardware)
         except OSError as error:
             close_bus(bus)
             raise InterfaceError(self.name, error.strerror or str(error)) from None
@@ -141,6 +146,15 @@ class SocketCan:
         granted = self._drain.buffer if self._drain is not None else 0
         less = "" if granted >= 2 * BUFFER else ", less than asked for: that takes CAP_NET_ADMIN or net.core.rmem_max"
         self._journal.note(f"receive buffer of {granted:,} bytes, {granted // _CLASSIC:,} classic frames{less}")
+
+    def _tell_stamps(self, drain: Drain | None) -> None:
+        """Which clock it turned out to be."""
+        if not self._untold or drain is None or not any(drain.stamped.values()):
+            return
+        self._untold = False
+        own = drain.stamped["hardware"]
+        told = "times are those of the controller" if own else "the controller stamps no frames: times are the kernel's"
+        self._journal.note(told)
 
     def _failed_with(self, error: OSError, drain: Drain) -> None:
         """The drain tells an error when everything that came before it has been taken."""

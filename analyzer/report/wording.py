@@ -96,7 +96,7 @@ def length(ns: int) -> str:
 def command(problem: Problem, capture: Capture | None) -> str:
     """The command that shows the evidence, for a POSIX shell."""
     path = problem.head.capture if capture is None else capture.path
-    words = ["tailbyte", "decode", _argument(path)]
+    words = ["tailbyte", "decode", argument(path)]
     words += [quoted(word) for word in (() if capture is None else capture.arguments)]
     frame, t = problem.head.first.frame, problem.head.first.t_ns
     if frame is not None and t is not None:
@@ -110,7 +110,8 @@ def command(problem: Problem, capture: Capture | None) -> str:
     return " ".join(words)
 
 
-def _argument(path: str) -> str:
+def argument(path: str) -> str:
+    """A file as an argument for the shell."""
     return quoted(f"./{path}" if path.startswith("-") and path != "-" else path)
 
 
