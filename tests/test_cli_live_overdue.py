@@ -54,8 +54,11 @@ def bus() -> Bus:
 def test_a_transfer_without_an_end_is_told_once(bus: Bus) -> None:
     bus.send(100, FIRST[:-2] + "84")
     assert bus.look(2099) == []
-    assert bus.look(2101) == ["can0: node 11: 1 transfer open for more than 2 s on a silent bus: timed out"]
+    assert bus.look(2101) == ["silence: 1 transfer timed out, of can0 node 11"]
     assert bus.look(9000) == []
+    for node in range(5):
+        bus.send(9100, FIRST[:-2] + "85", f"1004060{node + 11:X}")
+    assert bus.look(9200) == []
 
 
 def test_one_that_ends_in_time_is_not(bus: Bus) -> None:

@@ -1,4 +1,4 @@
-"""Findings while a capture is still coming in: each is told when it begins, and the last look has what the report has."""
+"""Findings while a capture is coming in: each is told when it begins, and the last look has what the report has."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from analyzer.rules.settings import Settings
 def looked(name: str, lines: int) -> tuple[list[Change], Newest]:
     """Every change, with a look after each so many lines of the capture."""
     engine, check = Engine(registry()), Check(registry(), Settings())
-    newest, changes = Newest(check.judge, Settings(), capture=name), list[Change]()
+    newest, changes = Newest(check.judge, Settings(), capture=name, now=lambda: 0.0), list[Change]()
     text = (CAPTURES / name).read_bytes().splitlines(keepends=True)
     for at in range(0, len(text), lines):
         batches = [*engine.feed(b"".join(text[at : at + lines])), engine.flush()]
@@ -51,3 +51,32 @@ def test_a_finding_is_told_once_and_then_as_it_grows() -> None:
     assert len(counts) > 1
     assert counts == sorted(set(counts))
     assert counts[-1] == device.count == sum(one.more for one in told)
+
+
+def test_a_look_that_takes_long_is_rare() -> None:
+    clock = [0.0]
+
+    def now() -> float:
+        clock[0] += 1.0
+        return clock[0]
+
+    engine, check = Engine(registry()), Check(registry(), Settings())
+    newest = Newest(check.judge, Settings(), now=now)
+    looks = 0
+    for line in (CAPTURES / "duplicate-node.log").read_bytes().splitlines(keepends=True)[:600]:
+        for measured in check.measured([*engine.feed(line), engine.flush()]):
+            check.feed(measured)
+        looks += bool(newest.look(engine.buses))
+    assert 0 < looks < 60
+    before = len(newest.all)
+    assert len(newest.look(engine.buses, last=True)) + before >= len(newest.all) > 0
+
+
+def test_a_finding_of_another_severity_is_not_new() -> None:
+    changes, _ = looked("duplicate-node.log", 200)
+    fresh = [
+        (one.finding.rule, one.finding.bus, one.finding.node, one.finding.type, one.finding.key, one.finding.first)
+        for one in changes
+        if one.fresh
+    ]
+    assert len(fresh) == len(set(fresh))

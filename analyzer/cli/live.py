@@ -124,7 +124,7 @@ class Wanted:
 
         self.args = args
         decode.check_view(args)
-        self.buses = _buses(args)
+        self.buses = options.buses(args)
         self.mode = _mode(args)
         self.files = list(reports.files(args))
         _check_record(args.record, self.files)
@@ -204,13 +204,6 @@ def _common_rate(interfaces: Iterable[Interface]) -> int | None:
     """The bit rate of the controllers, if all of them have the same."""
     rates = {interface.bit_rate for interface in interfaces}
     return rates.pop() if len(rates) == 1 else None
-
-
-def _buses(args: argparse.Namespace) -> Sequence[tuple[Interface, Filters]]:
-    found = options.buses(args)
-    if not found:
-        raise ValueError("which interface? give can0, or TYPE:CHANNEL; -D lists them")
-    return found
 
 
 def _list() -> int:

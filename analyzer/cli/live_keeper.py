@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
     from contextlib import ExitStack
 
-    from analyzer.cli.live_session import Keeper
+    from analyzer.live.pump import Keeper
 
 
 _FORMS = {"candump": "candump text", "mcap": "MCAP", "pcapng": "pcapng"}

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.cli import streams
 from analyzer.cli.writers import writer
 from analyzer.facts.traffic import times
 from analyzer.report import wording
@@ -14,7 +13,7 @@ from analyzer.views.terminal import escape
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from analyzer.cli.live_session import LiveSession
     from analyzer.cli.writers import Writer
@@ -30,10 +29,12 @@ class Lines:
 
     Args:
         several: whether the names of interfaces say anything.
+        say: takes text for standard error.
     """
 
-    def __init__(self, *, several: bool) -> None:
-        self._several = several
+    def __init__(self, *, several: bool, say: Callable[[str], None]) -> None:
+        self.failed = False
+        self._several, self._say = several, say
 
     def batch(self, measured: Measured) -> None:
         """Nothing."""
@@ -42,11 +43,11 @@ class Lines:
         """A line for each that is new; notes can wait for the verdict."""
         for change in changes:
             if change.fresh and change.finding.severity != "note":
-                streams.tell(f"{said(change.finding, bus=self._several)}\n")
+                self._say(f"{said(change.finding, bus=self._several)}\n")
 
     def note(self, text: str) -> None:
         """A line."""
-        streams.tell(f"-- {escape(text)}\n")
+        self._say(f"-- {escape(text)}\n")
 
     def look(self, session: LiveSession) -> None:
         """Nothing."""
@@ -59,11 +60,19 @@ class List(Lines):
         args: the options about what to list.
         registry: the types.
         printer: takes the lines.
-        several: as for `Lines`.
+        several, say: as for `Lines`.
     """
 
-    def __init__(self, args: argparse.Namespace, registry: Registry, printer: Printer, *, several: bool) -> None:
-        super().__init__(several=several)
+    def __init__(
+        self,
+        args: argparse.Namespace,
+        registry: Registry,
+        printer: Printer,
+        *,
+        several: bool,
+        say: Callable[[str], None],
+    ) -> None:
+        super().__init__(several=several, say=say)
         self._args, self._registry, self._printer = args, registry, printer
         self._writer: Writer | None = None
         self._lost = 0
@@ -88,7 +97,7 @@ class List(Lines):
         if printer.gone or self._failed:
             session.stop()
         if printer.lost > self._lost:
-            self.note(f"{printer.lost - self._lost:,} entries not listed: whoever reads the list is too slow for it")
+            self.note(f"not listed, as whoever reads the list is too slow for it: {printer.lost - self._lost:,} more")
             self._lost = printer.lost
 
     def end(self) -> None:

@@ -15,10 +15,13 @@ if TYPE_CHECKING:
 
     from analyzer.board.snapshot import Recording, Snapshot
     from analyzer.cli.judging import Judging
-    from analyzer.cli.live_session import LiveSession
+    from analyzer.cli.live_session import LiveSession, View
     from analyzer.report.model import Category, Severity
     from analyzer.report.newest import Change
     from analyzer.rules.checking import Measured
+
+# Seconds between two looks whether a session has ended.
+_SLICE = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +48,7 @@ class Display:
         bit_rates: in bits a second by interface, None where nobody knows.
         recording: how the recording goes, None if nothing is recorded.
         save: writes down what there is to report; the line that tells of it.
+        stop: ends the session.
         clock: nanoseconds since 1970.
     """
 
@@ -54,15 +58,16 @@ class Display:
         bit_rates: Mapping[str, int | None],
         recording: Callable[[], Recording | None],
         save: Callable[[LiveSession], str],
+        stop: Callable[[], None],
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
         self._board = Board(judging.registry, bit_rates, forced=judging.settings.dialects)
-        self._recording, self._save, self._clock = recording, save, clock
+        self._recording, self._save, self._stop, self._clock = recording, save, stop, clock
         self._wishes: deque[Callable[[LiveSession], str | None]] = deque()
         self._buses: tuple[str, ...] = ()
         self._snapshot: Snapshot | None = None
         self._session: LiveSession | None = None
-        self.ended = False
+        self.ended = self.failed = False
 
     # ---- for the session, in its thread
 
@@ -84,7 +89,7 @@ class Display:
         while self._wishes:
             if told := self._wishes.popleft()(session):
                 self.note(told)
-        for name, count in session.hub.counts.items():
+        for name, count in session.pump.hub.counts.items():
             self._board.counts(name, count.received, count.dropped, count.lost)
         self._board.recording(self._recording())
         self._snapshot = self._board.snapshot(self._clock())
@@ -125,11 +130,14 @@ class Display:
 
     def stop(self) -> None:
         """The session is to end."""
-        self._wishes.append(lambda session: session.stop())
+        self._stop()
 
 
-def show(session: LiveSession, display: Display) -> None:
-    """Runs the session until it ends or the user quits. Raises what ended the session, if it failed."""
+def show(session: LiveSession, display: Display, instead: View) -> None:
+    """Runs the session until it ends or the user quits.
+
+    When the display fails, the session goes on with the view `instead`. Raises what ended the session, if it failed.
+    """
     from analyzer.terminal import run  # noqa: PLC0415 - textual takes its time
 
     failure: list[BaseException] = []
@@ -142,12 +150,18 @@ def show(session: LiveSession, display: Display) -> None:
         finally:
             display.ended = True
 
-    thread = Thread(target=work, name="session")
+    thread = Thread(target=work, name="session", daemon=True)
     thread.start()
     try:
         run(display)
-    finally:
-        session.stop()
-        thread.join()
+    except Exception as error:  # noqa: BLE001 - the bus is more important than its picture
+        session.replace(display, instead, f"the monitor has ended: {type(error).__name__}: {error}")
+    else:
+        if display.failed:
+            session.replace(display, instead, "the monitor has ended")
+        else:
+            session.stop()
+    while thread.is_alive():
+        thread.join(_SLICE)  # signals are handled in this thread
     if failure:
         raise failure[0]

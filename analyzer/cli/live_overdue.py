@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from analyzer.board.opened import TIMEOUT, Opened
+from analyzer.board.opened import Opened
 from analyzer.report import wording
 from analyzer.rules.columns import Frames
-from dissectors.conformance import NO_TIME, SECOND
+from dissectors.conformance import NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -17,9 +17,12 @@ if TYPE_CHECKING:
     from analyzer.report.newest import Change
     from analyzer.rules.checking import Measured
 
+_NODE = 0x7F
+_NAMED = 3
+
 
 class Overdue:
-    """Tells of each node whose transfers stay open while nothing comes any more.
+    """Tells once for each silence whose transfers stay open.
 
     Args:
         tell: takes a line.
@@ -27,11 +30,12 @@ class Overdue:
     """
 
     def __init__(self, tell: Callable[..., None], clock: Callable[[], int] = time.monotonic_ns) -> None:
+        self.failed = False
         self._tell, self._clock = tell, clock
         self._opened = Opened()
         self._last, self._then = NO_TIME, 0
         self._buses: tuple[str, ...] = ()
-        self._told: dict[int, int] = {}
+        self._told = NO_TIME  # the frame behind which the last silence began that was told
 
     def batch(self, measured: Measured) -> None:
         """Looks what begins and ends."""
@@ -52,9 +56,12 @@ class Overdue:
         del session
         if self._last == NO_TIME:
             return
+        if self._told == self._last:
+            return
         found = self._opened.overdue(self._last + self._clock() - self._then, self._last)
-        for sender, count in found.items():
-            if count > self._told.get(sender, 0):
-                open_ = f"{wording.plural(count, 'transfer')} open for more than {TIMEOUT // SECOND} s"
-                self._tell(f"{self._buses[sender >> 8]}: node {sender & 0x7F}: {open_} on a silent bus: timed out")
-        self._told = found
+        if found:
+            self._told = self._last
+            names = [f"{self._buses[sender >> 8]} node {sender & _NODE}" for sender in sorted(found)]
+            more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+            count = wording.plural(sum(found.values()), "transfer")
+            self._tell(f"silence: {count} timed out, of {', '.join(names[:_NAMED])}{more}")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import time
 from typing import TYPE_CHECKING
 
+from analyzer.plot import LOG_LEVEL
 from analyzer.plot.address import Address
 from analyzer.plot.parts import whole
 from analyzer.plot.picture import Picture
@@ -30,6 +32,7 @@ def opened(url: str, name: str, stack: ExitStack) -> ViewerOutput:
     """The viewer at an address, or a new one. Raises `TargetError`."""
     from analyzer.cli import plot_viewer as viewer  # noqa: PLC0415 - an address needs none
 
+    os.environ.setdefault(LOG_LEVEL, "off")  # what it has to complain of would stand in the middle of the monitor
     if not url:
         if not viewer.display():
             raise TargetError("--plot", "there is no display for a viewer: give the URL of one")
@@ -64,6 +67,7 @@ class Plot:
         several: bool,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
+        self.failed = False
         settings = judging.settings
         self._output, self._tell, self._several, self._now = output, tell, several, now
         self._picture = Picture(output.send, judging.registry, forced=settings.dialects, bit_rate=settings.bit_rate)

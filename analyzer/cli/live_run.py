@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import time
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -16,6 +17,7 @@ from analyzer.cli.live_session import LiveSession
 from analyzer.cli.live_status import Status, account
 from analyzer.live.hub import Hub
 from analyzer.live.printer import Printer
+from analyzer.live.pump import Control, Pump
 from analyzer.live.receiver import open_receiver
 from analyzer.report.build import Taken
 from analyzer.report.text import render
@@ -31,8 +33,8 @@ if TYPE_CHECKING:
     from analyzer.report.model import Report
 
 # Seconds between two batches.
-_INTERVALS = {"list": 0.1, "monitor": 0.4, "quiet": 0.5}
-_AT_ONCE = 0.02
+_INTERVALS = {"list": 0.2, "monitor": 0.4, "quiet": 0.5}
+_AT_ONCE = 0.1
 
 
 class Run:
@@ -53,29 +55,37 @@ class Run:
 
     def status(self) -> int:
         """Runs it; the exit status. Raises `InterfaceError` and `TargetError` if something cannot be opened."""
-        wanted = self._wanted
+        wanted, control = self._wanted, Control()
         with ExitStack() as whole:
+            whole.enter_context(signals(control))
             targets = reports.opened(wanted.files, whole)
             with ExitStack() as stack:
+                say = printed(stack)
                 hub = self._hub(stack)
                 recording = Recording(wanted.plan, stack)
-                session = LiveSession(hub, wanted.judging, recording, self._views, self._interval())
-                self._add_views(stack, session, recording)
-                with signals(session):
-                    self._go(session)
-                hub.close()
-                session.drain()
-                recording.close()
+                pump = Pump(
+                    hub, recording.keeper, recording.autostop, control, recording.close, recording.header,
+                    self._interval(),
+                )  # fmt: skip
+                session = LiveSession(pump, wanted.judging, self._views, self._interval())
+                self._add_views(stack, session, recording, say)
+                with pump:
+                    self._go(session, say)
                 report = self._concluded(session, recording)
             if self._list is not None:
                 self._list.look(session)
-            written = reports.all_written(targets, report, everything=self._args.all)
+            written = report is not None and reports.all_written(targets, report, everything=self._args.all)
         failed = (f"{one.name}: {one.failed}" for one in self._receivers if one.failed is not None)
-        problems = [*failed, *session.problems, *recording.problems()]
+        broken = [] if pump.problem is None else [pump.problem]
+        problems = [*failed, *broken, *session.problems, *recording.problems()]
         for line in (*account(hub.counts), *recording.account(self._args.bitrate)):
             streams.tell(f"-- {line}\n")
+        if pump.unjudged:
+            streams.tell(f"-- {pump.unjudged:,} frames are recorded, but not judged: judging was too slow\n")
         for problem in problems:
             streams.complain(problem)
+        if report is None:
+            return DAMAGED
         self._verdict(report)
         return report.gate.exit_status or (OK if written and not problems else DAMAGED)
 
@@ -93,21 +103,23 @@ class Run:
             opening.pop_all()  # from here on they are the hub's
         return hub
 
-    def _add_views(self, stack: ExitStack, session: LiveSession, recording: Recording) -> None:
+    def _add_views(
+        self, stack: ExitStack, session: LiveSession, recording: Recording, say: Callable[[str], None]
+    ) -> None:
         wanted, args = self._wanted, self._args
         registry, tell = wanted.judging.registry, session.tell
         if wanted.mode == "monitor":
             from analyzer.cli.live_monitor import Display  # noqa: PLC0415 - a list does without
 
             rates = {interface.name: interface.bit_rate for interface, _ in wanted.buses}
-            self._display = Display(wanted.judging, rates, recording.now, self._saved)
+            self._display = Display(wanted.judging, rates, recording.now, self._saved, session.stop)
             self._views.append(self._display)
         elif wanted.mode == "list":
             printer = stack.enter_context(Printer())
-            self._list = List(args, registry, printer, several=self._several)
+            self._list = List(args, registry, printer, several=self._several, say=say)
             self._views.append(self._list)
         else:
-            self._views.append(Lines(several=self._several))
+            self._views.append(Lines(several=self._several, say=say))
         if self._display is None:
             self._views.append(Overdue(tell))
         self._views.append(Status(wanted.every, tell, recording.words))
@@ -118,18 +130,20 @@ class Run:
             self._plot = Plot(output, wanted.judging, tell, several=self._several)
             self._views.append(self._plot)
 
-    def _go(self, session: LiveSession) -> None:
+    def _go(self, session: LiveSession, say: Callable[[str], None]) -> None:
         """Until it ends."""
         if self._display is None:
             session.run()
         else:
             from analyzer.cli.live_monitor import show  # noqa: PLC0415
 
-            show(session, self._display)
+            show(session, self._display, Lines(several=self._several, say=say))
 
-    def _concluded(self, session: LiveSession, recording: Recording) -> Report:
-        """The verdict, and the last that the views have to show."""
+    def _concluded(self, session: LiveSession, recording: Recording) -> Report | None:
+        """The verdict, and the last that the views have to show; None if the rules have failed."""
         checked = session.conclude(recording.stored())
+        if checked is None:
+            return None
         files = recording.files
         first, *more = files or [self._wanted.name]
         taken = Taken(
@@ -140,16 +154,16 @@ class Run:
             arguments=(*more, "--same-bus") if more else (),
         )
         report = self._wanted.judging.build([taken])
-        if self._plot is not None:
+        if self._plot is not None and not self._plot.failed:
             self._plot.end(report, checked.facts)
-        if self._list is not None:
+        if self._list is not None and not self._list.failed:
             self._list.end()
         return report
 
     def _saved(self, session: LiveSession) -> str:
         """Writes down what there is to report now, beside where the session was started."""
         path = Path(f"tailbyte-{time.strftime('%Y%m%d-%H%M%S')}.txt")
-        lines = [*account(session.hub.counts), "", *(said(one, bus=self._several) for one in session.newest.all)]
+        lines = [*account(session.pump.hub.counts), "", *(said(one, bus=self._several) for one in session.newest.all)]
         try:
             path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", errors="backslashreplace")
         except OSError as error:
@@ -164,17 +178,26 @@ class Run:
             reports.tell(self._args, report, silent=self._wanted.silent)
 
 
+def printed(stack: ExitStack) -> Callable[[str], None]:
+    """What writes to standard error without ever waiting for whoever reads it."""
+    try:
+        printer = stack.enter_context(Printer(sys.stderr.fileno()))
+    except (OSError, ValueError):  # one that has no descriptor takes everything
+        return streams.tell
+    return printer.put
+
+
 @contextmanager
-def signals(session: LiveSession) -> Iterator[None]:
+def signals(control: Control) -> Iterator[None]:
     """Ctrl-C, SIGTERM and SIGHUP end the session, a second Ctrl-C at once; SIGUSR1 sets a mark in it."""
 
     def stop(number: int, _: object) -> None:
-        if session.stopped and number == signal.SIGINT:
+        if control.stopped and number == signal.SIGINT:
             raise KeyboardInterrupt
-        session.stop()
+        control.stop()
 
     def mark(*_: object) -> None:
-        session.mark()
+        control.mark()
 
     chosen: dict[str, Callable[..., None]] = {"SIGINT": stop, "SIGTERM": stop, "SIGHUP": stop, "SIGUSR1": mark}
     before = {}

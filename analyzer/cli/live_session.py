@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from analyzer.engine import Engine
-from analyzer.live import remarks
-from analyzer.live.recorded import AsRecorded
 from analyzer.report.newest import Newest
 from analyzer.rules.checking import Check
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from analyzer._native import Piece
     from analyzer.cli.judging import Judging
-    from analyzer.cli.live_keeper import Recording
     from analyzer.engine import Batch
     from analyzer.facts.summary import Stored
-    from analyzer.live.hub import Hub
+    from analyzer.live.pump import Pump
     from analyzer.report.newest import Change
     from analyzer.rules.checking import Checked, Measured
 
-# Seconds between two looks at what has changed, when many findings make that expensive.
-_RARE = 5.0
-_MANY = 500
-
 
 class View(Protocol):
-    """Shows a session while it runs."""
+    """Shows a session while it runs; `failed` once it cannot."""
+
+    failed: bool
 
     def batch(self, measured: Measured) -> None:
         """The next batch."""
@@ -44,29 +39,14 @@ class View(Protocol):
         """Called at least a few times a second, whether something came or not."""
 
 
-class Keeper(Protocol):
-    """Takes what is to be recorded."""
-
-    def put(self, piece: Piece) -> None:
-        """The next rows; it never waits."""
-
-    def found(self, changes: Sequence[Change]) -> None:
-        """Findings of rows that it has."""
-
-    def press(self, why: str) -> None:
-        """Somebody wants what is there now to be recorded."""
-
-    def notes(self) -> Sequence[str]:
-        """What has happened to it since the last call."""
-
-
 class LiveSession:
-    """Runs in one thread; `stop` and `mark` may be called from any, also from a signal handler.
+    """Runs in one thread, which need not be the main one.
+
+    A rule or a view that fails ends its own part, and no more: that is told, and stands in `problems`.
 
     Args:
-        hub: open by the time it runs.
+        pump: receives and records.
         judging: rules and types.
-        recording: what is recorded, and when it is enough.
         views: show it; more may be added until it runs.
         interval: seconds between two batches.
         now: seconds of a monotonic clock.
@@ -74,113 +54,109 @@ class LiveSession:
 
     def __init__(
         self,
-        hub: Hub,
+        pump: Pump,
         judging: Judging,
-        recording: Recording,
-        views: Sequence[View],
+        views: list[View],
         interval: float,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.hub = hub
+        self.pump = pump
         self.engine = Engine(judging.registry)
-        self.check = Check(judging.registry, judging.settings)
-        self.newest = Newest(self.check.judge, judging.settings, judging.revisions())
-        self.frames = 0
-        self.stopped = False
+        self._check: Check | None = Check(judging.registry, judging.settings)
+        self.newest = Newest(self._check.judge, judging.settings, judging.revisions(), now=now)
         self.problems: list[str] = []
-        self._recorded = AsRecorded()
-        self._keeper, self._autostop, self._views = recording.keeper, recording.autostop, views
-        self._interval, self._now = interval, now
-        self._marks = self._marked = 0
-        self._looked = now()
-        if recording.header:
-            self._feed(self._recorded.of(remarks.comment(time.time_ns(), recording.header)))
+        self._views, self._interval = views, interval
 
     def stop(self) -> None:
-        """The session ends soon."""
-        self.stopped = True
+        """It ends soon."""
+        self.pump.control.stop()
 
     def mark(self) -> None:
         """Sets a mark in the recording."""
-        self._marks += 1
+        self.pump.control.mark()
 
     def run(self) -> None:
-        """Until somebody stops it, a condition holds, or every interface is gone."""
-        while not self.stopped:
+        """Until the pump has ended and everything is judged."""
+        last = False
+        while not last:
+            last = self.pump.ended
             self.step()
 
     def step(self) -> None:
         """What has come since, after gathering for a moment."""
-        piece = self.hub.take(self._interval)
-        self.tell(*self.hub.notes())
-        if piece is not None:
-            self._take(piece)
-            self._judge(self.engine.flush())
-        else:
-            self._look()
-        while self._marked < self._marks:
-            self._marked += 1
-            self.hub.put(text := f"mark {self._marked}")
-            self.tell(text)
-            if self._keeper is not None:
-                self._keeper.press(text)
-        if self._keeper is not None:
-            self.tell(*self._keeper.notes())
-        for view in self._views:
-            view.look(self)
-        if self._autostop.due() and not self.stopped:
-            self.tell(f"enough: {self._autostop.reason}")
-            self.stopped = True
-        self.stopped = self.stopped or self.hub.ended
+        for piece in self.pump.take(self._interval):
+            for batch in self.engine.feed(piece):
+                self._judge(batch)
+        self._judge(self.engine.flush())
+        self.tell(*self.pump.notes())
+        self._show(lambda view: view.look(self))
 
     def tell(self, *texts: str) -> None:
         """Something about the session itself, for every view."""
         for text in texts:
-            for view in self._views:
-                view.note(text)
+            self._show(partial(_note, text))
 
-    def drain(self) -> None:
-        """What the closed hub still has, the last of it."""
-        while (piece := self.hub.take(0)) is not None:
-            self._take(piece)
-        self.tell(*self.hub.notes())
+    def replace(self, view: View, other: View, problem: str) -> None:
+        """Another view takes the place of one that has failed."""
+        self._views[:] = [other, *(one for one in self._views if one is not view)]
+        self.problems.append(problem)
+        other.note(problem)
+
+    def conclude(self, stored: Iterable[Stored]) -> Checked | None:
+        """Everything that the rules can only say now; None if they failed. `stored` are the files of the recording."""
         self._judge(self.engine.finish())
-
-    def conclude(self, stored: Iterable[Stored]) -> Checked:
-        """Everything that the rules can only say now; `stored` are the files that were recorded."""
-        checked = self.check.finish(stored, self.engine)
-        self._look(last=True)
+        checked = None
+        if self._check is not None:
+            try:
+                checked = self._check.finish(stored, self.engine)
+                self._look(last=True)
+            except Exception as error:  # noqa: BLE001 - the recording is there all the same
+                self._give_up(error)
         return checked
 
-    def _take(self, piece: Piece) -> None:
-        piece = self._recorded.of(self._autostop.cut(piece))
-        if self._keeper is not None:
-            self._keeper.put(piece)
-        self.frames += piece.frames
-        self._feed(piece)
-
-    def _feed(self, piece: Piece) -> None:
-        for batch in self.engine.feed(piece):
-            self._judge(batch)
-
     def _judge(self, batch: Batch) -> None:
-        for measured in self.check.measured([batch]):
-            self.check.feed(measured)
-            for view in self._views:
-                view.batch(measured)
-        self._look()
+        if self._check is None or not (len(batch.frames) or len(batch.transfers) or len(batch.events)):
+            return
+        try:
+            for measured in self._check.measured([batch]):
+                self._check.feed(measured)
+                self._show(partial(_batch, measured))
+            self._look()
+        except Exception as error:  # noqa: BLE001 - whatever it is, receiving and recording go on
+            self._give_up(error)
 
     def _look(self, *, last: bool = False) -> None:
-        """Tells of findings; when there are very many of them, more seldom."""
-        now = self._now()
-        if len(self.newest.all) >= _MANY and now - self._looked < _RARE and not last:
-            return
-        self._looked = now
-        changes = self.newest.look(self.engine.buses)
-        if not changes:
-            return
-        self._autostop.found(changes)
-        if self._keeper is not None:
-            self._keeper.found(changes)
-        for view in self._views:
-            view.found(changes)
+        """Tells of findings."""
+        changes = self.newest.look(self.engine.buses, last=last)
+        if changes:
+            self.pump.found(changes)
+            self._show(lambda view: view.found(changes))
+
+    def _show(self, call: Callable[[View], None]) -> None:
+        for view in list(self._views):
+            try:
+                call(view)
+            except Exception as error:  # noqa: BLE001 - whatever it is, everything else goes on
+                self._views.remove(view)
+                view.failed = True
+                self._fail(f"what is shown has ended: {_said(error)}")
+
+    def _give_up(self, error: Exception) -> None:
+        self._check = None
+        self._fail(f"judging has ended: {_said(error)}")
+
+    def _fail(self, problem: str) -> None:
+        self.problems.append(problem)
+        self.tell(problem)
+
+
+def _said(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}: please report this as a bug"
+
+
+def _note(text: str, view: View) -> None:
+    view.note(text)
+
+
+def _batch(measured: Measured, view: View) -> None:
+    view.batch(measured)

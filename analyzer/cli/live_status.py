@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from analyzer.rules.checking import Measured
 
 _NAMED = 3
-_UNITS = ((1 << 30, "GB"), (1 << 20, "MB"), (1 << 10, "kB"))
+# As conditions of -a and -b have them.
+_UNITS = ((10**9, "GB"), (10**6, "MB"), (10**3, "kB"))
 
 
 class Status:
@@ -39,6 +40,7 @@ class Status:
         recording: Callable[[], str],
         now: Callable[[], float] = time.monotonic,
     ) -> None:
+        self.failed = False
         self._every, self._tell, self._recording, self._now = every, tell, recording, now
         self._start = self._last = now()
         self._frames = self._dropped = 0
@@ -57,7 +59,7 @@ class Status:
     def look(self, session: LiveSession) -> None:
         """Says it when it is time."""
         if self._now() - self._last >= self._every:
-            self._tell(self.line(session.frames, session.hub.counts))
+            self._tell(self.line(session.pump.frames, session.pump.hub.counts))
 
     def line(self, frames: int, counts: Mapping[str, Counts]) -> str:
         """What has happened since the last line; counts of all that was received and lost since the start."""

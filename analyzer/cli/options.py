@@ -68,7 +68,8 @@ def add_buses(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     parser.add_argument(
         "iface", nargs="*", metavar="IFACE[,FILTER]",
         help="a SocketCAN interface (can0), or TYPE:CHANNEL[@BITRATE] for those of python-can (virtual:demo, "
-        "slcan:/dev/ttyACM0@1000000); with filters as candump has them: can0,123:7FF",
+        "slcan:/dev/ttyACM0@1000000); with filters as candump has them: can0,123:7FF; default: what python-can's files and "
+        "environment name",
     )  # fmt: skip
     parser.add_argument(
         "-i", dest="iface_", action="append", default=[], metavar="IFACE", help="the same, by letter; repeatable"
@@ -102,13 +103,14 @@ def bus(args: argparse.Namespace) -> Interface | None:
 
 
 def buses(args: argparse.Namespace) -> list[tuple[Interface, Filters]]:
-    """The buses that are meant, with what is let through; none if none was named. Raises `ValueError`."""
+    """The buses that are meant, with what is let through; that of python-can's configuration if none was named.
+
+    Raises `ValueError` with the reason.
+    """
     from analyzer.live.filters import parse, split  # noqa: PLC0415
     from analyzer.live.interfaces import resolve  # noqa: PLC0415 - python-can takes its time
 
-    named: list[str | None] = [*args.iface, *args.iface_]
-    if not named and (args.interface is not None or args.channel is not None):
-        named = [None]
+    named: list[str | None] = [*args.iface, *args.iface_] or [None]
     found: dict[str, tuple[Interface, Filters]] = {}
     for text in named:
         name, own = (None, "") if text is None else split(text)

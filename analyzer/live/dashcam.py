@@ -29,7 +29,8 @@ class Dashcam:
 
     def put(self, piece: Piece) -> None:
         """The next rows."""
-        self._came = self._clock()
+        if piece.lines["lines"] > piece.lines["comments"]:
+            self._came = self._clock()
         self._record(self._trigger.feed(piece))
 
     def found(self, changes: Iterable[Change]) -> None:

@@ -40,6 +40,7 @@ class Files:
         self._notes: list[str] = []
         # Of the files that are finished.
         self._frames = self._bytes = 0
+        self._errors = self.error_frames = 0
         self.frames = self.full = 0
         self.names: list[str] = []
         self.unsynced = self._used = False
@@ -92,6 +93,7 @@ class Files:
         self._sink.flush()
         self._file.flush()
         self.frames = self._frames + self._sink.frames
+        self.error_frames = self._errors
         self.unsynced = True
 
     def sync(self) -> None:
@@ -113,6 +115,7 @@ class Files:
 
     def _write(self, piece: Piece) -> None:
         self._sink.write(piece)
+        self._errors += piece.lines["error_frames"]
         self._used = True
         if self._file.gathered >= _GATHERED:
             self.flush()

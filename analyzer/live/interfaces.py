@@ -108,7 +108,7 @@ def resolve(text: str | None, options: Mapping[str, Any]) -> Interface:
     kind, channel = loaded.pop("interface"), loaded.pop("channel")
     if kind == "socketcan":
         if not channel:
-            raise ValueError("which SocketCAN interface? (vcan0, can0)")
+            raise ValueError("which SocketCAN interface? (can0, vcan0; tailbyte live -D lists them)")
         loaded.setdefault("fd", True)  # opens classic interfaces as well
     if kind == "udp_multicast":
         loaded.setdefault("hop_limit", 0)  # frames stay in this machine unless somebody asks for more

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 SECOND = 1_000_000_000
 NO_TIME = int(np.iinfo(np.int64).min)
-_DROP = EVENTS.index("drop")
+# Of a row whose time is no bus's.
+NO_CLOCK = -1
+CLOCKS = len(EVENTS) + 1
+_ERROR, _DROP, _COMMENT = (EVENTS.index(kind) for kind in ("error frame", "drop", "comment"))
 # A row holds no larger number.
 _MOST = (1 << 32) - 1
 
@@ -45,6 +48,19 @@ class Ordered:
         """How many rows there are."""
         return len(self._order)
 
+    def clocks(self) -> Numbers:
+        """Which clock the time of each row is of: a number for each bus and kind of row, or `NO_CLOCK`.
+
+        Comments are of no bus. `CLOCKS` numbers belong to one bus, frames come first.
+        """
+        frames, events = self.piece.columns()
+        kinds = _of(events, "kind", "u1").astype(np.int32)
+        own = _of(events, "bus", "u1") * np.int32(CLOCKS) + kinds + 1
+        clocks = np.concatenate(
+            [_of(frames, "bus", "u1") * np.int32(CLOCKS), np.where(kinds == _COMMENT, NO_CLOCK, own)]
+        )
+        return np.where(self.t == NO_TIME, NO_CLOCK, clocks[self._order])
+
     def take(self, rows: slice | Numbers) -> Piece:
         """Some of them, by their places in the order."""
         chosen = np.sort(self._order[rows])
@@ -64,8 +80,24 @@ def rows(piece: Piece) -> int:
     return int(sum(lines[kind] for kind in ("frames", "error_frames", "drops", "comments", "unreadable")))
 
 
+def frames_of(piece: Piece) -> int:
+    """Frames and error frames: what its interface received."""
+    return piece.frames + piece.lines["error_frames"]
+
+
+def comments_of(piece: Piece) -> Piece | None:
+    """Its comments alone; None if there are none."""
+    if not piece.lines["comments"]:
+        return None
+    kinds = _of(piece.columns()[1], "kind", "u1")
+    return piece.pick(b"", np.flatnonzero(kinds == _COMMENT).astype("=u4").tobytes())
+
+
 class Losses:
-    """Frames that nobody will see, by bus: how many, and the times of the first and the last."""
+    """Frames that nobody will see, by bus: how many, and the times of the first and the last.
+
+    Error frames count as frames, and frames that a piece itself says were lost, as what it says will not be seen.
+    """
 
     def __init__(self) -> None:
         self._total = 0
@@ -74,13 +106,20 @@ class Losses:
 
     def add(self, piece: Piece) -> None:
         """All frames of a piece."""
-        frames, _ = piece.columns()
-        t, bus = _times(frames), _of(frames, "bus", "u1")
+        frames, events = piece.columns()
+        kind, number = _of(events, "kind", "u1"), _of(events, "class", "u4")
+        frame_t, event_t = _times(frames), _times(events)
+        t = np.concatenate([frame_t, event_t])
+        bus = np.concatenate([_of(frames, "bus", "u1"), _of(events, "bus", "u1")])
+        lost = np.where(kind == _DROP, number, (kind == _ERROR).astype(np.int64))
+        lost = np.concatenate([np.ones(len(frame_t), np.int64), lost])
         self._names = piece.buses
-        for one in np.unique(bus).tolist():
-            mine = t[bus == one]
-            count, first, _ = self._of.get(one, (0, int(mine[0]), 0))
-            self._of[one] = count + len(mine), first, int(mine[-1])
+        for one in np.unique(bus[lost > 0]).tolist():
+            mine = (bus == one) & (lost > 0)
+            known = t[mine & (t != NO_TIME)]
+            first, last = (int(known.min()), int(known.max())) if len(known) else (NO_TIME, NO_TIME)
+            count, earliest, _ = self._of.get(one, (0, first, 0))
+            self._of[one] = count + int(lost[mine].sum()), earliest, last
 
     def take(self) -> Piece | None:
         """Rows that say so, at the first loss and at the last one; None if there were none since the last call."""

@@ -10,7 +10,7 @@ from threading import Condition, Thread
 from typing import TYPE_CHECKING
 
 from analyzer.live.files import Files
-from analyzer.live.pieces import Losses, rows
+from analyzer.live.pieces import Losses, comments_of, frames_of, rows
 from analyzer.sinks.atomic import TargetError
 
 if TYPE_CHECKING:
@@ -99,16 +99,13 @@ class Recorder(AbstractContextManager["Recorder"]):
             return
         with self._changed:
             if self.problem is not None or self._ended:
-                self._lost += piece.frames
+                self._lost += frames_of(piece)
             elif self._waiting and self._waiting + size > self._most:
-                self._lost += piece.frames
-                self._losses.add(piece)
-                if not self._behind:
-                    self._notes.append("the disk is too slow: frames are missing in the recording")
-                self._behind = True
+                self._refuse(piece)
             else:
                 self._tell()
                 self._add(piece, size)
+                self._behind = False
                 self._changed.notify()
 
     def found(self, changes: Iterable[Change]) -> None:
@@ -130,7 +127,7 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     @property
     def lost(self) -> int:
-        """Frames that were put and will not be read."""
+        """Frames and error frames that were put and will not be read."""
         with self._changed:
             return self._lost
 
@@ -150,20 +147,38 @@ class Recorder(AbstractContextManager["Recorder"]):
         return list(self._files.names)
 
     def close(self) -> None:
-        """Writes what waits and finishes the file. A disk that does not answer within `PATIENCE` is given up."""
+        """Writes what waits, however long it takes, and finishes the file.
+
+        A disk that has taken nothing within `PATIENCE` is given up.
+        """
         with self._changed:
             if not self._ended:
                 self._tell()
             self._ended = True
             self._changed.notify()
-        self._thread.join(PATIENCE)
+        before = None
+        while self._thread.is_alive() and before != (now := (self._waiting, self._files.bytes)):
+            before = now
+            self._thread.join(PATIENCE)
         if self._thread.is_alive():
             self._fail(f"{self._files.current}: takes no more data; what follows is not recorded")
+
+    def _refuse(self, piece: Piece) -> None:
+        """Too many rows wait. Comments are few, and always have room."""
+        comments = comments_of(piece)
+        if comments is not None:
+            self._tell()
+            self._add(comments, rows(comments))
+        self._losses.add(piece)
+        lost = frames_of(piece)
+        self._lost += lost
+        if lost and not self._behind:
+            self._notes.append("the disk is too slow: frames are missing in the recording")
+            self._behind = True
 
     def _tell(self) -> None:
         """Drop counts for frames that were lost because too many rows waited."""
         drops = self._losses.take()
-        self._behind = False
         if drops is not None:
             self._add(drops, rows(drops))
 
@@ -176,7 +191,8 @@ class Recorder(AbstractContextManager["Recorder"]):
             if self.problem is None:
                 self.problem = problem
                 self._notes.append(problem)
-                self._lost += self._taken + sum(piece.frames for piece in self._queue) - self._files.frames
+                put = self._taken + sum(map(frames_of, self._queue))
+                self._lost += put - self._files.frames - self._files.error_frames
                 self._queue.clear()
                 self._waiting = 0
 
@@ -201,7 +217,7 @@ class Recorder(AbstractContextManager["Recorder"]):
                 self._changed.wait_for(lambda: self._queue or self._ended, wait)
                 pieces, self._queue = self._queue, deque()
                 ended = self._ended
-                self._taken += sum(piece.frames for piece in pieces)
+                self._taken += sum(map(frames_of, pieces))
             if pieces and not dirty:
                 flush = self._clock()  # counts from the first row that waits
             for piece in pieces:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analyzer.live import conditions, remarks
-from analyzer.live.pieces import NO_TIME, Ordered
+from analyzer.live.axis import Axis
+from analyzer.live.pieces import NO_CLOCK, SECOND, Ordered
 from analyzer.live.wanted import Wanted, first_met, parse_wanted
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from analyzer._native import Piece
     from analyzer.live.wanted import Change
 
-SECOND = 1_000_000_000
 # Findings may come this much later than what they are about: rules wait for what explains it, transfers for their end.
 LATE = 5 * SECOND
 # Rows that are kept for windows to come at most, 138 s of a full bus of 1 Mbit/s: some 100 MB.
@@ -55,12 +55,40 @@ def parse_trigger(
     return TriggerPlan(wanted, **given) if wanted else None
 
 
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """Rows that have not gone out, where they are on the axis, and the time that the row in front of them says."""
+
+    ordered: Ordered
+    come: npt.NDArray[Any]
+    since: npt.NDArray[Any]
+    before: int
+
+    @property
+    def first(self) -> int:
+        """The time that the first row says, or the one in front of it."""
+        return self._said(slice(0, 1))
+
+    @property
+    def last(self) -> int:
+        """The time that the last one says."""
+        return self._said(slice(None))
+
+    def behind(self, count: int) -> _Kept:
+        """What is left behind so many rows."""
+        rows = slice(count, len(self.ordered))
+        return _Kept(Ordered(self.ordered.take(rows)), self.come[rows], self.since[rows], self._said(slice(0, count)))
+
+    def _said(self, rows: slice) -> int:
+        said = self.ordered.t[rows][self.ordered.clocks()[rows] != NO_CLOCK]
+        return int(said[-1]) if len(said) else self.before
+
+
 class Trigger:
     """Lets rows through whose time is at most `pre` before or `post` behind that of a finding.
 
-    Times are those of the rows, so that load makes no difference; a row without one, or with an earlier one, counts as
-    one with that of the row before. When the clock is set back by more than a second, what came before counts as having
-    been just then. Rows go out in their order and once: windows that overlap are one, and a finding that is told late
+    Times are those of the rows on one `Axis`, so that neither load makes a difference nor clocks that are set, or not
+    the same. Rows go out in their order and once: windows that overlap are one, and a finding that is told late
     adds nothing in front of rows that have gone out. In front of each window stand comments that say why it is there,
     and how many frames before it were left out; behind it, one that says that a gap follows.
 
@@ -73,11 +101,12 @@ class Trigger:
 
     def __init__(self, plan: TriggerPlan, most: int = MOST) -> None:
         self._plan, self._most = plan, most
-        # Rows that have not gone out, with their times, which never fall.
-        self._kept: deque[tuple[Ordered, npt.NDArray[Any]]] = deque()
+        self._kept: deque[_Kept] = deque()
         self._rows = 0
-        self._last: int | None = None
-        # The end of the window that is open.
+        self._axis = Axis()
+        # The time of the last row, as it says.
+        self._said = 0
+        # The end of the window that is open, on the axis.
         self._until: int | None = None
         self._left_out = 0
         self.windows = 0
@@ -85,19 +114,11 @@ class Trigger:
     def feed(self, piece: Piece) -> list[Piece]:
         """Takes the next rows; gives what is to be recorded now."""
         ordered = Ordered(piece)
-        while len(ordered):
-            known = ordered.t != NO_TIME
-            if self._last is None:
-                self._last = int(ordered.t[np.argmax(known)]) if known.any() else 0
-            t = np.maximum.accumulate(np.where(known, np.maximum(ordered.t, self._last), self._last))
-            back = np.flatnonzero(known & (ordered.t < t - SECOND))
-            end = int(back[0]) if len(back) else len(t)
-            if end:
-                self._keep(ordered if end == len(t) else Ordered(ordered.take(slice(0, end))), t[:end])
-            if not len(back):
-                break
-            self._set_back(self._now - int(ordered.t[end]))
-            ordered = Ordered(ordered.take(slice(end, len(t))))
+        if len(ordered):
+            kept = _Kept(ordered, *self._axis.place(ordered), self._said)
+            self._kept.append(kept)
+            self._rows += len(ordered)
+            self._said = kept.last
         out = self._released()
         self._forget()
         return out
@@ -108,46 +129,33 @@ class Trigger:
         for change in changes:
             finding = first_met(self._plan.wanted, [change])
             if finding is not None:
-                t = self._now if finding.last.t_ns is None else finding.last.t_ns
-                out += self._fire(t, f"{finding.rule} ({finding.severity}), {_utc(t)}: {finding.text}", change.fresh)
+                t = self._said if finding.last.t_ns is None else finding.last.t_ns
+                at = self._axis.now if finding.last.t_ns is None else self._axis.at(finding.bus, t)
+                out += self._fire(at, f"{finding.rule} ({finding.severity}), {_utc(t)}: {finding.text}", change.fresh)
         return out
 
     def press(self, why: str) -> list[Piece]:
         """Somebody wants what is there now to be recorded; gives it."""
-        return self._fire(self._now, f"{why}, {_utc(self._now)}", fresh=True)
+        return self._fire(self._axis.now, f"{why}, {_utc(self._said)}", fresh=True)
 
     def tick(self, passed: int) -> list[Piece]:
-        """So many nanoseconds have passed since rows came; gives what is to be recorded now."""
-        return self._shut() if self._until is not None and self._now + passed > self._until else []
+        """So many nanoseconds have passed since rows of a bus came; gives what is to be recorded now."""
+        return self._shut() if self._until is not None and self._axis.now + passed > self._until else []
 
     def close(self) -> list[Piece]:
         """Nothing more will come; gives what is to be recorded of that."""
         return self._shut() if self._until is not None else []
 
-    def _keep(self, ordered: Ordered, t: npt.NDArray[Any]) -> None:
-        self._last = int(t[-1])
-        self._kept.append((ordered, t))
-        self._rows += len(ordered)
-
-    def _set_back(self, by: int) -> None:
-        """The clock is behind by so much."""
-        self._kept = deque((ordered, t - by) for ordered, t in self._kept)
-        self._until = None if self._until is None else self._until - by
-        self._last = self._now - by
-
-    @property
-    def _now(self) -> int:
-        return self._last or 0
-
-    def _fire(self, t: int, why: str, fresh: bool) -> list[Piece]:
-        until = t + self._plan.post
+    def _fire(self, at: int, why: str, fresh: bool) -> list[Piece]:
+        until = at + self._plan.post
         if self._until is not None:
             self._until = max(self._until, until)
-            return [remarks.comment(self._now, f"trigger, too: {why}")] if fresh else []
-        self._skip(t - self._plan.pre)
-        start = int(self._kept[0][1][0]) if self._kept else self._now + 1
-        if start > until:  # all of it has gone out, or has been forgotten
-            return [remarks.comment(self._now, f"trigger, told late: {why}")] if fresh else []
+            return [remarks.comment(self._said, f"trigger, too: {why}")] if fresh else []
+        self._skip(at - self._plan.pre)
+        if (self._kept[0].since[0] if self._kept else self._axis.now + 1) > until:
+            # All of it has gone out, or has been forgotten.
+            return [remarks.comment(self._said, f"trigger, told late: {why}")] if fresh else []
+        start = self._kept[0].first if self._kept else self._said
         self.windows += 1
         left, self._left_out = self._left_out, 0
         self._until = until
@@ -162,40 +170,40 @@ class Trigger:
         """Rows inside the window, and its end if a row is behind it."""
         out: list[Piece] = []
         while self._until is not None and self._kept:
-            ordered, t = self._kept[0]
-            inside = int(np.searchsorted(t, self._until, "right"))
+            kept = self._kept[0]
+            inside = int(np.searchsorted(kept.since, self._until, "right"))
             if inside:
-                out.append(ordered.take(slice(0, inside)))
+                out.append(kept.ordered.take(slice(0, inside)))
                 self._drop(inside)
-            if inside < len(t):
+            if inside < len(kept.since):
                 out += self._shut()
         return out
 
     def _shut(self) -> list[Piece]:
         self._until = None
-        return [remarks.comment(self._now, "the trigger's window ends, a gap follows")]
+        return [remarks.comment(self._said, "the trigger's window ends, a gap follows")]
 
     def _skip(self, since: int) -> None:
         """Rows before a time will not be recorded."""
-        while self._kept and self._kept[0][1][0] < since:
-            self._leave_out(int(np.searchsorted(self._kept[0][1], since, "left")))
+        while self._kept and self._kept[0].come[0] < since:
+            self._leave_out(int(np.searchsorted(self._kept[0].come, since, "left")))
 
     def _forget(self) -> None:
         """Rows that are too old for any window, or too many."""
-        self._skip(self._now - self._plan.pre - LATE)
+        self._skip(self._axis.now - self._plan.pre - LATE)
         while self._rows > self._most:
-            self._leave_out(min(self._rows - self._most, len(self._kept[0][1])))
+            self._leave_out(min(self._rows - self._most, len(self._kept[0].come)))
 
     def _leave_out(self, count: int) -> None:
-        self._left_out += int(self._kept[0][0].frame[:count].sum())
+        self._left_out += int(self._kept[0].ordered.frame[:count].sum())
         self._drop(count)
 
     def _drop(self, count: int) -> None:
         """The first rows of the first piece."""
-        ordered, t = self._kept.popleft()
+        kept = self._kept.popleft()
         self._rows -= count
-        if count < len(t):
-            self._kept.appendleft((Ordered(ordered.take(slice(count, len(t)))), t[count:]))
+        if count < len(kept.ordered):
+            self._kept.appendleft(kept.behind(count))
 
 
 def _utc(t: int) -> str:

@@ -37,6 +37,10 @@ class Finding(Protocol):
         """One of `CATEGORIES`."""
 
     @property
+    def bus(self) -> str:
+        """Where it was; empty if on no bus."""
+
+    @property
     def text(self) -> str:
         """What is wrong; raw, as it may come from the bus."""
 

@@ -25,21 +25,37 @@ _WITHOUT_START = re.compile(r"transfer ID (\d+),")
 
 def fold(findings: Sequence[Finding]) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
     """The findings to show, in their order, and those that others say already."""
-    folded = tuple(one for one in findings if one.rule in INTO and says(one, findings))
+    index = Index(findings)
+    folded = tuple(one for one in findings if one.rule in INTO and says(one, index))
     left_out = set(map(id, folded))
     return tuple(one for one in findings if id(one) not in left_out), folded
 
 
-def says(finding: Finding, findings: Iterable[Finding]) -> list[Finding]:
+class Index:
+    """The findings that others may be folded into, by what they are about."""
+
+    def __init__(self, findings: Iterable[Finding]) -> None:
+        self._found: dict[tuple[object, ...], list[Finding]] = {}
+        wanted = set(INTO.values())
+        for one in findings:
+            if one.rule in wanted:
+                self._found.setdefault((one.rule, *_about(one)), []).append(one)
+
+    def of(self, finding: Finding) -> Sequence[Finding]:
+        """Those that may say the same as this one."""
+        return self._found.get((INTO.get(finding.rule), *_about(finding)), ())
+
+
+def says(finding: Finding, index: Index) -> list[Finding]:
     """The findings that together are about the transfers of this one; none if it has more to tell.
 
     Only a few transfers of a finding are known by their frames, so the number of all of them has to be the same too.
     """
-    found = [one for one in findings if one.rule == INTO.get(finding.rule) and _about(one) == _about(finding)]
+    found = index.of(finding)
     return _gap_says(finding, found) if finding.rule == _GAP else _cut_says(finding, found)
 
 
-def _cut_says(finding: Finding, others: Iterable[Finding]) -> list[Finding]:
+def _cut_says(finding: Finding, others: Sequence[Finding]) -> list[Finding]:
     """About the same transfers and no others: those as severe as it, else those that somebody made more or less so."""
     near = [one for one in others if _within(one, finding)]
     as_severe = [one for one in near if one.severity == finding.severity]
@@ -87,8 +103,9 @@ def _within(one: Finding, other: Finding) -> bool:
 def breaches(capture: str, findings: Sequence[Finding], folded: Iterable[Finding]) -> list[Breach]:
     """Those of a capture; what is folded is excused with what says it, and no more severe."""
     found = [Breach(one.rule, one.severity, one.excused) for one in findings if one.capture == capture]
+    index = Index(findings)
     for one in folded:
-        into = says(one, findings) if one.capture == capture else []
+        into = says(one, index) if one.capture == capture else []
         if into:
             excuses = {other.excused for other in into}
             excused = "" if "" in excuses else "known" if "known" in excuses else "waived"

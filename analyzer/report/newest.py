@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,12 +11,15 @@ from analyzer.report.build import Draft
 from analyzer.report.found import ranked, told
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from analyzer.report.build import Revise
-    from analyzer.report.model import Finding
+    from analyzer.report.model import Finding, Place, Severity
     from analyzer.rules.judge import Judge
     from analyzer.rules.settings import Settings
+
+# Times as long as a look took the next one waits.
+_PATIENCE = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,22 +34,38 @@ class Change:
 class Newest:
     """The findings of a judge at work.
 
+    A look costs the more, the more findings there are: the next one waits ten times as long as it took.
+
     Args:
         judge: has not finished.
         settings: those of the judge.
         revise: what a vehicle file has to say, such as waivers.
         capture: the name of the capture in the findings.
+        now: seconds of a monotonic clock.
     """
 
-    def __init__(self, judge: Judge, settings: Settings, revise: Sequence[Revise] = (), capture: str = "") -> None:
+    def __init__(
+        self,
+        judge: Judge,
+        settings: Settings,
+        revise: Sequence[Revise] = (),
+        capture: str = "",
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._judge, self._settings, self._revise, self._capture = judge, settings, revise, capture
-        self._seen: dict[tuple[object, ...], tuple[int, object]] = {}
+        self._now = now
+        self._seen: dict[tuple[object, ...], dict[Severity, tuple[int, Place]]] = {}
         self._changes = 0
+        self._next = 0.0
         self.all: tuple[Finding, ...] = ()
 
-    def look(self, buses: Sequence[str]) -> list[Change]:
-        """What is new, worst first, then by time; `all` has every finding then. `buses` are names by index."""
-        if self._judge.changes == self._changes:
+    def look(self, buses: Sequence[str], *, last: bool = False) -> list[Change]:
+        """What is new, worst first, then by time; `all` has every finding then.
+
+        `buses` are names by index; the `last` look comes in any case.
+        """
+        start = self._now()
+        if self._judge.changes == self._changes or (start < self._next and not last):
             return []
         self._changes = self._judge.changes
         outcome = self._judge.so_far()
@@ -57,9 +77,14 @@ class Newest:
         self.all = draft.findings
         found: list[Change] = []
         for one in draft.findings:
-            known = (one.rule, one.severity, one.bus, one.node, one.type, one.key, one.first)
-            self._seen[known] = now = (one.count, one.last)
-            then = before.get(known, (0, None))
-            if then != now:
-                found.append(Change(one, known not in before, one.count - then[0]))
+            name = one.rule, one.bus, one.node, one.type, one.key, one.first
+            runs = self._seen.setdefault(name, {})
+            runs[one.severity] = one.count, one.last
+            then = before.get(name, {})
+            if then.get(one.severity) != (one.count, one.last):
+                count = then[one.severity][0] if one.severity in then else 0
+                # Another severity than before makes it no new one.
+                found.append(Change(one, not then, one.count - count if count or not then else 0))
+        end = self._now()
+        self._next = end + _PATIENCE * (end - start)
         return found

@@ -94,7 +94,9 @@ def length(ns: int) -> str:
 
 
 def command(problem: Problem, capture: Capture | None) -> str:
-    """The command that shows the evidence, for a POSIX shell."""
+    """The command that shows the evidence, for a POSIX shell; of a bus that nobody recorded, what the rule says."""
+    if capture is not None and not capture.form:
+        return f"tailbyte explain {problem.head.rule}"
     path = problem.head.capture if capture is None else capture.path
     words = ["tailbyte", "decode", argument(path)]
     words += [quoted(word) for word in (() if capture is None else capture.arguments)]

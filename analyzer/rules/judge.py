@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from analyzer.rules import watchers
 from analyzer.rules.catalogue import load
 from analyzer.rules.drops import Drops
@@ -76,9 +78,10 @@ class Judge:
         for name_units in self._name_units:
             self._labels |= {(bus, node): label for bus, node, label in name_units(view)}
         self._drops.add(view)
-        for watcher in self._watchers:
-            self._take(watcher.look(view), view)
-        self._release(view, view.end)
+        with np.errstate(all="ignore"):  # a bus may carry any bits, those of numbers that are none among them
+            for watcher in self._watchers:
+                self._take(watcher.look(view), view)
+            self._release(view, view.end)
         return view
 
     @property
@@ -94,9 +97,10 @@ class Judge:
     def finish(self) -> Outcome:
         """Everything, after the last batch."""
         view = self._past.finish()
-        for watcher in self._watchers:
-            self._take(watcher.settle(view), view)
-        self._release(view, None)
+        with np.errstate(all="ignore"):
+            for watcher in self._watchers:
+                self._take(watcher.settle(view), view)
+            self._release(view, None)
         readings = tuple(self._past.dialects.statements())
         return Outcome(
             runs=tuple(self._findings.results(readings)),

@@ -87,7 +87,7 @@ class Allocations(Watcher):
         if table is None:
             return
         for row in np.flatnonzero(table.trusted).tolist():
-            unique = bytes(table.cell("unique_id", row))
+            unique = bytes(table.cell("unique_id", row) or b"")
             bus, src, node = int(table.bus[row]), int(table.src[row]), int(table["node_id"][row])
             about = (int(table.t[row]), bus, src or None, ALLOCATION, tuple(view.transfers.frames(int(table.row[row]))))
             if src and node and len(unique) == _ID_BYTES:

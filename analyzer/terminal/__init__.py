@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,8 @@ class MonitorError(Exception):
 
 def possible() -> bool:
     """Whether there is a terminal to show it on: keys come from standard input, pictures go to standard error."""
-    return all(stream is not None and stream.isatty() for stream in (sys.__stdin__, sys.__stderr__))
+    streams = (sys.__stdin__, sys.__stderr__)
+    return os.environ.get("TERM") != "dumb" and all(stream is not None and stream.isatty() for stream in streams)
 
 
 def run(feed: Feed) -> None:

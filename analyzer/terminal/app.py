@@ -125,9 +125,8 @@ class Monitor(App[None]):
 
     def action_tell(self, action: str) -> None:
         """An action of the feed, with what it says."""
-        said = self._ask(getattr(self._feed, action))
-        if said:
-            self._message, self._until = said, monotonic() + _MESSAGE
+        said = self._ask(getattr(self._feed, action)) or ""
+        self._message, self._until = said, monotonic() + _MESSAGE if said else 0.0
         self.look()
 
     def action_devices(self) -> None:
