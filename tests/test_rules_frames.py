@@ -77,6 +77,10 @@ def test_fd_frames() -> None:
     long = status(0, fd=True).frames()
     assert said(lines(telemetry(), long), "CAN-003") == [("warning", 1, f"CAN FD frame of {len(long[0].data)} bytes")]
     assert said(lines(telemetry()), "CAN-003") == []
+    stray = tail(long[0], 0x41)
+    assert said(lines(telemetry(), stray), "CAN-003") == [("warning", 1, f"CAN FD frame of {len(stray.data)} bytes")]
+    foreign = replace(ENGINE, data=bytes(11) + b"\x41", fd=True)
+    assert said(lines(telemetry(), [foreign] * 20), "CAN-003") == []
 
 
 def test_lengths_that_cannot_be() -> None:
@@ -133,6 +137,12 @@ def test_foreign_identifiers_are_named_and_counted() -> None:
         ("note", 700, "identifier 0CF00401, not DroneCAN, perhaps J1939: PGN 61444"),
         ("note", 3, "identifier 00000901, not DroneCAN, perhaps VESC: command 9"),
     ]
+
+
+@pytest.mark.parametrize(("byte", "name"), [(0xE0, "Cyphal/CAN: its toggles start at 1"), (0x04, "not DroneCAN")])
+def test_toggles_that_start_at_1_are_cyphal(byte: int, name: str) -> None:
+    sent = [encode.Frame(0x107D552A, bytes([k, byte | k])) for k in range(20)]
+    assert said(lines(telemetry(), sent), "CAN-018") == [("note", 20, f"identifier 107D552A, {name}")]
 
 
 def test_foreign_identifiers_beyond_a_bound_share_one_finding() -> None:

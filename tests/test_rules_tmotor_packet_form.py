@@ -72,6 +72,8 @@ def test_blocks_of_the_vectors() -> None:
         ("PUSH-008", motor(0, 0xA9), []),
         ("PUSH-008", motor(0, 0xAA), ["unit 0xAA"]),
         ("PUSH-008", motor(0, 0xFF), ["unit 0xFF"]),
+        ("PUSH-008", summed(b"\x7b\x8c\x16\x00\xa1\x08\x07"), []),  # of an unknown frame ID too
+        ("PUSH-008", summed(b"\x7b\x8c\x16\x00\xaa\x08\x07"), ["unit 0xAA"]),
     ],
 )
 def test_data_of_one_message(rule: str, data: bytes, texts: list[str]) -> None:
@@ -147,6 +149,26 @@ def test_lost_transfers_explain_counts(step: int | None, *, kept: bool) -> None:
     more = push(*(motor(count if count < 3 else count + 2 + kept) for count in range(8))).splitlines(keepends=True)
     found = said("PUSH-009", "".join(more), step)
     assert [one.text for one in found] == [f"expected 3, got {5 + kept} (per unit)"]
+
+
+def without(data: list[bytes], lost: int) -> str:
+    """Messages of node 10, of which one is not there."""
+    whole: list[str] = []
+    for line in push(*data).splitlines(keepends=True):
+        if int(line.split()[2][-2:], 16) & 0x80:
+            whole.append("")
+        whole[-1] += line
+    return "".join(whole[:lost] + whole[lost + 1 :])
+
+
+@pytest.mark.parametrize("step", [None, 3])
+def test_a_loss_counts_up_to_the_next_packet_that_is_counted_along(step: int | None) -> None:
+    """By frame ID a packet in between hides no loss; by unit a loss before it explains nothing behind it."""
+    by_id = [one(k) for k in range(30) for one in (motor, foc)]
+    assert said("PUSH-009", without(by_id, 40), step) == []  # motor(20), then foc(20) and motor(21)
+    by_unit = [(motor, foc, foc)[k % 3](k + (k > 41)) for k in range(60)]
+    found = said("PUSH-009", without(by_unit, 40), step)  # foc(40), then foc(41) and motor(43)
+    assert [one.text for one in found] == ["expected 42, got 43 (per unit)"]
 
 
 def cut(data: list[bytes], at: int, frames: slice, gap: float = 100) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import encode
 import pytest
 from faulted import flight
-from judged import judge, whole
+from judged import judge, outcome, whole
 from proved import agree
 from sequences import MS, SECOND, at, lines, push, retail, status, tail, throttle
 
@@ -20,6 +20,11 @@ TOGGLE, LATE = 0x20, 5 * SECOND
 def said(text: bytes, rule: str) -> list[tuple[str, int, int, str]]:
     """Severity, number of occurrences, first frame and text of each finding, the same for every batch."""
     return [(one.severity, one.count, one.first, one.text) for one in whole(text, (rule,), (7,))]
+
+
+def evidence(text: bytes, rule: str) -> list[tuple[int, ...]]:
+    """The frames of the first example of each finding."""
+    return [tuple(frame + 1 for frame in run.examples[0].frames) for _, run in outcome(text, (rule,)).runs]
 
 
 def usual(count: int = 4) -> list[encode.Frame]:
@@ -58,6 +63,8 @@ def test_toggles_that_start_at_1() -> None:
     assert said(lines(throttles), "TRF-001") == []
     wrong = [retail(frame, TOGGLE) for frame in status(4).frames()]
     assert said(lines(usual(), wrong), "TRF-002") == [("error", 1, 13, "first tail byte A4")]
+    begun = [retail(frame, TOGGLE) for frame in status(0).frames()]  # before anything proves the session
+    assert said(lines(begun, usual()[3:]), "TRF-002") == [("error", 1, 1, "first tail byte A0")]
     assert said(lines(usual()), "TRF-002") == []
 
 
@@ -102,6 +109,17 @@ def test_a_transfer_that_another_one_leaves_behind() -> None:
     wanted = "2 frames, 14 bytes received, never complete: last frames lost (the 3rd to 5th of 5)"
     assert said(text, "TRF-006") == [("error", 1, 21, wanted)]
     assert said(lines(usual()), "TRF-006") == []
+
+
+def test_a_stray_frame_is_evidence_of_a_broken_sequence_only() -> None:
+    """One with the ID of the transfer that does not fit into it: the 3rd, with other bytes."""
+    first, second, third, *rest = push(4).frames()
+    before = [frame for k in range(4) for frame in push(k).frames()]
+    stray = replace(third, data=bytes([third.data[0] ^ 0xFF, third.data[1] ^ 0x5A]) + third.data[2:])
+    broken = lines(before, [first, second, *rest, stray], push(5).frames())
+    assert evidence(broken, "TRF-003") == [(21, 22, 23, 24, 25)]
+    cut = lines(before, [stray, first, second], push(5).frames())
+    assert evidence(cut, "TRF-006") == [(22, 23)]
 
 
 @pytest.mark.parametrize(
