@@ -29,6 +29,7 @@ class Finding:
     severity: str = "error"
     category: str = "protocol"
     text: str = "wrong CRC"
+    bus: str = "can0"
     excused: str = ""
     last: Place = None  # type: ignore[assignment]
 

@@ -10,13 +10,16 @@ import sys
 import termios
 from dataclasses import replace
 from pathlib import Path
-from threading import Event
+from threading import Event, Semaphore
+from typing import TYPE_CHECKING
 
 import pytest
 from command import LIMIT, wait_until
 from live_pieces import (
     MS,
+    START,
     Lost,
+    Note,
     as_recorded,
     child,
     cut,
@@ -27,10 +30,17 @@ from live_pieces import (
     stored,
     traffic,
 )
-from recorded import Frame
+from recorded import Fault, Frame
 
+from analyzer.live import recording
+from analyzer.live.files import Files
 from analyzer.live.recording import Recorder, RecordingPlan
 from analyzer.sinks.atomic import TargetError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from analyzer._native import Piece
 
 FULL = """
 import resource, signal
@@ -123,6 +133,88 @@ def test_a_slow_reader_loses_what_is_told_to_be_lost(tmp_path: Path) -> None:
     before, behind = rows[at - 1], rows[at + 2]
     assert drops == [Lost(before.t + MS, "can0", lost - 1), Lost(behind.t - MS, "can0", 1)]
     assert kept == [row for row in traffic(20 * size) if not before.t < (row.t or 0) < behind.t]
+
+
+class Disk:
+    """Takes as many pieces as it is allowed to, and tells of each that it is asked to take."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.allowed, self.asked = Semaphore(0), Semaphore(0)
+        self._write = Files.write
+        monkeypatch.setattr(Files, "write", self._taker())
+
+    def _taker(self) -> Callable[[Files, Piece], None]:
+        def take(files: Files, piece: Piece) -> None:
+            self.asked.release()
+            assert self.allowed.acquire(timeout=LIMIT)
+            self._write(files, piece)
+
+        return take
+
+
+@pytest.mark.parametrize("suffix", [".log", ".mcap", ".pcapng"])
+def test_what_was_received_and_what_was_dropped_is_what_was_sent(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Error frames and losses of the kernel are counted as frames are; what was said of the session stays."""
+    disk, path = Disk(monkeypatch), tmp_path / f"a{suffix}"
+    errors = [Fault(START + n * MS, "can0") for n in (100, 101, 102)]
+    drops = [Lost(START + 110 * MS, "can0", 1000), Lost(START + 111 * MS, "can1", 50)]
+    mark = Note(START + 112 * MS, "mark 1")
+    with Recorder(plan(path), most=10) as recorder:
+        recorder.put(made(traffic(8), ["can0", "can1"]))
+        assert disk.asked.acquire(timeout=LIMIT)
+        for rows in (errors, drops, [mark], [*traffic(2, first=120), replace(mark, text="mark 2")]):
+            recorder.put(made(rows, ["can0", "can1"]))
+        assert recorder.lost == 5
+        assert recorder.notes().count("the disk is too slow: frames are missing in the recording") == 1
+        disk.allowed.release(100)
+        wait_until(lambda: recorder.frames == 8)
+        recorder.put(made(traffic(1, first=130), ["can0", "can1"]))
+    rows = stored(path)
+    kept = [row for row in rows if isinstance(row, Frame)]
+    assert [row.t for row in kept] == [START + n * MS for n in (*range(8), 130)]
+    lost = {
+        bus: sum(row.frames for row in rows if isinstance(row, Lost) and row.bus == bus) for bus in ("can0", "can1")
+    }
+    assert lost == {"can0": 3 + 1000 + 2, "can1": 50}
+    assert [row.text.lstrip("# ") for row in rows if isinstance(row, Note)] == ["mark 1", "mark 2"]
+    assert (recorder.lost, recorder.frames) == (5, 9)
+
+
+def test_error_frames_that_stand_in_the_file_are_not_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """When it fails later."""
+    with Recorder(plan(tmp_path / "a.log"), flushed=0.0) as recorder:
+        recorder.put(made([Fault(START, "can0"), *traffic(2)]))
+        wait_until(lambda: recorder.frames == 2)
+        monkeypatch.setattr(Files, "write", lambda *_: broken(0))
+        recorder.put(made([Fault(START, "can0"), *traffic(3)]))
+        wait_until(lambda: recorder.problem is not None)
+        assert (recorder.frames, recorder.lost) == (2, 4)
+        recorder.put(made([Fault(START, "can0")]))
+        assert recorder.lost == 5
+
+
+def test_a_slow_disk_is_waited_for_while_it_takes_something(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the end, each time that it has taken a piece."""
+    disk, path = Disk(monkeypatch), tmp_path / "a.log"
+    recorder = Recorder(plan(path))
+    for n in range(5):
+        recorder.put(made(traffic(10, first=10 * n)))
+    join = recorder._thread.join
+
+    def take_one(timeout: float) -> None:
+        assert timeout == recording.PATIENCE
+        waiting = recorder._waiting
+        disk.allowed.release()
+        wait_until(lambda: recorder._waiting < waiting)
+        if not recorder._waiting:
+            join()
+
+    monkeypatch.setattr(recorder._thread, "join", take_one)
+    recorder.close()
+    assert (recorder.frames, recorder.lost, recorder.problem) == (50, 0, None)
+    assert stored(path) == traffic(50)
 
 
 def test_a_disk_that_never_answers_does_not_hold_the_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

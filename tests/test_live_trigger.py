@@ -10,8 +10,8 @@ import pytest
 from command import wait_until
 from hypothesis import given
 from hypothesis import strategies as st
-from live_pieces import MS, START, Note, Row, cut, made, plan, stored, taken, traffic
-from recorded import Frame
+from live_pieces import MS, START, Lost, Note, Row, cut, made, plan, stored, taken, traffic
+from recorded import Fault, Frame
 from test_live_autostop import RULES, Change, Finding, Place
 
 from analyzer.live import trigger as module
@@ -202,6 +202,52 @@ def test_a_clock_that_is_set_back_does_not_stop_it() -> None:
     trigger.feed(made(before))
     assert numbers(taken(trigger.found([change(20_018)])))[2:] == [*range(20_008, 20_020)]
     assert numbers(taken(trigger.feed(made(traffic(20))))) == [*range(5), ENDS]
+
+
+@pytest.mark.parametrize("skew", [0, 400 * MS, 2 * SECOND, -5 * SECOND, -START])
+@pytest.mark.parametrize("bus", ["can0", "can1"])
+@pytest.mark.parametrize("size", [100, 2000])
+def test_interfaces_with_clocks_of_their_own(skew: int, bus: str, size: int) -> None:
+    """Batch by batch, one interface behind the other: the window is there for both of them, wherever the finding is."""
+    trigger = Trigger(TriggerPlan((Wanted("error"),), 4 * SECOND, 3 * SECOND))
+    out: list[Row] = []
+    for n in range(0, 20_000, size):
+        other = [replace(row, bus="can1", t=START + i * MS + skew) for i, row in enumerate(traffic(size, first=n), n)]
+        out += taken(trigger.feed(made([*traffic(size, first=n), *other], ["can0", "can1"])))
+        if n == 10_000:
+            t = START + n * MS + (skew if bus == "can1" else 0)
+            out += taken(trigger.found([Change(Finding(bus=bus, last=Place(t)))]))
+    late = SECOND if abs(skew) < SECOND else 0  # such clocks are taken for one
+    for name in ("can0", "can1"):
+        got = [int.from_bytes(row.data, "big") for row in out if isinstance(row, Frame) and row.bus == name]
+        assert got == [*range(got[0], got[-1] + 1)]
+        assert 10_000 - 4_000 - 2 * size - 400 <= got[0] <= 10_000 - 4_000 + late // MS * 2 // 5
+        assert 10_000 + 3_000 - late // MS * 2 // 5 <= got[-1] <= 10_000 + 3_000 + 2 * size + 400
+    assert trigger.windows == 1
+
+
+def test_what_the_host_says_does_not_move_the_clock_of_a_controller() -> None:
+    """Comments have the time of this machine."""
+    trigger = Trigger(PLAN)
+    rows: list[Row] = [replace(row, t=row.t - START) for row in traffic(100)]  # type: ignore[operator]
+    rows[45:45] = [Note(START, "can0: link up after 0.1 s"), Fault(START + MS, "can0"), Lost(START + 2 * MS, "can0", 3)]
+    trigger.feed(made(rows[:30]))
+    trigger.feed(made(rows[30:]))
+    out = taken(trigger.found([Change(Finding(last=Place(50 * MS)))]))
+    frames = [row for row in out if isinstance(row, Frame)]
+    assert [row.t for row in frames] == [n * MS for n in range(40, 56)]
+    assert len(out) - len(frames) == 3 + 3
+    assert (out[0].t, out[-1].t) == (40 * MS, 99 * MS)
+
+
+def test_a_clock_that_jumps_ahead_takes_the_others_with_it() -> None:
+    trigger = Trigger(PLAN)
+    ahead = 600 * SECOND
+    for n in range(0, 60, 5):
+        jumped = [replace(row, bus="can1", t=row.t + ahead * (n >= 30)) for row in traffic(5, first=n)]  # type: ignore[operator]
+        trigger.feed(made([*traffic(5, first=n), *jumped], ["can0", "can1"]))
+    out = taken(trigger.found([change(57)]))
+    assert [n for n in numbers(out) if isinstance(n, int)][:3] == [47, 48, 49]
 
 
 def test_a_finding_of_before_does_not_shorten_a_window() -> None:

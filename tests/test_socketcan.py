@@ -11,7 +11,7 @@ from command import ROOT, environment
 
 HERE = Path(__file__).parent / "socketcan"
 NO_GUEST = 125
-LIMIT = 240
+LIMIT = 600
 
 
 @pytest.mark.timeout(LIMIT + 60)

@@ -42,7 +42,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     group.add_argument("-D", dest="interfaces", action="store_true", help="list the interfaces that there are, and end")
     group.add_argument(
         "-f", "--filter", dest="filter", action="append", default=[], metavar="ID:MASK",
-        help="capture filter of the kernel, as candump has it: 123:7FF, ID~MASK, #ERRORMASK; repeatable",
+        help="capture filter, as candump has it: 123:7FF, ID~MASK, #ERRORMASK; of the kernel on SocketCAN; repeatable",
     )  # fmt: skip
     group.add_argument(
         "--time-stamp-type", dest="stamps", choices=("host", "adapter"), default="host",
@@ -53,7 +53,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     decode.add_view(show)
     show.add_argument("--list", action="store_true", help="a list on a terminal, too")
     show.add_argument("-q", dest="quiet", action="store_true", help="no list and no monitor: record and judge")
-    show.add_argument("-l", dest="flush", action="store_true", help="list each frame at once, not ten times a second")
+    show.add_argument("-l", dest="flush", action="store_true", help="list ten times a second, not five")
     show.add_argument(
         "--plot", nargs="?", const="", metavar="URL", help="feed a Rerun viewer: a new one, or that of URL"
     )

@@ -68,8 +68,8 @@ def add_buses(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     parser.add_argument(
         "iface", nargs="*", metavar="IFACE[,FILTER]",
         help="a SocketCAN interface (can0), or TYPE:CHANNEL[@BITRATE] for those of python-can (virtual:demo, "
-        "slcan:/dev/ttyACM0@1000000); with filters as candump has them: can0,123:7FF; default: what python-can's files and "
-        "environment name",
+        "slcan:/dev/ttyACM0@1000000); with filters as candump has them: can0,123:7FF; default: what python-can's files "
+        "and environment name",
     )  # fmt: skip
     parser.add_argument(
         "-i", dest="iface_", action="append", default=[], metavar="IFACE", help="the same, by letter; repeatable"
