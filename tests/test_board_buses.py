@@ -127,9 +127,28 @@ def test_a_note_belongs_to_its_interface_and_is_latched_by_its_text() -> None:
 def test_notes_are_bounded() -> None:
     board = Board(registry(), {"can0": None})
     for k in range(2000):
-        board.note(f"note {k}", START + k)
+        board.note(f"note {'x' * k}", START + k)
+    board.findings([News("TRF-010", t=START)])
     snapshot = board.snapshot(START)
-    assert snapshot.notes[0][1] == "note 1999"
+    assert snapshot.notes[0][1] == f"note {'x' * 1999}"
     assert len(snapshot.notes) < 100
-    assert len(snapshot.latched) == 512
-    assert snapshot.beyond == 2000 - 512
+    kinds = Counter(one.kind for one in snapshot.latched)
+    assert kinds == {"note": 32, "finding": 1}
+    assert snapshot.beyond == 2000 - 32
+    board.mark(START)
+    board.note("can0: link down", START)
+    assert len(board.snapshot(START).latched) == 1
+
+
+def test_notes_that_differ_in_numbers_alone_are_one() -> None:
+    board = Board(registry(), {"can0": None, "can1": None})
+    for k in range(600):
+        board.note(f"can{k % 2}: link up after {k / 10:.1f} s", START + k)
+        board.note(f"running for {k} s; since the last line: {k:,} frames", START + k)
+    snapshot = board.snapshot(START)
+    found = {(one.subject, one.text, one.count, one.first) for one in snapshot.latched}
+    assert found == {
+        ("can0", "link up after 59.8 s", 300, START),
+        ("can1", "link up after 59.9 s", 300, START + 1),
+    }
+    assert snapshot.notes[0][1].startswith("running for 599 s")

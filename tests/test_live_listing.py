@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 import warnings
 from typing import TYPE_CHECKING, Any
 
 import can
 import pytest
+from command import LIMIT, environment
 
 from analyzer.live import links, listing
 from analyzer.live.links import Controller, Link, Timing, Traffic
@@ -129,3 +131,27 @@ def test_drivers_that_find_fail_hang_and_babble(
 def test_drivers_as_they_are() -> None:
     """Whatever this machine has, it is found without an error."""
     assert all(":" in listed.name and listed.link is None for listed in listing.drivers())
+
+
+HANGING = """
+import threading
+import can
+from analyzer.live import listing
+
+def detect(kinds):
+    if kinds == ["slcan"]:
+        threading.Event().wait()
+    return [{"interface": kinds[0], "channel": 5}]
+
+can.detect_available_configs = detect
+listing.PATIENCE = 0.5
+print(*(listed.name for listed in listing.drivers()))
+"""
+
+
+def test_a_driver_that_hangs_does_not_hold_up_the_end() -> None:
+    command = [sys.executable, "-c", HANGING]
+    found = subprocess.run(command, env=environment(), capture_output=True, timeout=LIMIT, check=True)
+    names = found.stdout.decode().split()
+    assert "pcan:5" in names
+    assert "slcan:5" not in names

@@ -8,6 +8,7 @@ from threading import Thread
 
 import pytest
 from command import wait_until
+from test_live_recording_trouble import waiting_in
 
 from analyzer.live import printer
 from analyzer.live.printer import Printer
@@ -82,3 +83,21 @@ def test_a_full_disk_is_a_problem() -> None:
         one.put("x")
         wait_until(lambda: one.problem is not None)
     assert one.problem == "No space left on device"
+
+
+def test_a_pipe_that_does_not_wait_is_waited_for(pipe: list[int]) -> None:
+    """Somebody else who has it may have told it so."""
+    os.set_blocking(pipe[1], False)
+    text = "x" * 999 + "\n"
+    read: list[bytes] = []
+    with Printer(pipe[1]) as one:
+        for _ in range(1000):
+            one.put(text)
+        wait_until(lambda: waiting_in(pipe[0]) >= 60_000)
+        reader = Thread(target=lambda: read.append(everything(pipe[0])))
+        reader.start()
+    os.close(pipe[1])
+    reader.join()
+    os.close(pipe[0])
+    assert (one.lost, one.gone, one.problem) == (0, False, None)
+    assert read == [text.encode() * 1000]

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import termios
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from threading import Event, Semaphore
@@ -161,7 +162,7 @@ def test_what_was_received_and_what_was_dropped_is_what_was_sent(
     errors = [Fault(START + n * MS, "can0") for n in (100, 101, 102)]
     drops = [Lost(START + 110 * MS, "can0", 1000), Lost(START + 111 * MS, "can1", 50)]
     mark = Note(START + 112 * MS, "mark 1")
-    with Recorder(plan(path), most=10) as recorder:
+    with Recorder(plan(path), most=8) as recorder:
         recorder.put(made(traffic(8), ["can0", "can1"]))
         assert disk.asked.acquire(timeout=LIMIT)
         for rows in (errors, drops, [mark], [*traffic(2, first=120), replace(mark, text="mark 2")]):
@@ -215,6 +216,21 @@ def test_a_slow_disk_is_waited_for_while_it_takes_something(tmp_path: Path, monk
     recorder.close()
     assert (recorder.frames, recorder.lost, recorder.problem) == (50, 0, None)
     assert stored(path) == traffic(50)
+
+
+def test_an_output_that_does_not_wait_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever shares a pipe may have told it not to."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    monkeypatch.setattr(os, "dup", lambda _: writing)
+    recorder = Recorder(RecordingPlan("-", "candump"), flushed=0.0)
+    recorder.put(made(traffic(10_000)))
+    wait_until(lambda: waiting_in(reading) > 60_000)
+    with os.fdopen(reading, "rb") as file, ThreadPoolExecutor(1) as other:
+        read = other.submit(file.read)
+        recorder.close()
+        assert read.result(LIMIT).count(b"\n") == 10_000
+    assert (recorder.frames, recorder.lost, recorder.problem) == (10_000, 0, None)
 
 
 def test_a_disk_that_never_answers_does_not_hold_the_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
