@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import encode
 import pytest
 from command import START
-from monitored import batches, board_of, capture, registry, shown, status, text_of
+from monitored import News, batches, board_of, capture, registry, shown, status, text_of
 
 from analyzer.board.board import Board
 from analyzer.rules.columns import Frames

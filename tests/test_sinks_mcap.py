@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import struct
+import tracemalloc
 import zlib
 from typing import TYPE_CHECKING, Any
 
@@ -263,3 +264,30 @@ def test_numbers_and_doubles_among_names() -> None:
     assert [channels[number].topic for number in sorted(channels)] == [
         f"/{part}/can" for part in ("bus_0", "a_b", "a_b_2", "a_b_3", "a_b_2_2", "_xc3_xa9")
     ]
+
+
+def test_a_recording_of_days_takes_little_memory() -> None:
+    """Two chunks a second, with three channels each: what the summary needs is kept in few bytes."""
+
+    class Nowhere(io.BytesIO):
+        def write(self, data: Any) -> int:
+            return len(data)
+
+    sink = open_sink("mcap", Nowhere(), compression="none")
+
+    def record(first: int, count: int) -> None:
+        for n in range(first, first + count):
+            t = NS + n * 500_000_000
+            frames = [Frame(t + k * 1_234_567, "can0" if k % 3 else "can1", n, RX * (k % 2)) for k in range(6 + n % 7)]
+            sink.write(piece(frames))
+            sink.flush()
+
+    record(0, 500)
+    tracemalloc.start()
+    record(500, 500)
+    before, _ = tracemalloc.get_traced_memory()
+    record(1000, 4000)
+    after, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    print((after - before) / 4000)
+    assert (after - before) / 4000 < 40

@@ -137,6 +137,7 @@ class Wanted:
         if self.mode == "list":
             writer(args, self.judging.registry, None)  # names that do not exist are told before anything is opened
         self.plan = Plan(args, self.judging.pages, _header(self.buses))
+        self.counted = {interface.name for interface, _ in self.buses if interface.kind == "socketcan"}
         self.name = "+".join(interface.name for interface, _ in self.buses)
 
     @property

@@ -98,8 +98,10 @@ class Recording:
     @property
     def files(self) -> Sequence[str]:
         """What `check` would read to see the same."""
-        whole = self._plan.trigger is None and self.recorder is not None and not self.recorder.lost
-        return self.recorder.files if whole and self.recorder is not None else ()
+        plan, recorder = self._plan, self.recorder
+        if plan.recording is None or recorder is None or plan.recording.path == "-":
+            return ()
+        return () if plan.trigger is not None or recorder.lost else recorder.files
 
     def stored(self) -> list[Stored]:
         """The files, for the facts of a report."""

@@ -78,7 +78,7 @@ class Run:
         failed = (f"{one.name}: {one.failed}" for one in self._receivers if one.failed is not None)
         broken = [] if pump.problem is None else [pump.problem]
         problems = [*failed, *broken, *session.problems, *recording.problems()]
-        for line in (*account(hub.counts), *recording.account(self._args.bitrate)):
+        for line in (*account(hub.counts, wanted.counted), *recording.account(self._args.bitrate)):
             streams.tell(f"-- {line}\n")
         if pump.unjudged:
             streams.tell(f"-- {pump.unjudged:,} frames are recorded, but not judged: judging was too slow\n")
@@ -163,7 +163,7 @@ class Run:
     def _saved(self, session: LiveSession) -> str:
         """Writes down what there is to report now, beside where the session was started."""
         path = Path(f"tailbyte-{time.strftime('%Y%m%d-%H%M%S')}.txt")
-        lines = [*account(session.pump.hub.counts), "", *(said(one, bus=self._several) for one in session.newest.all)]
+        lines = [*account(session.pump.hub.counts, self._wanted.counted), "", *(said(one, bus=self._several) for one in session.newest.all)]
         try:
             path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", errors="backslashreplace")
         except OSError as error:

@@ -6,12 +6,13 @@ import time
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from analyzer.board.latches import PROGRESS
 from analyzer.report import wording
 from analyzer.report.model import SEVERITIES
 from dissectors.conformance import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     from analyzer.cli.live_session import LiveSession
     from analyzer.live.hub import Counts
@@ -75,7 +76,7 @@ class Status:
         running = wording.length(round((now - self._start) * SECOND))
         self._last, self._frames, self._dropped = now, frames, dropped
         self._new.clear()
-        return f"running for {running}; since the last line: {', '.join(filter(None, words))}"
+        return f"{PROGRESS}{running}; since the last line: {', '.join(filter(None, words))}"
 
 
 def _new(found: Counter[tuple[str, str]]) -> Iterator[str]:
@@ -95,9 +96,11 @@ def size(count: int) -> str:
     return f"{count} bytes"
 
 
-def account(counts: Mapping[str, Counts]) -> Iterator[str]:
-    """The sums at the end, a line for each interface."""
+def account(counts: Mapping[str, Counts], counted: Collection[str]) -> Iterator[str]:
+    """The sums at the end, a line for each interface; of those that are `counted` the kernel tells every drop."""
     for name, one in counts.items():
         total = one.received + one.dropped + one.lost
         lost = f" + {one.lost:,} lost here" if one.lost else ""
-        yield f"{wording.safe(name)}: {total:,} frames = {one.received:,} received + {one.dropped:,} dropped{lost}"
+        told = "" if name in counted else ", as far as its driver tells"
+        sums = f"{one.received:,} received + {one.dropped:,} dropped{lost}{told}"
+        yield f"{wording.safe(name)}: {total:,} frames = {sums}"
