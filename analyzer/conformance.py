@@ -105,9 +105,7 @@ def check(
     pages = load(registry)
     choice = Choice(tuple(select), tuple(ignore), tuple(origins))
     selected, ignored = choice.rules(pages)
-    settings = Settings(
-        select=selected, ignore=ignored, bit_rate=bit_rate, dialects=checked(dialects or {}, registry)
-    )
+    settings = Settings(select=selected, ignore=ignored, bit_rate=bit_rate, dialects=checked(dialects or {}, registry))
     expected = None if profile is None else load_vehicle(Path(fspath(profile)), pages, registry)
     if expected is not None:
         settings = expected.settings(settings, pages)

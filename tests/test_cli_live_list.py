@@ -86,6 +86,20 @@ def test_a_reader_that_has_seen_enough(tmp_path: Path) -> None:
     assert record.read_bytes().endswith(b"\n")
 
 
+def test_a_reader_of_the_recording_that_has_seen_enough() -> None:
+    hover = CAPTURES / "hover-4.log"
+    live = started(hover, "live", BUS, "-w", "-", "--fail-on", "never", stdout=PIPE, stderr=PIPE)
+    with live:
+        assert live.stdout is not None
+        assert live.stderr is not None
+        Reader(live.stdout.fileno()).until(b"#")
+        live.stdout.close()
+        err = live.stderr.read()
+        assert live.wait(LIMIT) == 0
+    assert b"-- enough: nobody reads the recording any more\n" in err
+    assert b"tailbyte: " not in err
+
+
 def test_an_output_that_is_full() -> None:
     with open("/dev/full", "wb") as full:  # noqa: PTH123 - not a path of ours
         live = started(FAULTY, "live", BUS, "--fail-on", "never", stdout=full, stderr=PIPE)

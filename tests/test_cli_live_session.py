@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import threading
 from typing import TYPE_CHECKING, Any
 
 import can
 import pytest
 from command import CAPTURES, wait_until
 
-from analyzer.cli import live_list
+from analyzer.cli import live_list, live_run
 from analyzer.rules.judge import Judge
 
 if TYPE_CHECKING:
@@ -22,7 +24,6 @@ FRAMES = 2000
 @pytest.fixture
 def sending() -> Iterator[None]:
     """Frames of a flight for whoever listens on `virtual:failing`."""
-    import threading  # noqa: PLC0415
 
     def work() -> None:
         with can.LogReader(CAPTURES / "hover-4.log") as log, can.Bus("failing", interface="virtual") as bus:
@@ -66,3 +67,25 @@ def test_a_view_that_fails(command: Callable[..., Any], tmp_path: Path, monkeypa
     assert "what is shown has ended: ZeroDivisionError: of a list" in err
     assert "findings" in err or "PASS" in err  # the verdict is there all the same
     assert frames_of(tmp_path / "x.log") == FRAMES
+
+
+def test_what_is_settled_without_new_frames_is_judged(
+    command: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A frame whose verdict comes only with the end of everything."""
+    monkeypatch.setattr(live_run, "_INTERVALS", {"quiet": 0.05})
+
+    def work() -> None:
+        with can.Bus("late", interface="virtual") as bus:
+            wait_until(lambda: len(bus.channel) == 2)
+            bus.send(can.Message(arbitration_id=0x123, is_extended_id=True, data=b"\xff"))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    record, live, checked = tmp_path / "x.log", tmp_path / "live.json", tmp_path / "check.json"
+    command("live", "virtual:late", "-q", "-a", "duration:0.6", "-w", record, "--json", live)
+    thread.join()
+    command("check", record, "--json", checked)
+    found = [json.loads(path.read_bytes())["findings"] for path in (live, checked)]
+    assert [one["rule"] for one in found[1]] == ["CAN-018"]
+    assert found[0] == found[1]

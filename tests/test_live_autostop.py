@@ -132,6 +132,7 @@ def test_it_ends_in_time() -> None:
 class Recording:
     bytes: int = 0
     full: int = 0
+    gone: bool = False
 
 
 def test_it_ends_with_enough_bytes_or_files() -> None:
@@ -145,6 +146,15 @@ def test_it_ends_with_enough_bytes_or_files() -> None:
     assert by_size.due()
     assert by_files.due()
     assert (by_size.reason, by_files.reason) == ("1001 bytes recorded", "2 files")
+
+
+def test_it_ends_when_nobody_reads_the_recording() -> None:
+    recording = Recording()
+    autostop = Autostop(AutostopPlan(), recording)
+    assert not autostop.due()
+    recording.gone = True
+    assert autostop.due()
+    assert autostop.reason == "nobody reads the recording any more"
 
 
 def test_it_ends_with_a_finding() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import can
 import pytest
-from command import LIMIT, START
+from command import START
 from receiving import SECOND, Clock, everything, text
 
 from analyzer.live import buses, watching
@@ -157,15 +157,47 @@ def test_an_adapter_that_does_not_come_back(drivers: deque[Any], clock: Clock) -
 
 
 def test_a_driver_that_works_only_now_and_then(drivers: deque[Any], clock: Clock) -> None:
-    """It is given up, and what is said of it meanwhile does not flood."""
+    """What is said of it does not flood."""
     script = [step for _ in range(10_000) for step in (message(1), can.CanOperationError("again"))]
     drivers.append(Driver(*script))
     receiver = bus(clock)
-    said = 0
+    said = sum(line.startswith("#") for line in everything(receiver, clock, 300))
+    assert receiver.failed is None
+    assert said < 2 * (300 / watching.LONGEST + 10)
+
+
+def test_an_adapter_that_has_worked_is_waited_for_without_end(drivers: deque[Any], clock: Clock) -> None:
+    drivers.append(Driver(message(1), *[can.CanOperationError("gone")] * 2))
+    receiver = bus(clock)
+    drivers.extend([InterfaceError("slcan:x", "no such device")] * 200)
+    drivers.append(Driver(message(9)))
+    found: list[str] = []
+    while len(found) < 4:
+        piece = receiver.receive(watching.LONGEST)
+        found += [] if piece is None else text(piece)
+        assert receiver.failed is None
+    assert clock.seconds > 10 * watching.LIMIT
+    assert found[1] == "# slcan:x: gone; trying again"
+    assert found[2].startswith("# slcan:x: works again after ")
+    assert found[3:] == ["(09.000000) slcan:x 005# R"]
+
+
+def test_failures_that_take_their_time_are_a_series(
+    drivers: deque[Any], clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Be it longer than what is calm."""
+    drivers.append(Driver(*[can.CanOperationError("gone")] * 2))
+    receiver = bus(clock)
+
+    def open_slowly(_: Interface) -> Driver:
+        clock.seconds += 5 * watching.CALM
+        raise InterfaceError("slcan:x", "no such device")
+
+    monkeypatch.setattr(buses, "open_bus", open_slowly)
     while receiver.failed is None:
-        said += sum(line.startswith("#") for line in everything(receiver, clock))
-        assert clock.seconds < 1000
-    assert said < 60
+        receiver.receive(0.1)
+        assert clock.seconds < 10 * watching.LIMIT
+    assert receiver.failed.startswith("no such device; given up after ")
 
 
 def test_failures_far_apart_are_no_series(drivers: deque[Any], clock: Clock) -> None:
@@ -195,7 +227,7 @@ def test_the_virtual_bus() -> None:
     receiver = open_receiver(resolve("virtual:receiver", {}), Filters())
     with can.Bus("receiver", interface="virtual") as other:
         other.send(can.Message(arbitration_id=0x123, data=b"ab"))
-        (line,) = text(receiver.receive(LIMIT))
+        (line,) = text(receiver.receive(0.5))
     assert line.split(" ", 1)[1] == "virtual:receiver 00000123#6162 R"
     receiver.close()
 

@@ -111,8 +111,20 @@ def test_the_kernel_is_told() -> None:
     socket = Socket()
     parse(["123:7FF,92345678~9FFFFFFF,j,#44"]).apply(socket)  # type: ignore[arg-type]
     words = struct.pack("=4I", 0x123, 0x7FF, 0xB2345678, 0x9FFFFFFF)
-    assert socket.options == [(101, 1, words), (101, 6, 1), (101, 2, struct.pack("=I", 0x44))]
-    nothing = Socket()
-    parse([]).apply(nothing)  # type: ignore[arg-type]
-    assert nothing.options == []
+    assert socket.options == [(101, 6, 1), (101, 1, words), (101, 2, struct.pack("=I", 0x44))]
+
+
+def test_the_kernel_is_told_what_is_let_through_without_a_rule() -> None:
+    """What was held off before."""
+    held = Socket()
+    Filters.hold(held)  # type: ignore[arg-type]
+    assert held.options == [(101, 1, b""), (101, 2, bytes(4))]
+    errors, frames = Socket(), Socket()
+    parse(["#44"]).apply(errors)  # type: ignore[arg-type]
+    assert errors.options == [(101, 1, bytes(8)), (101, 2, struct.pack("=I", 0x44))]
+    parse(["123:7FF"]).apply(frames)  # type: ignore[arg-type]
+    assert frames.options == [(101, 1, struct.pack("=2I", 0x123, 0x7FF)), (101, 2, struct.pack("=I", 0x1FFFFFFF))]
+
+
+def test_whether_anything_is_held_off() -> None:
     assert [bool(parse([text])) for text in ("", "#0", "1:1")] == [False, True, True]

@@ -311,3 +311,30 @@ def test_two_virtual_buses(capfd: pytest.CaptureFixture[str]) -> None:
     assert [t for _, t, _ in found] == sorted(t for _, t, _ in found)
     assert hub.counts == {f"virtual:{name}": Counts(100) for name in names}
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("also", [False, True])
+def test_a_receiver_that_breaks_is_told(also: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it has is taken, and the other interfaces go on."""
+    a, b = Receiver("a"), Receiver("b")
+    broken = threading.Event()
+
+    def fail(_: float) -> None:
+        assert broken.wait(LIMIT)
+        raise RuntimeError("a bug of the driver")
+
+    a.behind = [frames("a", 3)]
+    monkeypatch.setattr(a, "receive", fail)
+    if also:
+        monkeypatch.setattr(a, "finish", lambda: 1 / 0)
+    with Hub([a, b]) as hub:
+        broken.set()
+        wait_until(lambda: a.failed is not None)
+        b.give(frames("b", 1))
+        assert not hub.ended
+        told = "a: RuntimeError: a bug of the driver; nothing more is received"
+        wait_until(lambda: not also or a.failed != "RuntimeError: a bug of the driver")
+        notes = hub.notes()
+        assert told in notes
+        assert (hub.counts["b"].received, hub.counts["a"].received) == (1, 0 if also else 1)
+        assert ("a: ZeroDivisionError: division by zero; nothing more is received" in notes) == also

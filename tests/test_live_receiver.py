@@ -8,6 +8,7 @@ import socket
 import struct
 from collections import deque
 from typing import TYPE_CHECKING, ClassVar
+from unittest.mock import Mock
 
 import pytest
 from command import START
@@ -297,13 +298,28 @@ def test_the_native_drain(pair: socket.socket) -> None:
 
 
 def test_what_came_before_the_filters_is_thrown_away(pair: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Filters, "apply", lambda _, to: to.getsockopt(socket.SOL_SOCKET, socket.SO_TYPE))
+    """And nothing that comes from then on."""
+    monkeypatch.setattr(Filters, "hold", staticmethod(lambda to: to.getsockopt(socket.SOL_SOCKET, socket.SO_TYPE)))
+    monkeypatch.setattr(Filters, "apply", lambda _, __: pair.send(datagram(0x10)))
     for number in range(10):
         pair.send(datagram(number))
     receiver = socketcan.SocketCan(CAN0, parse(["10:7FF"]))
-    pair.send(datagram(0x10))
-    assert [line.split()[2] for line in text(receiver.receive(5))] == ["010#6162"]
+    pair.send(datagram(0x11))
+    assert [line.split()[2] for line in text(receiver.receive(5))] == ["010#6162", "011#6162"]
     receiver.close()
+
+
+def test_filters_of_an_interface_that_is_down(kernel: Kernel, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernel tells each socket once: it is waited for as without filters."""
+    asked = Mock(recv=Mock(side_effect=[DOWN, BlockingIOError(errno.EAGAIN, ""), ODD]))
+    monkeypatch.setattr(Opened, "socket", asked, raising=False)
+    kernel.link = links.Link(3, "can0", "can", up=False)
+    receiver = socketcan.SocketCan(CAN0, parse(["10:7FF"]), clock.ns, clock.now)
+    assert asked.recv.call_count == 2
+    assert text(receiver.receive(0)) == ["# can0: is down, waiting (ip link set can0 up)"]
+    with pytest.raises(InterfaceError, match=r"^can0: Input/output error$"):
+        socketcan.SocketCan(CAN0, parse(["10:7FF"]), clock.ns, clock.now)
+    assert kernel.buses[-1].closed
 
 
 def test_filters_that_the_kernel_refuses(pair: socket.socket) -> None:

@@ -257,7 +257,7 @@ def test_a_reader_that_goes_away(tmp_path: Path) -> None:
     os.close(holder)
     recorder.put(made(traffic(10)))
     wait_until(lambda: recorder.problem is not None)
-    assert recorder.problem == f"{fifo}: Broken pipe; recording ends with 0 frames"
+    assert recorder.problem == f"{fifo}: nobody reads it any more; recording ends with 0 frames"
     recorder.close()
     assert (recorder.frames, recorder.lost) == (0, 10)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from judged import registry
+from judged import outcome, registry
 
 from analyzer.facts.dialects import Statement
 from analyzer.rules import findings
@@ -131,3 +131,12 @@ def test_what_a_loss_may_explain_waits_for_it(end: int | None, given_back: int) 
     ready = list(drops.ready(None if end is None else end * SECOND))
     assert len(ready) == given_back
     assert [near for _, near in ready] == [[False]] * given_back
+
+
+@pytest.mark.parametrize("step", [2800, 100, 37])
+def test_many_runs_have_the_same_examples_however_they_came(step: int) -> None:
+    """The first runs of the capture have all their examples, the others one."""
+    lines = [f"(1773475330.{k:06d}) can0 {k % 700:03X}#00\n" for k in range(2800)]
+    runs = outcome("".join(lines), ["CAN-001"], step).runs
+    assert len(runs) == 700
+    assert [len(run.examples) for _, run in runs] == [4] * 500 + [1] * 200

@@ -289,5 +289,4 @@ def test_a_recording_of_days_takes_little_memory() -> None:
     record(1000, 4000)
     after, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    print((after - before) / 4000)
     assert (after - before) / 4000 < 40

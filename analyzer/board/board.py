@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from heapq import nlargest
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 from analyzer.board.buses import Buses
 from analyzer.board.devices import Devices
 from analyzer.board.findings import Findings
-from analyzer.board.latches import MOST_LATCHED, Latches
+from analyzer.board.latches import MOST_LATCHED, PROGRESS, Latches
 from analyzer.board.nodes import Nodes
 from analyzer.board.opened import Opened
 from analyzer.board.snapshot import Snapshot
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from dissectors.conformance import Words
 
 _MOST_NOTES = 50
+_NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 
 
 class Board:
@@ -91,13 +93,18 @@ class Board:
         self._recording = state
 
     def note(self, text: str, now_ns: int) -> None:
-        """Something to tell, such as a link that went down; `NAME: text` belongs to an interface."""
+        """Something to tell, such as a link that went down; `NAME: text` belongs to an interface.
+
+        It is latched, as one entry with what differs from it in numbers alone; how it goes (`PROGRESS`) is not.
+        """
         t = self._frame_time(now_ns)
         self._begin(t)
         self._notes.appendleft((t, text))
         self._buses.note(text)
-        subject, colon, rest = text.partition(": ")
-        self._latches.put("note", text, subject if colon else "", rest if colon else text, t)
+        if text.startswith(PROGRESS):
+            return
+        subject, _, rest = text.partition(": ") if ": " in text else ("", "", text)
+        self._latches.put("note", (subject, _NUMBER.sub("", rest)), subject, rest, t)
 
     def mark(self, now_ns: int) -> None:
         """What is latched, the longest, lowest and highest begin anew."""

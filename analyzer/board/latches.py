@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from analyzer.board.snapshot import Latched
+from analyzer.board.snapshot import Latched, LatchKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from analyzer.board.snapshot import LatchKind
-
-MOST_LATCHED = 512
+# How a note begins that says how it goes, which is nothing that happened.
+PROGRESS = "running for "
+# Places, so that no kind takes those of another.
+_PLACES: dict[LatchKind, int] = {"finding": 256, "restart": 128, "error": 64, "drop": 32, "note": 32}
+MOST_LATCHED = sum(_PLACES.values())
 
 
 @dataclass(slots=True)
@@ -25,10 +28,11 @@ class _Entry:
 
 
 class Latches:
-    """At most `MOST_LATCHED` entries; `beyond` counts what found no place."""
+    """At most `MOST_LATCHED` entries, and so many of each kind; `beyond` counts what found no place."""
 
     def __init__(self) -> None:
         self._entries: dict[tuple[LatchKind, object], _Entry] = {}
+        self._taken: Counter[LatchKind] = Counter()
         self.beyond = 0
 
     def put(
@@ -37,9 +41,10 @@ class Latches:
         """Something that happened `count` times from `first` (`t` if not given) to `t`; equal keys are one entry."""
         entry = self._entries.get((kind, key))
         if entry is None:
-            if len(self._entries) >= MOST_LATCHED:
+            if self._taken[kind] >= _PLACES[kind]:
                 self.beyond += 1
                 return
+            self._taken[kind] += 1
             self._entries[kind, key] = _Entry(subject, text, t if first is None else first, t, count)
             return
         entry.last = max(entry.last, t)
@@ -49,6 +54,7 @@ class Latches:
     def clear(self) -> None:
         """Nothing has happened yet."""
         self._entries.clear()
+        self._taken.clear()
         self.beyond = 0
 
     def rows(self) -> Iterator[Latched]:

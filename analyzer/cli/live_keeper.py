@@ -126,7 +126,9 @@ class Recording:
     def problems(self) -> list[str]:
         """Why it is not whole."""
         recorder = self.recorder
-        return [recorder.problem] if recorder is not None and recorder.problem is not None else []
+        if recorder is None or recorder.problem is None or recorder.gone:
+            return []
+        return [recorder.problem]
 
     def close(self) -> None:
         """Finishes it."""

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from analyzer.rules.checking import Measured
     from dissectors import Registry
 
+# Findings that are told in one go.
+_AT_ONCE = 20
+
 
 class Lines:
     """What happens: findings as they begin, notes of the session.
@@ -41,9 +44,11 @@ class Lines:
 
     def found(self, changes: Sequence[Change]) -> None:
         """A line for each that is new; notes can wait for the verdict."""
-        for change in changes:
-            if change.fresh and change.finding.severity != "note":
-                self._say(f"{said(change.finding, bus=self._several)}\n")
+        told = [change for change in changes if change.fresh and change.finding.severity != "note"]
+        for change in told[:_AT_ONCE]:
+            self._say(f"{said(change.finding, bus=self._several)}\n")
+        if len(told) > _AT_ONCE:
+            self._say(f"! and {len(told) - _AT_ONCE:,} more at once: the verdict has them all\n")
 
     def note(self, text: str) -> None:
         """A line."""

@@ -163,7 +163,8 @@ class Run:
     def _saved(self, session: LiveSession) -> str:
         """Writes down what there is to report now, beside where the session was started."""
         path = Path(f"tailbyte-{time.strftime('%Y%m%d-%H%M%S')}.txt")
-        lines = [*account(session.pump.hub.counts, self._wanted.counted), "", *(said(one, bus=self._several) for one in session.newest.all)]
+        found = (said(one, bus=self._several) for one in session.newest.all)
+        lines = [*account(session.pump.hub.counts, self._wanted.counted), "", *found]
         try:
             path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", errors="backslashreplace")
         except OSError as error:

@@ -115,7 +115,8 @@ class LiveSession:
         return checked
 
     def _judge(self, batch: Batch) -> None:
-        if self._check is None or not (len(batch.frames) or len(batch.transfers) or len(batch.events)):
+        empty = not any(map(len, (batch.frames, batch.transfers, batch.events, batch.settled)))
+        if self._check is None or empty:
             return
         try:
             for measured in self._check.measured([batch]):

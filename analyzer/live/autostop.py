@@ -30,6 +30,10 @@ class Recorded(Protocol):
     def full(self) -> int:
         """Files that have had enough."""
 
+    @property
+    def gone(self) -> bool:
+        """Whether nobody reads it any more."""
+
 
 @dataclass(frozen=True, slots=True)
 class AutostopPlan:
@@ -126,6 +130,8 @@ class Autostop:
             self._enough(f"{recording.bytes} bytes recorded")
         if recording is not None and plan.files is not None and recording.full >= plan.files:
             self._enough(f"{plan.files} files")
+        if recording is not None and recording.gone:
+            self._enough("nobody reads the recording any more")
         return bool(self.reason)
 
     def _enough(self, reason: str) -> None:

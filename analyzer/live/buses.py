@@ -28,7 +28,9 @@ _FAR = 3600 * SECOND
 
 
 class Bus:
-    """`Receiver` of an interface that python-can receives from. A driver that fails is opened again, for a while.
+    """`Receiver` of an interface that python-can receives from. A driver that fails is opened again.
+
+    It is given up after a while if it has never worked; a device that was pulled out is waited for.
 
     Args:
         interface: which one.
@@ -56,6 +58,7 @@ class Bus:
         self._rows = Rows()
         self._own_clock = True
         self._broken: float | None = None
+        self._worked = False
         self._bus: can.BusABC | None = open_bus(interface)
 
     def receive(self, seconds: float) -> Piece | None:
@@ -73,6 +76,7 @@ class Bus:
             self._keep()
             self._fail(error)
         else:
+            self._retry.work(self._now())
             if self._broken is not None:
                 self._journal.say(f"works again after {lasting(self._now() - self._broken)}")
                 self._broken = None
@@ -101,6 +105,7 @@ class Bus:
         end, left = self._now() + seconds, seconds
         for _ in range(BATCH):
             message = bus.recv(left)
+            self._worked = True
             if message is None:
                 return
             self._add(message)
@@ -140,7 +145,7 @@ class Bus:
     def _fail(self, error: Exception) -> None:
         """The first time the driver gets another chance as it is; then it is opened anew each time."""
         reason, now = error.reason if isinstance(error, InterfaceError) else first_line(error), self._now()
-        if not self._retry.fail(now):
+        if not self._retry.fail(now) and not self._worked:
             self.failed = f"{reason}; given up after {lasting(self._retry.lasted)}"
             self._journal.say(self.failed)
         elif self._broken is None:

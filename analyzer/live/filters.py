@@ -60,15 +60,21 @@ class Filters:
         """Whether anything is held off."""
         return bool(self.rules) or self.errors is not None
 
+    @staticmethod
+    def hold(to: socket.socket) -> None:
+        """Makes the kernel keep everything from a SocketCAN socket, until `apply`. Raises `OSError`."""
+        to.setsockopt(_SOL_CAN_RAW, _FILTER, b"")
+        to.setsockopt(_SOL_CAN_RAW, _ERROR_FILTER, struct.pack("=I", 0))
+
     def apply(self, to: socket.socket) -> None:
         """Makes the kernel filter what a SocketCAN socket gets from now on. Raises `OSError`."""
-        if self.rules:
-            words = ((rule.number | (_INVERTED if rule.inverted else 0), rule.mask) for rule in self.rules)
-            to.setsockopt(_SOL_CAN_RAW, _FILTER, b"".join(struct.pack("=II", *pair) for pair in words))
-            if self.join:
-                to.setsockopt(_SOL_CAN_RAW, _JOIN, 1)
-        if self.errors is not None:
-            to.setsockopt(_SOL_CAN_RAW, _ERROR_FILTER, struct.pack("=I", self.errors))
+        if self.join:
+            to.setsockopt(_SOL_CAN_RAW, _JOIN, 1)
+        rules = self.rules or (Rule(0, 0),)
+        words = ((rule.number | (_INVERTED if rule.inverted else 0), rule.mask) for rule in rules)
+        to.setsockopt(_SOL_CAN_RAW, _FILTER, b"".join(struct.pack("=II", *pair) for pair in words))
+        errors = _ALL_ERRORS if self.errors is None else self.errors
+        to.setsockopt(_SOL_CAN_RAW, _ERROR_FILTER, struct.pack("=I", errors))
 
     def take(self, message: can.Message, error_class: int) -> bool:
         """What the kernel would say of a message; `error_class` is that of an error frame."""

@@ -128,7 +128,8 @@ class Hub(AbstractContextManager["Hub"]):
 
     def notes(self) -> list[str]:
         """What is new for people, a line each."""
-        notes, self._notes = self._notes, []
+        with self._changed:
+            notes, self._notes = self._notes, []
         return [*notes, *(note for receiver in self._receivers for note in receiver.notes())]
 
     def close(self) -> None:
@@ -146,7 +147,7 @@ class Hub(AbstractContextManager["Hub"]):
             if thread.ident is not None:
                 thread.join(max(0.0, end - time.monotonic()))
             if thread.is_alive():
-                self._notes.append(f"{receiver.name}: its driver does not answer, it is left open")
+                self._note(f"{receiver.name}: its driver does not answer, it is left open")
             else:
                 receiver.close()
         with self._changed:
@@ -156,17 +157,30 @@ class Hub(AbstractContextManager["Hub"]):
 
     def _run(self, index: int) -> None:
         receiver = self._receivers[index]
-        try:
-            while not self._stopped and receiver.failed is None:
-                piece = receiver.receive(SLICE)
-                if piece is not None:
-                    self._add(index, piece)
-            for piece in receiver.finish():
+        for part in (self._receive, self._finish):
+            try:
+                part(index)
+            except Exception as error:  # noqa: BLE001 - of a driver: the other interfaces go on, and it is told
+                receiver.failed = f"{type(error).__name__}: {error}"
+                self._note(f"{receiver.name}: {receiver.failed}; nothing more is received")
+        with self._changed:
+            self._running -= 1
+            self._changed.notify_all()
+
+    def _receive(self, index: int) -> None:
+        receiver = self._receivers[index]
+        while not self._stopped and receiver.failed is None:
+            piece = receiver.receive(SLICE)
+            if piece is not None:
                 self._add(index, piece)
-        finally:
-            with self._changed:
-                self._running -= 1
-                self._changed.notify_all()
+
+    def _finish(self, index: int) -> None:
+        for piece in self._receivers[index].finish():
+            self._add(index, piece)
+
+    def _note(self, text: str) -> None:
+        with self._changed:
+            self._notes.append(text)
 
     def _add(self, index: int, piece: Piece) -> None:
         lines = piece.lines

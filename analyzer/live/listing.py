@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import queue
 import sys
+import time
 import warnings
-from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING
 
 import can
@@ -49,19 +51,22 @@ def kernel() -> list[Listed]:
 def drivers() -> list[Listed]:
     """What python-can's drivers find within `PATIENCE` seconds, by name; what they print on the way is kept away."""
     kinds = sorted(can.VALID_INTERFACES.difference(_LEFT_OUT))
-    pool = ThreadPoolExecutor(len(kinds))
-    with _silence():
-        tasks = [pool.submit(_detected, kind) for kind in kinds]
-        done, _ = wait(tasks, PATIENCE)
-        pool.shutdown(wait=False, cancel_futures=True)
-    return sorted((listed for each in done for listed in each.result()), key=lambda listed: listed.name)
+    done: queue.SimpleQueue[list[Listed]] = queue.SimpleQueue()
+    found: list[Listed] = []
+    with _silence(), suppress(queue.Empty):
+        end = time.monotonic() + PATIENCE
+        for kind in kinds:  # daemons: the interpreter waits for no driver that hangs
+            Thread(target=_detect, args=(kind, done), name=kind, daemon=True).start()
+        for _ in kinds:
+            found += done.get(timeout=max(0.0, end - time.monotonic()))
+    return sorted(found, key=lambda listed: listed.name)
 
 
-def _detected(kind: str) -> list[Listed]:
+def _detect(kind: str, done: queue.SimpleQueue[list[Listed]]) -> None:
+    found: list[Listed] = []
     with suppress(Exception):  # each driver fails in its own way
-        configs = can.detect_available_configs([kind])
-        return [Listed(f"{kind}:{config['channel']}") for config in configs]
-    return []
+        found = [Listed(f"{kind}:{config['channel']}") for config in can.detect_available_configs([kind])]
+    done.put(found)
 
 
 @contextmanager

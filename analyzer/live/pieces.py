@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analyzer._native import Piece
+from analyzer.live import remarks
 from analyzer.tables import EVENTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import numpy.typing as npt
+
+    from analyzer._native import Piece
 
     Numbers = npt.NDArray[Any]
 
@@ -22,8 +24,6 @@ NO_TIME = int(np.iinfo(np.int64).min)
 NO_CLOCK = -1
 CLOCKS = len(EVENTS) + 1
 _ERROR, _DROP, _COMMENT = (EVENTS.index(kind) for kind in ("error frame", "drop", "comment"))
-# A row holds no larger number.
-_MOST = (1 << 32) - 1
 
 
 class Ordered:
@@ -55,10 +55,8 @@ class Ordered:
         """
         frames, events = self.piece.columns()
         kinds = _of(events, "kind", "u1").astype(np.int32)
-        own = _of(events, "bus", "u1") * np.int32(CLOCKS) + kinds + 1
-        clocks = np.concatenate(
-            [_of(frames, "bus", "u1") * np.int32(CLOCKS), np.where(kinds == _COMMENT, NO_CLOCK, own)]
-        )
+        first, other = (_of(table, "bus", "u1").astype(np.int32) * CLOCKS for table in (frames, events))
+        clocks = np.concatenate([first, np.where(kinds == _COMMENT, NO_CLOCK, other + kinds + 1)])
         return np.where(self.t == NO_TIME, NO_CLOCK, clocks[self._order])
 
     def take(self, rows: slice | Numbers) -> Piece:
@@ -140,24 +138,7 @@ class Losses:
                 f"DROPCOUNT: dropped {count} CAN frame{'s' * (count != 1)} on '{self._names[bus]}' socket"
                 f" (total drops {self._total}){stamp}".encode()
             )
-        return _events(_DROP, found, self._names, texts)
-
-
-def _events(kind: int, found: Sequence[tuple[int, int, int]], names: Sequence[str], texts: Sequence[bytes]) -> Piece:
-    """Events of a kind: time, bus and number of each."""
-    t, bus, count = (np.asarray(column) for column in zip(*found, strict=True))
-    size = len(found)
-    none = bytes(size)
-    ends = np.cumsum([0, *map(len, texts)]).astype("=i4")
-    frames = {**dict.fromkeys(("t", "bus", "id", "flags", "line", "data"), b""), "data_offset": bytes(4)}
-    events = {
-        "t": t.astype("=i8").tobytes(), "bus": bus.astype("u1").tobytes(), "bus_valid": b"\x01" * size,
-        "line": np.arange(1, size + 1, dtype="=u4").tobytes(), "kind": bytes([kind]) * size,
-        "class": count.clip(max=_MOST).astype("=u4").tobytes(), "flags": none * 2, "tx_errors": none,
-        "rx_errors": none, "tx_errors_valid": none, "data": b"", "data_offset": bytes(4 * size + 4),
-        "text": b"".join(texts), "text_offset": ends.tobytes(),
-    }  # fmt: skip
-    return Piece.of(frames, events, list(names))
+        return remarks.events(_DROP, found, self._names, texts)
 
 
 def _of(table: dict[str, Any], name: str, kind: str) -> Numbers:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections import deque
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Self
+
+from analyzer.sinks.growing import write_some
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -90,7 +91,7 @@ class Printer(AbstractContextManager["Printer"]):
     def _write(self, data: bytes) -> None:
         view = memoryview(data)
         while view:
-            count = os.write(self._file, view[:_PIECE])
+            count = write_some(self._file, view[:_PIECE])
             self._written += count
             view = view[count:]
 

@@ -8,7 +8,7 @@ from threading import Condition, Lock, Thread
 from typing import TYPE_CHECKING, Protocol, Self
 
 from analyzer.live import remarks
-from analyzer.live.pieces import Losses, rows
+from analyzer.live.pieces import Losses, comments_of, frames_of, rows
 from analyzer.live.recorded import AsRecorded
 
 if TYPE_CHECKING:
@@ -189,8 +189,10 @@ class Pump(AbstractContextManager["Pump"]):
             if self._rows and self._rows + size > self._most:
                 if not self.unjudged:
                     self._notes.append("judging is too slow: frames are recorded that are not judged")
-                self.unjudged += piece.frames
+                self.unjudged += frames_of(piece)
                 self._losses.add(piece)
+                if (comments := comments_of(piece)) is not None:
+                    self._waiting.append(comments)
                 return
             if (drops := self._losses.take()) is not None:
                 self._waiting.append(drops)

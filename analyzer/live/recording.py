@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from analyzer.live.files import Files
 from analyzer.live.pieces import Losses, comments_of, frames_of, rows
 from analyzer.sinks.atomic import TargetError
+from analyzer.sinks.growing import GoneError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 # Rows that may wait for the disk, 34 s of a full bus of 1 Mbit/s: at most 30 MB.
 MOST = 1 << 18
 # Seconds that a row waits at most until the system has it, and until the disk has it, which may take its time.
-FLUSHED, SYNCED = 0.5, 5.0
+FLUSHED, SYNCED = 0.25, 5.0
 # Seconds that the end of a session waits for a disk that does not answer.
 PATIENCE = 10.0
 
@@ -76,6 +77,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.problem: str | None = None
+        self.gone = False  # the problem is that whoever read a pipe has had enough
         self._files = Files(plan)
         self._most, self._flushed, self._synced, self._clock = most, flushed, synced, clock
         self._changed = Condition()
@@ -200,6 +202,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         try:
             self._record()
         except TargetError as error:
+            self.gone = isinstance(error, GoneError)
             self._fail(f"{error}; recording ends with {self._files.frames} frames")
             self._files.abandon()
         except Exception as error:  # noqa: BLE001 - the session goes on without a recording, and must know

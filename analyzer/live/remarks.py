@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import struct
+from itertools import accumulate
+from typing import TYPE_CHECKING
 
 from analyzer._native import Piece
 from analyzer.tables import EVENTS
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
 _DROP, _COMMENT = EVENTS.index("drop"), EVENTS.index("comment")
 _NO_FRAMES = {**dict.fromkeys(("t", "bus", "id", "flags", "line", "data"), b""), "data_offset": bytes(4)}
-_NO_DATA = {name: bytes(1) for name in ("tx_errors", "rx_errors", "tx_errors_valid")} | {
-    "flags": bytes(2), "data_offset": bytes(8), "data": b""
-}  # fmt: skip
-_NO_EVENTS = {
-    **dict.fromkeys(("t", "bus", "bus_valid", "line", "kind", "class", *_NO_DATA, "text"), b""),
-    "data_offset": bytes(4), "text_offset": bytes(4),
-}  # fmt: skip
 # A row holds no larger number.
 _MOST = (1 << 32) - 1
 
 
 def nothing(name: str) -> Piece:
     """No rows, but the name of a bus."""
-    return Piece.of(_NO_FRAMES, _NO_EVENTS, [name])
+    return events(_COMMENT, [], [name], [])
 
 
 def comment(t: int, text: str, name: str | None = None) -> Piece:
@@ -33,7 +31,7 @@ def comment(t: int, text: str, name: str | None = None) -> Piece:
 def drop(t: int, frames: int, name: str) -> Piece:
     """So many frames of the bus `name` were lost before the time `t` (ns since 1970)."""
     text = f"{frames} frame{'s' * (frames != 1)} lost: they came faster than they were taken"
-    return _event(_DROP, t, min(frames, _MOST), text, name)
+    return _event(_DROP, t, frames, text, name)
 
 
 def first_time(piece: Piece) -> int | None:
@@ -45,11 +43,28 @@ def first_time(piece: Piece) -> int | None:
     return int(struct.unpack_from("=q", table["t"])[0])
 
 
-def _event(kind: int, t: int, number: int, text: str, name: str | None) -> Piece:
-    encoded = text.encode(errors="replace")
+def events(
+    kind: int, found: Sequence[tuple[int, int | None, int]], names: Sequence[str], texts: Sequence[bytes]
+) -> Piece:
+    """Rows of one of `EVENTS`: time, place of the bus in `names`, None if it is of none, and number of each."""
+    size = len(found)
     columns = {
-        "t": struct.pack("=q", t), "bus": bytes(1), "bus_valid": bytes([name is not None]),
-        "line": struct.pack("=I", 1), "kind": bytes([kind]), "class": struct.pack("=I", number),
-        "text": encoded, "text_offset": struct.pack("=ii", 0, len(encoded)), **_NO_DATA,
-    }  # fmt: skip
-    return Piece.of(_NO_FRAMES, columns, [] if name is None else [name])
+        "t": struct.pack(f"={size}q", *(t for t, _, _ in found)),
+        "bus": bytes(bus or 0 for _, bus, _ in found),
+        "bus_valid": bytes(bus is not None for _, bus, _ in found),
+        "line": struct.pack(f"={size}I", *range(1, size + 1)),
+        "kind": bytes([kind]) * size,
+        "class": struct.pack(f"={size}I", *(min(number, _MOST) for _, _, number in found)),
+        "flags": bytes(2 * size),
+        **dict.fromkeys(("tx_errors", "rx_errors", "tx_errors_valid"), bytes(size)),
+        "data": b"",
+        "data_offset": bytes(4 * size + 4),
+        "text": b"".join(texts),
+        "text_offset": struct.pack(f"={size + 1}i", *accumulate(map(len, texts), initial=0)),
+    }
+    return Piece.of(_NO_FRAMES, columns, list(names))
+
+
+def _event(kind: int, t: int, number: int, text: str, name: str | None) -> Piece:
+    bus, names = (None, []) if name is None else (0, [name])
+    return events(kind, [(t, bus, number)], names, [text.encode(errors="replace")])

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 BUFFER = 4 << 20
 _CLASSIC = 768
 _GONE = (errno.ENODEV, errno.ENXIO)
-# Frames that came before the filters were set are thrown away, up to this many: more than an unenlarged buffer holds.
-_STALE = 1 << 13
 _LONGEST_FRAME = 72
 
 
@@ -111,6 +109,7 @@ class SocketCan:
         except OSError as error:
             self._failed_with(error, drain)
             return
+        self._retry.work(self._now())
         if not drain.waiting and drain.drops_now() > drain.dropped:
             drain.finish()  # frames were lost, and none has come since that would tell
         self._keep(drain)
@@ -131,8 +130,10 @@ class SocketCan:
         bus: Any = open_bus(self._interface)
         try:
             if self._filters:
-                self._filters.apply(bus.socket)
+                # python-can binds it without filters: receiving begins with `apply`.
+                self._filters.hold(bus.socket)
                 _empty(bus.socket)
+                self._filters.apply(bus.socket)
             drain = Drain(bus.fileno(), self.name, buffer=BUFFER, hardware=self._hardware)
         except OSError as error:
             close_bus(bus)
@@ -215,9 +216,12 @@ def _reason(error: OSError) -> str:
 
 
 def _empty(waiting: socket.socket) -> None:
-    """Throws away what came in before the filters were set."""
-    for _ in range(_STALE):
+    """Throws away what came in before; that the interface is down is asked for anyway."""
+    while True:
         try:
             waiting.recv(_LONGEST_FRAME, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return
+        except OSError as error:
+            if error.errno != errno.ENETDOWN:
+                raise

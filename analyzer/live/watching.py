@@ -55,24 +55,33 @@ class Journal:
 
 
 class Retry:
-    """Attempts with growing pauses. A series of failures ends when it has worked for `CALM` s, or else after `LIMIT` s.
+    """Attempts with growing pauses. A series of failures ends only when it has worked for `CALM` s.
 
     All times are those of a monotonic clock, in seconds.
     """
 
     def __init__(self) -> None:
         self._first: float | None = None
+        self._works: float | None = None
         self._last = self._next = 0.0
         self._pause = SHORTEST
 
     def fail(self, now: float) -> bool:
-        """It failed; False if it has been doing so for too long."""
-        if self._first is None or now - self._last > CALM + self._pause:
+        """It failed; False if it has been doing so for longer than `LIMIT` s."""
+        self._works = None
+        if self._first is None:
             self._first, self._pause = now, SHORTEST
         else:
             self._pause = min(2 * self._pause, LONGEST)
         self._last, self._next = now, now + self._pause
         return self.lasted < LIMIT
+
+    def work(self, now: float) -> None:
+        """It did not fail."""
+        if self._works is None:
+            self._works = now
+        if now - self._works > CALM:
+            self._first = None
 
     @property
     def lasted(self) -> float:

@@ -24,7 +24,8 @@ PAUSE = 10 * SECOND  # a run ends when this time passes without an occurrence
 MOST_EXAMPLES = 20
 MOST_RUNS = 100  # of one rule, node, type and key; later ones belong to the last
 MOST_GROUPS = 4096  # of rule, node, type and key; what comes later is one finding a rule
-RICH = 500  # runs with all their examples; later ones have one
+RICH = 500  # runs with all their examples, the first ones in the capture; the others have one
+KEPT = 4 * RICH  # runs whose examples are kept until it is known which ones are the first
 FURTHER = "further"
 FORCED = " (forced)"  # behind a choice that somebody insists on
 
@@ -113,7 +114,10 @@ class Findings:
                 for run in runs:
                     _merge(known, replace(run, examples=list(run.examples)))
         found = list(self._caused((key, run) for key, runs in settled.items() for run in runs))
-        return sorted(found, key=lambda one: (one[1].first, one[0]))
+        found.sort(key=lambda one: (one[1].first, one[0]))
+        for _, run in found[RICH:]:
+            del run.examples[1:]
+        return found
 
     def _caused(self, found: Iterable[tuple[Key, Run]]) -> Iterator[tuple[Key, Run]]:
         """What another finding of the same node at that time is the cause of is a note that says so."""
@@ -175,7 +179,7 @@ class Findings:
 
         run = Run(place(int(rows[0])), place(int(rows[-1])), len(rows))
         if not self._continues(key, run):
-            most = MOST_EXAMPLES if self._total < RICH else 1
+            most = MOST_EXAMPLES if self._total < KEPT else 1
             run.examples = [example(int(row)) for row in rows[:most]]
         return run
 

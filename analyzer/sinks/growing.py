@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import stat
 from contextlib import suppress
 from pathlib import Path
@@ -15,6 +16,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _GZIP_LEVEL = 6
+
+
+class GoneError(TargetError):
+    """Whoever read a pipe has had enough."""
 
 
 class GrowingFile:
@@ -64,11 +69,13 @@ class GrowingFile:
         rest = memoryview(data)
         try:
             while rest:
-                rest = rest[os.write(self._descriptor, rest) :]
+                rest = rest[write_some(self._descriptor, rest) :]
         except OSError as error:
             if self._regular:
                 with suppress(OSError):
                     os.ftruncate(self._descriptor, self.size)
+            if isinstance(error, BrokenPipeError):
+                raise GoneError(self.path, "nobody reads it any more") from None
             raise TargetError(self.path, error) from None
         self.size += len(data)
 
@@ -106,6 +113,18 @@ class GrowingFile:
             call(self._descriptor)
         except OSError as error:
             raise TargetError(self.path, error) from None
+
+
+def write_some(descriptor: int, data: memoryview) -> int:
+    """How many bytes could be written, at least one if there are any. Raises `OSError`.
+
+    It waits where a file does not by itself: whoever shares a terminal or a pipe may have told it not to.
+    """
+    while True:
+        try:
+            return os.write(descriptor, data)
+        except BlockingIOError:
+            select.select([], [descriptor], [])
 
 
 def _open(path: str, force: bool) -> int:

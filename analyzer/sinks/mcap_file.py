@@ -48,7 +48,10 @@ class McapFile:
         self._channels: list[Channel] = []
         self._new: list[McapRecord] = []
         self._counts: dict[int, int] = {}
-        self._chunks: list[ChunkIndex] = []
+        # Index records of all chunks, packed: a recording of days has a million of them.
+        self._indexes, self._pack = bytearray(), zlib.compressobj()
+        self._chunks = 0
+        self._span: tuple[int, int] | None = None
         self._metadata: list[MetadataIndex] = []
         self._put(_MAGIC)
         self._put(_records([Header(profile="ros2", library="tailbyte")]))
@@ -85,19 +88,21 @@ class McapFile:
             places[channel] = self._place
             self._counts[channel] = self._counts.get(channel, 0) + count
             self._put(record)
-        self._chunks.append(
-            ChunkIndex(
-                chunk_length=length,
-                chunk_start_offset=start,
-                compression=self._compression,
-                compressed_size=len(packed),
-                message_end_time=last,
-                message_index_length=self._place - start - length,
-                message_index_offsets=places,
-                message_start_time=first,
-                uncompressed_size=len(data),
-            )
+        index = ChunkIndex(
+            chunk_length=length,
+            chunk_start_offset=start,
+            compression=self._compression,
+            compressed_size=len(packed),
+            message_end_time=last,
+            message_index_length=self._place - start - length,
+            message_index_offsets=places,
+            message_start_time=first,
+            uncompressed_size=len(data),
         )
+        self._indexes += self._pack.compress(_records([index]))
+        self._chunks += 1
+        earliest, latest = self._span or (first, last)
+        self._span = min(earliest, first), max(latest, last)
 
     def metadata(self, name: str, about: Mapping[str, str]) -> None:
         """Texts about the file."""
@@ -113,16 +118,15 @@ class McapFile:
         """Writes the summary, the end of the file. It stays open."""
         self._put(_records([DataEnd(data_section_crc=0)]))
         start = self._place
-        groups: list[tuple[Opcode, list[McapRecord]]] = [
-            (Opcode.SCHEMA, [*self._schemas.values()]),
-            (Opcode.CHANNEL, [*self._channels]),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, [*self._chunks]),
-            (Opcode.METADATA_INDEX, [*self._metadata]),
+        groups: list[tuple[Opcode, bytes]] = [
+            (Opcode.SCHEMA, _records(self._schemas.values())),
+            (Opcode.CHANNEL, _records(self._channels)),
+            (Opcode.STATISTICS, _records([self._statistics()])),
+            (Opcode.CHUNK_INDEX, zlib.decompress(self._indexes + self._pack.flush())),
+            (Opcode.METADATA_INDEX, _records(self._metadata)),
         ]
         summary, offsets = b"", list[McapRecord]()
-        for opcode, records in groups:
-            data = _records(records)
+        for opcode, data in groups:
             if data:
                 offsets.append(
                     SummaryOffset(group_opcode=opcode, group_start=start + len(summary), group_length=len(data))
@@ -135,14 +139,15 @@ class McapFile:
         self._put(summary + _records([footer]) + _MAGIC)
 
     def _statistics(self) -> Statistics:
+        first, last = self._span or (0, 0)
         return Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
-            chunk_count=len(self._chunks),
+            chunk_count=self._chunks,
             message_count=sum(self._counts.values()),
-            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
-            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
+            message_end_time=last,
+            message_start_time=first,
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
