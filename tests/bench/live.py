@@ -215,7 +215,9 @@ def main() -> None:
         "log", type=Path, nargs="?", help="candump -l text of extended frames; simulated when not given"
     )
     parser.add_argument("--seconds", type=float, default=20.0, help="of the log that is simulated")
-    parser.add_argument("--flushes", type=float, default=2.0, help="a second, as live -q; each makes tables of what has come")
+    parser.add_argument(
+        "--flushes", type=float, default=2.0, help="a second, as live -q; each makes tables of what has come"
+    )
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--play", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
