@@ -9,6 +9,7 @@ import pytest
 from command import START, wait_until
 from drained import read
 
+from analyzer._native import Rows
 from analyzer.live.autostop import Autostop, AutostopPlan
 from analyzer.live.pump import Control, Pump
 
@@ -132,3 +133,13 @@ def test_a_failure_finishes_the_recording_and_is_told() -> None:
 def test_the_header_is_judged_too(header: str) -> None:
     one = pump(Hub(), Keeper(), header=header)
     assert [piece.lines["comments"] for piece in one.take(0)] == [1] * bool(header)
+
+
+def test_what_no_recording_can_hold_is_counted() -> None:
+    rows = Rows()
+    rows.frame(START, "can0", 0x123, 0, b"")
+    rows.unreadable("three bytes that are no frame")
+    keeper = Keeper()
+    with pump(Hub(rows.take()), keeper) as one:
+        wait_until(lambda: keeper.frames == 1)
+    assert one.left_out == {"what is no frame": 1}

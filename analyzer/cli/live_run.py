@@ -21,6 +21,7 @@ from analyzer.live.pump import Control, Pump
 from analyzer.live.receiver import open_receiver
 from analyzer.report.build import Taken
 from analyzer.report.text import render
+from analyzer.sinks import losses
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -80,6 +81,8 @@ class Run:
         problems = [*failed, *broken, *session.problems, *recording.problems()]
         for line in (*account(hub.counts, wanted.counted), *recording.account(self._args.bitrate)):
             streams.tell(f"-- {line}\n")
+        if left_out := losses(pump.left_out):
+            streams.tell(f"-- neither recorded nor judged: {left_out}\n")
         if pump.unjudged:
             streams.tell(f"-- {pump.unjudged:,} frames are recorded, but not judged: judging was too slow\n")
         for problem in problems:

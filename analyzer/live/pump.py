@@ -96,7 +96,7 @@ class Pump(AbstractContextManager["Pump"]):
         self._keeping = Lock()
         self._changed = Condition()
         self._waiting: list[Piece] = []
-        self._rows = self._marked = 0
+        self._rows = self._marked = self._unreadable = 0
         self._losses = Losses()
         self._notes: list[str] = []
         if header:
@@ -112,6 +112,12 @@ class Pump(AbstractContextManager["Pump"]):
         """Ends, with everything recorded."""
         self.control.stop()
         self._thread.join()
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """What no recording can hold, in words, and how often."""
+        own = {"what is no frame": self._unreadable} if self._unreadable else {}
+        return own | self._recorded.lost
 
     def take(self, seconds: float) -> list[Piece]:
         """What has come, after gathering for so many seconds; the rest at once when it has ended."""
@@ -174,6 +180,7 @@ class Pump(AbstractContextManager["Pump"]):
                 self._say(*self._keeper.notes())
 
     def _move(self, piece: Piece) -> None:
+        self._unreadable += piece.lines["unreadable"]
         piece = self._recorded.of(self._autostop.cut(piece))
         if self._keeper is not None:
             with self._keeping:
