@@ -15,24 +15,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from analyzer.capture import Capture as Capture
-    from analyzer.capture import open_capture as open_capture
-    from analyzer.conformance import check as check
-    from analyzer.engine import Batch as Batch
-    from analyzer.engine import Engine as Engine
+    from analyzer.app.capture import Capture as Capture
+    from analyzer.app.capture import open_capture as open_capture
+    from analyzer.app.check import check as check
+    from analyzer.decode.engine import Batch as Batch
+    from analyzer.decode.engine import Engine as Engine
     from analyzer.report.model import Report as Report
     from analyzer.sources import CaptureError as CaptureError
 
 __all__ = ["Batch", "Capture", "CaptureError", "Engine", "Report", "check", "open_capture"]
 
 _HOMES = {
-    "Batch": "analyzer.engine",
-    "Capture": "analyzer.capture",
+    "Batch": "analyzer.decode.engine",
+    "Capture": "analyzer.app.capture",
     "CaptureError": "analyzer.sources",
-    "Engine": "analyzer.engine",
+    "Engine": "analyzer.decode.engine",
     "Report": "analyzer.report.model",
-    "check": "analyzer.conformance",
-    "open_capture": "analyzer.capture",
+    "check": "analyzer.app.check",
+    "open_capture": "analyzer.app.capture",
 }
 
 

@@ -53,6 +53,9 @@ STAMPS = (
 
 # Bits of frames.flags; bits 8 to 11 hold the length code of a remote frame, or a raw one above 8.
 EXTENDED, REMOTE, ERROR, FD, BRS, ESI, TX, RX = (1 << bit for bit in range(8))
+# Bits of the tail byte, the last one of a frame: start of transfer, end of transfer, toggle, transfer ID.
+TAIL_START, TAIL_END, TAIL_TOGGLE, TAIL_ID = 0x80, 0x40, 0x20, 0x1F
+TRANSFER_IDS = 32
 
 # Bits of frames.anomaly, lowest first; the rule that reads the bit stands behind it.
 FRAME_ANOMALIES = (
@@ -96,7 +99,6 @@ TRANSFER_ANOMALIES = (
 )
 
 _NS = pa.timestamp("ns")
-_FLOATS = {pa.float32(): "f4", pa.float64(): "f8"}
 
 
 def _field(name: str, kind: pa.DataType, about: str) -> pa.Field:
@@ -121,7 +123,7 @@ TRANSFERS = pa.schema([
     _field("kind", pa.uint8(), "index into KINDS"),
     _field("type_id", pa.uint16(), "data type ID; of an anonymous transfer its low 2 bits"),
     _field("variant", pa.uint8(), "which of the known types with this ID, 0 the preferred one; the CRC decides"),
-    _field("src", pa.uint8(), "source node ID, 0 when anonymous"),
+    _field("src", pa.uint8(), "source node ID; 0 when anonymous, and of a sender without one"),
     _field("dst", pa.uint8(), "destination node ID of a service transfer"),
     _field("priority", pa.uint8(), "0 (highest) to 31"),
     _field("transfer_id", pa.uint8(), "0 to 31"),
@@ -157,7 +159,7 @@ SETTLED = pa.schema([
 
 
 def wrap(schema: pa.Schema, columns: Mapping[str, Any]) -> pa.RecordBatch:
-    """The native core's columns as one batch, without a copy.
+    """Return the native core's columns as one batch, without a copy.
 
     `columns` maps a name to the bytes of its values, `<name>_offset` to i32 offsets and `<name>_valid` to an Arrow
     bitmap or None.
@@ -180,33 +182,8 @@ def _column(field: pa.Field, columns: Mapping[str, Any], rows: int) -> pa.Array:
     return pa.Array.from_buffers(kind, rows, [bitmap, pa.py_buffer(offsets), values])
 
 
-def numbers(array: pa.Array) -> npt.NDArray[Any]:
-    """A column of numbers, times or flags as numpy, null cells with an arbitrary value."""
-    if pa.types.is_boolean(array.type):
-        return _bits(array.buffers()[1], array.offset, len(array))
-    width = array.type.bit_width // 8
-    kind = _FLOATS.get(array.type)
-    if kind is None:
-        kind = f"{'u' if pa.types.is_unsigned_integer(array.type) else 'i'}{width}"
-    return np.frombuffer(array.buffers()[1], kind, len(array), array.offset * width)
-
-
-def valid(array: pa.Array) -> npt.NDArray[np.bool_]:
-    """The cells that have a value."""
-    if not array.null_count:
-        return np.ones(len(array), bool)
-    bitmap = array.buffers()[0]
-    return np.asarray(array.is_valid()) if bitmap is None else _bits(bitmap, array.offset, len(array))
-
-
-def _bits(bitmap: pa.Buffer, start: int, count: int) -> npt.NDArray[np.bool_]:
-    first = start // 8
-    packed = np.frombuffer(bitmap, np.uint8, (start + count + 7) // 8 - first, first)
-    return np.unpackbits(packed, count=start % 8 + count, bitorder="little")[start % 8 :].view(bool)
-
-
 def counted(codes: npt.NDArray[Any]) -> tuple[list[int], list[int]]:
-    """The integers that occur, in order, and how often; those that lie close together need no sorting."""
+    """Return the integers that occur, in order, and how often; those that lie close together need no sorting."""
     if not len(codes):
         return [], []
     low, high = int(codes.min()), int(codes.max())
@@ -219,15 +196,15 @@ def counted(codes: npt.NDArray[Any]) -> tuple[list[int], list[int]]:
 
 
 def distinct(codes: npt.NDArray[Any]) -> list[int]:
-    """The integers that occur, in order."""
+    """Return the integers that occur, in order."""
     return counted(codes)[0]
 
 
 def raw_times(array: pa.Array) -> list[int | None]:
-    """Integer nanoseconds of a time column, None where there is no time."""
+    """Return integer nanoseconds of a time column, None where there is no time."""
     return list(array.cast(pa.int64()).to_pylist())
 
 
 def empty(schema: pa.Schema) -> pa.RecordBatch:
-    """A batch without rows."""
+    """Return a batch without rows."""
     return pa.RecordBatch.from_pylist([], schema=schema)

@@ -1,4 +1,4 @@
-"""What the bytes mean, written down as data.
+"""The meaning of the bytes, written down as data.
 
 A dissector is a folder: DSDL files give the layout on the wire, `profile.toml` gives what DSDL cannot say (units,
 enumerations, bit parts, packets inside packets, limits, clauses). `load` finds the built-in folders, those of other

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
-from dissectors.layout import Primitive
+from dissectors.layout import PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,7 +58,7 @@ class FieldSyntax:
 
     line: int
     name: str
-    base: Primitive | str
+    base: PrimitiveType | str
     size: Size | None
 
 
@@ -67,7 +67,7 @@ class Constant:
     """A named value; it takes no space on the wire."""
 
     name: str
-    type: Primitive
+    type: PrimitiveType
     value: int | float | bool
 
 
@@ -94,7 +94,7 @@ class Definition:
 
 
 def read(path: Path) -> str:
-    """The text of a definition file; `DsdlError` if it cannot be read or is larger than `MAX_FILE_BYTES`."""
+    """Return the text of a definition file; `DsdlError` if it cannot be read or is larger than `MAX_FILE_BYTES`."""
     try:
         with path.open("rb") as file:
             data = file.read(MAX_FILE_BYTES + 1)
@@ -106,7 +106,7 @@ def read(path: Path) -> str:
 
 
 def parse(text: str, file: str) -> Definition:
-    """The syntax tree of a definition; `file` is its name in errors."""
+    """Return the syntax tree of a definition; `file` is its name in errors."""
     return _Parser(file).definition(text)
 
 
@@ -156,7 +156,7 @@ class _Parser:
             position = match.end()
 
     def take(self, *kinds: str) -> str | None:
-        """The next token, if it is one of these kinds or of these words."""
+        """Return the next token, if it is one of these kinds or of these words."""
         if self.tokens and (self.tokens[0][0] in kinds or self.tokens[0][1] in kinds):
             return self.tokens.pop(0)[1]
         return None
@@ -189,7 +189,7 @@ class _Parser:
         base = self.base(word, cast)
         size = self.size(base) if self.take("[") else None
         name = self.take("name")
-        if isinstance(base, Primitive) and base.kind == "void":
+        if isinstance(base, PrimitiveType) and base.kind == "void":
             if name or self.tokens:
                 self.fail("padding has no name and no value")
             section.fields.append(FieldSyntax(self.line, "", base, None))
@@ -206,7 +206,7 @@ class _Parser:
         if self.tokens:
             self.fail(f"nothing may follow here: {self.tokens[0][1][:40]!r}")
 
-    def base(self, word: str, cast: str | None) -> Primitive | str:
+    def base(self, word: str, cast: str | None) -> PrimitiveType | str:
         kind, bits = ("bool", 1) if word == "bool" else (word, 0)
         numbered = _NUMBERED.fullmatch(word)
         if numbered:
@@ -222,7 +222,7 @@ class _Parser:
         if kind == "void" and not 1 <= bits <= 64:
             self.fail(f"{word} does not exist (allowed: 1 to 64 bits)")
         # Casting is the sender's affair: `truncated` on int and bool, where it has no defined meaning, harms no reader.
-        return Primitive(_KINDS[kind], bits, cast != "truncated")
+        return PrimitiveType(_KINDS[kind], bits, cast != "truncated")
 
     def nested(self, word: str, cast: str | None) -> str:
         if cast:
@@ -231,8 +231,8 @@ class _Parser:
             self.fail(f"no such type: {word[:MAX_NAME]}")
         return word
 
-    def size(self, base: Primitive | str) -> Size:
-        if isinstance(base, Primitive) and base.kind == "void":
+    def size(self, base: PrimitiveType | str) -> Size:
+        if isinstance(base, PrimitiveType) and base.kind == "void":
             self.fail("an array of padding")
         bound = self.take("<=", "<")
         number = self.take("int")
@@ -252,8 +252,8 @@ class _Parser:
         value = int(digits, 0) if digits[:2].lower() in ("0x", "0b", "0o") else int(digits)
         return -value if word.startswith("-") else value
 
-    def constant(self, name: str, base: Primitive | str, size: Size | None) -> Constant:
-        if not isinstance(base, Primitive) or size:
+    def constant(self, name: str, base: PrimitiveType | str, size: Size | None) -> Constant:
+        if not isinstance(base, PrimitiveType) or size:
             self.fail("only a number, a bool or a character can be constant")
         if not self.tokens:
             self.fail("a value is expected")
@@ -270,7 +270,7 @@ class _Parser:
             self.fail(f"a constant is one literal, not {word[:40]!r}")
         return Constant(name, base, self.fit(value, base))
 
-    def fit(self, value: float, base: Primitive) -> int | float | bool:
+    def fit(self, value: float, base: PrimitiveType) -> int | float | bool:
         if base.kind == "float":
             if abs(value) > _FLOAT_MAX[base.bits]:
                 self.fail(f"the value does not fit in float{base.bits}")

@@ -14,7 +14,7 @@ PlanToken = tuple[str, int, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Primitive:
+class PrimitiveType:
     """A scalar of `bits` bits; a `void` is padding that has no name and no value."""
 
     kind: PrimitiveKind
@@ -33,10 +33,10 @@ class Primitive:
 
 
 @dataclass(frozen=True, slots=True)
-class Array:
+class ArrayType:
     """`max` elements, or up to `max` of them if `dynamic`; elements are never arrays themselves."""
 
-    element: Primitive | Compound
+    element: PrimitiveType | CompoundType
     max: int
     dynamic: bool
 
@@ -65,7 +65,7 @@ class Member:
 
 
 @dataclass(frozen=True, slots=True)
-class Compound:
+class CompoundType:
     """A structure, or a tagged union of its fields. `name` is the full DSDL name."""
 
     name: str
@@ -75,7 +75,7 @@ class Compound:
     max_bits: int = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Sizes are computed once: a nested type is asked for them many times."""
+        """Compute sizes once: a nested type is asked for them many times."""
         low = [member.type.min_bits for member in self.fields] or [0]
         high = [member.type.max_bits for member in self.fields] or [0]
         object.__setattr__(self, "min_bits", self.tag_bits + min(low) if self.union else sum(low))
@@ -87,22 +87,22 @@ class Compound:
         return (len(self.fields) - 1).bit_length() if self.union else 0
 
     def member(self, name: str) -> Type | None:
-        """The type of a named field."""
+        """Return the type of a named field."""
         return next((member.type for member in self.fields if member.name and member.name == name), None)
 
 
-Type = Primitive | Array | Compound
+Type = PrimitiveType | ArrayType | CompoundType
 
 
 def plan(layout: Type) -> list[PlanToken]:
-    """Preorder tokens of a layout.
+    """Return preorder tokens of a layout.
 
     `("struct", n, 0)` and `("union", n, tag_bits)` are followed by n nodes, `("array", count, 0)` and
     `("list", max, length_bits)` by one; `("uint" | "int" | "float" | "bool" | "void", bits, 0)` stand alone.
     """
-    if isinstance(layout, Primitive):
+    if isinstance(layout, PrimitiveType):
         return [(layout.kind, layout.bits, 0)]
-    if isinstance(layout, Array):
+    if isinstance(layout, ArrayType):
         return [("list" if layout.dynamic else "array", layout.max, layout.length_bits), *plan(layout.element)]
     tokens: list[PlanToken] = [("union" if layout.union else "struct", len(layout.fields), layout.tag_bits)]
     for member in layout.fields:
@@ -111,10 +111,10 @@ def plan(layout: Type) -> list[PlanToken]:
 
 
 def wire_bits(layout: Type, *, tail: bool) -> tuple[int, int]:
-    """Smallest and largest size on the wire; `tail` says that the value ends a payload with tail array optimisation."""
-    if isinstance(layout, Primitive):
+    """Return the least and most bits on the wire; with `tail` the value ends a payload with tail array optimisation."""
+    if isinstance(layout, PrimitiveType):
         return layout.bits, layout.bits
-    if isinstance(layout, Array):
+    if isinstance(layout, ArrayType):
         inner, last = wire_bits(layout.element, tail=False), wire_bits(layout.element, tail=tail)
         if not layout.dynamic:
             return (layout.max - 1) * inner[0] + last[0], (layout.max - 1) * inner[1] + last[1]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dissectors import dsdl
 from dissectors.dsdl import DsdlError, FieldSyntax, Section
-from dissectors.layout import Array, Compound, Member, Primitive
+from dissectors.layout import ArrayType, CompoundType, Member, PrimitiveType
 from dissectors.signature import normalised, signature
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Compiled:
 
     full_name: str
     type_id: int | None
-    layouts: tuple[Compound, ...]
+    layouts: tuple[CompoundType, ...]
     signature: int
     constants: tuple[Mapping[str, int | float | bool], ...]
     nodes: int
@@ -69,7 +69,7 @@ class Namespace:
         self._open: list[str] = []
 
     def add(self, path: Path, full_name: str) -> Entry:
-        """Makes one file known under `full_name`; the data type ID is the number its name starts with."""
+        """Make one file known under `full_name`; the data type ID is the number its name starts with."""
         match = _FILE.fullmatch(path.name)
         if match is None:
             raise DsdlError(str(path), 0, "a definition file is called [<id>.]<Name>.uavcan")
@@ -87,7 +87,7 @@ class Namespace:
         return entry
 
     def add_tree(self, folder: Path, prefix: str = "") -> None:
-        """Makes every definition file below `folder` known, folder names being namespaces under `prefix`.
+        """Make every definition file below `folder` known, folder names being namespaces under `prefix`.
 
         A file that was added under another name keeps that one.
         """
@@ -98,17 +98,17 @@ class Namespace:
             self.add(path, ".".join(filter(None, (prefix, folders, match[2] if match else path.name))))
 
     def is_service(self, entry: Entry) -> bool:
-        """Whether a file defines a service, from a cheap look at its text."""
+        """Return whether a file defines a service, from a cheap look at its text."""
         if entry.type_id is not None and entry.type_id > MAX_SERVICE_ID:
             return False
         return any(line.partition("#")[0].strip() == "---" for line in dsdl.read(entry.path).splitlines())
 
     def find(self, type_id: int, *, service: bool) -> Entry | None:
-        """The file that defines this ID as a message or as a service, the two being separate numbers."""
+        """Return the file that defines this ID as a message or as a service, the two being separate numbers."""
         return next((entry for entry in self.by_id.get(type_id, ()) if self.is_service(entry) == service), None)
 
     def compile(self, full_name: str) -> Compiled:
-        """The compiled type; `DsdlError` if a definition it needs is missing, wrong, nested in itself or too large."""
+        """Return the compiled type; `DsdlError` if a definition is missing, wrong, nested in itself or too large."""
         done = self._compiled.get(full_name)
         if done is None:
             entry = self.entries.get(full_name)
@@ -125,7 +125,7 @@ class Namespace:
         return done
 
     def signature_as(self, full_name: str, name: str) -> int:
-        """The signature that an entry would have if it were called `name` and its file dictated none."""
+        """Return the signature that an entry would have if it were called `name` and its file dictated none."""
         entry = self.entries[full_name]
         nested: list[Compiled] = []
         sections = dsdl.parse(dsdl.read(entry.path), str(entry.path)).sections
@@ -143,7 +143,7 @@ class Namespace:
         layouts, texts = [], []
         for section, suffix in zip(tree.sections, suffixes, strict=True):
             members, lines = self._members(section, entry, nested)
-            layouts.append(Compound(entry.full_name + suffix, members, section.union))
+            layouts.append(CompoundType(entry.full_name + suffix, members, section.union))
             texts.append((section.union, lines))
         nodes = sum(2 * len(layout.fields) + 1 for layout in layouts) + sum(inner.nodes for inner in nested)
         if nodes > MAX_NODES or any(layout.max_bits > MAX_BITS for layout in layouts):
@@ -153,11 +153,11 @@ class Namespace:
         return Compiled(entry.full_name, entry.type_id, tuple(layouts), code, constants, nodes)
 
     def _members(self, section: Section, entry: Entry, nested: list[Compiled]) -> tuple[tuple[Member, ...], list[str]]:
-        """The fields of a section with nested types resolved, and their normalised lines."""
+        """Return the fields of a section with nested types resolved, and their normalised lines."""
         members, lines = [], []
         for field in section.fields:
-            base: Primitive | Compound
-            if isinstance(field.base, Primitive):
+            base: PrimitiveType | CompoundType
+            if isinstance(field.base, PrimitiveType):
                 base, text = field.base, _spell(field.base)
             else:
                 inner = self._nested(field, field.base, entry)
@@ -166,7 +166,7 @@ class Namespace:
             if field.size is None:
                 members.append(Member(field.name, base))
             else:
-                members.append(Member(field.name, Array(base, field.size.count, field.size.dynamic)))
+                members.append(Member(field.name, ArrayType(base, field.size.count, field.size.dynamic)))
                 text += f"[{'<=' if field.size.dynamic else ''}{field.size.count}]"
             lines.append(f"{text} {field.name}" if field.name else text)
         return tuple(members), lines
@@ -186,12 +186,12 @@ class Namespace:
         return inner
 
     def knows(self, full_name: str) -> bool:
-        """Whether there is a definition file for this name, here or in a parent."""
+        """Return whether there is a definition file for this name, here or in a parent."""
         return full_name in self.entries or (self.parent is not None and self.parent.knows(full_name))
 
 
-def _spell(base: Primitive) -> str:
-    """A primitive as the normalised text has it: the cast mode is always written, except that padding has none."""
+def _spell(base: PrimitiveType) -> str:
+    """Return a primitive as the normalised text has it: the cast mode is always written, padding has none."""
     if base.kind == "void":
         return f"void{base.bits}"
     width = "" if base.kind == "bool" else base.bits
@@ -199,7 +199,7 @@ def _spell(base: Primitive) -> str:
 
 
 def _definitions(folder: Path) -> Iterator[Path]:
-    """Every definition file below a folder, in a fixed order; symbolic links to folders are not followed."""
+    """Yield every definition file below a folder, in a fixed order; symbolic links to folders are not followed."""
     count = 0
     waiting = [(folder, 0)]
     while waiting:

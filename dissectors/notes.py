@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, cast
 
 from dissectors import template
-from dissectors.layout import Array, Compound, Primitive
+from dissectors.layout import ArrayType, CompoundType, PrimitiveType
 from dissectors.schema import Agreement, Bits, Derived, Measure, Note, Piece, UnitBy
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from dissectors.layout import Type
-    from dissectors.toml_table import Table
+    from dissectors.toml_table import TomlTable
 
 Enums = dict[str, dict[int, str]]
 
@@ -31,10 +31,10 @@ class NoteReader:
     """
 
     enums: Enums
-    messages: Callable[[str], Compound | None] | None = None
+    messages: Callable[[str], CompoundType | None] | None = None
 
-    def notes(self, table: Table, layout: Compound, clause: str) -> dict[str, Note]:
-        """The table `field`: a note for each field it names; a clause "no 5" is row 5 of the table in `clause`."""
+    def notes(self, table: TomlTable, layout: CompoundType, clause: str) -> dict[str, Note]:
+        """Return a note for each field that the table `field` names; "no 5" is row 5 of the table in `clause`."""
         result = {}
         for name, body in table.tables("field"):
             kind = layout.member(name)
@@ -44,11 +44,11 @@ class NoteReader:
             result[name] = self._note(body, kind, layout, clause)
         return result
 
-    def derived(self, table: Table, layout: Compound, clause: str) -> dict[str, Derived]:
-        """The table `derived`: columns computed from one numeric field each, by name."""
+    def derived(self, table: TomlTable, layout: CompoundType, clause: str) -> dict[str, Derived]:
+        """Return the columns of the table `derived` by name, each computed from one numeric field."""
         result = {}
         for name, body in table.tables("derived"):
-            source = body.string("source", required=True)
+            source = body.string("source")
             kind = _scalar(layout.member(source))
             if kind is None or kind.kind == "bool":
                 body.fail(f"{source!r} is no number of {layout.name}", "source")
@@ -57,8 +57,10 @@ class NoteReader:
             result[name] = self._derived(name, source, body, clause)
         return result
 
-    def summary(self, table: Table, layout: Compound, notes: Mapping[str, Note], derived: Mapping[str, Derived]) -> str:
-        """The table's `summary` template, with every column checked."""
+    def summary(
+        self, table: TomlTable, layout: CompoundType, notes: Mapping[str, Note], derived: Mapping[str, Derived]
+    ) -> str:
+        """Return the table's `summary` template, every column of it checked."""
         text = table.string("summary")
         known: dict[str, int | float | str] = dict(columns(layout, notes))
         known |= {name: "text" if column.format else 1.5 for name, column in derived.items()}
@@ -73,7 +75,7 @@ class NoteReader:
                 table.fail(f"the format {slot.format!r} does not suit {slot.column}", "summary")
         return text
 
-    def _note(self, body: Table, kind: Type, layout: Compound, clause: str) -> Note:
+    def _note(self, body: TomlTable, kind: Type, layout: CompoundType, clause: str) -> Note:
         scalar = _scalar(kind)
         clause = _clause(body, clause)
         note = Note(
@@ -94,41 +96,43 @@ class NoteReader:
         )
         body.finish()
         if note.text and not (
-            isinstance(kind, Array) and scalar is not None and (scalar.kind, scalar.bits) == ("uint", 8)
+            isinstance(kind, ArrayType) and scalar is not None and (scalar.kind, scalar.bits) == ("uint", 8)
         ):
             body.fail("only an array of uint8 can be text", "text")
         for key in ("scale", "low", "high"):
             if scalar is None and body.body.get(key) is not None:
                 body.fail("only a number has this", key)
-        if note.wraps and not (isinstance(kind, Primitive) and kind.kind == "uint" and kind.bits <= MAX_COUNTER_BITS):
+        if note.wraps and not (
+            isinstance(kind, PrimitiveType) and kind.kind == "uint" and kind.bits <= MAX_COUNTER_BITS
+        ):
             body.fail(f"only a single unsigned number of at most {MAX_COUNTER_BITS} bits wraps", "wraps")
-        if note.agrees is not None and not (isinstance(kind, Primitive) and kind.bits > 8 and kind.bits % 8 == 0):
+        if note.agrees is not None and not (isinstance(kind, PrimitiveType) and kind.bits > 8 and kind.bits % 8 == 0):
             body.fail("only a single number of two or more whole bytes has a byte order", "agrees")
         _ordered(body)
         return note
 
-    def _agreement(self, body: Table) -> Agreement | None:
-        """`agrees = { with = "ESCStatus.voltage", within = 0.02 }`: a number of a message, and a share of its value."""
+    def _agreement(self, body: TomlTable) -> Agreement | None:
+        """Read `agrees = { with = "ESCStatus.voltage", within = 0.02 }`: a message's number, and a share of it."""
         if self.messages is None:
             return None
         outer = body.table("agrees")
         if "agrees" not in body.body:
             return None
-        path, within = outer.string("with", required=True), outer.fraction("within")
+        path, within = outer.string("with"), outer.fraction("within")
         outer.finish()
         message, _, field = path.rpartition(".")
         layout = self.messages(message)
         if layout is None:
             outer.fail(f"{message!r} is no message of this profile", "with")
         kind = layout.member(field)
-        if not isinstance(kind, Primitive) or kind.kind in ("bool", "void"):
+        if not isinstance(kind, PrimitiveType) or kind.kind in ("bool", "void"):
             outer.fail(f"{field!r} is no number of {layout.name}", "with")
         if within is None or not 0 <= within < 1:
             outer.fail("a share from 0 to below 1 is expected", "within")
         return Agreement(message, field, within)
 
-    def _enum(self, body: Table, key: str, scalar: Primitive | None) -> dict[int, str]:
-        """Raw values with texts: the name of an enumeration of the profile, or a table of its own."""
+    def _enum(self, body: TomlTable, key: str, scalar: PrimitiveType | None) -> dict[int, str]:
+        """Return raw values with texts: the name of an enumeration of the profile, or a table of its own."""
         if isinstance(body.body.get(key), str):
             name = body.one_of(key, self.enums)
             values = self.enums[name]
@@ -140,12 +144,12 @@ class NoteReader:
             body.fail(f"a value that {scalar.bits} bits cannot hold", key)
         return values
 
-    def _parts(self, body: Table, kind: Type, clause: str) -> tuple[Bits, ...]:
+    def _parts(self, body: TomlTable, kind: Type, clause: str) -> tuple[Bits, ...]:
         parts: list[Bits] = []
         taken: dict[int, str] = {}
         for name in body.table("bits").body:
             outer = body.table("bits")
-            if not isinstance(kind, Primitive) or kind.kind != "uint":
+            if not isinstance(kind, PrimitiveType) or kind.kind != "uint":
                 body.fail("only a single unsigned number has bit parts", "bits")
             part = self._part(name, outer, clause)
             if part.high >= kind.bits:
@@ -159,13 +163,13 @@ class NoteReader:
             parts.append(part)
         return tuple(parts)
 
-    def _part(self, name: str, outer: Table, clause: str) -> Bits:
-        """`stall = 7` is a flag; `mode = { at = "12-15", enum = "Mode" }` is the long form."""
+    def _part(self, name: str, outer: TomlTable, clause: str) -> Bits:
+        """Read `stall = 7`, a flag, or `mode = { at = "12-15", enum = "Mode" }`, the long form."""
         if isinstance(outer.body[name], int):
-            bit = outer.integer(name, 0, 63) or 0
+            bit = outer.integer(name) or 0
             return Bits(name, bit, bit, clause=clause)
         body = outer.table(name)
-        at = body.string("at", required=True)
+        at = body.string("at")
         first, _, last = at.partition("-")
         if not (first.isdecimal() and (last or first).isdecimal() and len(at) <= 5):
             body.fail("bits are written '3' or '12-15'", "at")
@@ -178,7 +182,7 @@ class NoteReader:
             high=high,
             scale=body.scale("scale"),
             unit=body.string("unit"),
-            enum=self._enum(body, "enum", Primitive("uint", high - low + 1)),
+            enum=self._enum(body, "enum", PrimitiveType("uint", high - low + 1)),
             clause=body.string("clause") or clause,
             tentative=body.flag("tentative"),
             low_limit=body.fraction("low"),
@@ -188,8 +192,8 @@ class NoteReader:
         _ordered(body)
         return part
 
-    def _unit_by(self, body: Table, layout: Compound) -> UnitBy | None:
-        """`unit_by.<field>`: for each raw value of that field how this one is read."""
+    def _unit_by(self, body: TomlTable, layout: CompoundType) -> UnitBy | None:
+        """Read `unit_by.<field>`: for each raw value of that field how this one is read."""
         tables = list(body.tables("unit_by"))
         if not tables:
             return None
@@ -197,7 +201,7 @@ class NoteReader:
             body.fail("the unit can follow one field only", "unit_by")
         name, outer = tables[0]
         kind = layout.member(name)
-        if not isinstance(kind, Primitive) or kind.kind != "uint":
+        if not isinstance(kind, PrimitiveType) or kind.kind != "uint":
             outer.fail(f"{layout.name} has no unsigned field of this name")
         measures = {}
         for key in outer.body:
@@ -211,7 +215,7 @@ class NoteReader:
             row.finish()
         return UnitBy(name, measures)
 
-    def _derived(self, name: str, source: str, body: Table, clause: str) -> Derived:
+    def _derived(self, name: str, source: str, body: TomlTable, clause: str) -> Derived:
         plain = Derived(name, source)
         derived = Derived(
             name=name,
@@ -221,12 +225,12 @@ class NoteReader:
             pieces=tuple(self._pieces(body)),
             unit=body.string("unit"),
             clause=_clause(body, clause),
-            format=cast('Literal["", "date"]', body.one_of("format", ("date",))),
+            format=cast('Literal["", "date"]', body.one_of("format")),
         )
         body.finish()
         return derived
 
-    def _pieces(self, body: Table) -> Iterator[Piece]:
+    def _pieces(self, body: TomlTable) -> Iterator[Piece]:
         for row in body.rows("pieces"):
             start, stop, add = row.fraction("start"), row.fraction("stop"), row.fraction("add")
             row.finish()
@@ -237,8 +241,10 @@ class NoteReader:
             yield Piece(start, stop, add)
 
 
-def columns(layout: Compound, notes: Mapping[str, Note], prefix: str = "") -> Iterator[tuple[str, int | float | str]]:
-    """The columns of a layout with a sample value: fields, their parts, and `field.member` of nested structures."""
+def columns(
+    layout: CompoundType, notes: Mapping[str, Note], prefix: str = ""
+) -> Iterator[tuple[str, int | float | str]]:
+    """Yield the columns of a layout with a sample value: fields, their parts, `field.member` of nested structures."""
     for member in layout.fields:
         if not member.name:
             continue
@@ -249,8 +255,8 @@ def columns(layout: Compound, notes: Mapping[str, Note], prefix: str = "") -> It
             yield f"{path}.{part.name}", "text" if part.enum else 1 if part.scale is None else 1.5
         if note.wraps:
             yield f"{path}.unwrapped", 1 if note.scale is None else 1.5
-        inner = member.type.element if isinstance(member.type, Array) else member.type
-        if isinstance(inner, Compound):
+        inner = member.type.element if isinstance(member.type, ArrayType) else member.type
+        if isinstance(inner, CompoundType):
             yield from columns(inner, notes, f"{path}.")
 
 
@@ -261,24 +267,24 @@ def _sample(kind: Type, note: Note) -> int | float | str:
     return 1.5 if scalar.kind == "float" or note.scale is not None else 1
 
 
-def _scalar(kind: Type | None) -> Primitive | None:
-    """The number that a field, or each element of it, is."""
-    inner = kind.element if isinstance(kind, Array) else kind
-    return inner if isinstance(inner, Primitive) else None
+def _scalar(kind: Type | None) -> PrimitiveType | None:
+    """Return the number that a field, or each element of it, is."""
+    inner = kind.element if isinstance(kind, ArrayType) else kind
+    return inner if isinstance(inner, PrimitiveType) else None
 
 
-def _clause(body: Table, table: str) -> str:
+def _clause(body: TomlTable, table: str) -> str:
     own = body.string("clause")
     return f"{table} {own}" if own.startswith("no ") else own
 
 
-def _fits(value: int, kind: Primitive) -> bool:
+def _fits(value: int, kind: PrimitiveType) -> bool:
     if kind.kind == "int":
         return -(1 << kind.bits - 1) <= value < 1 << kind.bits - 1
     return 0 <= value < 1 << kind.bits
 
 
-def _ordered(body: Table) -> None:
+def _ordered(body: TomlTable) -> None:
     low, high = body.fraction("low"), body.fraction("high")
     if low is not None and high is not None and low > high:
         body.fail("low is above high", "low")

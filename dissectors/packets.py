@@ -10,7 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dissectors.layout import Array, Compound, Primitive
+from dissectors.keys import PACKET_FILE
+from dissectors.layout import ArrayType, CompoundType, PrimitiveType
 from dissectors.namespace import Namespace
 from dissectors.schema import Packet, PacketFamily
 from dissectors.toml_table import read
@@ -20,26 +21,26 @@ if TYPE_CHECKING:
 
     from dissectors.layout import Type
     from dissectors.notes import NoteReader
-    from dissectors.toml_table import Table
+    from dissectors.toml_table import TomlTable
 
 MAX_PACKET = 255
 
 
-def family(table: Table, layout: Compound, folder: Path, reader: NoteReader) -> PacketFamily | None:
-    """The packets of a message, from the file that its key `packets` names; None without that key."""
+def family(table: TomlTable, layout: CompoundType, folder: Path, reader: NoteReader) -> PacketFamily | None:
+    """Return the packets of a message, from the file that its key `packets` names; None without that key."""
     file = table.string("packets")
     if not file:
         return None
     path = folder / file
     if not path.is_file():
         table.fail(f"no such file: {path}", "packets")
-    head = read(path)
-    field = head.string("carrier", required=True)
+    head = read(path, PACKET_FILE)
+    field = head.string("carrier")
     carrier = layout.member(field)
-    if not isinstance(carrier, Array) or (carrier.element.min_bits, carrier.element.max_bits) != (8, 8):
+    if not isinstance(carrier, ArrayType) or (carrier.element.min_bits, carrier.element.max_bits) != (8, 8):
         head.fail(f"{field!r} is no byte array of {layout.name}", "carrier")
-    header = bytes(head.integers("header", 0, 255))
-    at = [head.integer(key, 0, MAX_PACKET - 1) for key in ("id_at", "count_at", "unit_at", "length_at")]
+    header = bytes(head.integers("header"))
+    at = [head.integer(key) for key in ("id_at", "count_at", "unit_at", "length_at")]
     bodies = list(head.tables("packet"))
     for key in ("field", "derived"):
         head.table(key)
@@ -57,9 +58,9 @@ def family(table: Table, layout: Compound, folder: Path, reader: NoteReader) -> 
     return PacketFamily(field, header, id_at, count_at, unit_at, length_at, tuple(packets))
 
 
-def _packet(table: Table, head: Table, carrier: str, reader: NoteReader) -> Packet:
+def _packet(table: TomlTable, head: TomlTable, carrier: str, reader: NoteReader) -> Packet:
     name = table.path[-1]
-    path = Path(head.file).parent / table.string("dsdl", required=True)
+    path = Path(head.file).parent / table.string("dsdl")
     if not path.is_file():
         table.fail(f"no such file: {path}", "dsdl")
     files = Namespace()
@@ -69,7 +70,7 @@ def _packet(table: Table, head: Table, carrier: str, reader: NoteReader) -> Pack
     length = layout.max_bits // 8
     if compiled.service or layout.min_bits != layout.max_bits or layout.max_bits % 8 or not 1 < length <= MAX_PACKET:
         table.fail(f"a packet is 2 to {MAX_PACKET} whole bytes of fixed size", "dsdl")
-    identity = table.integer("id", 0, 255)
+    identity = table.integer("id")
     if identity is None:
         table.fail("id is missing")
     clause = table.string("clause")
@@ -83,7 +84,7 @@ def _packet(table: Table, head: Table, carrier: str, reader: NoteReader) -> Pack
         notes=notes,
         derived=tuple(derived.values()),
         clause=clause,
-        checksum_ends=table.integers("checksum_ends", 1, length - 1) or (length - 1,),
+        checksum_ends=table.integers("checksum_ends", high=length - 1) or (length - 1,),
         summary=reader.summary(table, layout, notes, derived),
         numbers=tuple(_numbers(layout)),
     )
@@ -92,14 +93,14 @@ def _packet(table: Table, head: Table, carrier: str, reader: NoteReader) -> Pack
 
 
 def _numbers(kind: Type, start: int = 0) -> Iterator[tuple[int, int]]:
-    """(first byte, bytes) of the numbers of two or more whole bytes in a value of fixed size.
+    """Yield (first byte, bytes) of the numbers of two or more whole bytes in a value of fixed size.
 
     The value begins at bit `start`. What is inside a union is left out: its places depend on the tag.
     """
-    if isinstance(kind, Primitive):
+    if isinstance(kind, PrimitiveType):
         if kind.kind != "void" and kind.bits > 8 and kind.bits % 8 == start % 8 == 0:
             yield start // 8, kind.bits // 8
-    elif isinstance(kind, Array):
+    elif isinstance(kind, ArrayType):
         for index in range(kind.max):
             yield from _numbers(kind.element, start + index * kind.element.max_bits)
     elif not kind.union:

@@ -1,4 +1,4 @@
-"""What a picture shows of a dissector's tables: which column is the voltage of which device, read from `plots.toml`.
+"""The picture of a dissector's tables: which column is the voltage of which device, read from `plots.toml`.
 
 A dissector's folder may hold that file; a table that no file speaks of is shown field by field. Columns are those of
 the decoded tables, fields, parts (`field.part`) and derived ones alike.
@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from dissectors.keys import PLOTS
 from dissectors.registry import UnknownNameError
 from dissectors.toml_table import read
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from dissectors.registry import Registry
-    from dissectors.toml_table import Table
+    from dissectors.toml_table import TomlTable
 
 FILE = "plots.toml"
 
@@ -103,7 +104,7 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """What is shown of one table. Columns in `hidden` say nothing that is not shown otherwise.
+    """The picture of one table. Columns in `hidden` say nothing that is not shown otherwise.
 
     Tables of `parameters` are shown beside the commands.
     """
@@ -128,7 +129,7 @@ class Pictures:
 
 
 def load(registry: Registry) -> Pictures:
-    """What the folders say; of two that speak of one quantity or table the first one counts. Raises `ProfileError`.
+    """Return what the folders say; of two that speak of the same the first one counts. Raises `ProfileError`.
 
     Tables are named as people name messages; a packet stands behind the message that carries it.
     """
@@ -138,7 +139,7 @@ def load(registry: Registry) -> Pictures:
         path = profile.folder / FILE
         if not path.is_file():
             continue
-        top = read(path)
+        top = read(path, PLOTS)
         own = {name: _quantity(name, table) for name, table in top.tables("quantity")}
         quantities = quantities | {name: found for name, found in own.items() if name not in quantities}
         for name, table in top.tables("table"):
@@ -147,8 +148,8 @@ def load(registry: Registry) -> Pictures:
     return Pictures(quantities, plots)
 
 
-def _table(registry: Registry, name: str, table: Table) -> str:
-    """The table that is meant."""
+def _table(registry: Registry, name: str, table: TomlTable) -> str:
+    """Return the table that is meant."""
     message, _, packet = name.rpartition(".")
     try:
         return registry.table(name)
@@ -158,8 +159,8 @@ def _table(registry: Registry, name: str, table: Table) -> str:
         table.fail(str(error))
 
 
-def _quantity(name: str, table: Table) -> Quantity:
-    found = Quantity(name, table.string("title", required=True), table.string("unit"), table.flag("detail"))
+def _quantity(name: str, table: TomlTable) -> Quantity:
+    found = Quantity(name, table.string("title"), table.string("unit"), table.flag("detail"))
     table.finish()
     return found
 
@@ -170,7 +171,7 @@ class _Reader:
     def __init__(self, quantities: Mapping[str, Quantity]) -> None:
         self._quantities = quantities
 
-    def plot(self, name: str, table: Table) -> Plot:
+    def plot(self, name: str, table: TomlTable) -> Plot:
         plot = Plot(
             table=name,
             who=_who(table.table("who")),
@@ -194,18 +195,18 @@ class _Reader:
         table.finish()
         return plot
 
-    def _known(self, body: Table, text: str, key: str = "") -> str:
+    def _known(self, body: TomlTable, text: str, key: str = "") -> str:
         if text not in self._quantities:
             body.fail(f"{text!r} is no quantity (known: {', '.join(sorted(self._quantities))})", key)
         return text
 
-    def _line(self, key: str, body: Table) -> Line:
+    def _line(self, key: str, body: TomlTable) -> Line:
         quantity, _, role = key.partition("/")
-        found = Line(self._known(body, quantity), body.string("column", required=True), role, _only(body))
+        found = Line(self._known(body, quantity), body.string("column"), role, _only(body))
         body.finish()
         return found
 
-    def _product(self, key: str, body: Table) -> Product:
+    def _product(self, key: str, body: TomlTable) -> Product:
         factors = body.strings("of")
         if len(factors) != 2:
             body.fail("two quantities are expected", "of")
@@ -213,31 +214,31 @@ class _Reader:
         body.finish()
         return Product(self._known(body, key), (first, second))
 
-    def _integral(self, key: str, body: Table) -> Integral:
-        of = self._known(body, body.string("of", required=True), "of")
+    def _integral(self, key: str, body: TomlTable) -> Integral:
+        of = self._known(body, body.string("of"), "of")
         found = Integral(self._known(body, key), of, float(body.scale("scale") or 1))
         body.finish()
         return found
 
-    def _interval(self, key: str, body: Table) -> Interval:
+    def _interval(self, key: str, body: TomlTable) -> Interval:
         found = Interval(self._known(body, key), change=body.flag("change"))
         body.finish()
         return found
 
 
-def _states(key: str, body: Table) -> States:
+def _states(key: str, body: TomlTable) -> States:
     found = States(key, _only(body))
     body.finish()
     return found
 
 
-def _who(table: Table) -> Who:
+def _who(table: TomlTable) -> Who:
     found = Who(
         path=table.string("path") or "node",
         title=table.string("title") or table.string("path") or "node",
         column=table.string("column"),
         elements=table.flag("elements"),
-        first=table.integer("first", 0, 1000) or 0,
+        first=table.integer("first") or 0,
     )
     if found.column and found.elements:
         table.fail("a device is numbered by a column or by its place in a list, not by both", "elements")
@@ -245,8 +246,8 @@ def _who(table: Table) -> Who:
     return found
 
 
-def _only(table: Table) -> Only | None:
-    """`only = "dialect=tm"`: rows of nodes that read it so."""
+def _only(table: TomlTable) -> Only | None:
+    """Read `only = "dialect=tm"`: rows of nodes that read it so."""
     text = table.string("only")
     reading, equals, choice = text.partition("=")
     if text and not (reading and equals and choice):

@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING
 
 from dissectors import packets
 from dissectors.dsdl import DsdlError
-from dissectors.layout import Array, Compound
-from dissectors.namespace import MAX_MESSAGE_ID, Compiled, Namespace
+from dissectors.keys import PROFILE
+from dissectors.keys.profile import NESTED
+from dissectors.layout import ArrayType, CompoundType
+from dissectors.namespace import Compiled, Namespace
 from dissectors.notes import NoteReader, columns
 from dissectors.schema import Dissector, Evidence, Message, Reading
-from dissectors.toml_table import ProfileError, Table, read
+from dissectors.toml_table import ProfileError, TomlTable, read
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,12 +45,14 @@ class Offer:
 class Profile:
     """One folder, read: its name and version, the types it offers and, on demand, their messages."""
 
-    def __init__(self, folder: Path, table: Table, parent: Namespace | None) -> None:
+    def __init__(self, folder: Path, table: TomlTable, parent: Namespace | None, *, trusted: bool = True) -> None:
         self.folder = folder
-        self.table = table
+        self.table = table = table.of(PROFILE)
         self.name = table.string("name") or folder.name
         self.version = table.string("version")
-        self.rules = table.string("rules")  # a module, or a file NAME.py here, with what conformance rules need
+        # A module, or a file NAME.py here, with what conformance rules need: it runs only if the folder is trusted.
+        self.code = table.string("rules")
+        self.rules = self.code if trusted else ""
         self.namespace = Namespace(parent)
         self.reader = NoteReader({name: table.table("enum").texts(name) for name in table.table("enum").body})
         self._names: dict[str, str] = {}  # full type name -> name in tables
@@ -69,22 +73,25 @@ class Profile:
         table.finish()
 
     @classmethod
-    def open(cls, folder: Path, parent: Namespace | None = None) -> Profile:
-        """Reads a folder; nested types that it does not define are looked up in `parent`."""
+    def open(cls, folder: Path, parent: Namespace | None = None, *, trusted: bool = True) -> Profile:
+        """Read a folder; nested types that it does not define are looked up in `parent`.
+
+        Python that it brings runs only if it is `trusted`.
+        """
         path = folder / "profile.toml"
         if path.is_file():
-            return cls(folder, read(path), parent)
+            return cls(folder, read(path), parent, trusted=trusted)
         if not folder.is_dir():
             raise ProfileError(str(folder), 1, "no such folder")
-        return cls(folder, Table(str(path), "", (), {"tree": "."}), parent)
+        return cls(folder, TomlTable(str(path), "", (), {"tree": "."}), parent)
 
     def find(self, type_id: int, *, service: bool) -> str | None:
-        """The full name of the offered type with this ID."""
+        """Return the full name of the offered type with this ID."""
         entry = self.namespace.find(type_id, service=service)
         return entry.full_name if entry else None
 
     def offers(self) -> Iterator[Offer]:
-        """Every offered type that has an ID; reads, but does not compile, the files of possible services."""
+        """Yield every offered type that has an ID; read, but do not compile, the files of possible services."""
         for entries in self.namespace.by_id.values():
             for entry in entries:
                 service = self.namespace.is_service(entry)
@@ -92,15 +99,15 @@ class Profile:
                 yield Offer(name, entry.full_name, entry.type_id or 0, service)
 
     def aliases(self, full_name: str) -> tuple[str, ...]:
-        """Other names that a message of this profile answers to."""
+        """Return other names that a message of this profile answers to."""
         return self.table.table("message").table(self._names.get(full_name, full_name)).strings("aliases")
 
     def signature(self, full_name: str) -> int:
-        """The data type signature of an offered type."""
+        """Return the data type signature of an offered type."""
         return self.namespace.compile(full_name).signature
 
     def mistaken(self, full_name: str) -> dict[int, str]:
-        """Signatures that a sender may take for that of an offered type, each with the name that gives it.
+        """Return signatures that a sender may take for that of an offered type, each with the name that gives it.
 
         Those of its other names, in every namespace that this folder knows its types by, and the one that it would have
         if its file did not dictate another.
@@ -114,20 +121,20 @@ class Profile:
         return {code: found[code] for code in reversed(found) if code != self.signature(full_name)}
 
     def message(self, kind: MessageKind, full_name: str) -> Message:
-        """The message with its notes, built once."""
+        """Return the message with its notes, built once."""
         key = (kind, full_name)
         if key not in self._built:
             self._built[key] = self._build(kind, self.namespace.compile(full_name))
         return self._built[key]
 
     def carriers(self) -> Iterator[Message]:
-        """The messages that carry packets; only these are built."""
+        """Yield the messages that carry packets; only these are built."""
         for name, body in self.table.tables("message"):
             if "packets" in body.body:
                 yield self.message("message", body.string("type") or name)
 
     def dissector(self) -> Dissector:
-        """Everything the folder offers, compiled and checked: the first mistake in any file is raised."""
+        """Return everything the folder offers, compiled and checked: the first mistake in any file is raised."""
         built = [
             self.message(kind, offer.full_name)
             for offer in self.offers()
@@ -136,8 +143,8 @@ class Profile:
         self._check_listed()
         return Dissector(self.name, self.version, tuple(built))
 
-    def _add_tree(self, table: Table) -> None:
-        """`tree` is a folder of definition files here, `package` one in an installed package, which is not imported."""
+    def _add_tree(self, table: TomlTable) -> None:
+        """Add `tree`, a folder of definition files, and `package`, one in a package, which is not imported."""
         package, tree = table.string("package"), table.string("tree")
         if package:
             top, _, below = package.partition("/")
@@ -153,7 +160,7 @@ class Profile:
             own = any(child.suffix == ".uavcan" for child in folder.iterdir())
             self.namespace.add_tree(folder, folder.name if own else "")
 
-    def _add_file(self, name: str, body: Table) -> None:
+    def _add_file(self, name: str, body: TomlTable) -> None:
         file = body.string("dsdl")
         if file:
             path = (self.folder / file).resolve()
@@ -162,7 +169,7 @@ class Profile:
             self.namespace.add(path, body.string("type") or name)
 
     def _check_listed(self) -> None:
-        """Two types with one ID, or a table of the wrong kind: one of them would never be used."""
+        """Refuse two types with one ID, and a table of the wrong kind: one of them would never be used."""
         taken: dict[tuple[int, bool], str] = {}
         for offer in self.offers():
             other = taken.setdefault((offer.type_id, offer.service), offer.full_name)
@@ -209,36 +216,36 @@ class Profile:
         table.finish()
         return message
 
-    def _layout(self, name: str) -> Compound | None:
-        """The layout of a message that the profile lists."""
+    def _layout(self, name: str) -> CompoundType | None:
+        """Return the layout of a message that the profile lists."""
         listed = self.table.table("message")
         if name not in listed.body:
             return None
         return self.namespace.compile(listed.table(name).string("type") or name).layouts[0]
 
-    def _notes(self, table: Table, layout: Compound, clause: str) -> dict[str, Note]:
-        """The message's own notes and, under `field.member`, those of the types nested in it."""
+    def _notes(self, table: TomlTable, layout: CompoundType, clause: str) -> dict[str, Note]:
+        """Return the message's own notes and, under `field.member`, those of the types nested in it."""
         notes = self.reader.notes(table, layout, clause)
         for member in layout.fields:
-            inner = member.type.element if isinstance(member.type, Array) else member.type
-            if isinstance(inner, Compound):
+            inner = member.type.element if isinstance(member.type, ArrayType) else member.type
+            if isinstance(inner, CompoundType):
                 about = self._about(inner)
                 nested = self._notes(about, inner, about.string("clause"))
                 notes |= {f"{member.name}.{path}": note for path, note in nested.items()}
         return notes
 
-    def _about(self, nested: Compound) -> Table:
-        """What the profile says of a type wherever it is nested: its table in `type`, or in `message`."""
+    def _about(self, nested: CompoundType) -> TomlTable:
+        """Return what the profile says of a type wherever it is nested: its table in `type`, or in `message`."""
         for kind in ("type", "message"):
             if nested.name in self.table.table(kind).body:
                 return self.table.table(kind).table(nested.name)
-        return Table(self.table.file, "", (), {})
+        return TomlTable(self.table.file, "", (), {}, NESTED)
 
-    def _readings(self, table: Table, layout: Compound, notes: dict[str, Note]) -> Iterator[Reading]:
+    def _readings(self, table: TomlTable, layout: CompoundType, notes: dict[str, Note]) -> Iterator[Reading]:
         known = {name for name, _ in columns(layout, notes)}
         for name, body in table.tables("reading"):
             choices = body.strings("choices")
-            field = body.string("field", required=True)
+            field = body.string("field")
             if field not in known:
                 body.fail(f"no field {field!r}", "field")
             evidence = tuple(self._evidence(row, choices, known) for row in body.rows("evidence"))
@@ -247,9 +254,9 @@ class Profile:
             yield Reading(name, field, choices, evidence, body.one_of("otherwise", choices), body.string("clause"))
             body.finish()
 
-    def _evidence(self, row: Table, choices: tuple[str, ...], known: set[str]) -> Evidence:
+    def _evidence(self, row: TomlTable, choices: tuple[str, ...], known: set[str]) -> Evidence:
         found = Evidence(
-            choice=row.one_of("choice", choices),
+            choice=row.one_of("choice", choices, required=False),
             field=row.one_of("field", sorted(known)),
             low=row.fraction("low"),
             stop=row.fraction("stop"),
@@ -264,9 +271,9 @@ class Profile:
         return found
 
 
-def _undefined(name: str, body: Table) -> tuple[int, int, str]:
-    """A message type of which only ID and signature are known, and its name."""
-    type_id, digits = body.integer("id", 0, MAX_MESSAGE_ID), body.string("signature", required=True)
+def _undefined(name: str, body: TomlTable) -> tuple[int, int, str]:
+    """Return a message type of which only ID and signature are known, and its name."""
+    type_id, digits = body.integer("id"), body.string("signature")
     if type_id is None or not re.fullmatch("[0-9A-Fa-f]{16}", digits):
         body.fail("a data type ID, and a signature of 16 hexadecimal digits, are expected")
     body.finish()

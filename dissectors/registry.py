@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dissectors.profile import KINDS, Profile, ProfileError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
     from dissectors.namespace import Namespace
     from dissectors.schema import Message, MessageKind
@@ -42,28 +42,28 @@ class Registry:
         self._found: dict[tuple[bool, int], list[tuple[Profile, str]]] = {}
 
     def signatures(self, service: int, type_id: int) -> list[int]:
-        """The signatures of the types with a message (`service` 0) or service (1) ID, the preferred one first."""
+        """Return the signatures of types with a message (`service` 0) or service (1) ID, the preferred one first."""
         return [profile.signature(name) for profile, name in self._find(type_id, service=bool(service))]
 
     def mistaken(self, service: int, type_id: int) -> dict[int, str]:
-        """Signatures that a sender may take by mistake for those of an ID, with the names that give them."""
+        """Return signatures that a sender may take by mistake for those of an ID, with the names that give them."""
         found: dict[int, str] = {}
         for profile, name in self._find(type_id, service=bool(service)):
             found = profile.mistaken(name) | found
         return {code: name for code, name in found.items() if code not in self.signatures(service, type_id)}
 
     def undefined(self, service: int, type_id: int) -> dict[int, str]:
-        """Signatures of further types with an ID, which are known by name only."""
+        """Return signatures of further types with an ID, which are known by name only."""
         listed = [one for profile in self.profiles for one in profile.undefined if not service]
         return {code: name for known, code, name in listed if known == type_id}
 
     def all_signatures(self) -> dict[int, str]:
-        """The signature of every type that is in use, with its full name; compiles them all."""
+        """Return the signature of every type that is in use, with its full name; compile them all."""
         offers = [(profile, offer.full_name) for profile in self.profiles for offer in profile.offers()]
         return {profile.signature(name): name for profile, name in reversed(offers)}
 
     def message(self, kind: int, type_id: int, variant: int = 0) -> Message | None:
-        """The message of an ID, None if unknown. `kind` is 0 message, 1 anonymous, 2 request or 3 response."""
+        """Return the message of an ID, None if unknown. `kind` is 0 message, 1 anonymous, 2 request or 3 response."""
         found = self._find(type_id, service=kind >= 2)
         if variant >= len(found):
             return None
@@ -71,15 +71,15 @@ class Registry:
         return profile.message(KINDS[max(0, kind - 1)], full_name)
 
     def carriers(self) -> tuple[Message, ...]:
-        """Every message that carries packets, of all folders."""
+        """Return every message that carries packets, of all folders."""
         return tuple(message for profile in self.profiles for message in profile.carriers())
 
     def names(self) -> tuple[str, ...]:
-        """Every table name that `resolve` knows, sorted."""
+        """Return every table name that `resolve` knows, sorted."""
         return tuple(sorted(self._tables))
 
     def resolve(self, name: str) -> Message:
-        """The message of a table name, full type name, alias or the end of one (`NodeStatus`, `esc.Status`).
+        """Return the message of a table name, full type name, alias or the end of one (`NodeStatus`, `esc.Status`).
 
         An exact name wins over an end, and capitals matter only where they decide. Raises `UnknownNameError`.
         """
@@ -87,7 +87,7 @@ class Registry:
         return profile.message(kind, full_name)
 
     def table(self, name: str) -> str:
-        """The name of that message's table, without compiling it. Raises `UnknownNameError`."""
+        """Return the name of that message's table, without compiling it. Raises `UnknownNameError`."""
         lower = name.lower()
         ends: tuple[Callable[[str], bool], ...] = (
             lambda known: known == name,
@@ -106,7 +106,7 @@ class Registry:
         raise UnknownNameError(name, tuple(dict.fromkeys(near)), several=False)
 
     def _find(self, type_id: int, *, service: bool) -> list[tuple[Profile, str]]:
-        """The types with this ID in order of precedence. One alone is not compiled to be found."""
+        """Return the types with this ID in order of precedence. One alone is not compiled to be found."""
         key = (service, type_id)
         if key not in self._found:
             named = ((profile, profile.find(type_id, service=service)) for profile in self.profiles)
@@ -141,19 +141,27 @@ class Registry:
         return tuple(known)
 
 
-def load(extra: Sequence[Path] = ()) -> Registry:
-    """The dissectors of `extra` folders, of installed packages and of this package, in that order of precedence.
+def load(extra: Sequence[Path] = (), trusted: Collection[Path] = ()) -> Registry:
+    """Return the dissectors of `extra` folders, of installed packages and of this package, in that order of precedence.
 
     An installed package offers a folder by an entry point of the group `analyzer.dissectors` whose value is its path.
     The folders in `extra` are compiled at once, so that their mistakes show here (`ProfileError`, `DsdlError`); all
-    others are compiled when a type of theirs is asked for. No file outside these folders is read.
+    others are compiled when a type of theirs is asked for. No file outside these folders is read. Of the `extra` ones
+    only those that are `trusted` may bring Python that runs; the others are data.
     """
-    standard = Profile.open(_HERE / "dronecan")
-    profiles = [Profile.open(Path(folder), standard.namespace) for folder in extra]
+    standard, tmotor = _own_profiles()
+    profiles = [Profile.open(Path(folder), standard.namespace, trusted=folder in trusted) for folder in extra]
     for profile in profiles:
         profile.dissector()
     profiles += _installed(standard.namespace)
-    return Registry([*profiles, Profile.open(_HERE / "tmotor", standard.namespace), standard])
+    return Registry([*profiles, tmotor, standard])
+
+
+@cache
+def _own_profiles() -> tuple[Profile, Profile]:
+    """Return those of this package, which every registry of a process shares with what they have compiled."""
+    standard = Profile.open(_HERE / "dronecan")
+    return standard, Profile.open(_HERE / "tmotor", standard.namespace)
 
 
 def _installed(parent: Namespace) -> list[Profile]:

@@ -1,8 +1,8 @@
 """The vocabulary of a dissector: frozen data that the loader writes and every reader shares.
 
-Layout (`Primitive`, `Array`, `Compound`, from `dissectors.layout`) says where the bits are; it comes from DSDL alone.
-Meaning (`Note`, `Bits`, `Derived`, `Packet`, `Reading`) comes from a profile. A `Message` is both, with its identity
-on the bus. Scales are fractions, so that a raw value times 1/100 is exact.
+Layout (`PrimitiveType`, `ArrayType`, `CompoundType`, from `dissectors.layout`) says where the bits are; it comes from
+DSDL alone. Meaning (`Note`, `Bits`, `Derived`, `Packet`, `Reading`) comes from a profile. A `Message` is both, with its
+identity on the bus. Scales are fractions, so that a raw value times 1/100 is exact.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, Literal
 
-from dissectors.layout import Array, Compound, Member, PlanToken, Primitive, Type, plan, wire_bits
+from dissectors.layout import ArrayType, CompoundType, Member, PlanToken, PrimitiveType, Type, plan, wire_bits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 __all__ = [
     "Agreement",
-    "Array",
+    "ArrayType",
     "Bits",
-    "Compound",
+    "CompoundType",
     "Derived",
     "Dissector",
     "Evidence",
@@ -33,7 +33,7 @@ __all__ = [
     "PacketFamily",
     "Piece",
     "PlanToken",
-    "Primitive",
+    "PrimitiveType",
     "Reading",
     "Type",
     "UnitBy",
@@ -106,7 +106,7 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """What a profile says of one DSDL field.
+    """A profile's note on one DSDL field.
 
     `name` is the display name (the DSDL name stays valid as an alias; empty means no other name). `scale` makes the
     raw value physical, in `unit`. `special` are raw values that are not numbers ("no change"), outside `enum` and
@@ -173,7 +173,7 @@ class Packet:
     name: str
     id: int
     length: int
-    layout: Compound
+    layout: CompoundType
     notes: Mapping[str, Note]
     derived: tuple[Derived, ...]
     clause: str
@@ -197,7 +197,7 @@ class PacketFamily:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What speaks for one `choice` of a reading, judged on the rows of one node.
+    """Evidence for one `choice` of a reading, judged on the rows of one node.
 
     Either a value: `field` (or `field.part`, raw) lies in `low` <= value < `stop`, in at least one row, or if
     `every`, in all rows that hold a finite value. Or `sends`: the node sends one of these messages.
@@ -239,7 +239,7 @@ class Message:
     kind: MessageKind
     type_id: int
     signature: int
-    layout: Compound
+    layout: CompoundType
     notes: Mapping[str, Note] = field(default_factory=dict)
     derived: tuple[Derived, ...] = ()
     packets: PacketFamily | None = None
@@ -276,7 +276,7 @@ class Message:
         return _bytes(wire_bits(self.layout, tail=False)[1])
 
     def plan(self) -> list[PlanToken]:
-        """The layout as the native core runs it: tokens in preorder."""
+        """Return the layout as the native core runs it: tokens in preorder."""
         return plan(self.layout)
 
 

@@ -12,7 +12,7 @@ _POLY = 0x42F0_E1EB_A9EA_3693
 
 
 def crc64(data: bytes, extend: int = 0) -> int:
-    """CRC-64-WE of `data`, going on from the value `extend` (0 starts anew). The check value is 0x62EC59E3F1A4F00A."""
+    """Return CRC-64-WE of `data`, going on from `extend` (0 starts anew). The check value is 0x62EC59E3F1A4F00A."""
     crc = extend ^ _MASK
     for byte in data:
         crc ^= byte << 56
@@ -22,7 +22,7 @@ def crc64(data: bytes, extend: int = 0) -> int:
 
 
 def normalised(full_name: str, sections: Iterable[tuple[bool, Iterable[str]]]) -> str:
-    """The text that is hashed: the name, then each section's `@union` and fields, `---` between the two of a service.
+    """Return the text that is hashed: the name, then each section's `@union` and fields, `---` between sections.
 
     `sections` are (union, field lines); a field line is `saturated uint8 name`, `void3`, `full.Type name` or any of
     the first and last with `[N]` or `[<=N]` after the type. Comments, constants and layout of the source have no part
@@ -37,7 +37,7 @@ def normalised(full_name: str, sections: Iterable[tuple[bool, Iterable[str]]]) -
 
 
 def signature(text: str, nested: Iterable[int], override: int | None = None) -> int:
-    """The data type signature: the CRC of the normalised text (or `override`), extended by nested signatures.
+    """Return the data type signature: the CRC of the normalised text (or `override`), extended by nested signatures.
 
     `nested` holds the signature of each field of nested type (or array of it), in field order; both halves of a service
     share one signature.

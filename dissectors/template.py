@@ -24,7 +24,7 @@ class Slot:
     format: str
 
     def fits(self, sample: float | str) -> bool:
-        """Whether `format` can be applied to a value of this kind; a text takes none."""
+        """Return whether `format` can be applied to a value of this kind; a text takes none."""
         if isinstance(sample, str):
             return not self.format
         try:
@@ -34,7 +34,7 @@ class Slot:
 
 
 def parse(template: str) -> tuple[Slot, ...]:
-    """The slots of a template; `ValueError` with the reason if it is malformed."""
+    """Return the slots of a template; `ValueError` with the reason if it is malformed."""
     if len(template) > MAX_TEMPLATE:
         raise ValueError(f"a template of more than {MAX_TEMPLATE} characters")
     slots = []

@@ -1,16 +1,25 @@
-"""A TOML table that is read key by key, so that every mistake is reported with file, line and what is allowed."""
+"""A TOML table that is read key by key, so that every mistake is reported with file, line and what is allowed.
+
+`dissectors.keys` says what a table may hold: a reader asks for a key by its name and its kind, and words and limits
+come from there. A table that nothing is said of takes them from the reader.
+"""
 
 from __future__ import annotations
 
 import re
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NoReturn
+
+from dissectors.keys import Keys
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
+
+    from dissectors.keys import Key
+    from dissectors.keys.key import Kind
 
 MAX_FILE_BYTES = 1024 * 1024
 
@@ -29,57 +38,63 @@ class ProfileError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
-    """One table of a profile: `path` says where it stands, and keys that nobody asked for are an error (`finish`)."""
+class TomlTable:
+    """One table of a file: `path` says where it stands, and keys that nobody asked for are an error (`finish`).
+
+    `keys` are those that it may have; None if nothing is said of them.
+    """
 
     file: str
     text: str = field(repr=False)
     path: tuple[str, ...]
     body: dict[str, Any]
+    keys: Keys | None = None
     asked: set[str] = field(default_factory=set)
 
+    def of(self, keys: Keys) -> TomlTable:
+        """Return the same table as one that may have these keys."""
+        return replace(self, keys=keys)
+
     def fail(self, reason: str, key: str = "") -> NoReturn:
-        """Raises a `ProfileError` at the line of `key`, or of the table itself."""
+        """Raise a `ProfileError` at the line of `key`, or of the table itself."""
         path = (*self.path, key) if key else self.path
         place = "".join(f"[{'.'.join(self.path)}] " if self.path else "")
         raise ProfileError(self.file, _line(self.text, path), f"{place}{f'{key}: ' if key else ''}{reason}")
 
-    def take(self, key: str, kind: type, wanted: str) -> Any:
-        """The value of a key, None if it is absent; a bool is not taken for an integer."""
-        self.asked.add(key)
-        value = self.body.get(key)
-        if value is not None and (not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool)):
-            self.fail(f"{wanted} is expected, not {value!r:.60}", key)
-        return value
-
-    def string(self, key: str, *, required: bool = False) -> str:
-        """A text, empty if absent."""
+    def string(self, key: str, *, required: bool | None = None) -> str:
+        """Return a text, empty if absent."""
+        known = self._key(key, "text", "word", "enumeration")
         value: str | None = self.take(key, str, "a text")
-        if required and not value:
+        needed = known.required if required is None and known is not None else required
+        if needed and not value:
             self.fail(f"{key} is missing")
         return value or ""
 
-    def one_of(self, key: str, allowed: Iterable[str]) -> str:
-        """A text that is one of `allowed`, or empty if absent."""
-        value = self.string(key)
-        choices = list(allowed)
+    def one_of(self, key: str, allowed: Iterable[str] | None = None, *, required: bool | None = None) -> str:
+        """Return a text that is one of `allowed`, else of the key's words, or empty if absent."""
+        known = self._key(key, "word", "enumeration")
+        value = self.string(key, required=False)
+        choices = list(known.words if allowed is None and known is not None else allowed or ())
         if value and value not in choices:
             self.fail(f"{value!r} is unknown (allowed: {', '.join(choices)})", key)
-        return value
+        return self.string(key, required=required)
 
     def flag(self, key: str) -> bool:
-        """True or false, false if absent."""
+        """Return true or false, false if absent."""
+        self._key(key, "flag")
         return bool(self.take(key, bool, "true or false"))
 
-    def integer(self, key: str, low: int, high: int) -> int | None:
-        """A whole number from `low` to `high`, None if absent."""
+    def integer(self, key: str, low: int | None = None, high: int | None = None) -> int | None:
+        """Return a whole number from `low` to `high`, else within the key's limits, None if absent."""
+        least, most = self._limits(self._key(key, "whole", "bits"), low, high)
         value: int | None = self.take(key, int, "a whole number")
-        if value is not None and not low <= value <= high:
-            self.fail(f"{value} is outside {low} to {high}", key)
+        if value is not None and not least <= value <= most:
+            self.fail(f"{value} is outside {least} to {most}", key)
         return value
 
     def fraction(self, key: str) -> Fraction | None:
-        """An exact number: 5, 0.1 or "1/100"; None if absent."""
+        """Return an exact number: 5, 0.1 or "1/100"; None if absent."""
+        self._key(key, "number", "scale")
         value = self.take(key, object, "a number")
         if value is None:
             return None
@@ -91,41 +106,55 @@ class Table:
             self.fail("a division by zero", key)
 
     def scale(self, key: str) -> Fraction | None:
-        """A `fraction` that is not zero."""
+        """Return a `fraction` that is not zero."""
+        self._key(key, "scale")
         value = self.fraction(key)
         if value == 0:
             self.fail("a scale cannot be zero", key)
         return value
 
     def strings(self, key: str) -> tuple[str, ...]:
-        """A list of texts."""
+        """Return a list of texts."""
+        self._key(key, "texts", "words")
         return tuple(self._list(key, str, "texts"))
 
-    def integers(self, key: str, low: int, high: int) -> tuple[int, ...]:
-        """A list of whole numbers from `low` to `high`."""
+    def words(self, key: str) -> tuple[str, ...]:
+        """Return a list of texts that are words of the key."""
+        known, found = self._key(key, "words"), self.strings(key)
+        allowed = known.words if known is not None else ()
+        if not {*found} <= {*allowed}:
+            self.fail(f"unknown word (allowed: {', '.join(allowed)})", key)
+        return found
+
+    def integers(self, key: str, low: int | None = None, high: int | None = None) -> tuple[int, ...]:
+        """Return a list of whole numbers from `low` to `high`, else within the key's limits."""
+        least, most = self._limits(self._key(key, "wholes"), low, high)
         values = tuple(self._list(key, int, "whole numbers"))
-        if not all(low <= value <= high for value in values):
-            self.fail(f"numbers from {low} to {high} are expected", key)
+        if not all(least <= value <= most for value in values):
+            self.fail(f"numbers from {least} to {most} are expected", key)
         return values
 
-    def table(self, key: str) -> Table:
-        """A table inside this one, empty if absent."""
-        return Table(self.file, self.text, (*self.path, key), self.take(key, dict, "a table") or {})
+    def table(self, key: str) -> TomlTable:
+        """Return a table inside this one, empty if absent."""
+        known = self._key(key, "table", "tables", "bits")
+        return self._inside(key, None if known is None else _inner(known))
 
-    def tables(self, key: str) -> Iterator[tuple[str, Table]]:
-        """The named tables inside the table `key`."""
+    def tables(self, key: str) -> Iterator[tuple[str, TomlTable]]:
+        """Yield the named tables inside the table `key`."""
         outer = self.table(key)
         for name in outer.body:
             yield name, outer.table(name)
 
-    def rows(self, key: str) -> Iterator[Table]:
-        """A list of inline tables."""
+    def rows(self, key: str) -> Iterator[TomlTable]:
+        """Yield the tables of a list."""
+        known = self._key(key, "rows")
         for row in self._list(key, dict, "tables"):
-            yield Table(self.file, self.text, (*self.path, key), row)
+            yield TomlTable(self.file, self.text, (*self.path, key), row, None if known is None else known.keys)
 
     def texts(self, key: str) -> dict[int, str]:
-        """A table from whole numbers to texts, as enumerations are written."""
-        outer = self.table(key)
+        """Return a table from whole numbers to texts, as enumerations are written."""
+        self._key(key, "codes", "enumeration")
+        outer = self._inside(key, None)
         result: dict[int, str] = {}
         for name in outer.body:
             number = outer.number(name)
@@ -135,16 +164,42 @@ class Table:
         return result
 
     def number(self, key: str) -> int:
-        """The whole number that a key itself is, as 12 or 0x0C."""
+        """Return the whole number that a key itself is, as 12 or 0x0C."""
         if not _INTEGER.fullmatch(key):
             self.fail("a key that is a whole number is expected", key)
         return int(key, 16 if "x" in key.lower() else 10)
 
     def finish(self) -> None:
-        """Every key that was not asked for is unknown."""
+        """Refuse every key that was not asked for."""
         for key in self.body:
             if key not in self.asked:
                 self.fail(f"unknown key (allowed: {', '.join(sorted(self.asked))})", key)
+
+    def _key(self, key: str, *kinds: Kind) -> Key | None:
+        """Return what is said of a key; a reader that asks for one that nothing is said of is wrong itself."""
+        if self.keys is None:
+            return None
+        known = self.keys.find(key)
+        if known is None or known.kind not in kinds:
+            raise TypeError(f"dissectors.keys has no {' or '.join(kinds)} {key!r} in {self.keys.title}")
+        return known
+
+    @staticmethod
+    def _limits(known: Key | None, low: int | None, high: int | None) -> tuple[int, int]:
+        if known is None:
+            return low or 0, high or 0
+        return known.low if low is None else low, known.high if high is None else high
+
+    def _inside(self, key: str, keys: Keys | None) -> TomlTable:
+        return TomlTable(self.file, self.text, (*self.path, key), self.take(key, dict, "a table") or {}, keys)
+
+    def take(self, key: str, kind: type, wanted: str) -> Any:
+        """Return the value of a key, None if it is absent; a bool is not taken for an integer."""
+        self.asked.add(key)
+        value = self.body.get(key)
+        if value is not None and (not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool)):
+            self.fail(f"{wanted} is expected, not {value!r:.60}", key)
+        return value
 
     def _list(self, key: str, kind: type, wanted: str) -> list[Any]:
         values = self.take(key, list, f"a list of {wanted}") or []
@@ -153,8 +208,13 @@ class Table:
         return list(values)
 
 
-def read(path: Path) -> Table:
-    """The top table of a TOML file of at most `MAX_FILE_BYTES`."""
+def _inner(known: Key) -> Keys | None:
+    """Return the keys of a table: its own, or the same for any name."""
+    return known.keys if known.each is None else Keys.any(known.each)
+
+
+def read(path: Path, keys: Keys | None = None) -> TomlTable:
+    """Return the top table of a TOML file of at most `MAX_FILE_BYTES`, which may have these keys."""
     file = str(path)
     try:
         with path.open("rb") as stream:
@@ -163,14 +223,14 @@ def read(path: Path) -> Table:
         raise ProfileError(file, 1, error.strerror or "cannot be read") from None
     if len(data) > MAX_FILE_BYTES:
         raise ProfileError(file, 1, f"larger than {MAX_FILE_BYTES} bytes")
-    return parse(data, file)
+    return parse(data, file, keys)
 
 
-def parse(data: bytes, file: str) -> Table:
-    """The top table of a TOML text; `file` is its name in errors."""
+def parse(data: bytes, file: str, keys: Keys | None = None) -> TomlTable:
+    """Return the top table of a TOML text; `file` is its name in errors."""
     try:
         text = data.decode()
-        return Table(file, text, (), tomllib.loads(text))
+        return TomlTable(file, text, (), tomllib.loads(text), keys)
     except UnicodeDecodeError as error:
         raise ProfileError(file, data.count(b"\n", 0, error.start) + 1, "this is no UTF-8 text") from None
     except RecursionError:
@@ -182,7 +242,7 @@ def parse(data: bytes, file: str) -> Table:
 
 
 def _line(text: str, path: tuple[str, ...]) -> int:
-    """The 1-based line where `path` is written; for a key inside an inline table, the line of that table."""
+    """Return the 1-based line where `path` is written; for a key inside an inline table, the line of that table."""
     best, best_line = 0, 1
     table: tuple[str, ...] = ()
     for number, line in enumerate(text.splitlines(), 1):
@@ -198,7 +258,7 @@ def _line(text: str, path: tuple[str, ...]) -> int:
 
 
 def _keys(text: str) -> tuple[str, ...]:
-    """The dotted key at the start of a line."""
+    """Return the dotted key at the start of a line."""
     keys: list[str] = []
     position = 0
     while match := _KEY.match(text, position):

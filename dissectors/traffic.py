@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 Values = dict[str, Any]
 Setting = int | float | str
 
-MICROSECOND = 1_000
-MILLISECOND = 1_000_000
-SECOND = 1_000_000_000
-
 # The lowest priority that there is (4.1.2).
 LOWEST = 31
 
@@ -32,7 +28,7 @@ class Code(int):
 
 
 @dataclass(slots=True, eq=False)
-class Frame:
+class SimulatedFrame:
     """One CAN frame, from the moment somebody wants to send it until it is recorded.
 
     `id` has 29 bits, or 11 unless `extended`. An `error` frame is what a controller reports: `id` is its error class
@@ -80,7 +76,7 @@ class Sending:
     signature: int
     anonymous: bool = False
     payload: bytes = b""
-    frames: list[Frame] = field(default_factory=list)
+    frames: list[SimulatedFrame] = field(default_factory=list)
     damaged: bool = False
     changed: bool = False
     answers: tuple[Answer, ...] = ()
@@ -111,7 +107,7 @@ class Answer:
     more: int = 0
 
 
-class Node(Protocol):
+class BusNode(Protocol):
     """A device on the bus, with running transfer IDs, NodeStatus and an answer to GetNodeInfo.
 
     `transfer_ids` has the next one by table name and destination.
@@ -136,10 +132,10 @@ class Node(Protocol):
         priority: int | None = None,
         transfer_id: int | None = None,
     ) -> Sending:
-        """Sends a message, a request or a response now; `transfer_id` overrides the counter, as a response must."""
+        """Send a message, a request or a response now; `transfer_id` overrides the counter, as a response must."""
 
     def restart(self) -> None:
-        """Power cycle: transfer IDs and uptime start from zero."""
+        """Cycle the power: transfer IDs and uptime start from zero."""
 
 
 class World(Protocol):
@@ -151,44 +147,44 @@ class World(Protocol):
     random: Random
 
     def at(self, t: int, call: Callable[[], object]) -> None:
-        """Calls at time `t`, or now if that is over."""
+        """Call at time `t`, or now if that is over."""
 
     def every(self, period: int, call: Callable[[], object], first: int = 0) -> None:
-        """Calls at `first` and every `period` ns from then on."""
+        """Call at `first` and every `period` ns from then on."""
 
-    def device(self, number: int, name: str, *, silent: bool = False) -> Node:
-        """Puts a device on the bus; while `silent` it sends nothing, whatever it is told."""
+    def device(self, number: int, name: str, *, silent: bool = False) -> BusNode:
+        """Put a device on the bus; while `silent` it sends nothing, whatever it is told."""
 
-    def node(self, number: int) -> Node | None:
-        """The device with a number, the first one of several."""
+    def node(self, number: int) -> BusNode | None:
+        """Return the device with a number, the first one of several."""
 
     def send(self, sending: Sending) -> None:
-        """Sends a transfer that no device has built."""
+        """Send a transfer that no device has built."""
 
-    def copy(self, call: Callable[[Frame], Frame | None] | None) -> None:
-        """What `call` makes of every frame on the bus is recorded right behind it: a second interface."""
+    def copy(self, call: Callable[[SimulatedFrame], SimulatedFrame | None] | None) -> None:
+        """Record what `call` makes of every frame on the bus right behind it: a second interface."""
 
     def allocate(self, server: int, number: int, call: Callable[[], object]) -> None:
-        """Has a silent device ask the device `server` for its node ID, and calls once it speaks by it."""
+        """Have a silent device ask the device `server` for its node ID, and call once it speaks by it."""
 
     def hear(self, name: str, call: Callable[[Sending], object]) -> None:
-        """Calls with every undamaged transfer of a type, at the end of its last frame."""
+        """Call with every undamaged transfer of a type, at the end of its last frame."""
 
-    def put(self, frames: list[Frame], sending: Sending | None = None) -> None:
-        """Frames that are no device's regular traffic compete for the bus from now on."""
+    def put(self, frames: list[SimulatedFrame], sending: Sending | None = None) -> None:
+        """Let frames that are no device's regular traffic compete for the bus from now on."""
 
-    def cut(self, frame: Frame) -> None:
-        """The recording ends behind this frame."""
+    def cut(self, frame: SimulatedFrame) -> None:
+        """End the recording behind this frame."""
 
     def block(self, until: int, *, keep: bool = False) -> None:
-        """Nothing can be sent before `until`; what waits now is given up, or waits on to `keep` it."""
+        """Let nothing be sent before `until`; what waits now is given up, or waits on to `keep` it."""
 
     def message(self, name: str) -> Message:
-        """The data type of a name."""
+        """Return the data type of a name."""
 
 
 class Step(Enum):
-    """What became of a fault when a transfer came along: not this one, part of it done, all done."""
+    """The fate of a fault when a transfer came along: not this one, part of it done, all done."""
 
     SKIP = 0
     MORE = 1
@@ -206,19 +202,19 @@ class Case(Protocol):
     state: dict[str, Any]
 
     def say(self, done: str) -> None:
-        """What was done, for the answer key."""
+        """Tell the answer key what was done."""
 
-    def mark(self, what: Sending | Frame) -> None:
-        """The answer lists this frame, or the frames of this transfer."""
+    def mark(self, what: Sending | SimulatedFrame) -> None:
+        """List this frame, or the frames of this transfer, in the answer."""
 
     def watch(self, wanted: Callable[[Sending], bool], until: int | None = None) -> None:
-        """The answer lists the frames of every transfer from now on whose values are `wanted`."""
+        """List the frames of every transfer from now on whose values are `wanted`."""
 
     def touch(self, stage: str, do: Callable[[Case, Sending], Step]) -> None:
-        """Tries `do` on the coming transfers at this stage (`values`, `transfer`, `frames`) until it is done."""
+        """Try `do` on the coming transfers at this stage (`values`, `transfer`, `frames`) until it is done."""
 
 
-class Plot(Protocol):
+class Story(Protocol):
     """A scenario while it happens."""
 
     random: Random
@@ -226,10 +222,10 @@ class Plot(Protocol):
     vehicle: Any
 
     def tell(self, what: str) -> None:
-        """The story goes on: `what` happens now."""
+        """Tell that `what` happens now."""
 
     def case(self, rule: str, done: str, also: tuple[str, ...] = ()) -> Case:
-        """A breach of `rule` that the story brings: an answer of its own in the key, from now on."""
+        """Return a breach of `rule` that the story brings: an answer of its own in the key, from now on."""
 
 
 Touch = Callable[[Case, Sending], Step]
@@ -271,7 +267,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A story that a capture tells; `start` lets it happen in a flight of its `profile` with at `least` some ESCs.
+    """A story that a capture tells; `start` lets it happen in a flight of its `flight` with at `least` some ESCs.
 
     A capture without any of its `rules` does not tell it.
     """
@@ -279,27 +275,27 @@ class Scenario:
     name: str
     title: str
     story: str
-    start: Callable[[Plot], None]
-    profile: str = "hover"
+    start: Callable[[Story], None]
+    flight: str = "hover"
     seconds: float = 8.0
     least: int = 1
     rules: tuple[str, ...] = ()
 
 
-def next_id(node: Node, table: str, dst: int | None = None) -> int:
-    """The transfer ID of a node's next transfer of a type, which is then taken."""
+def next_id(node: BusNode, table: str, dst: int | None = None) -> int:
+    """Return the transfer ID of a node's next transfer of a type, which is then taken."""
     found = node.transfer_ids.get((table, dst), 0)
     node.transfer_ids[table, dst] = (found + 1) % 32
     return found
 
 
 def of(*names: str) -> Fits:
-    """Fits transfers of these types, by table name."""
+    """Return a test for transfers of these types, by table name."""
     return lambda sending: sending.message.table in names
 
 
 def change(case: Case, stage: str, fits: Fits, do: Touch) -> None:
-    """Lets `do` change the next transfers that fit, until it is done; the answer lists what it did not skip."""
+    """Let `do` change the next transfers that fit, until it is done; the answer lists what it did not skip."""
 
     def touch(case: Case, sending: Sending) -> Step:
         step = Step.SKIP if sending.changed or not fits(sending) else do(case, sending)

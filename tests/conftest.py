@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import ctypes
+import gc
 import signal
-from functools import cached_property
+import sys
+from collections import Counter
+from functools import _lru_cache_wrapper, cached_property
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
 import can
 import can.util
+import kit.laws  # noqa: F401 - its profiles
 import pyarrow as pa
 import pytest
+from hypothesis import settings
 
 import dissectors
 from analyzer.cli import main
-from analyzer.engine import Batch, Engine
+from analyzer.decode.engine import Batch, Engine
 from analyzer.tables import EVENTS, FRAME_ANOMALIES, KINDS, STATUSES, TRANSFER_ANOMALIES, VERDICTS
 
 if TYPE_CHECKING:
@@ -24,16 +31,64 @@ if TYPE_CHECKING:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--regenerate", action="store_true", help="write captures/*.expected anew")
+    parser.addoption("--seed", type=int, default=1, help="of the flights of a campaign; .ci/full goes through 1 to 25")
+    parser.addoption("--share", type=int, default=1, help="of what is sampled, run one in so many, chosen by the seed")
+    parser.addoption("--all-examples", action="store_true", help="try laws as often as they say, not a fifth of it")
 
 
-def pytest_configure() -> None:
-    """Shells start background jobs deaf to Ctrl-C or to hanging up, and what the tests start would be, too."""
+def pytest_configure(config: pytest.Config) -> None:
+    """Choose how often laws are tried, and hear signals.
+
+    Shells start background jobs deaf to Ctrl-C or to hanging up, and what the tests start would be, too.
+    """
+    settings.load_profile("all" if config.getoption("--all-examples") else "sample")
     usual = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL}
     for number, handler in usual.items():
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, handler)
 
 
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Mark what hypothesis tries, so that all of its examples can be asked for."""
+    if getattr(getattr(item, "obj", None), "is_hypothesis_test", False):
+        item.add_marker("law")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Make parameters of `sampled` tests slow, all but the first and each so-manieth after it.
+
+    With `--share N` only one in N of those that became slow is left, and of other slow tests, but for laws, every
+    second one: others for each seed. The guest, which takes longest and waits most of the time, begins at once.
+    """
+    items.sort(key=lambda item: item.path.name != GUEST)
+    share, seed = config.getoption("--share"), config.getoption("--seed")
+    seen: Counter[str] = Counter()
+    spared: set[pytest.Item] = set()
+    for item in items:
+        sampled = item.get_closest_marker("sampled")
+        if sampled is not None:
+            name = item.nodeid.partition("[")[0]
+            if seen[name] % sampled.args[0]:
+                item.add_marker("slow")
+                if crc32(item.nodeid.encode()) % share != seed % share:
+                    spared.add(item)
+            seen[name] += 1
+        elif share > 1 and _waits_its_turn(item) and crc32(item.nodeid.encode()) % 2 != seed % 2:
+            spared.add(item)
+    if spared:
+        config.hook.pytest_deselected(items=list(spared))
+        items[:] = [item for item in items if item not in spared]
+
+
+def _waits_its_turn(item: pytest.Item) -> bool:
+    slow = item.get_closest_marker("slow") and not item.get_closest_marker("law")
+    return bool(slow) and item.path.name != GUEST
+
+
+GUEST = "test_socketcan.py"
+# Modules that keep flights for the tests that share them.
+HOLDING = ("kit.simulated", "witness.flights", "witness.packets", "witness.trust", "witness.views")
 FLUSH = object()  # among the chunks: ask for a batch
 
 
@@ -126,6 +181,20 @@ class Decoded:
         for kind, part in counted.items():
             assert sum(row["kind"] == kind for row in self.events) == totals.lines[part], kind
         assert totals.lines["frames"] == len(self.frames)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forget(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Drop the flights of a module behind its last test: a worker would keep those of all of them."""
+    yield
+    for module in (request.module, *map(sys.modules.get, HOLDING)):
+        for value in vars(module).values() if module else ():
+            if isinstance(value, _lru_cache_wrapper) and value.__module__ == module.__name__:
+                value.cache_clear()
+    gc.collect()
+    pa.default_memory_pool().release_unused()
+    if sys.platform == "linux":
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 @pytest.fixture(scope="session")

@@ -7,18 +7,18 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import make_captures
 import pytest
-from values import differing, same
+from bench import make_captures
+from kit.traffic import differing, same
 
-from analyzer.capture import open_capture
+from analyzer.app.capture import open_capture
 from analyzer.sources import Source
 from analyzer.tables import BRS, ESI, EXTENDED, FD, REMOTE, RX, TX
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from encode import Frame
+    from kit.encode import Frame
 
 CASES = make_captures.cases()
 # Packet fields that are shown in a unit: raw value times this (document 4.4.5).
@@ -31,6 +31,7 @@ def decoded(decode: Callable[..., Any]) -> dict[str, Any]:
     return {name: decode((make_captures.FOLDER / name).read_bytes()) for name in CASES}
 
 
+@pytest.mark.slow
 def test_the_files_are_what_the_script_makes() -> None:
     script = Path(make_captures.__file__)
     done = subprocess.run([sys.executable, str(script), "--check"], capture_output=True, text=True, check=False)

@@ -11,8 +11,8 @@ import time
 from typing import TYPE_CHECKING
 
 import pytest
-from command import CAPTURES
-from sample_flights import FLIGHTS, key_of
+from kit.command import CAPTURES
+from kit.simulated import FLIGHTS, key_of
 
 from analyzer.cli import main
 
@@ -51,6 +51,7 @@ def _anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
     time.tzset()
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_expected(case: Path, capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest) -> None:
     text = "".join(shown(case, capsys))

@@ -7,25 +7,24 @@ from collections import deque
 from heapq import nlargest
 from typing import TYPE_CHECKING
 
-from analyzer.board.buses import Buses
-from analyzer.board.devices import Devices
-from analyzer.board.findings import Findings
+from analyzer.board.buses import BusStates
+from analyzer.board.devices import DeviceStates
+from analyzer.board.findings import FindingRows
 from analyzer.board.latches import MOST_LATCHED, PROGRESS, Latches
-from analyzer.board.nodes import Nodes
-from analyzer.board.opened import Opened
+from analyzer.board.nodes import NodeStates
+from analyzer.board.opened import OpenTransfers
 from analyzer.board.snapshot import Snapshot
-from analyzer.rules.columns import Events, Frames
-from analyzer.rules.nodes import STATUS
-from dissectors.conformance import NO_TIME
+from analyzer.facts.node_status import NODE_STATUS
+from dissectors.kit import NO_TIME, EventTable, FrameTable
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
 
-    from analyzer.board.findings import News
-    from analyzer.board.snapshot import Latched, Recording
-    from analyzer.engine import Batch
+    from analyzer.board.snapshot import Latched, RecordingState
+    from analyzer.decode.engine import Batch
+    from analyzer.report.newest import Change
     from dissectors import Registry
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
 _MOST_NOTES = 50
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
@@ -51,49 +50,49 @@ class Board:
         forced: Mapping[int, Collection[str]] | None = None,
     ) -> None:
         self._latches = Latches()
-        self._buses = Buses(bit_rates, self._latches)
-        self._nodes = Nodes(self._latches)
-        self._devices = Devices(registry, forced or {})
-        self._findings = Findings(self._latches)
-        self._opened = Opened()
+        self._buses = BusStates(bit_rates, self._latches)
+        self._nodes = NodeStates(self._latches)
+        self._devices = DeviceStates(registry, forced or {})
+        self._findings = FindingRows(self._latches)
+        self._opened = OpenTransfers()
         self._notes: deque[tuple[int, str]] = deque(maxlen=_MOST_NOTES)
         self._names: tuple[str, ...] = ()
-        self._recording: Recording | None = None
+        self._recording: RecordingState | None = None
         self._start = self._since = self._last = self._then = NO_TIME
         self._marks = 0
 
-    def add(self, batch: Batch, now_ns: int, bits: Words | None = None) -> None:
-        """The next batch, known at `now_ns`; `bits` are the `bit_times` of its frames if somebody has them."""
+    def feed(self, batch: Batch, now_ns: int, bits: Array | None = None) -> None:
+        """Take the next batch, known at `now_ns`; `bits` are the `bit_times` of its frames if somebody has them."""
         self._names = batch.buses
-        frames = Frames(batch.frames, batch.first_frame)
+        frames = FrameTable(batch.frames, batch.first_frame)
         if len(frames):
             if frames.t[-1] != NO_TIME:
                 self._last, self._then = int(frames.t[-1]), now_ns
                 self._begin(int(frames.t[0]))
-            self._buses.add(frames, batch.buses, bits)
-            self._opened.add(frames)
+            self._buses.feed(frames, batch.buses, bits)
+            self._opened.feed(frames)
         if len(batch.events):
-            self._buses.events(Events(batch.events), batch.buses)
-        self._nodes.add(batch.transfers)
-        if (table := batch.messages.get(STATUS)) is not None:
-            self._nodes.status(table, batch.buses)
-        self._nodes.names.look(batch.messages)
-        self._devices.add(batch.messages, batch.buses)
+            self._buses.feed_events(EventTable(batch.events), batch.buses)
+        self._nodes.feed(batch.transfers)
+        if (table := batch.messages.get(NODE_STATUS)) is not None:
+            self._nodes.feed_status(table, batch.buses)
+        self._nodes.names.feed(batch.messages)
+        self._devices.feed(batch.messages, batch.buses)
 
-    def findings(self, news: Iterable[News]) -> None:
-        """Findings that are new or have come up again."""
-        self._findings.add(news, self._names)
+    def take_findings(self, changes: Iterable[Change], now_ns: int) -> None:
+        """Take findings that are new or have come up again, known at `now_ns`."""
+        self._findings.feed(changes, self._names, now_ns)
 
-    def counts(self, interface: str, received: int, dropped: int, here: int) -> None:
-        """What an interface's receiver has counted: frames received, dropped before it, and dropped by this program."""
-        self._buses.counts(interface, received, dropped, here)
+    def take_counts(self, interface: str, received: int, dropped: int, here: int) -> None:
+        """Take an interface's counts: frames received, dropped before its receiver, and dropped by this program."""
+        self._buses.take_counts(interface, received, dropped, here)
 
-    def recording(self, state: Recording | None) -> None:
-        """How the recording goes."""
+    def take_recording(self, state: RecordingState | None) -> None:
+        """Take how the recording goes."""
         self._recording = state
 
     def note(self, text: str, now_ns: int) -> None:
-        """Something to tell, such as a link that went down; `NAME: text` belongs to an interface.
+        """Take a note, such as a link that went down; `NAME: text` belongs to an interface.
 
         It is latched, as one entry with what differs from it in numbers alone; how it goes (`PROGRESS`) is not.
         """
@@ -107,7 +106,7 @@ class Board:
         self._latches.put("note", (subject, _NUMBER.sub("", rest)), subject, rest, t)
 
     def mark(self, now_ns: int) -> None:
-        """What is latched, the longest, lowest and highest begin anew."""
+        """Set a mark: what is latched, the longest, lowest and highest begin anew."""
         self._since = self._frame_time(now_ns)
         self._marks += 1
         self._latches.clear()
@@ -116,7 +115,7 @@ class Board:
         self._findings.mark()
 
     def clear(self, now_ns: int) -> None:
-        """Forgets findings, what is latched, and nodes and devices that are gone; min and max stay."""
+        """Forget findings, what is latched, and nodes and devices that are gone; min and max stay."""
         now = self._frame_time(now_ns)
         self._latches.clear()
         self._findings.clear()
@@ -125,7 +124,7 @@ class Board:
         self._notes.clear()
 
     def snapshot(self, now_ns: int) -> Snapshot:
-        """Everything there is to show at `now_ns`."""
+        """Return everything there is to show at `now_ns`."""
         now = self._frame_time(now_ns)
         found = self._findings.by_node
         overdue = self._opened.overdue(now, self._last) if self._last != NO_TIME else {}
@@ -151,7 +150,7 @@ class Board:
             self._start = self._since = t
 
     def _frame_time(self, now_ns: int) -> int:
-        """`now_ns` on the clock of the frames, which need not be that of this machine."""
+        """Return `now_ns` on the clock of the frames, which need not be that of this machine."""
         return now_ns if self._last == NO_TIME else self._last + max(0, now_ns - self._then)
 
 

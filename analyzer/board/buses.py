@@ -7,19 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.board.errors import Errors, events_by_bus
+from analyzer.board.errors import ControllerErrors, events_by_bus
 from analyzer.board.meter import Meter
 from analyzer.board.snapshot import BusRow
 from analyzer.facts.traffic import BIT_RATE
 from analyzer.rules.load import bit_times
-from dissectors.conformance import NO_TIME, SECOND
+from dissectors.kit import NO_TIME, SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from analyzer.board.latches import Latches
-    from analyzer.rules.columns import Events, Frames
-    from dissectors.conformance import Words
+    from dissectors.kit import Array, EventTable, FrameTable
 
 _MOST_BUSES = 256  # a column of bytes names no more
 _SILENT = 2 * SECOND
@@ -33,10 +32,10 @@ class _Bus:
     here: int = 0
     heard: int | None = None
     note: str = ""
-    errors: Errors = field(default_factory=Errors)
+    errors: ControllerErrors = field(default_factory=ControllerErrors)
 
 
-class Buses:
+class BusStates:
     """Adds up frames and events by interface.
 
     Args:
@@ -52,13 +51,13 @@ class Buses:
         self._buses = {name: _Bus(place) for place, name in enumerate(bit_rates)}
         self._counted: set[str] = set()
 
-    def add(self, frames: Frames, names: tuple[str, ...], bits: Words | None) -> None:
-        """The frames of a batch; `bits` are their `bit_times` if they are known."""
+    def feed(self, frames: FrameTable, names: tuple[str, ...], bits: Array | None) -> None:
+        """Take the frames of a batch; `bits` are their `bit_times` if they are known."""
         if not len(frames):
             return
         places = np.array([self._bus(name).place for name in names])
         of = places[frames.bus]
-        self._meter.add(frames.t, of, (None, bit_times(frames) if bits is None else bits))
+        self._meter.feed(frames.t, of, (None, bit_times(frames) if bits is None else bits))
         for bus, count in enumerate(np.bincount(frames.bus, minlength=len(names)).tolist()):
             if count:
                 one = self._bus(names[bus])
@@ -67,26 +66,26 @@ class Buses:
                 at = len(frames) - 1 - int(np.argmax(frames.bus[::-1] == bus))
                 one.heard = int(frames.t[at]) if frames.t[at] != NO_TIME else one.heard
 
-    def events(self, events: Events, names: tuple[str, ...]) -> None:
-        """What else happened in a batch."""
+    def feed_events(self, events: EventTable, names: tuple[str, ...]) -> None:
+        """Take the events of a batch."""
         for bus, rows in events_by_bus(events).items():
             name = names[bus] if bus < len(names) else next(iter(self._buses), "")
-            self._bus(name).errors.add(events, rows, name, self._latches)
+            self._bus(name).errors.feed(events, rows, name, self._latches)
 
-    def counts(self, name: str, received: int, dropped: int, here: int) -> None:
-        """What the receiver of an interface has counted from the start."""
+    def take_counts(self, name: str, received: int, dropped: int, here: int) -> None:
+        """Take what the receiver of an interface has counted from the start."""
         one = self._bus(name)
         self._counted.add(name)
         one.received, one.dropped, one.here = received, dropped, here
 
     def note(self, text: str) -> None:
-        """Keeps what begins with the name of an interface with it."""
+        """Keep what begins with the name of an interface with it."""
         name, colon, rest = text.partition(": ")
         if colon and name in self._buses:
             self._buses[name].note = rest
 
     def rows(self, now: int) -> Iterator[BusRow]:
-        """The interfaces in their order."""
+        """Give the interfaces in their order."""
         rates = self._meter.rates(now)
         for name, one in self._buses.items():
             bit_rate = self._bit_rates.get(name)

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.board.sheet import Sheet
-from analyzer.board.snapshot import DeviceRow, DeviceTable, Head, Latched, Reading, Tally
+from analyzer.board.sheet import DeviceSheet
+from analyzer.board.snapshot import DeviceReading, DeviceRow, DeviceTable, Head, Latched, Tally
 from analyzer.devices.definitions import Definitions
 from analyzer.devices.readings import doubtful
 from analyzer.devices.units import Units
-from analyzer.rules.nodes import STATUS
+from analyzer.facts.node_status import NODE_STATUS
 from dissectors import picture
-from dissectors.conformance import SECOND
+from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
@@ -29,16 +29,16 @@ _Quantity = tuple[str, str]  # and role
 
 @dataclass(slots=True)
 class _Row:
-    """What several tables say of one device; `speaks` is the table in which it most often speaks of itself."""
+    """The words of several tables about one device; `speaks` is the table in which it most often speaks of itself."""
 
     first: Spoken
     speaks: Spoken | None = None
-    readings: dict[_Quantity, tuple[int, Reading]] = field(default_factory=dict)
+    readings: dict[_Quantity, tuple[int, DeviceReading]] = field(default_factory=dict)
     states: dict[str, None] = field(default_factory=dict)
     flags: dict[str, None] = field(default_factory=dict)
 
 
-class Devices:
+class DeviceStates:
     """Follows the tables that dissectors say hold quantities of devices.
 
     Args:
@@ -50,35 +50,35 @@ class Devices:
         pictures = picture.load(registry)
         definitions = Definitions(registry)
         self._quantities = pictures.quantities
-        shown = {name: plot for name, plot in pictures.plots.items() if name != STATUS and not plot.parameters}
+        shown = {name: plot for name, plot in pictures.plots.items() if name != NODE_STATUS and not plot.parameters}
         self._readings = doubtful(shown.values(), definitions, forced)
         self._units = Units()
         self._hidden: set[tuple[str, ...]] = set()
-        self._sheets: dict[str, Sheet] = {}
+        self._sheets: dict[str, DeviceSheet] = {}
         for name, plot in shown.items():
             lines = tuple(line for line in plot.lines if not self._quantities[line.quantity].detail)
-            self._sheets[name] = Sheet(plot, definitions.of(name), lines, self._readings.get(name))
+            self._sheets[name] = DeviceSheet(plot, definitions.of(name), lines, self._readings.get(name))
 
     @property
     def beyond(self) -> int:
         """Devices that found no place."""
         return sum(sheet.beyond for sheet in self._sheets.values())
 
-    def add(self, tables: Mapping[str, pa.RecordBatch], buses: tuple[str, ...]) -> None:
-        """The tables of a batch."""
+    def feed(self, tables: Mapping[str, pa.RecordBatch], buses: tuple[str, ...]) -> None:
+        """Take the tables of a batch."""
         for readings in self._readings.values():
-            readings.look(tables)
+            readings.feed(tables)
         for name, table in tables.items():
             if (sheet := self._sheets.get(name)) is not None:
-                sheet.add(table, self._units, buses)
+                sheet.feed(table, self._units, buses)
 
     def mark(self) -> None:
-        """The lowest, the highest and the longest count anew."""
+        """Let the lowest, the highest and the longest count anew."""
         for sheet in self._sheets.values():
             sheet.mark()
 
     def clear(self, now: int) -> None:
-        """Devices that are stale are not shown until they are heard again."""
+        """Hide devices that are stale until they are heard again."""
         alive, known = set(), set()
         for sheet in self._sheets.values():
             for one in sheet.spoken():
@@ -88,7 +88,7 @@ class Devices:
         self._hidden |= known - alive
 
     def latched(self, now: int) -> Iterator[Latched]:
-        """The flags that were set since the mark, and devices that were silent for long, or are."""
+        """Give the flags that were set since the mark, and devices that were silent for long, or are."""
         for sheet in self._sheets.values():
             for one in sheet.spoken():
                 for word, _ in sheet.words:
@@ -105,8 +105,8 @@ class Devices:
     def tables(
         self, now: int, buses: tuple[str, ...], found: Mapping[tuple[int, int], Tally]
     ) -> Iterator[DeviceTable]:  # fmt: skip
-        """The devices of each kind; those that nobody but an idle commander speaks of are left out."""
-        kinds: dict[str, list[Sheet]] = {}
+        """Give the devices of each kind; those that nobody but an idle commander speaks of are left out."""
+        kinds: dict[str, list[DeviceSheet]] = {}
         for sheet in self._sheets.values():
             kinds.setdefault(sheet.plot.who.path, []).append(sheet)
         for kind, sheets in kinds.items():
@@ -150,8 +150,8 @@ class Devices:
             stale=spoken.stale(now),
         )
 
-    def _heads(self, sheets: list[Sheet], rows: list[DeviceRow]) -> Iterator[Head]:
-        """Columns in the order of the quantities; what no device has is none."""
+    def _heads(self, sheets: list[DeviceSheet], rows: list[DeviceRow]) -> Iterator[Head]:
+        """Return columns in the order of the quantities; what no device has is none."""
         known = {key for row in rows for key in row.readings}
         whole: dict[_Quantity, bool] = {}
         for sheet in sheets:
@@ -164,8 +164,8 @@ class Devices:
                     yield Head(name, key[1], quantity.title, quantity.unit, integer)
 
 
-def _gather(sheet: Sheet, rows: dict[tuple[str, ...], _Row]) -> None:
-    """What a table says of each device; of two that give the same quantity the later one counts."""
+def _gather(sheet: DeviceSheet, rows: dict[tuple[str, ...], _Row]) -> None:
+    """Gather what a table says of each device; of two that give the same quantity the later one counts."""
     last, low, high = (one.T.tolist() for one in (sheet.last, sheet.low, sheet.high))
     for one in sheet.spoken():
         row = rows.setdefault(one.unit.parts, _Row(one))
@@ -174,7 +174,7 @@ def _gather(sheet: Sheet, rows: dict[tuple[str, ...], _Row]) -> None:
         for line, now, least, most in zip(sheet.lines, last[one.place], low[one.place], high[one.place], strict=True):
             key = line.quantity, line.role
             if now == now and (key not in row.readings or row.readings[key][0] <= one.t):  # noqa: PLR0124 - NaN is not
-                row.readings[key] = one.t, Reading(now, _known(least), _known(most))
+                row.readings[key] = one.t, DeviceReading(now, _known(least), _known(most))
         for word, _ in sheet.words:
             row.states |= dict.fromkeys(word.states(one.place))
             row.flags |= dict.fromkeys(word.flags(one.place))

@@ -1,4 +1,4 @@
-"""What error frames say of the controller of an interface, and how many there were."""
+"""The controller of an interface as error frames describe it, and how many of them there were."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.facts.overflow import CONTROLLER, overflowed
-from analyzer.rules.capture import kind_of
+from analyzer.facts.error_frames import CONTROLLER, kind_of, overflowed
 from analyzer.tables import EVENTS
 
 if TYPE_CHECKING:
     from analyzer.board.latches import Latches
     from analyzer.board.snapshot import Controller
-    from analyzer.rules.columns import Events
+    from dissectors.kit import EventTable
 
 DROP, ERROR_FRAME = EVENTS.index("drop"), EVENTS.index("error frame")
 # linux/can/error.h
@@ -25,7 +24,7 @@ _TOLD = 4  # data bytes that tell one kind from another
 
 
 @dataclass(slots=True)
-class Errors:
+class ControllerErrors:
     """One interface. Counters and state are None and empty until an error frame tells them."""
 
     count: int = 0
@@ -34,8 +33,8 @@ class Errors:
     controller: Controller = ""
     drops: int = 0
 
-    def add(self, events: Events, rows: list[int], name: str, latches: Latches) -> None:
-        """Error frames and drops of this interface, in their order."""
+    def feed(self, events: EventTable, rows: list[int], name: str, latches: Latches) -> None:
+        """Take error frames and drops of this interface, in their order."""
         counted, tx, rx = (column.tolist() for column in (events.has("tx_errors"), events.tx_errors, events.rx_errors))
         for row in rows:
             number, t = int(events.number[row]), int(events.t[row])
@@ -58,8 +57,8 @@ class Errors:
             self.controller = state or self.controller
 
 
-def events_by_bus(events: Events) -> dict[int, list[int]]:
-    """Rows of error frames and drops by interface; those that name none belong to the first one."""
+def events_by_bus(events: EventTable) -> dict[int, list[int]]:
+    """Return rows of error frames and drops by interface; those that name none belong to the first one."""
     rows = np.flatnonzero((events.kind == DROP) | (events.kind == ERROR_FRAME))
     buses = np.where(events.has("bus"), events.bus, 0)[rows]
     return {int(bus): rows[buses == bus].tolist() for bus in np.unique(buses)}

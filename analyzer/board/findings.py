@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.board.snapshot import FindingRow, Tally
 
@@ -10,49 +10,22 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from analyzer.board.latches import Latches
-    from dissectors.conformance import Severity
+    from analyzer.report.newest import Change
+    from dissectors.kit import Severity
 
 MOST_FINDINGS = 512
 _FIELDS = {"error": 0, "warning": 1, "note": 2}
 
 
-class News(Protocol):
-    """A finding that is new, or has come up again.
-
-    `bus` and `node` are -1 for none, `t` is its latest time, `count` what is new of it; `fresh` says that it is new.
-    """
-
-    @property
-    def rule(self) -> str: ...  # noqa: D102 - the table of findings says what they are
-    @property
-    def severity(self) -> Severity: ...  # noqa: D102
-    @property
-    def category(self) -> str: ...  # noqa: D102
-    @property
-    def bus(self) -> int: ...  # noqa: D102
-    @property
-    def node(self) -> int: ...  # noqa: D102
-    @property
-    def type(self) -> str: ...  # noqa: D102
-    @property
-    def text(self) -> str: ...  # noqa: D102
-    @property
-    def t(self) -> int: ...  # noqa: D102
-    @property
-    def count(self) -> int: ...  # noqa: D102
-    @property
-    def fresh(self) -> bool: ...  # noqa: D102
-
-
 class _Key(NamedTuple):
     rule: str
     severity: Severity
-    bus: int
+    bus: str
     node: int
     type: str
 
 
-class Findings:
+class FindingRows:
     """The newest `MOST_FINDINGS` kinds, and how many there were of each severity.
 
     Args:
@@ -65,31 +38,32 @@ class Findings:
         self._all = [0, 0, 0]
         self.by_node: dict[tuple[int, int], Tally] = {}
 
-    def add(self, news: Iterable[News], buses: tuple[str, ...]) -> None:
-        """What is new; interfaces go by their names."""
-        for one in news:
-            key = _Key(one.rule, one.severity, one.bus, one.node, one.type)
-            bus = buses[one.bus] if 0 <= one.bus < len(buses) else ""
+    def feed(self, changes: Iterable[Change], buses: tuple[str, ...], now_ns: int) -> None:
+        """Take what is new; interfaces go by their names, what has no time is of `now_ns`."""
+        for change in changes:
+            one = change.finding
+            bus, node = (one.bus if one.bus in buses else ""), (-1 if one.node is None else one.node)
+            t = now_ns if one.last.t_ns is None else one.last.t_ns
+            text = f"{one.title}: {one.text}"
+            key = _Key(one.rule, one.severity, bus, node, one.type)
             old = self._rows.pop(key, None)
             if old is None and len(self._rows) >= MOST_FINDINGS:
                 del self._rows[next(iter(self._rows))]
             self._rows[key] = FindingRow(
-                one.rule, one.severity, one.category, bus, one.node, one.type, one.text,
-                first=old.first if old else one.t, last=one.t, count=one.count + (old.count if old else 0),
+                one.rule, one.severity, one.category, bus, node, one.type, text,
+                first=old.first if old else t, last=t, count=change.more + (old.count if old else 0),
             )  # fmt: skip
-            if one.fresh:
-                self._count(one)
-            subject = f"{bus} node {one.node}" if one.node >= 0 else bus
-            text = f"{one.severity} {one.rule} {one.text}"
-            self._latches.put("finding", key, subject, text, one.t, count=one.count)
+            if change.fresh:
+                self._count(one.severity, (buses.index(bus) if bus else -1, node))
+            subject = f"{bus} node {node}" if node >= 0 else bus
+            self._latches.put("finding", key, subject, f"{one.severity} {one.rule} {text}", t, count=change.more)
 
-    def _count(self, one: News) -> None:
-        self._all[_FIELDS[one.severity]] += 1
-        place = one.bus, one.node
-        if one.node >= 0 and (place in self.by_node or len(self.by_node) < MOST_FINDINGS):
+    def _count(self, severity: Severity, place: tuple[int, int]) -> None:
+        self._all[_FIELDS[severity]] += 1
+        if place[1] >= 0 and (place in self.by_node or len(self.by_node) < MOST_FINDINGS):
             known = self.by_node.get(place, Tally())
             more = [known.errors, known.warnings, known.notes]
-            more[_FIELDS[one.severity]] += 1
+            more[_FIELDS[severity]] += 1
             self.by_node[place] = Tally(*more)
 
     @property
@@ -98,13 +72,13 @@ class Findings:
         return Tally(*self._all)
 
     def mark(self) -> None:
-        """Nodes have done nothing wrong yet."""
+        """Begin anew: nodes have done nothing wrong yet."""
         self.by_node.clear()
 
     def clear(self) -> None:
-        """None is shown any more; they remain counted."""
+        """Show none any more; they remain counted."""
         self._rows.clear()
 
     def rows(self) -> Iterator[FindingRow]:
-        """The newest first."""
+        """Give the findings, the newest first."""
         return reversed(self._rows.values())

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
 NONE = -1  # in place of a value, time or state that nothing was heard of
 
@@ -16,7 +16,7 @@ NONE = -1  # in place of a value, time or state that nothing was heard of
 class Groups:
     """Rows with equal keys, in their order; groups are in the order of their keys."""
 
-    def __init__(self, keys: Words) -> None:
+    def __init__(self, keys: Array) -> None:
         self.order = np.argsort(keys, kind="stable")
         ordered = keys[self.order]
         first = np.empty(len(keys), bool)
@@ -26,23 +26,23 @@ class Groups:
         self.keys: list[int] = ordered[self.starts].tolist()
 
     @cached_property
-    def ends(self) -> Words:
-        """Where each group ends."""
+    def ends(self) -> Array:
+        """The end of each group."""
         return np.append(self.starts[1:], len(self.order))
 
-    def spread(self, of_groups: Words) -> Words:
-        """A value of each group as one of each row."""
+    def spread(self, of_groups: Array) -> Array:
+        """Return a value of each group as one of each row."""
         found = np.empty(len(self.order), of_groups.dtype)
         found[self.order] = np.repeat(of_groups, self.ends - self.starts)
         return found
 
-    def last(self, values: Words) -> Words:
-        """The value of the last row of each group."""
-        found: Words = values[self.order[self.ends - 1]]
+    def last(self, values: Array) -> Array:
+        """Return the value of the last row of each group."""
+        found: Array = values[self.order[self.ends - 1]]
         return found
 
-    def previous(self, values: Words, before: Words) -> Words:
-        """For each row the value of the row before it in its group; `before` are those of the rows before the first."""
+    def previous(self, values: Array, before: Array) -> Array:
+        """Return for each row the value of the row before it in its group; `before` are those before the first."""
         ordered = values[self.order]
         shifted = np.empty(len(ordered), np.int64)
         shifted[1:] = ordered[:-1]
@@ -51,8 +51,8 @@ class Groups:
         found[self.order] = shifted
         return found
 
-    def longest(self, t: Words, before: Words) -> tuple[Words, Words]:
-        """The longest time between two rows of each group, and when it ended for the last time."""
+    def longest(self, t: Array, before: Array) -> tuple[Array, Array]:
+        """Return the longest time between two rows of each group, and when it ended for the last time."""
         previous = self.previous(t, before)
         steps = np.where(previous == NONE, 0, t - previous)[self.order]
         found = np.maximum.reduceat(steps, self.starts)
@@ -60,24 +60,24 @@ class Groups:
         return found, np.maximum.reduceat(ended, self.starts)
 
 
-class Gaps:
+class LongestGaps:
     """The longest time between two rows, by place, and when it ended."""
 
     def __init__(self, places: int) -> None:
         self.longest, self.ended = (np.full(places, NONE, np.int64) for _ in range(2))
 
-    def add(self, groups: Groups, places: Words, t: Words, before: Words) -> None:
-        """Rows at times `t`; `before` are the times of the rows before the first of each group."""
+    def feed(self, groups: Groups, places: Array, t: Array, before: Array) -> None:
+        """Take rows at times `t`; `before` are the times of the rows before the first of each group."""
         longest, ended = groups.longest(t, before)
         more = longest > self.longest[places]
         self.longest[places[more]], self.ended[places[more]] = longest[more], ended[more]
 
     def clear(self) -> None:
-        """Nothing is known."""
+        """Forget all of them."""
         self.longest[:] = self.ended[:] = NONE
 
     def at(self, place: int) -> tuple[int, int]:
-        """The longest time (0 for none) and its end."""
+        """Return the longest time (0 for none) and its end."""
         return max(0, int(self.longest[place])), int(self.ended[place])
 
 
@@ -94,8 +94,8 @@ class Slots:
         """Keys that found no place of their own; counted up to `most` of them."""
         return len(self._others)
 
-    def find(self, groups: Groups) -> Words:
-        """The places of the keys of groups; those that are new in the order in which they came."""
+    def find(self, groups: Groups) -> Array:
+        """Return the places of the keys of groups; those that are new in the order in which they came."""
         if not self.of.keys() >= set(groups.keys):
             for k in np.argsort(groups.order[groups.starts]).tolist():
                 self._new(groups.keys[k])

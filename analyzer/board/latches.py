@@ -1,4 +1,4 @@
-"""What happened since the mark, whether anybody looked or not: one entry a thing, with first, last and count."""
+"""Events since the mark, seen by somebody or not: one entry a thing, with first, last and count."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Latches:
     def put(
         self, kind: LatchKind, key: object, subject: str, text: str, t: int, *, count: int = 1, first: int | None = None
     ) -> None:  # fmt: skip
-        """Something that happened `count` times from `first` (`t` if not given) to `t`; equal keys are one entry."""
+        """Note what happened `count` times from `first` (`t` if not given) to `t`; equal keys are one entry."""
         entry = self._entries.get((kind, key))
         if entry is None:
             if self._taken[kind] >= _PLACES[kind]:
@@ -52,12 +52,12 @@ class Latches:
         entry.text = text
 
     def clear(self) -> None:
-        """Nothing has happened yet."""
+        """Forget what has happened."""
         self._entries.clear()
         self._taken.clear()
         self.beyond = 0
 
     def rows(self) -> Iterator[Latched]:
-        """Every entry, in the order of the first time."""
+        """Give every entry, in the order of the first time."""
         for (kind, _), one in self._entries.items():
             yield Latched(kind, one.subject, one.text, one.first, one.last, one.count)

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.conformance import NO_TIME, SECOND
+from dissectors.kit import NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
 _SLICE = SECOND // 4
 _SHOWN = 8  # whole slices that a rate is taken from
@@ -25,8 +25,8 @@ class Meter:
         self._slice = np.full(_KEPT, -1, np.int64)
         self._newest = self._first = -1
 
-    def add(self, t: Words, places: Words, amounts: tuple[Words | None, ...]) -> None:
-        """Rows with their times (`NO_TIME` are left out); an amount of None counts rows."""
+    def feed(self, t: Array, places: Array, amounts: tuple[Array | None, ...]) -> None:
+        """Take rows with their times (`NO_TIME` are left out); an amount of None counts rows."""
         if not len(t):
             return
         if int(t.min()) == NO_TIME:
@@ -47,7 +47,7 @@ class Meter:
             rows = slice(None) if at[0] == one == newest and len(t) and (at == one).all() else at == one
             self._count(one, places[rows], tuple(None if each is None else each[rows] for each in amounts))
 
-    def _count(self, one: int, places: Words, amounts: tuple[Words | None, ...]) -> None:
+    def _count(self, one: int, places: Array, amounts: tuple[Array | None, ...]) -> None:
         place = one % _KEPT
         if self._slice[place] != one:
             self._slice[place] = one
@@ -56,12 +56,12 @@ class Meter:
             found = np.bincount(places, amount)
             sums[place, : len(found)] += found
 
-    def rates(self, now: int) -> Words:
-        """Amounts a second, by kind and place, of the last whole slices before `now`."""
+    def rates(self, now: int) -> Array:
+        """Return amounts a second, by kind and place, of the last whole slices before `now`."""
         last = now // _SLICE
         shown = (self._slice >= last - _SHOWN) & (self._slice < last) & (self._slice >= 0)
         span = min(_SHOWN, last - self._first) if self._first >= 0 else 0
         if span <= 0:
             return np.zeros((len(self._sums), self._sums.shape[2]))
-        found: Words = self._sums[:, shown].sum(axis=1) / (span * _SLICE / SECOND)
+        found: Array = self._sums[:, shown].sum(axis=1) / (span * _SLICE / SECOND)
         return found

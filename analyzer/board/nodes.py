@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.board.groups import NONE, Gaps, Groups, Slots
+from analyzer.board.groups import NONE, Groups, LongestGaps, Slots
 from analyzer.board.meter import Meter
 from analyzer.board.snapshot import Latched, NodeRow, Tally
 from analyzer.facts.node_names import NodeNames
-from analyzer.rules.nodes import HEALTHS, MODES
-from analyzer.tables import numbers, valid
-from dissectors.conformance import MILLISECOND, SECOND
+from analyzer.facts.node_status import HEALTHS, MODES
+from analyzer.tables import KINDS
+from dissectors.kit import MILLISECOND, SECOND
+from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -20,14 +21,15 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.board.latches import Latches
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
 MOST_NODES = 1024
+_MESSAGE = KINDS.index("message")
 STALE = 3 * SECOND  # without a transfer; a node sends its status once a second at least
 _LONG = 2500 * MILLISECOND  # between two of them
 
 
-class Nodes:
+class NodeStates:
     """Adds up transfers and NodeStatus by bus and node; the first `MOST_NODES` that send.
 
     Args:
@@ -43,7 +45,7 @@ class Nodes:
         self._heard, self._said, self._uptime, self._health, self._mode = (
             np.full(MOST_NODES + 1, NONE, np.int64) for _ in range(5)
         )
-        self._gaps = Gaps(MOST_NODES + 1)
+        self._gaps = LongestGaps(MOST_NODES + 1)
         self._restarts: dict[int, int] = {}
 
     @property
@@ -51,10 +53,10 @@ class Nodes:
         """Nodes that found no place."""
         return self._slots.beyond
 
-    def add(self, transfers: pa.RecordBatch) -> None:
-        """The transfers of a batch, whole or broken; anonymous ones belong to no node."""
+    def feed(self, transfers: pa.RecordBatch) -> None:
+        """Take the transfers of a batch, whole or broken; anonymous ones belong to no node."""
         src, end = numbers(transfers.column("src")), transfers.column("t_end")
-        rows = np.flatnonzero((src > 0) & valid(end))
+        rows = np.flatnonzero(((src > 0) | (numbers(transfers.column("kind")) == _MESSAGE)) & valid(end))
         if not len(rows):
             return
         groups = Groups(numbers(transfers.column("bus"))[rows].astype(np.int64) << 8 | src[rows])
@@ -64,18 +66,18 @@ class Nodes:
         if self._hidden:
             self._hidden.difference_update(groups.keys)
         frames = np.diff(np.asarray(transfers.column("frame").offsets))[rows]
-        self._meter.add(t, groups.spread(places), (frames, None))
+        self._meter.feed(t, groups.spread(places), (frames, None))
 
-    def status(self, table: pa.RecordBatch, buses: tuple[str, ...]) -> None:
-        """The NodeStatus of a batch."""
+    def feed_status(self, table: pa.RecordBatch, buses: tuple[str, ...]) -> None:
+        """Take the NodeStatus of a batch."""
         src = numbers(table.column("src"))
-        rows = np.flatnonzero(numbers(table.column("trusted")) & valid(table.column("t")) & (src > 0))
+        rows = np.flatnonzero(numbers(table.column("trusted")) & valid(table.column("t")))
         if not len(rows):
             return
         groups = Groups(numbers(table.column("bus"))[rows].astype(np.int64) << 8 | src[rows])
         places = self._slots.find(groups)
         t, uptime = numbers(table.column("t"))[rows], numbers(table.column("uptime_sec"))[rows].astype(np.int64)
-        self._gaps.add(groups, places, t, self._said[places])
+        self._gaps.feed(groups, places, t, self._said[places])
         was = groups.previous(uptime, self._uptime[places])
         back = np.flatnonzero(uptime < was)
         if len(back):
@@ -85,8 +87,8 @@ class Nodes:
         self._health[places] = groups.last(numbers(table.column("health"))[rows])
         self._mode[places] = groups.last(numbers(table.column("mode"))[rows])
 
-    def _restart(self, groups: Groups, back: Words, values: tuple[Words, Words], buses: tuple[str, ...]) -> None:
-        """Latches each node whose uptime went back, in these rows."""
+    def _restart(self, groups: Groups, back: Array, values: tuple[Array, Array], buses: tuple[str, ...]) -> None:
+        """Latch each node whose uptime went back, in these rows."""
         t, was = values
         keys = groups.spread(np.array(groups.keys))[back]
         for key in np.unique(keys).tolist():
@@ -97,18 +99,18 @@ class Nodes:
             self._latches.put("restart", key, subject, text, int(t[rows[-1]]), count=len(rows), first=int(t[rows[0]]))
 
     def mark(self) -> None:
-        """Longest gaps and restarts count anew."""
+        """Let longest gaps and restarts count anew."""
         self._gaps.clear()
         self._restarts.clear()
 
     def clear(self, now: int) -> None:
-        """Nodes that are stale are not shown until they send again."""
+        """Hide nodes that are stale until they send again."""
         self._hidden |= {key for key, place in self._slots.of.items() if now - self._heard[place] > STALE}
 
     def rows(
         self, now: int, buses: tuple[str, ...], found: Mapping[tuple[int, int], Tally], overdue: Mapping[int, int]
     ) -> Iterator[NodeRow]:  # fmt: skip
-        """Nodes by interface and number; `found` is by bus and node, `overdue` by bus << 8 | node."""
+        """Give nodes by interface and number; `found` is by bus and node, `overdue` by bus << 8 | node."""
         rates = self._meter.rates(now)
         for key, place in sorted(self._slots.of.items()):
             if key in self._hidden:
@@ -133,7 +135,7 @@ class Nodes:
             )
 
     def silences(self, now: int, buses: tuple[str, ...]) -> Iterator[Latched]:
-        """Nodes that said nothing of themselves for long since the mark, or say nothing now."""
+        """Give nodes that said nothing of themselves for long since the mark, or say nothing now."""
         for key, place in self._slots.of.items():
             if key in self._hidden:
                 continue

@@ -7,26 +7,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.board.groups import Groups
-from analyzer.tables import ERROR, EXTENDED, REMOTE, VERDICTS
-from dissectors.conformance import NO_TIME, SECOND
+from analyzer.tables import ERROR, EXTENDED, REMOTE, TAIL_ID, TAIL_START, VERDICTS
+from dissectors.kit import NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from analyzer.rules.columns import Frames
+    from dissectors.kit import FrameTable
 
 TIMEOUT = 2 * SECOND  # from the first frame on
 _MOST_OPEN = 4096
-_START, _END, _ID, _SOURCE = 0x80, 0x40, 0x1F, 0x7F
+_SOURCE = 0x7F
 _USED = VERDICTS.index("used")
 
 
-class Opened:
+class OpenTransfers:
     """The last start or end that each session's transfer IDs had; the first `_MOST_OPEN` that are open."""
 
     def __init__(self) -> None:
         self._since: dict[int, int] = {}
 
-    def add(self, frames: Frames) -> None:
-        """The frames of a batch."""
+    def feed(self, frames: FrameTable) -> None:
+        """Take the frames of a batch."""
         offsets, data = frames.raw
         wire = np.frombuffer(data, np.uint8)
         plain = (frames.flags & (EXTENDED | REMOTE | ERROR)) == EXTENDED
@@ -34,13 +34,13 @@ class Opened:
         if not len(rows):
             return
         tails = wire[offsets[1:][rows] - 1]
-        edges = np.flatnonzero(((tails ^ (tails << 1)) & _START) != 0)  # the first or the last of several
+        edges = np.flatnonzero(((tails ^ (tails << 1)) & TAIL_START) != 0)  # the first or the last of several
         rows, tails = rows[edges], tails[edges]
         if not len(rows):
             return
         session = frames.bus[rows].astype(np.int64) << 29 | frames.id[rows]
-        groups = Groups(session << 5 | (tails & _ID))
-        begun = groups.last(tails) & _START
+        groups = Groups(session << 5 | (tails & TAIL_ID))
+        begun = groups.last(tails) & TAIL_START
         since = groups.last(frames.t[rows])
         for key, begins, t in zip(groups.keys, begun.tolist(), since.tolist(), strict=True):
             if not begins:
@@ -49,7 +49,7 @@ class Opened:
                 self._since[key] = t
 
     def overdue(self, now: int, last: int) -> dict[int, int]:
-        """How many have timed out by the clock alone, by bus << 8 | node; `last` is the time of the last frame.
+        """Count those that have timed out by the clock alone, by bus << 8 | node; `last` is the last frame's time.
 
         What the frames themselves have closed is forgotten.
         """

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from analyzer.board.groups import NONE, Gaps, Groups, Slots
-from analyzer.board.words import Word
+from analyzer.board.groups import NONE, Groups, LongestGaps, Slots
+from analyzer.board.words import StateWord
 from analyzer.devices import fields
 from analyzer.devices.rows import keyed, split, usable
-from analyzer.tables import numbers, valid
-from dissectors.conformance import SECOND
+from dissectors.kit import SECOND
+from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.devices.readings import Readings
     from analyzer.devices.units import Unit, Units
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
     from dissectors.picture import Line, Only, Plot
     from dissectors.schema import Message, Packet
 
@@ -41,11 +41,11 @@ class Spoken(NamedTuple):
     patience: int
 
     def stale(self, now: int) -> bool:
-        """Whether nothing was heard for longer than usual."""
+        """Return True if nothing was heard for longer than usual."""
         return now - self.t > self.patience
 
 
-class Sheet:
+class DeviceSheet:
     """The devices that the rows of one table speak of; the first `MOST_DEVICES`.
 
     Args:
@@ -61,18 +61,18 @@ class Sheet:
         self.plot, self.lines = plot, lines
         self.whole = [True] * len(lines)
         notes = {} if of is None else of.notes
-        self.words = [(Word(one.column, notes.get(one.column), MOST_DEVICES), one.only) for one in plot.states]
+        self.words = [(StateWord(one.column, notes.get(one.column), MOST_DEVICES), one.only) for one in plot.states]
         self._of, self._readings = of, readings
         self._slots = Slots(MOST_DEVICES)
         self._units: list[Unit | None] = []
         self.last, self.low, self.high = (np.full((len(lines), MOST_DEVICES + 1), np.nan) for _ in range(3))
         self._t, self._first = (np.full(MOST_DEVICES + 1, NONE, np.int64) for _ in range(2))
-        self._gaps = Gaps(MOST_DEVICES + 1)
+        self._gaps = LongestGaps(MOST_DEVICES + 1)
         self._count = np.zeros(MOST_DEVICES + 1, np.int64)
 
     @property
     def reports(self) -> bool:
-        """Whether devices speak here of themselves; else somebody speaks to them."""
+        """True if devices speak here of themselves; else somebody speaks to them."""
         return not self.plot.who.elements
 
     @property
@@ -80,8 +80,8 @@ class Sheet:
         """Devices that found no place."""
         return self._slots.beyond
 
-    def add(self, table: pa.RecordBatch, units: Units, buses: tuple[str, ...]) -> None:
-        """The rows of a batch."""
+    def feed(self, table: pa.RecordBatch, units: Units, buses: tuple[str, ...]) -> None:
+        """Take the rows of a batch."""
         table = usable(table)
         if table.column("t").null_count:
             table = table.filter(pa.array(valid(table.column("t"))))
@@ -99,7 +99,7 @@ class Sheet:
         places = self._slots.find(groups)
         self._name(units, buses)
         self._take(groups, places, values)
-        self._gaps.add(groups, places, t, self._t[places])
+        self._gaps.feed(groups, places, t, self._t[places])
         new = self._first[places] == NONE
         if new.any():
             self._first[places[new]] = t[groups.order[groups.starts]][new]
@@ -108,8 +108,8 @@ class Sheet:
         for word, only in self.words:
             self._state(word, only, table, (keys, groups, places, t))
 
-    def _values(self, table: pa.RecordBatch) -> Words:
-        """Numbers by line and row; NaN for those that are missing."""
+    def _values(self, table: pa.RecordBatch) -> Array:
+        """Return numbers by line and row; NaN for those that are missing."""
         found = np.full((len(self.lines), len(table)), np.nan)
         for k, line in enumerate(self.lines):
             for column in fields.column(self._of, table, line.column)[:1]:
@@ -121,8 +121,8 @@ class Sheet:
                 self.whole[k] = column.values.dtype.kind != "f"
         return found
 
-    def _elements(self, table: pa.RecordBatch, keys: Words, t: Words) -> tuple[Words, Words, Words]:
-        """Keys, times and values of all elements of the lists in a table; only the first line is followed."""
+    def _elements(self, table: pa.RecordBatch, keys: Array, t: Array) -> tuple[Array, Array, Array]:
+        """Return keys, times and values of all elements of the lists in a table; only the first line is followed."""
         found = fields.elements(self._of, table, self.lines[0].column) if self.lines else None
         if found is None:
             return keys[:0], t[:0], np.empty((len(self.lines), 0))
@@ -134,7 +134,7 @@ class Sheet:
             row, place, values = row[column.has], place[column.has], values[:, column.has]
         return keys[row] | place, t[row], values
 
-    def _take(self, groups: Groups, places: Words, values: Words) -> None:
+    def _take(self, groups: Groups, places: Array, values: Array) -> None:
         if not len(values):
             return
         ordered = values[:, groups.order]
@@ -151,7 +151,7 @@ class Sheet:
         self.high[:, places] = np.fmax(self.high[:, places], np.fmax.reduceat(ordered, groups.starts, axis=1))
 
     def _state(
-        self, word: Word, only: Only | None, table: pa.RecordBatch, of: tuple[Words, Groups, Words, Words]
+        self, word: StateWord, only: Only | None, table: pa.RecordBatch, of: tuple[Array, Groups, Array, Array]
     ) -> None:  # fmt: skip
         if self.plot.who.elements or word.column not in table.schema.names:
             return
@@ -166,10 +166,10 @@ class Sheet:
                 return
             groups, codes, t = Groups(keys[has]), codes[has], t[has]
             places = self._slots.find(groups)
-        word.add(groups, places, codes, t)
+        word.feed(groups, places, codes, t)
 
-    def _holds(self, only: Only | None, table: pa.RecordBatch) -> Words | None:
-        """The rows whose node reads its fields so; None for all."""
+    def _holds(self, only: Only | None, table: pa.RecordBatch) -> Array | None:
+        """Return the rows whose node reads its fields so; None for all."""
         if only is None or self._readings is None:
             return None
         holds = self._readings.holds(only, table)
@@ -181,14 +181,14 @@ class Sheet:
             self._units.append(units.unit(self.plot.table, self.plot.who, bus, node, number, buses[bus]))
 
     def mark(self) -> None:
-        """The lowest, the highest and the longest count anew."""
+        """Let the lowest, the highest and the longest count anew."""
         self.low[:] = self.high[:] = np.nan
         self._gaps.clear()
         for word, _ in self.words:
             word.mark()
 
     def spoken(self) -> Iterator[Spoken]:
-        """Every device that has a name."""
+        """Give every device that has a name."""
         for (key, place), unit in zip(self._slots.of.items(), self._units, strict=True):
             if unit is not None:
                 bus, node, _ = split(key)
@@ -198,7 +198,7 @@ class Sheet:
                 yield Spoken(place, unit, bus, node, t, self._gaps.at(place), count, patience)
 
 
-def _both(one: Words | None, other: Words | None) -> Words | None:
+def _both(one: Array | None, other: Array | None) -> Array | None:
     if one is None or other is None:
         return other if one is None else one
     return one & other

@@ -1,4 +1,4 @@
-"""What there is to show at one moment, as plain frozen data. Times and spans are integer nanoseconds.
+"""The state to show at one moment, as plain frozen data. Times and spans are integer nanoseconds.
 
 Texts that came from the bus (names of nodes, notes, findings) are as they came: whoever shows them escapes them.
 """
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from dissectors.conformance import Severity
+    from dissectors.kit import Severity
 
 LatchKind = Literal["finding", "drop", "error", "restart", "flag", "silence", "note"]
 Controller = Literal["", "error-active", "error-warning", "error-passive", "bus-off"]
@@ -76,7 +76,7 @@ class NodeRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class DeviceReading:
     """A quantity of one device: the last value, and the lowest and highest since the mark."""
 
     last: float
@@ -108,7 +108,7 @@ class DeviceRow:
     label: str
     number: int
     node: int
-    readings: Mapping[tuple[str, str], Reading]
+    readings: Mapping[tuple[str, str], DeviceReading]
     states: tuple[str, ...]
     flags: tuple[str, ...]
     age: int | None
@@ -129,7 +129,7 @@ class DeviceTable:
 
 @dataclass(frozen=True, slots=True)
 class FindingRow:
-    """What one node does wrong again and again; `first` and `last` are the times at which the rules told of it."""
+    """A fault that one node repeats; `first` and `last` are the times at which the rules told of it."""
 
     rule: str
     severity: Severity
@@ -157,8 +157,8 @@ class Latched:
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
-    """What is written, and whether that works. `lost` are frames that did not get into it."""
+class RecordingState:
+    """The file that is written, and if that works. `lost` are frames that did not get into it."""
 
     file: str
     size: int
@@ -185,5 +185,5 @@ class Snapshot:
     found: Tally = field(default_factory=Tally)
     latched: tuple[Latched, ...] = ()
     notes: tuple[tuple[int, str], ...] = ()
-    recording: Recording | None = None
+    recording: RecordingState | None = None
     beyond: int = 0

@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.board.groups import Groups
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
     from dissectors.schema import Note
 
 
-class Word:
+class StateWord:
     """One column of states, by the place of a device.
 
     Args:
@@ -40,8 +40,8 @@ class Word:
         self._last, self._t = (np.full(most + 1, NONE, np.int64) for _ in range(2))
         self._set: dict[tuple[int, int], list[int]] = {}  # by place and bit: first, last, times that it was set
 
-    def add(self, groups: Groups, places: Words, codes: Words, t: Words) -> None:
-        """The next rows of devices."""
+    def feed(self, groups: Groups, places: Array, codes: Array, t: Array) -> None:
+        """Take the next rows of devices."""
         last, heard = self._last[places], self._t[places]
         self._last[places] = groups.last(codes)
         self._t[places] = groups.last(t)
@@ -63,7 +63,7 @@ class Word:
                     self._set.setdefault((place, bit), [int(until[row]), 0, 0])[1] = int(until[row])
 
     def states(self, place: int) -> Iterator[str]:
-        """The names of the values that hold now."""
+        """Give the names of the values that hold now."""
         code = int(self._last[place])
         if code != NONE:
             for low, mask, texts in self._enums:
@@ -71,13 +71,13 @@ class Word:
                 yield texts.get(value) or f"{value} (undefined)"
 
     def flags(self, place: int) -> Iterator[str]:
-        """The flags that are set now."""
+        """Give the flags that are set now."""
         code = int(self._last[place])
         if code != NONE and code & self._mask:
             yield from (name for bit, name in self._flags if code & bit)
 
     def latched(self, place: int, subject: str) -> Iterator[Latched]:
-        """The flags that were set since the mark."""
+        """Give the flags that were set since the mark."""
         for bit, name in self._flags:
             if (entry := self._set.get((place, bit))) is not None:
                 first, last, count = entry
@@ -85,7 +85,7 @@ class Word:
                 yield Latched("flag", subject, name, first, int(self._t[place]) if now else last, count, now)
 
     def mark(self) -> None:
-        """Only flags that are still set have been set."""
+        """Begin anew: only flags that are still set have been set."""
         still = {
             (place, bit): [int(self._t[place]), int(self._t[place]), 1]
             for place, bit in self._set

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import os
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from analyzer.cli import DAMAGED, INTERRUPTED, OK, USAGE, check_init, extracting, judging, options, reports, streams
+from analyzer.app import extracting
+from analyzer.app.targets import refuse_input
+from analyzer.cli import check_init, options, reports, rules, status
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from analyzer.cli.session import Session
+    from analyzer.app.criteria import Criteria
+    from analyzer.app.request import Request
+    from analyzer.app.run import Run
     from analyzer.facts.periods import Periods
-    from analyzer.report.build import Taken
-    from analyzer.report.model import Report
-    from analyzer.rules.checking import Check, Measured
-    from analyzer.window import Window
+    from analyzer.report.draft import JudgedCapture
 
+NAME = "tailbyte check"
 _EPILOG = """\
 Several captures are judged one by one, each with findings of its own in one report; --same-bus, --bus or --offset
 merges them into one first, as for the other commands.
@@ -32,7 +32,7 @@ always states damage."""
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Adds the command and its options."""
+    """Add the command and its options."""
     parser = commands.add_parser(
         "check",
         help="judge captures by all rules of the protocol",
@@ -42,15 +42,15 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     options.add_reader(parser)
-    rules = judging.add_rules(parser)
-    rules.add_argument(
+    group = rules.add_rules(parser)
+    group.add_argument(
         "--init",
         action="store_true",
-        help="write a file for --profile from a healthy capture to -o FILE instead; "
+        help="write a file for --vehicle from a healthy capture to -o FILE instead; "
         "a capture with findings at or above --fail-on, or errors of devices, is none: exit status 1, no file",
     )
-    rules.add_argument("--force", action="store_true", help="--init writes over a file, and from any capture")
-    rules.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
+    group.add_argument("--force", action="store_true", help="--init writes over a file, and from any capture")
+    group.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
     group = reports.add(parser)
     group.add_argument(
         "--github", action="store_true", help="annotations for GitHub Actions, and the summary of the step"
@@ -68,8 +68,8 @@ class _UsageError(Exception):
 
 
 def run(args: argparse.Namespace) -> int:
-    """Judges every capture, then writes the reports: each is there whole or not at all."""
-    from analyzer.cli.start import plain_arrow  # noqa: PLC0415
+    """Judge every capture, then write the reports: each is there whole or not at all."""
+    from analyzer.app.start import plain_arrow  # noqa: PLC0415
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
 
@@ -77,146 +77,92 @@ def run(args: argparse.Namespace) -> int:
         plain_arrow()
     try:
         wanted = _Wanted(args)
-        if args.init:
-            return wanted.initial()
-        with ExitStack() as stack:
-            targets = reports.opened(wanted.files, stack)
-            report, interrupted = wanted.judge()
-            written = reports.all_written(targets, report, everything=args.all)
-        reports.tell(args, report, silent=wanted.silent)
-        if args.github:
-            written = reports.tell_github(report, aside=wanted.silent) and written
-        if args.extract and not interrupted:
-            source = extracting.Origin(args, wanted.groups, wanted.registry, wanted.settings, wanted.window)
-            written = extracting.extract(report, source, args.extract) and written
+        return wanted.initial() if wanted.init else wanted.check()
     except (_UsageError, ProfileError, DsdlError) as error:  # a folder's rules are read when they are needed
-        streams.complain(str(error), "tailbyte check")
-        return USAGE
+        return status.usage(str(error), NAME)
     except TargetError as error:
-        streams.complain(str(error))
-        return DAMAGED
-    if interrupted:
-        return INTERRUPTED
-    return report.gate.exit_status or (OK if written else DAMAGED)
+        return status.damaged(error)
 
 
 class _Wanted:
     """The arguments, checked before anything is read. Raises `_UsageError`."""
 
     def __init__(self, args: argparse.Namespace) -> None:
-        self._args = args
-        self._periods: Periods | None = None
-        self.groups: dict[str, list[str]] = {}
+        self.init, self._force, self._github, self._extract = args.init, args.force, args.github, args.extract
         try:
-            self.names = options.captures(args)
-            self.window: Window = options.window(args)
+            asked = options.request(args, NAME)
+            self.request: Request = replace(asked, rules=rules.choice(args))
             self.files = [("toml", check_init.target(args))] if args.init else list(reports.files(args))
             for _, path in self.files:
-                options.refuse_input(args, path)
-            extracting.refuse_streams(args, self.names)
-            self._judging = judging.Judging(args, "tailbyte check")
-            self.registry, self.settings = self._judging.registry, self._judging.settings
+                refuse_input(asked.names, path)
+            extracting.refuse_streams(args.extract, asked.names)
+            self._show = reports.show_options(args)
+            self._criteria: Criteria = _criteria(self.request)
         except LookupError as error:
             raise _UsageError(error.args[0]) from None
         except (argparse.ArgumentTypeError, OSError, ValueError) as error:  # ProfileError and DsdlError are ValueError
             raise _UsageError(str(error)) from None
 
-    @property
-    def silent(self) -> bool:
-        """Whether standard output belongs to a report."""
-        return any(path == "-" for _, path in self.files)
-
-    def judge(self) -> tuple[Report, bool]:
-        """The report, and whether the reading was interrupted."""
-        taken, interrupted = self._take_all()
-        return self._build(taken), interrupted
+    def check(self) -> int:
+        """Judge and report; return the exit status."""
+        silent = any(path == "-" for _, path in self.files)
+        with ExitStack() as stack:
+            targets = reports.opened(self.files, stack)
+            taken, interrupted = self._take_all()
+            report = self._criteria.report(taken, " ".join(self.request.window_words))
+            written = reports.all_written(targets, report, everything=self._show.everything)
+        if not silent:
+            reports.tell(report, self._show)
+        rules.tell_gate(self.request.rules, report)
+        if self._github:
+            written = reports.tell_github(report, aside=silent) and written
+        if self._extract and not interrupted:
+            written = extracting.extract(report, self.request, self._criteria, self._extract) and written
+        return status.INTERRUPTED if interrupted else status.of_report(report, complete=written)
 
     def initial(self) -> int:
-        """Writes a vehicle file instead of a report; the exit status."""
+        """Write a vehicle file instead of a report; return the exit status."""
         from analyzer.facts.periods import Periods  # noqa: PLC0415
 
-        self._periods = Periods()
-        taken, interrupted = self._take_all()
-        ((_, path),) = self.files
-        model = check_init.Model(self._build(taken), taken[0], self.registry, self._periods)
-        return check_init.write(path, model, force=self._args.force, interrupted=interrupted)
-
-    def _take_all(self) -> tuple[list[Taken], bool]:
-        from analyzer.conformance import ids  # noqa: PLC0415
-
-        merge = bool(self._args.same_bus or self._args.bus or self._args.offset)
-        groups = [self.names] if merge else [[name] for name in self.names]
-        if self._args.init and len(groups) > 1:
+        if len(self.request.each()) > 1:
             raise _UsageError("--init takes one capture, or several of one bus with --same-bus")
-        self.groups = dict(zip(ids(groups), groups, strict=True))
-        taken: list[Taken] = []
-        interrupted = False
-        for label, group in self.groups.items():
-            one, interrupted = self._take(group, label)
+        periods = Periods()
+        taken, interrupted = self._take_all(periods)
+        ((_, path),) = self.files
+        report = self._criteria.report(taken, " ".join(self.request.window_words))
+        model = check_init.Model(report, taken[0], self._criteria.registry, periods)
+        return check_init.write(path, model, force=self._force, interrupted=interrupted)
+
+    def _take_all(self, periods: Periods | None = None) -> tuple[list[JudgedCapture], bool]:
+        """Judge one capture after the other; say whether somebody has ended that."""
+        taken: list[JudgedCapture] = []
+        for label, request in self.request.each().items():
+            one, run = self._take(request, label, periods)
             taken.append(one)
-            if interrupted:
-                break
-        return taken, interrupted
+            if run.stopped:
+                return taken, True
+        return taken, False
 
-    def _build(self, taken: Sequence[Taken]) -> Report:
-        return self._judging.build(taken, options.window_words(self._args) if self.window else "")
+    def _take(self, request: Request, label: str, periods: Periods | None) -> tuple[JudgedCapture, Run]:
+        """Judge one capture, or several as one. Complaints have been made when this is back."""
+        from analyzer.app.judged import JudgedRun  # noqa: PLC0415
+        from analyzer.cli.complaints import Complaints  # noqa: PLC0415
+        from analyzer.cli.reading import reading, watched  # noqa: PLC0415
 
-    def _take(self, names: Sequence[str], label: str) -> tuple[Taken, bool]:
-        """One capture, or several as one. Complaints have been made when this is back."""
-        from analyzer.cli.session import Session  # noqa: PLC0415
-        from analyzer.conformance import damage_of, reason_of  # noqa: PLC0415
-        from analyzer.report.build import Taken  # noqa: PLC0415
-        from analyzer.rules.checking import Check  # noqa: PLC0415
-        from analyzer.sources import CaptureError  # noqa: PLC0415
+        complaints = Complaints()
+        with reading(request, complaints, self._criteria.registry) as run:
+            judged = JudgedRun(run, self._criteria)
+            decoded = run.inside() if periods is None else periods.over(run.inside())
+            with watched(run.source, complaints) as progress:
+                for _ in progress.over(judged.batches(decoded)):
+                    pass
+        if run.state == "refused":
+            raise SystemExit(status.USAGE)
+        run.go_on()
+        return judged.taken(label), run
 
-        args = argparse.Namespace(**{**vars(self._args), "capture": list(names), "capture_": []})
-        checking, unopened = Check(self.registry, self.settings), ""
-        with Session(args) as session:
-            for part in session.source.parts:
-                part.hashed = True
-            try:
-                for measured in self._measured(session, checking):
-                    checking.feed(measured)
-            except CaptureError as error:
-                unopened = reason_of(error, names[0])
-                raise
-        if session.status == USAGE:
-            raise SystemExit(USAGE)
-        session.go_on()
-        taken = Taken(
-            id=label,
-            path=names[0],
-            checked=checking.finish(session.source.parts, session.engine),
-            damage=unopened or damage_of(session.source, session.totals),
-            unopened=bool(unopened),
-            live=session.source.live,
-            arguments=tuple(self._again(names)),
-        )
-        return taken, session.status == INTERRUPTED
 
-    def _measured(self, session: Session, checking: Check) -> Iterator[Measured]:
-        from analyzer.ahead import ahead  # noqa: PLC0415
-        from analyzer.cli.progress import Progress  # noqa: PLC0415
-        from analyzer.sources import StopReading  # noqa: PLC0415
+def _criteria(request: Request) -> Criteria:
+    import dissectors  # noqa: PLC0415
 
-        decoded = session.inside(self.window)
-        batches = checking.measured(decoded if self._periods is None else self._periods.over(decoded))
-        if all(os.path.isfile(part.name) for part in session.source.parts):  # noqa: PTH113 - signals end other reading here, in this thread
-            batches = ahead(batches)
-        with Progress(session.source) as progress:
-            session.held = [] if progress.active else None
-            try:
-                yield from progress.over(batches)
-            except StopReading:  # it was being opened
-                raise KeyboardInterrupt from None
-        session.release()
-
-    def _again(self, names: Sequence[str]) -> Iterator[str]:
-        """Arguments behind the first name that read all of it in the same way."""
-        args = self._args
-        yield from (f"./{name}" if name.startswith("-") and name != "-" else name for name in names[1:])
-        if args.same_bus:
-            yield "--same-bus"
-        for option, given in (("--bus", args.bus), ("--offset", args.offset), ("--dissector", args.dissector)):
-            for value in given:
-                yield from (option, value)
+    return rules.criteria(request.rules, dissectors.load(request.dissectors, request.trusted), NAME)

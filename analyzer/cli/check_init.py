@@ -6,22 +6,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analyzer.cli import DAMAGED, INTERRUPTED, OK, streams
+from analyzer.app import streams
+from analyzer.cli import status
 
 if TYPE_CHECKING:
     import argparse
 
     from analyzer.facts.periods import Periods
-    from analyzer.report.build import Taken
+    from analyzer.report.draft import JudgedCapture
     from analyzer.report.model import Report
     from dissectors import Registry
 
-FINDINGS, NOT_JUDGED = 1, 4
-_CLASHING = ("profile", "baseline", "junit", "html", "json", "markdown", "github", "extract")
+_CLASHING = ("vehicle", "baseline", "junit", "html", "json", "markdown", "github", "extract")
 
 
 def target(args: argparse.Namespace) -> str:
-    """Where the file goes, `-` by default. Raises `ValueError` for options that do not go with --init."""
+    """Return where the file goes, `-` by default. Raises `ValueError` for options that do not go with --init."""
     if clash := next((name for name in _CLASHING if getattr(args, name)), None):
         raise ValueError(f"--init writes a vehicle file and no report: not with --{clash}")
     if len(args.output) > 1:
@@ -37,14 +37,14 @@ class Model:
     """The capture that the file is made from, and what it was read with."""
 
     report: Report
-    taken: Taken
+    taken: JudgedCapture
     registry: Registry
     periods: Periods
 
 
 def write(path: str, model: Model, *, force: bool, interrupted: bool) -> int:
-    """Writes the file unless the capture is no good model; the exit status. Raises `TargetError`."""
-    from analyzer.report.initial import vehicle_file  # noqa: PLC0415
+    """Write the file unless the capture is no good model; return the exit status. Raises `TargetError`."""
+    from analyzer.report.vehicle.initial import vehicle_file  # noqa: PLC0415
     from analyzer.sinks.atomic import Target  # noqa: PLC0415
 
     report, taken = model.report, model.taken
@@ -52,7 +52,7 @@ def write(path: str, model: Model, *, force: bool, interrupted: bool) -> int:
     if not capture.nodes:
         if not taken.damage:
             streams.complain(f"{capture.path}: no node speaks DroneCAN: no vehicle file")
-        return DAMAGED if taken.damage else NOT_JUDGED
+        return status.DAMAGED if taken.damage else status.NOT_JUDGED
     sick = (one for one in report.findings if one.fails or (one.category, one.severity) == ("device", "error"))
     rules = ", ".join(dict.fromkeys(one.rule for one in sick))
     warning = f"no healthy capture, findings of {rules}" if rules else ""
@@ -60,8 +60,8 @@ def write(path: str, model: Model, *, force: bool, interrupted: bool) -> int:
         advice = "written all the same" if force else "no vehicle file (--force writes one all the same)"
         streams.complain(f"{capture.path}: {warning}: {advice}")
         if not force:
-            return FINDINGS
+            return status.FINDINGS
     text = vehicle_file(taken, capture, model.registry, report.settings["bit_rate"], model.periods.all, warning)
     with Target(path) as out:
         out.file.write(text.encode("utf-8", "backslashreplace"))
-    return INTERRUPTED if interrupted else DAMAGED if taken.damage else OK
+    return status.INTERRUPTED if interrupted else status.DAMAGED if taken.damage else status.OK

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from analyzer.cli import USAGE, options, streams
+from analyzer.app import streams
+from analyzer.app.targets import capture_form, refuse_input
+from analyzer.cli import options, status
 from analyzer.sinks import FORMS, losses
 
 if TYPE_CHECKING:
-    from analyzer.cli.session import Session
-    from analyzer.window import Window
+    from analyzer.app.run import Run
+    from analyzer.cli.complaints import Complaints
+
+NAME = "tailbyte convert"
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Adds the command and its options."""
+    """Add the command and its options."""
     parser = commands.add_parser(
         "convert",
         help="captures as candump text, MCAP or pcapng",
@@ -28,64 +33,73 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     options.add_capture_form(parser)
     options.add_window(parser)
-    parser.set_defaults(run=run, dissector=[])
+    parser.set_defaults(run=run, dissector=[], trusted=[])
+
+
+@dataclass(frozen=True, slots=True)
+class _Output:
+    """The capture that is written."""
+
+    path: str
+    form: str
+    packing: str
+    compression: str
 
 
 def run(args: argparse.Namespace) -> int:
-    """Reads the captures once and writes them anew; the output is there whole or not at all."""
-    from analyzer.cli.session import Session  # noqa: PLC0415
+    """Read the captures once and write them anew; the output is there whole or not at all."""
+    from analyzer.cli.complaints import Complaints  # noqa: PLC0415
+    from analyzer.cli.reading import reading  # noqa: PLC0415
 
     try:
         if args.output is None:
             args.output = args.capture.pop() if args.capture else ""
-        form, packing = _form(args)
-        window = options.window(args)
+        output = _output(args)
+        request = options.request(args, NAME)
+        refuse_input(request.names, output.path)
     except (argparse.ArgumentTypeError, ValueError) as error:
-        streams.complain(str(error), "tailbyte convert")
-        return USAGE
-    with Session(args) as session:
-        _convert(args, session, window, form, packing)
-    return session.status
+        return status.usage(error, NAME)
+    complaints = Complaints()
+    with reading(request, complaints) as run:
+        _convert(run, output, complaints)
+    return status.of_run(run)
 
 
-def _form(args: argparse.Namespace) -> tuple[str, str]:
-    """Format and packing of the output. Raises `ValueError` for arguments that do not go together."""
+def _output(args: argparse.Namespace) -> _Output:
+    """Return what is to be written. Raises `ValueError` for arguments that do not go together."""
     if args.stop in FORMS:
         raise ValueError(f"--to is a time: did you mean -F {args.stop}")
     if not args.capture and not args.capture_:
         raise ValueError("a capture and an output are needed: tailbyte convert CAPTURE OUT")
-    found = options.capture_form(args)
-    options.refuse_input(args, args.output)
-    return found
+    form, packing = capture_form(args.output, args.form, args.compression)
+    return _Output(args.output, form, packing, args.compression or "zstd")
 
 
-def _convert(args: argparse.Namespace, session: Session, window: Window, form: str, packing: str) -> None:
-    from analyzer.cli.progress import Progress  # noqa: PLC0415
+def _convert(run: Run, output: _Output, complaints: Complaints) -> None:
+    from analyzer.cli.reading import lines_of, watched  # noqa: PLC0415
     from analyzer.sinks import open_sink  # noqa: PLC0415
     from analyzer.sinks.atomic import Target  # noqa: PLC0415
     from analyzer.sinks.packed import packed  # noqa: PLC0415
     from analyzer.views.terminal import escape  # noqa: PLC0415
 
     inside = frames = 0
-    shown = args.output == "-" and sys.stdout.isatty()
-    with Target(args.output) as target, packed(target.file, packing) as file:
-        with Progress(session.source, wanted=not shown) as progress:
-            session.held = [] if progress.active else None
-            sink = open_sink(form, file, compression=args.compression or "zstd")
-            for piece in progress.over(session.pieces_inside(window)):
-                inside += sum(piece.lines[kind] for kind in ("frames", "error_frames", "drops", "comments"))
-                frames += piece.frames
-                sink.write(piece)
-                session.go_on()
-        session.require_inside(inside, window)
+    shown = output.path == "-" and sys.stdout.isatty()
+    with Target(output.path) as target, packed(target.file, output.packing) as file:
+        with watched(run.source, complaints, wanted=not shown) as progress:
+            sink = open_sink(output.form, file, compression=output.compression)
+            for batch in progress.over(run.frame_batches_inside()):
+                inside += sum(batch.lines[kind] for kind in ("frames", "error_frames", "drops", "comments"))
+                frames += batch.frames
+                sink.write(batch)
+                run.go_on()
+        run.require_inside(inside)
         sink.close()
-        session.go_on()
-    session.release()
-    outside = session.totals.lines["frames"] - frames
+        run.go_on()
+    outside = run.totals.lines["frames"] - frames
     streams.tell(
         f"-- {sink.frames} frames written to {escape(target.name)}"
         + (f", {outside} outside the window" if outside else "")
-        + f"; {session.sum()}\n"
+        + f"; {lines_of(run)}\n"
     )
     if lost := losses(sink.lost):
-        streams.tell(f"-- {form} cannot hold: {lost}\n")
+        streams.tell(f"-- {output.form} cannot hold: {lost}\n")

@@ -6,19 +6,22 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from analyzer.cli import USAGE, options, streams
+from analyzer.cli import options, status
+from analyzer.views.formats import BY_NAME
 
 if TYPE_CHECKING:
-    from analyzer.cli.session import Session
-    from analyzer.cli.writers import Writer
-    from analyzer.window import Window
+    from analyzer.app.run import Run
+    from analyzer.cli.complaints import Complaints
+    from analyzer.views.formats import Writer
+    from analyzer.views.writers import WriterOptions
 
-_FORMS = ("text", "fields", "json", "jsonl", "csv")
+NAME = "tailbyte decode"
+_FORMS = ("text", "fields", *BY_NAME)
 _TIMES = ("a", "ad", "d", "dd", "e", "r", "u", "ud")
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Adds the command and its options; letters mean what they mean to tshark."""
+    """Add the command and its options; letters mean what they mean to tshark."""
     parser = commands.add_parser("decode", help="list or export the transfers of a capture", description=__doc__)
     options.add_reader(parser)
     show = parser.add_argument_group("what to show")
@@ -32,7 +35,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def add_view(show: argparse._ArgumentGroup) -> None:
-    """What a list says of each transfer."""
+    """Add what a list says of each transfer."""
     show.add_argument("-V", dest="details", action="store_true", help="details: every field down to its bits")
     show.add_argument("-O", dest="only", metavar="TYPE,...", help="details of these types only (implies -V)")
     show.add_argument("-P", dest="summary", action="store_true", help="the summary line too, with -V")
@@ -48,71 +51,82 @@ _TIME_HELP = "time of day, with date, since previous, since shown, epoch, relati
 
 
 def run(args: argparse.Namespace) -> int:
-    """Reads the capture once, writes the chosen view, and accounts for every line on standard error."""
-    try:
-        check_view(args)
-    except ValueError as error:
-        return _usage(str(error))
+    """Read the capture once, write the chosen view, and account for every line on standard error."""
     if args.follow and args.last is not None:
-        return _usage("--last needs an end, --follow has none")
-    from analyzer.cli.session import Session  # noqa: PLC0415
-    from analyzer.cli.writers import writer  # noqa: PLC0415
+        return status.usage("--last needs an end, --follow has none", NAME)
+    try:
+        view = view_options(args)
+        request = options.request(args)
+    except (argparse.ArgumentTypeError, ValueError) as error:
+        return status.usage(error, NAME)
+    from analyzer.cli.complaints import Complaints  # noqa: PLC0415
+    from analyzer.cli.reading import account, reading  # noqa: PLC0415
+    from analyzer.views.writers import writer  # noqa: PLC0415
 
-    with Session(args) as session:
+    complaints, pager = Complaints(), not (args.no_pager or args.follow)
+    with reading(request, complaints) as run:
         try:
-            window = options.window(args)
-            writer(args, session.registry, None)  # names that do not exist are told before the capture is read
-        except (argparse.ArgumentTypeError, LookupError, ValueError) as error:
-            return _usage(str(error))
+            writer(view, run.registry, None)  # names that do not exist are told before the capture is read
+        except (LookupError, ValueError) as error:
+            return status.usage(error, NAME)
         if args.quiet:
-            for _ in session.batches():
+            for _ in run.batches():
                 pass
-            session.account(None)
+            account(run, None)
         else:
-            _decode(args, session, window)
-    return session.status
+            _decode(run, view, complaints, args.count, pager=pager)
+    return status.of_run(run)
 
 
-def check_view(args: argparse.Namespace) -> None:
-    """Raises `ValueError` for what does not go together."""
+def view_options(args: argparse.Namespace) -> WriterOptions:
+    """Return what is asked of the list. Raises `ValueError` for what does not go together."""
+    from analyzer.views.writers import WriterOptions  # noqa: PLC0415
+
     if bool(args.fields) != (args.form == "fields"):
         raise ValueError("-T fields and -e FIELD go together")
+    return WriterOptions(
+        form=args.form,
+        fields=tuple(args.fields),
+        time=args.time,
+        details=args.details,
+        only=None if args.only is None else tuple(name for name in args.only.split(",") if name),
+        summary=args.summary,
+        dumps=args.bytes,
+        signed=args.around is not None,
+        colour=options.colour(args),
+    )
 
 
-def _decode(args: argparse.Namespace, session: Session, window: Window) -> None:
-    """Writes what the window lets through; stops early only when `-c` says so."""
+def _decode(run: Run, options: WriterOptions, complaints: Complaints, count: int | None, *, pager: bool) -> None:
+    """Write what the window lets through; stop early only when `count` transfers are shown."""
     from analyzer.cli.pager import paged  # noqa: PLC0415
-    from analyzer.cli.writers import writer  # noqa: PLC0415
-    from analyzer.cut import ListSelection  # noqa: PLC0415
+    from analyzer.cli.reading import account  # noqa: PLC0415
+    from analyzer.views.writers import writer  # noqa: PLC0415
+    from analyzer.window.cut import ListSelection  # noqa: PLC0415
 
-    selection = ListSelection(window, session.again)
+    selection = ListSelection(run.request.window, run.again)
     view: Writer | None = None
     shown = 0
-    with paged(args) as out:
-        session.held = None if out is sys.stdout else []
-        for batch, rows, zero in selection.apply(session.batches()):
+    with paged(wanted=pager) as out:
+        complaints.hold(out is not sys.stdout)
+        for batch, rows, zero in selection.apply(run.batches()):
             if view is None:
-                view = writer(args, session.registry, zero)
+                view = writer(options, run.registry, zero)
                 out.write(view.begin())
-            picked = rows if args.count is None else rows[: args.count - shown]
-            for k, text in enumerate(session.unhurried(view.rows(batch, picked))):
-                if shown == args.count:
+            picked = rows if count is None else rows[: count - shown]
+            for k, text in enumerate(run.unhurried(view.rows(batch, picked))):
+                if shown == count:
                     break
                 out.write(text)
                 shown += k < len(picked)
-            if args.follow:
+            if run.request.follow:
                 out.flush()
-            if shown == args.count:
+            if shown == count:
                 break
         if view is not None:
             out.write(view.end())
-    session.release()
+    complaints.release()
     if selection.problem is not None:
-        session.reject(selection.problem)
-    if args.count is None or shown < args.count:
-        session.account(shown)
-
-
-def _usage(reason: str) -> int:
-    streams.complain(reason, "tailbyte decode")
-    return USAGE
+        run.reject(selection.problem)
+    if count is None or shown < count:
+        account(run, shown)

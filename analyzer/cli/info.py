@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 
-from analyzer.cli import USAGE, options, streams
+from analyzer.cli import options, status
+
+NAME = "tailbyte info"
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Adds the command and its options."""
+    """Add the command and its options."""
     parser = commands.add_parser("info", help="summary of a capture: lines, nodes, types, rates", description=__doc__)
     options.add_reader(parser)
     options.add_window(parser)
@@ -21,25 +23,31 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Reads the capture once and prints its summary, or that of the window alone."""
-    from analyzer.cli.session import Session  # noqa: PLC0415
+    """Read the capture once and print its summary, or that of the window alone."""
+    from analyzer.app.request import RuleChoice  # noqa: PLC0415
+    from analyzer.cli.complaints import Complaints  # noqa: PLC0415
+    from analyzer.cli.reading import reading  # noqa: PLC0415
+    from analyzer.facts.dialects import checked  # noqa: PLC0415
     from analyzer.facts.summary import Summary  # noqa: PLC0415
     from analyzer.views.info import render, render_json  # noqa: PLC0415
 
-    with Session(args) as session:
+    try:
+        request = options.request(args)
+    except argparse.ArgumentTypeError as error:
+        return status.usage(error, NAME)
+    with reading(request, Complaints()) as run:
         try:
-            window, dialects = options.window(args), options.dialects(args, session.registry)
-        except (argparse.ArgumentTypeError, ValueError) as error:
-            streams.complain(str(error), "tailbyte info")
-            return USAGE
-        for part in session.source.parts:
+            dialects = checked(RuleChoice(dialects=tuple(args.dialect)).readings(), run.registry)
+        except ValueError as error:
+            return status.usage(error, NAME)
+        for part in run.source.parts:
             part.hashed = True
-        summary = Summary(session.registry, dialects)
-        for batch in session.inside(window):
-            summary.add(batch)
-        if session.status == USAGE:
-            return USAGE
-        facts = summary.finish(session.source.parts, session.engine)
+        summary = Summary(run.registry, dialects)
+        for batch in run.inside():
+            summary.feed(batch)
+        if run.state == "refused":
+            return status.USAGE
+        facts = summary.finish(run.source.parts, run.engine)
         text = render_json(facts) if args.form == "json" else render(facts, everything=args.all)
         sys.stdout.write(text)
-    return session.status
+    return status.of_run(run)

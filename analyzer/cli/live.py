@@ -5,15 +5,18 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from analyzer.cli import DAMAGED, OK, USAGE, decode, judging, options, reports, streams
+from analyzer.app import streams
+from analyzer.cli import buses, decode, options, reports, rules, status
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from analyzer.live.filters import Filters
-    from analyzer.live.interfaces import Interface
+    from analyzer.app.live.request import LiveMode
+    from analyzer.live.interfaces.filters import Filters
+    from analyzer.live.interfaces.naming import Interface
 
 NAME = "tailbyte live"
 HOUR = 3600.0
@@ -29,7 +32,7 @@ opened or is gone for good, or a recording that could not be written, 4 nothing 
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Adds the command and its options; letters mean what they mean to tshark and dumpcap."""
+    """Add the command and its options; letters mean what they mean to tshark and dumpcap."""
     parser = commands.add_parser(
         "live",
         help="watch, record and judge a bus",
@@ -38,7 +41,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    group = options.add_buses(parser)
+    group = buses.add_buses(parser)
     group.add_argument("-D", dest="interfaces", action="store_true", help="list the interfaces that there are, and end")
     group.add_argument(
         "-f", "--filter", dest="filter", action="append", default=[], metavar="ID:MASK",
@@ -58,11 +61,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--plot", nargs="?", const="", metavar="URL", help="feed a Rerun viewer: a new one, or that of URL"
     )
     show.add_argument("--status", metavar="TIME", help="say so often what has happened; default: 1h")
-    rules = judging.add_rules(parser)
-    rules.add_argument(
-        "--dissector", action="append", default=[], metavar="DIR",
-        help="folder with further data types (DSDL, profile.toml); repeatable, comes before the built-in ones",
-    )  # fmt: skip
+    group = rules.add_rules(parser)
+    options.add_dissectors(group)
     reports.add(parser, ["-o"])
     options.add_colour(parser)
     parser.set_defaults(run=run, around=None, follow=False, no_pager=True)
@@ -91,68 +91,98 @@ def _add_recording(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Runs until somebody or a condition ends it."""
+    """Run until somebody or a condition ends it."""
     if args.interfaces:
         return _list()
-    from analyzer.cli.live_run import Run  # noqa: PLC0415 - not before it is known that there is something to do
-    from analyzer.live.interfaces import InterfaceError  # noqa: PLC0415
+    from analyzer.live.interfaces.naming import InterfaceError  # noqa: PLC0415 - python-can takes its time
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
 
     try:
         wanted = Wanted(args)
     except (LookupError, ValueError, OSError, argparse.ArgumentTypeError) as error:
-        streams.complain(str(error.args[0] if isinstance(error, LookupError) else error), NAME)
-        return USAGE
+        return status.usage(error, NAME)
     try:
-        return Run(wanted).status()
+        return wanted.run()
     except (DsdlError, ProfileError) as error:  # types are compiled when they occur
-        streams.complain(str(error), NAME)
-        return USAGE
+        return status.usage(error, NAME)
     except (InterfaceError, TargetError) as error:
-        streams.complain(str(error))
-        return DAMAGED
+        return status.damaged(error)
 
 
 class Wanted:
     """The arguments, checked before anything is opened. Raises `LookupError`, `ValueError` and `OSError`."""
 
     def __init__(self, args: argparse.Namespace) -> None:
-        from analyzer.cli.judging import Judging  # noqa: PLC0415
-        from analyzer.cli.live_keeper import Plan  # noqa: PLC0415
-        from analyzer.cli.writers import writer  # noqa: PLC0415
+        import dissectors  # noqa: PLC0415
+        from analyzer.app.live.request import LiveRequest  # noqa: PLC0415
+        from analyzer.app.live.session_recording import RecordingOptions, SessionPlan  # noqa: PLC0415
+        from analyzer.views.writers import writer  # noqa: PLC0415
 
-        self.args = args
-        decode.check_view(args)
-        self.buses = options.buses(args)
-        self.mode = _mode(args)
+        view = decode.view_options(args)
+        named = buses.buses(args)
+        mode = _mode(args)
         self.files = list(reports.files(args))
         _check_record(args.record, self.files)
-        if self.silent and self.apart:
+        self._text = reports.show_options(args)
+        # Whether standard output belongs to a report, and whether it is full of frames.
+        self._silent, self._apart = any(path == "-" for _, path in self.files), mode == "list" or args.record == "-"
+        if self._silent and self._apart:
             raise ValueError("standard output is taken: give the report a file, or leave out the list with -q")
-        self.every = HOUR if args.status is None else options.checked("--status", _span, args.status)
+        every = HOUR if args.status is None else options.checked("--status", _span, args.status)
         if args.bitrate is None:
-            args.bitrate = _common_rate(interface for interface, _ in self.buses)
-        self.judging = Judging(args, NAME)
-        if self.mode == "list":
-            writer(args, self.judging.registry, None)  # names that do not exist are told before anything is opened
-        self.plan = Plan(args, self.judging.pages, _header(self.buses))
-        self.counted = {interface.name for interface, _ in self.buses if interface.kind == "socketcan"}
-        self.name = "+".join(interface.name for interface, _ in self.buses)
+            args.bitrate = _common_rate(interface for interface, _ in named)
+        registry = dissectors.load(*options.folders(args))
+        self._rules = rules.choice(args)
+        self.criteria = rules.criteria(self._rules, registry, NAME)
+        if mode == "list":
+            writer(view, registry, None)  # names that do not exist are told before anything is opened
+        recording = RecordingOptions(
+            args.record, args.record_form, args.compression, args.force, args.ring, args.autostop, args.count,
+            args.trigger, args.pre, args.post,
+        )  # fmt: skip
+        self.request = LiveRequest(
+            buses=tuple(named),
+            mode=mode,
+            view=view,
+            plan=SessionPlan(recording, self.criteria.pages, _header(named)),
+            every=every,
+            flush=args.flush,
+            hardware=args.stamps == "adapter",
+            plot=args.plot,
+            bit_rate=args.bitrate,
+        )
 
-    @property
-    def apart(self) -> bool:
-        """Whether standard output is full of frames."""
-        return self.mode == "list" or self.args.record == "-"
+    def run(self) -> int:
+        """Run the session and report; return the exit status. Raises what opening raises."""
+        from analyzer.app.live.run import LiveRun, signals  # noqa: PLC0415 - not before there is something to do
+        from analyzer.live.capture_loop import SessionControl  # noqa: PLC0415
 
-    @property
-    def silent(self) -> bool:
-        """Whether standard output belongs to a report."""
-        return any(path == "-" for _, path in self.files)
+        control, everything = SessionControl(), self._text.everything
+        session = LiveRun(self.request, self.criteria, control)
+        with ExitStack() as stack:
+            stack.enter_context(signals(control))
+            targets = reports.opened(self.files, stack)
+            report = session.run()
+            written = report is not None and reports.all_written(targets, report, everything=everything)
+        for line in session.account:
+            streams.tell(f"-- {line}\n")
+        for problem in session.problems:
+            streams.complain(problem)
+        if report is None:
+            return status.DAMAGED
+        if self._apart:
+            from analyzer.report.text import render  # noqa: PLC0415
+
+            streams.tell(render(report, everything=everything))
+        elif not self._silent:
+            reports.tell(report, self._text)
+        rules.tell_gate(self._rules, report)
+        return status.of_report(report, complete=written and not session.problems)
 
 
-def _mode(args: argparse.Namespace) -> str:
-    """`list`, `monitor` or `quiet`. Raises `ValueError` for options about a list that there is not to be."""
+def _mode(args: argparse.Namespace) -> LiveMode:
+    """Return `list`, `monitor` or `quiet`. Raises `ValueError` for options about a list that there is not to be."""
     asked = {
         "--list": args.list, "-V": args.details, "-O": args.only, "-P": args.summary, "-x": args.bytes,
         f"-T {args.form}": args.form != "text", "-l": args.flush,
@@ -170,7 +200,7 @@ def _mode(args: argparse.Namespace) -> str:
 
 
 def _header(buses: Sequence[tuple[Interface, Filters]]) -> str:
-    """What the recording would hold if it happened: only the kernel counts what it drops."""
+    """Say what the recording would hold if it happened: only the kernel counts what it drops."""
     from analyzer.facts.recorder import statement  # noqa: PLC0415
 
     kernel = all(interface.kind == "socketcan" for interface, _ in buses)
@@ -178,22 +208,22 @@ def _header(buses: Sequence[tuple[Interface, Filters]]) -> str:
 
 
 def _check_record(path: str | None, files: Iterable[tuple[str, str]]) -> None:
-    """Raises `ValueError` for a recording and a report in one file."""
+    """Raise `ValueError` for a recording and a report in one file."""
     for _, report in files:
         if path not in (None, "", "-") and report != "-" and os.path.realpath(path) == os.path.realpath(report):
             raise ValueError(f"{path}: a recording and a report cannot be one file")
 
 
 def _count(text: str) -> int:
-    """A number of frames; others have an interface there."""
+    """Read a number of frames; others have an interface there."""
     if text[:1].isalpha():
         raise argparse.ArgumentTypeError(f"takes a number; did you mean: {NAME} {text}")
     return options.positive(text)
 
 
 def _span(text: str) -> float:
-    """Seconds between two lines."""
-    from analyzer.window import duration  # noqa: PLC0415
+    """Read the seconds between two lines."""
+    from analyzer.window.limits import duration  # noqa: PLC0415
 
     seconds = duration(text) / 1e9
     if seconds <= 0:
@@ -202,14 +232,14 @@ def _span(text: str) -> float:
 
 
 def _common_rate(interfaces: Iterable[Interface]) -> int | None:
-    """The bit rate of the controllers, if all of them have the same."""
+    """Return the bit rate of the controllers, if all of them have the same."""
     rates = {interface.bit_rate for interface in interfaces}
     return rates.pop() if len(rates) == 1 else None
 
 
 def _list() -> int:
-    from analyzer.live.listing import found  # noqa: PLC0415
-    from analyzer.views.interfaces import render  # noqa: PLC0415
+    from analyzer.live.interfaces.listing import list_interfaces  # noqa: PLC0415
+    from analyzer.live.interfaces.table import render  # noqa: PLC0415
 
-    sys.stdout.write(render(found()))
-    return OK
+    sys.stdout.write(render(list_interfaces()))
+    return status.OK

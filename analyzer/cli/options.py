@@ -5,33 +5,73 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import stat
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analyzer.sinks import COMPRESSIONS, FORMS, form_of
+from analyzer.app import streams
+from analyzer.cli import status
+from analyzer.sinks import COMPRESSIONS, FORMS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
+    from collections.abc import Callable, Iterator, Sequence
 
-    from analyzer.live.filters import Filters
-    from analyzer.live.interfaces import Interface
+    from analyzer.app.request import Request
     from analyzer.sources.merge import Plan
-    from analyzer.window import Window
-    from dissectors import Registry
+    from analyzer.window.limits import Window
+
+
+class OldName(argparse.Action):
+    """An option's old name: it still works, says so in one line, and is in no help."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, *, new: str) -> None:
+        super().__init__(option_strings, dest, help=argparse.SUPPRESS)
+        self._new = new
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, option: str | None = None
+    ) -> None:
+        """Take the value as that of the new name."""
+        streams.complain(f"{option} is deprecated: the option is called {self._new} now", parser.prog)
+        setattr(namespace, self.dest, values)
 
 
 def add_reader(parser: argparse.ArgumentParser) -> None:
-    """The captures, and the data types to read them with."""
+    """Add the captures, and the data types to read them with."""
     add_captures(parser)
+    add_dissectors(parser)
+
+
+def add_dissectors(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """Add the folders with further data types."""
     parser.add_argument(
         "--dissector", action="append", default=[], metavar="DIR",
         help="folder with further data types (DSDL, profile.toml); repeatable, comes before the built-in ones",
     )  # fmt: skip
+    parser.add_argument(
+        "--trust-dissector", action=_TrustedFolder, dest="trusted", default=[], metavar="DIR",
+        help="the same, and the Python that the folder brings for its rules runs",
+    )  # fmt: skip
+
+
+class _TrustedFolder(argparse.Action):
+    """Takes a folder among all folders, and among those that are trusted."""
+
+    def __call__(
+        self, _: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, __: str | None = None
+    ) -> None:
+        """Append it to both."""
+        for name in ("dissector", self.dest):
+            setattr(namespace, name, [*getattr(namespace, name), values])
+
+
+def folders(args: argparse.Namespace) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+    """Return the folders with further data types, and those among them that are trusted."""
+    return tuple(map(Path, args.dissector)), tuple(map(Path, args.trusted))
 
 
 def add_captures(parser: argparse.ArgumentParser) -> None:
-    """The captures: files, patterns, standard input, and how several of them become one."""
+    """Add the captures: files, patterns, standard input, and how several of them become one."""
     parser.add_argument(
         "capture", nargs="*", metavar="CAPTURE",
         help="candump text, MCAP, pcapng, pcap, ArduPilot or pydronecan log, BLF, ASC, TRC, CSV, MF4, packed or not; "
@@ -52,94 +92,93 @@ def add_captures(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def add_bus(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """The bus that exists, with the options of python-can."""
-    parser.add_argument(
-        "iface", nargs="?", metavar="IFACE",
-        help="a SocketCAN interface (vcan0), or TYPE:CHANNEL[@BITRATE] for those of python-can (virtual:demo, "
-        "slcan:/dev/ttyACM0@1000000)",
-    )  # fmt: skip
-    parser.add_argument("-i", dest="iface_", metavar="IFACE", help="the same, by letter")
-    return add_python_can(parser)
+def request(args: argparse.Namespace, who: str = "tailbyte") -> Request:
+    """Return what the arguments ask of captures, without rules.
 
-
-def add_buses(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """Several buses that exist, with the options of python-can."""
-    parser.add_argument(
-        "iface", nargs="*", metavar="IFACE[,FILTER]",
-        help="a SocketCAN interface (can0), or TYPE:CHANNEL[@BITRATE] for those of python-can (virtual:demo, "
-        "slcan:/dev/ttyACM0@1000000); with filters as candump has them: can0,123:7FF; default: what python-can's files "
-        "and environment name",
-    )  # fmt: skip
-    parser.add_argument(
-        "-i", dest="iface_", action="append", default=[], metavar="IFACE", help="the same, by letter; repeatable"
-    )
-    return add_python_can(parser)
-
-
-def add_python_can(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """The options of python-can for the buses of a command."""
-    group = parser.add_argument_group("bus, as python-can has it")
-    group.add_argument("--interface", metavar="TYPE", help="socketcan, virtual, slcan, pcan, ...")
-    group.add_argument("--channel", metavar="CHANNEL", help="of that interface")
-    group.add_argument("--bitrate", type=positive, metavar="BITS", help="per second")
-    group.add_argument("--data-bitrate", type=positive, metavar="BITS", help="of the data phase of CAN FD")
-    group.add_argument("--fd", action="store_true", default=None, help="with CAN FD")
-    group.add_argument("--timing", nargs="+", metavar="KEY=VALUE", help="bit timing instead of bit rates")
-    group.add_argument("--bus-kwargs", nargs="+", default=(), metavar="KEY=VALUE", help="whatever else it takes")
-    return group
-
-
-def bus(args: argparse.Namespace) -> Interface | None:
-    """The bus that is meant, None if none was named. Raises `ValueError` with the reason."""
-    from analyzer.live.interfaces import resolve  # noqa: PLC0415 - python-can takes its time
-
-    text = args.iface or args.iface_
-    if args.iface and args.iface_:
-        raise ValueError(f"{args.iface} and -i {args.iface_}: which one?")
-    if text is None and args.interface is None and args.channel is None:
-        return None
-    return resolve(text, python_can(args))
-
-
-def buses(args: argparse.Namespace) -> list[tuple[Interface, Filters]]:
-    """The buses that are meant, with what is let through; that of python-can's configuration if none was named.
-
-    Raises `ValueError` with the reason.
+    Captures that cannot be meant end the command, as `who`. Raises `argparse.ArgumentTypeError` for a window that makes
+    no sense.
     """
-    from analyzer.live.filters import parse, split  # noqa: PLC0415
-    from analyzer.live.interfaces import resolve  # noqa: PLC0415 - python-can takes its time
+    from analyzer.app.request import Request  # noqa: PLC0415
+    from analyzer.window.limits import Window  # noqa: PLC0415
 
-    named: list[str | None] = [*args.iface, *args.iface_] or [None]
-    found: dict[str, tuple[Interface, Filters]] = {}
-    for text in named:
-        name, own = (None, "") if text is None else split(text)
-        interface = resolve(name, python_can(args))
-        if interface.name in found:
-            raise ValueError(f"{interface.name} is named twice")
-        found[interface.name] = interface, parse([*args.filter, own])
-    return list(found.values())
+    try:
+        names, who = captures(args), "tailbyte"
+        merging = _merging(args)
+    except argparse.ArgumentTypeError as error:
+        raise SystemExit(status.usage(error, who)) from None
+    asked = window(args) if "around" in args else Window()
+    return Request(
+        captures=tuple(names),
+        merging=merging,
+        dissectors=folders(args)[0],
+        trusted=folders(args)[1],
+        window=asked,
+        follow=getattr(args, "follow", False),
+        window_words=tuple(_window_words(args)),
+        arguments=tuple(_arguments(args)),
+    )
 
 
-def python_can(args: argparse.Namespace) -> dict[str, Any]:
-    """What the options of python-can say, by their names; None of those that were not given."""
-    names = ("interface", "channel", "bitrate", "data_bitrate", "fd", "timing", "bus_kwargs")
-    return {name: getattr(args, name) for name in names}
+def _arguments(args: argparse.Namespace) -> Iterator[str]:
+    """Yield what beside the captures' names reads them in the same way."""
+    if args.same_bus:
+        yield "--same-bus"
+    for option, given in (("--bus", args.bus), ("--offset", args.offset), ("--dissector", args.dissector)):
+        for value in given:
+            trusted = option == "--dissector" and value in args.trusted
+            yield from ("--trust-dissector" if trusted else option, value)
+
+
+def captures(args: argparse.Namespace) -> list[str]:
+    """Return the captures given either way, patterns resolved.
+
+    Raises `argparse.ArgumentTypeError` for those that clash.
+    """
+    from glob import glob  # noqa: PLC0415
+
+    names: list[str] = []
+    for given in (*args.capture, *args.capture_):
+        exists = given == "-" or "\0" in given or os.path.lexists(given)
+        names += [given] if exists else sorted(glob(given)) or [given]  # noqa: PTH207 - any pattern, absolute or not
+    if names.count("-") > 1:
+        raise argparse.ArgumentTypeError("standard input can be read only once")
+    if len(names) > 1 and getattr(args, "follow", False):
+        raise argparse.ArgumentTypeError("--follow takes one capture")
+    return names
+
+
+def _merging(args: argparse.Namespace) -> Plan:
+    """Return how several captures become one. Raises `argparse.ArgumentTypeError` with the option and the reason."""
+    from analyzer.sources.merge import Plan, bus_name  # noqa: PLC0415
+
+    names = dict(checked("--bus", bus_name, text) for text in args.bus)
+    offsets = dict(checked("--offset", _offset, text) for text in args.offset)
+    return Plan(names, offsets, args.same_bus)
+
+
+def _offset(text: str) -> tuple[str, int]:
+    from analyzer.window.limits import duration  # noqa: PLC0415
+
+    name, equals, shift = text.rpartition("=")
+    sign, size = (shift[:1], shift[1:]) if shift[:1] in "+-" else ("+", shift)
+    if not equals or not name:
+        raise ValueError(f"{text!r} is not FILE=+1.5s")
+    return name, int(sign + "1") * duration(size)
 
 
 def add_colour(parser: argparse.ArgumentParser) -> None:
-    """Whether results have colours."""
+    """Add the choice of colours."""
     parser.add_argument("--color", choices=("auto", "always", "never"), default="auto", help="default: auto")
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
-    """How results reach a terminal."""
+    """Add how results reach a terminal."""
     add_colour(parser)
     parser.add_argument("--no-pager", action="store_true", help="do not page long output on a terminal")
 
 
 def add_capture_form(parser: argparse._ActionsContainer, name: str = "form") -> None:
-    """The format of a capture that is written, in the attribute `name`."""
+    """Add the format of a capture that is written, in the attribute `name`."""
     parser.add_argument(
         "-F", "--format", dest=name, choices=FORMS,
         help="default: what the name says: .log .txt .candump, .mcap, .pcapng, with .gz or .zst behind it",
@@ -147,30 +186,8 @@ def add_capture_form(parser: argparse._ActionsContainer, name: str = "form") -> 
     parser.add_argument("--compression", choices=COMPRESSIONS, help="of MCAP chunks; default: zstd")
 
 
-def capture_form(args: argparse.Namespace, pipe: str = "") -> tuple[str, str]:
-    """Format and packing of the capture `args.output`; `pipe` is the format of standard output if none is given.
-
-    Raises `ValueError` for arguments that do not go together.
-    """
-    output = args.output
-    named, packing = form_of(output)
-    form: str = args.form or (pipe if output == "-" else named)
-    if not form and not output:
-        raise ValueError("the output has no name")
-    if named and form != named:
-        raise ValueError(f"{output}: the name says {named}, -F says {form}")
-    if not form:
-        says = "- says" if output == "-" else f"{output}: the name says"
-        raise ValueError(f"{says} no format: give -F candump, mcap or pcapng")
-    if args.compression is not None and form != "mcap":
-        raise ValueError("--compression is for MCAP")
-    if output == "-" and form != "candump" and sys.stdout.isatty():
-        raise ValueError(f"{form} is nothing for a terminal")
-    return form, packing
-
-
 def add_window(parser: argparse.ArgumentParser) -> None:
-    """Which part of the capture to show."""
+    """Add the choice of a part of the capture."""
     group = parser.add_argument_group(
         "window", "TIME: seconds from the first frame, seconds since 1970, 12:49:54.89 or 2026-03-14T12:49:54 (local)"
     )
@@ -182,8 +199,8 @@ def add_window(parser: argparse.ArgumentParser) -> None:
 
 
 def window(args: argparse.Namespace) -> Window:
-    """The window asked for. Raises `argparse.ArgumentTypeError` with the option and the reason."""
-    from analyzer.window import AROUND, Moment, Window, duration  # noqa: PLC0415
+    """Return the window asked for. Raises `argparse.ArgumentTypeError` with the option and the reason."""
+    from analyzer.window.limits import AROUND, Moment, Window, duration  # noqa: PLC0415
 
     around, margin = None, AROUND
     if args.around is not None:
@@ -202,20 +219,23 @@ def window(args: argparse.Namespace) -> Window:
     )
 
 
-def window_words(args: argparse.Namespace) -> str:
-    """The window as it was asked for."""
+def _window_words(args: argparse.Namespace) -> Iterator[str]:
+    """Return the window as it was asked for."""
     given = {
-        "--from": args.start,
-        "--to": args.stop,
-        "--last": args.last,
-        "--around": args.around,
-        "--frames": args.frames,
+        "--from": getattr(args, "start", None),
+        "--to": getattr(args, "stop", None),
+        "--last": getattr(args, "last", None),
+        "--around": getattr(args, "around", None),
+        "--frames": getattr(args, "frames", None),
     }
-    return " ".join(f"{option} {text}" for option, text in given.items() if text is not None)
+    return (f"{option} {text}" for option, text in given.items() if text is not None)
 
 
 def checked(option: str, read: Callable[[str], Any], text: str | None) -> Any:
-    """What `read` makes of the text of an option, None of none. Raises `argparse.ArgumentTypeError` with its reason."""
+    """Return what `read` makes of the text of an option, None of none.
+
+    Raises `argparse.ArgumentTypeError` with its reason.
+    """
     try:
         return None if text is None else read(text)
     except ValueError as error:
@@ -236,105 +256,36 @@ def _range(text: str) -> tuple[int, int]:
 
 
 def positive(text: str) -> int:
-    """A count of at least 1."""
+    """Return a count of at least 1."""
     if not text.isdecimal() or _whole(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
     return _whole(text)
 
 
 def _whole(digits: str) -> int:
-    """A number as large as anybody can count frames, however many digits it is given with."""
+    """Return a number as large as anybody can count frames, however many digits it is given with."""
     digits = digits.strip().lstrip("0") or "0"
     return min(int(digits[:20]), sys.maxsize)
 
 
 def add_dialect(parser: argparse._ActionsContainer) -> None:
-    """Which readings of doubtful fields stand against the data."""
+    """Add the readings of doubtful fields that stand against the data."""
     parser.add_argument(
         "--dialect", action="append", default=[], type=dialect, metavar="NODE=CHOICE",
         help="how to read a node's doubtful fields, against its own data (24=tm, 24=dronecan, 24=K); repeatable",
     )  # fmt: skip
 
 
-def dialects(args: argparse.Namespace, registry: Registry) -> Mapping[int, Collection[str]]:
-    """What `--dialect` says, by node ID. Raises `ValueError` for a choice that no field has."""
-    from analyzer.facts.dialects import checked  # noqa: PLC0415
-
-    found: dict[int, list[str]] = {}
-    for node, choice in args.dialect:
-        found.setdefault(node, []).append(choice)
-    return checked(found, registry)
-
-
 def dialect(text: str) -> tuple[int, str]:
-    """`24=tm` as node ID and choice."""
+    """Return `24=tm` as node ID and choice."""
     node, equals, choice = text.partition("=")
     if not equals or not choice or not node.isdecimal() or not 1 <= int(node) <= 127:
         raise argparse.ArgumentTypeError(f"{text!r} is not NODE=CHOICE with a node ID from 1 to 127")
     return int(node), choice
 
 
-def captures(args: argparse.Namespace) -> list[str]:
-    """The captures given either way, patterns resolved. Raises `argparse.ArgumentTypeError` for those that clash."""
-    from glob import glob  # noqa: PLC0415
-
-    names: list[str] = []
-    for given in (*args.capture, *args.capture_):
-        exists = given == "-" or "\0" in given or os.path.lexists(given)
-        names += [given] if exists else sorted(glob(given)) or [given]  # noqa: PTH207 - any pattern, absolute or not
-    if names.count("-") > 1:
-        raise argparse.ArgumentTypeError("standard input can be read only once")
-    if len(names) > 1 and getattr(args, "follow", False):
-        raise argparse.ArgumentTypeError("--follow takes one capture")
-    return names
-
-
-def plan(args: argparse.Namespace) -> Plan:
-    """How several captures become one. Raises `argparse.ArgumentTypeError` with the option and the reason."""
-    from analyzer.sources.merge import Plan, bus_name  # noqa: PLC0415
-
-    names = dict(checked("--bus", bus_name, text) for text in args.bus)
-    offsets = dict(checked("--offset", _offset, text) for text in args.offset)
-    return Plan(names, offsets, args.same_bus)
-
-
-def _offset(text: str) -> tuple[str, int]:
-    from analyzer.window import duration  # noqa: PLC0415
-
-    name, equals, shift = text.rpartition("=")
-    sign, size = (shift[:1], shift[1:]) if shift[:1] in "+-" else ("+", shift)
-    if not equals or not name:
-        raise ValueError(f"{text!r} is not FILE=+1.5s")
-    return name, int(sign + "1") * duration(size)
-
-
-def registry(args: argparse.Namespace) -> Registry:
-    """The data types to decode with. Raises `DsdlError` or `ProfileError` for a broken folder."""
-    from pathlib import Path  # noqa: PLC0415
-
-    import dissectors  # noqa: PLC0415
-
-    return dissectors.load([Path(folder) for folder in args.dissector])
-
-
 def colour(args: argparse.Namespace) -> bool:
-    """Whether to colour; `auto` asks the terminal and NO_COLOR."""
+    """Return whether to colour; `auto` asks the terminal and NO_COLOR."""
     if args.color == "auto":
         return sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     return bool(args.color == "always")
-
-
-def refuse_input(args: argparse.Namespace, output: str) -> None:
-    """Raises `ValueError` when a command would write over what it reads, or read on what it writes."""
-    if same := next((name for name in captures(args) if _is_file(name, output)), None):
-        shown = "standard output" if output == "-" else output
-        raise ValueError(f"{shown}: is " + ("standard input itself" if same == "-" else f"the capture {same} itself"))
-
-
-def _is_file(capture: str, output: str) -> bool:
-    """Whether both are one regular file; `-` is what the shell made standard input or output."""
-    try:
-        read, written = (os.stat(number if name == "-" else name) for number, name in enumerate((capture, output)))  # noqa: PTH116
-        return stat.S_ISREG(written.st_mode) and os.path.samestat(read, written)
-    except (OSError, ValueError):  # whoever opens it will say what is wrong
-        return False

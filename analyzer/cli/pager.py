@@ -10,15 +10,17 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterator
     from typing import IO
 
 
 @contextlib.contextmanager
-def paged(args: argparse.Namespace) -> Iterator[IO[str]]:
-    """Standard output, or on a terminal the pager's input. A pager that is quit early ends the command quietly."""
-    pager = None if args.no_pager or args.follow or not sys.stdout.isatty() else _start(_command())
+def paged(*, wanted: bool) -> Iterator[IO[str]]:
+    """Give standard output, or on a terminal, if that is wanted, the pager's input.
+
+    A pager that is quit early ends the command quietly.
+    """
+    pager = None if not wanted or not sys.stdout.isatty() else _start(_command())
     if pager is None or pager.stdin is None:
         yield sys.stdout
         return

@@ -9,28 +9,31 @@ import argparse
 import gc
 import os
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analyzer.cli import DAMAGED, USAGE, options, streams
-from analyzer.cli.plot_drawing import Drawing, name
+from analyzer.app import streams
+from analyzer.app.targets import refuse_input
+from analyzer.cli import options, status
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from analyzer.cli.plot_viewer import Server
+    from analyzer.app.request import Request
     from analyzer.plot.output import Output
     from analyzer.plot.picture import Picture
-    from analyzer.window import Window
+    from analyzer.plot.viewer_program import Server
 
     Opened = tuple[Output, str]  # and what it is called
 
+NAME = "tailbyte plot"
 SUFFIX = ".rrd"
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Adds the command and its options."""
+    """Add the command and its options."""
     parser = commands.add_parser(
         "plot",
         help="the picture of a flight, in the Rerun viewer",
@@ -66,8 +69,9 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Reads the captures once. A file is there whole or not at all; a viewer gets what there is as it comes."""
-    from analyzer.cli.start import plain_arrow  # noqa: PLC0415
+    """Read the captures once. A file is there whole or not at all; a viewer gets what there is as it comes."""
+    from analyzer.app.request import RuleChoice  # noqa: PLC0415
+    from analyzer.app.start import plain_arrow  # noqa: PLC0415
     from analyzer.plot import LOG_LEVEL  # noqa: PLC0415
 
     os.environ.setdefault(LOG_LEVEL, "off")  # one clear line of ours instead
@@ -77,20 +81,53 @@ def run(args: argparse.Namespace) -> int:
         until_the_end.callback(gc.enable)
         gc.disable()  # while Rerun is imported: 100,000 objects that live as long as the program
         try:
-            window = options.window(args)
-            goal = _goal(args, until_the_end)
+            rules = RuleChoice(bit_rate=args.bitrate, dialects=tuple(args.dialect))
+            request = replace(options.request(args, NAME), rules=rules)
+            asked = _Asked(request, args.output, args.connect, args.serve, args.bind, args.port)
+            goal = _goal(asked, until_the_end)
         except (argparse.ArgumentTypeError, ValueError) as error:
-            streams.complain(str(error), "tailbyte plot")
-            return USAGE
+            return status.usage(error, NAME)
         except _UnreachedError as error:
-            streams.complain(str(error), "tailbyte plot")
-            return DAMAGED
-        status = goal.draw(args, window)
-        return goal.last(status)
+            return status.damaged(error, NAME)
+        return goal.last(goal.draw(request, args.max_points))
 
 
 class _UnreachedError(Exception):
     """Where the recording was to go there is nobody."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """The captures, and where their picture is to go."""
+
+    request: Request
+    output: str | None
+    connect: str | None
+    serve: bool
+    bind: str | None
+    port: int | None
+
+    @property
+    def name(self) -> str:
+        """The name of the recording."""
+        from analyzer.app.drawing import name  # noqa: PLC0415
+
+        return name(self.request)
+
+    @property
+    def beside(self) -> str:
+        """The file beside the first capture. Raises `ValueError` if there is none."""
+        first = self.request.names[0]
+        if first == "-":
+            raise ValueError("standard input has no name: give -o FILE.rrd")
+        return str(Path(first).with_name(self.name + SUFFIX))
+
+
+class _Serving:
+    """Work that Ctrl-C ends at once."""
+
+    stopped = False
+    waits = True
 
 
 class _Goal:
@@ -100,75 +137,81 @@ class _Goal:
         self._opened, self._hint, self._server = opened, hint, server
         self._drawn = False
 
-    def draw(self, args: argparse.Namespace, window: Window) -> int:
-        """Reads, judges and draws; the exit status."""
-        from analyzer.cli.session import Session  # noqa: PLC0415
+    def draw(self, request: Request, most_points: int | None) -> int:
+        """Read, judge and draw; return the exit status."""
+        from analyzer.app.drawing import Drawing  # noqa: PLC0415
+        from analyzer.cli.complaints import Complaints  # noqa: PLC0415
+        from analyzer.cli.reading import account, reading, watched  # noqa: PLC0415
 
-        with Session(args) as session:
+        complaints = Complaints()
+        with reading(request, complaints) as run:
             try:
-                drawing = Drawing(args, session, window)
+                drawing = Drawing(run, most_points)
             except ValueError as error:
-                streams.complain(str(error), "tailbyte plot")
-                return USAGE
+                return status.usage(error, NAME)
             with ExitStack() as stack:
                 drawing.start()
                 output, words = self._opened(stack)
                 gc.freeze()
                 gc.enable()
-                picture = drawing.draw(output.send)
+                with watched(run.source, complaints) as progress:
+                    picture = drawing.draw(output.send, progress.over)
+                drawing.finish(picture)
                 output.layout(picture.layout())
-                session.go_on()
+                run.go_on()
             self._drawn = True
-            session.release()
             streams.tell(f"-- {_amount(picture)} {words}\n{self._hint}")
-            session.account(None)
-        return session.status
+            account(run, None)
+        return status.of_run(run)
 
-    def last(self, status: int) -> int:
-        """What is left to do once that is done; the exit status."""
+    def last(self, done: int) -> int:
+        """Do what is left once that is `done`; return the exit status."""
         if self._server is not None and self._drawn:
-            from analyzer.cli.plot_viewer import NoViewerError  # noqa: PLC0415
+            from analyzer.app.interrupt import graceful  # noqa: PLC0415
+            from analyzer.plot.viewer_program import NoViewerError  # noqa: PLC0415
+            from analyzer.sources.errors import StopReading  # noqa: PLC0415
 
             try:
-                self._server.wait(lambda: streams.tell("-- Ctrl-C ends it\n"))
+                with suppress(StopReading, KeyboardInterrupt), graceful(_Serving):
+                    self._server.wait(lambda: streams.tell("-- Ctrl-C ends it\n"))
             except NoViewerError as error:
-                streams.complain(str(error), "tailbyte plot")
-                return DAMAGED
-        return status
+                return status.damaged(error, NAME)
+        return done
 
 
-def _goal(args: argparse.Namespace, until_the_end: ExitStack) -> _Goal:
-    """Where to. Raises `ValueError` for arguments that do not go together, and `_UnreachedError`."""
-    from analyzer.cli import plot_viewer as viewer  # noqa: PLC0415
+def _goal(asked: _Asked, until_the_end: ExitStack) -> _Goal:
+    """Return where to. Raises `ValueError` for arguments that do not go together, and `_UnreachedError`."""
+    from analyzer.app.interrupt import cleaning  # noqa: PLC0415
+    from analyzer.plot import viewer_program as viewer  # noqa: PLC0415
 
-    if not args.serve and (args.port is not None or args.bind is not None):
+    if not asked.serve and (asked.port is not None or asked.bind is not None):
         raise ValueError("--port and --bind go with --serve")
-    if not all(name == "-" or Path(name).exists() for name in options.captures(args)):
-        return _file(args, args.output or _beside(args))  # whoever reads it will complain: no viewer for that
-    if args.connect is not None:
-        return _connected(args, args.connect, "shown by")
-    if args.serve:
-        until_the_end.enter_context(viewer.cleaning())
+    if not all(name == "-" or Path(name).exists() for name in asked.request.names):
+        return _file(asked, asked.output or asked.beside)  # whoever reads it will complain: no viewer for that
+    if asked.connect is not None:
+        return _connected(asked, asked.connect, "shown by")
+    if asked.serve:
+        until_the_end.enter_context(cleaning())
         try:
-            server = viewer.Server(viewer.address(args.bind or viewer.LOOPBACK), args.port)
+            server = viewer.Server(viewer.address(asked.bind or viewer.LOOPBACK), asked.port)
         except viewer.NoViewerError as error:
             raise _UnreachedError(str(error)) from None
         until_the_end.callback(server.close)
         sys.stdout.write(f"{server.url}\n")
         sys.stdout.flush()
-        return _connected(args, server.local, "served, to viewers also at", server)
-    if args.output is not None:
-        return _file(args, args.output)
+        return _connected(asked, server.local, "served, to viewers also at", server)
+    if asked.output is not None:
+        return _file(asked, asked.output)
     if viewer.display() and viewer.binary() is not None:
         try:
-            return _connected(args, str(viewer.window()), "shown by")
+            return _connected(asked, str(viewer.window()), "shown by")
         except viewer.NoViewerError as error:
-            streams.complain(f"{error}: a file it is", "tailbyte plot")
-    return _file(args, _beside(args), hint=True)
+            streams.complain(f"{error}: a file it is", NAME)
+    return _file(asked, asked.beside, hint=True)
 
 
-def _connected(args: argparse.Namespace, url: str, words: str, server: Server | None = None) -> _Goal:
-    """A viewer, there already or not."""
+def _connected(asked: _Asked, url: str, words: str, server: Server | None = None) -> _Goal:
+    """Return a viewer, there already or not."""
     from analyzer.plot.address import Address  # noqa: PLC0415
 
     address = Address.parse(url)
@@ -180,16 +223,16 @@ def _connected(args: argparse.Namespace, url: str, words: str, server: Server | 
     def opened(stack: ExitStack) -> Opened:
         from analyzer.plot.viewer import ViewerOutput  # noqa: PLC0415 - Rerun takes its time
 
-        return stack.enter_context(ViewerOutput(address, name(args))), f"{words} {address}"
+        return stack.enter_context(ViewerOutput(address, asked.name)), f"{words} {address}"
 
     return _Goal(opened, server=server)
 
 
-def _file(args: argparse.Namespace, path: str, *, hint: bool = False) -> _Goal:
-    """A file, or standard output. Raises `ValueError` when it is a terminal or the capture itself."""
+def _file(asked: _Asked, path: str, *, hint: bool = False) -> _Goal:
+    """Return a file, or standard output. Raises `ValueError` when it is a terminal or the capture itself."""
     if path == "-" and sys.stdout.isatty():
         raise ValueError("a recording is nothing for a terminal: give -o FILE.rrd")
-    options.refuse_input(args, path)
+    refuse_input(asked.request.names, path)
 
     def opened(stack: ExitStack) -> Opened:
         from analyzer.plot.output import FileOutput  # noqa: PLC0415 - Rerun takes its time
@@ -197,26 +240,18 @@ def _file(args: argparse.Namespace, path: str, *, hint: bool = False) -> _Goal:
         from analyzer.views.terminal import escape  # noqa: PLC0415
 
         target = stack.enter_context(Target(path))
-        return stack.enter_context(FileOutput(target.file, name(args))), f"written to {escape(target.name)}"
+        return stack.enter_context(FileOutput(target.file, asked.name)), f"written to {escape(target.name)}"
 
     return _Goal(opened, _how_to_open(path) if hint else "")
 
 
 def _how_to_open(path: str) -> str:
-    """For those who have no display here."""
+    """Return words for those who have no display here."""
     import shlex  # noqa: PLC0415
 
     from analyzer.views.terminal import escape  # noqa: PLC0415
 
     return f"-- to open it where there is a display: rerun {escape(shlex.quote(path))}; in a browser: plot --serve\n"
-
-
-def _beside(args: argparse.Namespace) -> str:
-    """The file beside the first capture. Raises `ValueError` if there is none."""
-    first = options.captures(args)[0]
-    if first == "-":
-        raise ValueError("standard input has no name: give -o FILE.rrd")
-    return str(Path(first).with_name(name(args) + SUFFIX))
 
 
 def _amount(picture: Picture) -> str:

@@ -8,7 +8,7 @@ import time
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 
-from analyzer.cli import streams
+from analyzer.app import streams
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -20,8 +20,8 @@ _WIPE = "\r\x1b[K"
 _Part = TypeVar("_Part")
 
 
-class Reading(Protocol):
-    """What is done: `size` of `length` so far, in bytes unless `Progress` is told how to call their rate."""
+class Measurable(Protocol):
+    """Work on its way: `size` of `length` so far, in bytes unless `Progress` is told how to call their rate."""
 
     @property
     def size(self) -> int:
@@ -41,7 +41,7 @@ class Progress(AbstractContextManager["Progress"]):
 
     def __init__(
         self,
-        reading: Reading,
+        reading: Measurable,
         *,
         wanted: bool = True,
         clock: Callable[[], float] = time.monotonic,
@@ -63,13 +63,13 @@ class Progress(AbstractContextManager["Progress"]):
             streams.tell(_WIPE)
 
     def over(self, parts: Iterable[_Part], label: str = "") -> Iterator[_Part]:
-        """The parts of the work, one step each; `label` says what is done if that is not reading any more."""
+        """Yield the parts of the work, one step each; `label` says what is done if that is not reading any more."""
         for part in parts:
             self.step(label)
             yield part
 
     def step(self, label: str = "") -> None:
-        """A part of the work is done; draws at most ten times a second."""
+        """Take note that a part of the work is done; draw at most ten times a second."""
         if self.active and (now := self._clock()) >= self._next:
             self._next = now + PAUSE
             self._drawn = True
@@ -79,17 +79,17 @@ class Progress(AbstractContextManager["Progress"]):
 
 
 def bytes_a_second(rate: float) -> str:
-    """How fast a capture is read."""
+    """Say how fast a capture is read."""
     return f"{_bytes(rate)}/s"
 
 
 def real_time(rate: float) -> str:
-    """How fast work goes whose size is nanoseconds of a bus."""
+    """Say how fast work goes whose size is nanoseconds of a bus."""
     return f"{rate / 1e9:.1f} x real time"
 
 
-def line(reading: Reading, seconds: float, width: int, speed: Callable[[float], str] = bytes_a_second) -> str:
-    """The bar: share, rate and time left, or bytes and rate of what has no known length.
+def line(reading: Measurable, seconds: float, width: int, speed: Callable[[float], str] = bytes_a_second) -> str:
+    """Return the bar: share, rate and time left, or bytes and rate of what has no known length.
 
     It has less than `width` characters: parts for which there is no room are left out, the bar itself first.
     """
@@ -106,12 +106,12 @@ def line(reading: Reading, seconds: float, width: int, speed: Callable[[float], 
 
 
 def labelled(label: str, seconds: float, width: int) -> str:
-    """Work whose end is not known: what is done, and the time since the beginning."""
+    """Return a line for work whose end is not known: what is done, and the time since the beginning."""
     return _longest(width, f"{label}  {_clock(seconds)}", label)
 
 
 def _longest(width: int, *texts: str) -> str:
-    """The first text that leaves a column free."""
+    """Return the first text that leaves a column free."""
     return next((text for text in texts if len(text) < width), "")
 
 

@@ -6,30 +6,29 @@ import os
 import shutil
 import sys
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from analyzer.cli import options, streams
+from analyzer.app import streams
+from analyzer.cli import options
+from analyzer.report.formats import BY_NAME, BY_SUFFIX, FORMATS
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from analyzer.report.model import Report
     from analyzer.sinks.atomic import Target
 
 _WIDTH, _WIDEST = 80, 120
-_FORMS = ("junit", "html", "json", "markdown")
-_SUFFIXES = {".html": "html", ".htm": "html", ".json": "json", ".xml": "junit", ".md": "markdown", ".txt": "text"}
 
 
 def add(parser: argparse.ArgumentParser, letters: Sequence[str] = ("-o", "-w")) -> argparse._ArgumentGroup:
-    """The reports that may be asked for; `letters` are those of one whose name says the format."""
+    """Add the reports that may be asked for; `letters` are those of one whose name says the format."""
     group = parser.add_argument_group("reports", "FILE - is standard output, and then the text is left out")
-    group.add_argument("--junit", metavar="FILE", help="JUnit XML, for test reports of CI services")
-    group.add_argument("--html", metavar="FILE", help="one page for a browser, without a network")
-    group.add_argument("--json", metavar="FILE", help="everything, in a documented schema")
-    group.add_argument("--markdown", metavar="FILE", help="for comments and job summaries")
+    for form in filter(lambda form: form.help, FORMATS):
+        group.add_argument(f"--{form.name}", metavar="FILE", help=form.help)
     group.add_argument(
         *letters, dest="output", action="append", default=[], metavar="REPORT",
         help="a report in the format that the name says: .html .json .xml (JUnit) .md .txt; repeatable",
@@ -39,12 +38,13 @@ def add(parser: argparse.ArgumentParser, letters: Sequence[str] = ("-o", "-w")) 
 
 
 def files(args: argparse.Namespace) -> Iterator[tuple[str, str]]:
-    """Every report to write, as format and path. Raises `ValueError`."""
-    found = [(form, getattr(args, form)) for form in _FORMS if getattr(args, form) is not None]
+    """Yield every report to write, as format and path. Raises `ValueError`."""
+    given = ((form.name, getattr(args, form.name)) for form in FORMATS if form.help)
+    found = [(form, path) for form, path in given if path is not None]
     for path in args.output:
-        form = _SUFFIXES.get(PurePath(path).suffix.lower())
+        form = BY_SUFFIX.get(PurePath(path).suffix.lower())
         if form is None:
-            raise ValueError(f"-o {path}: the name says no format: {' '.join(_SUFFIXES)}")
+            raise ValueError(f"-o {path}: the name says no format: {' '.join(BY_SUFFIX)}")
         found.append((form, path))
     seen: set[str] = set()
     for form, path in found:
@@ -62,7 +62,7 @@ Opened = tuple[str, "Target", ExitStack]
 
 
 def opened(files: Iterable[tuple[str, str]], stack: ExitStack) -> list[Opened]:
-    """Every file before the work begins: what cannot be written is known at once. Raises `TargetError`."""
+    """Open every file before the work begins: what cannot be written is known at once. Raises `TargetError`."""
     from analyzer.sinks.atomic import Target  # noqa: PLC0415
 
     found = []
@@ -73,18 +73,19 @@ def opened(files: Iterable[tuple[str, str]], stack: ExitStack) -> list[Opened]:
 
 
 def all_written(targets: Iterable[Opened], report: Report, *, everything: bool) -> bool:
-    """Writes each report; whether all could be."""
+    """Write each report; return whether all could be."""
     done = [written(form, report, target, own, everything=everything) for form, target, own in targets]
     return all(done)
 
 
 def written(form: str, report: Report, target: Target, own: ExitStack, *, everything: bool) -> bool:
-    """Whether a report could be written; the others, and the exit status, do not depend on it."""
+    """Write a report; return whether it could be: the others, and the exit status, do not depend on it."""
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
 
     try:
         with own.pop_all():
-            target.file.write(_bytes(form, report, everything=everything))
+            text = BY_NAME[form].render(report, everything=everything)
+            target.file.write(text.encode("utf-8", "backslashreplace"))
     except TargetError as error:
         streams.complain(str(error))
         return False
@@ -93,19 +94,34 @@ def written(form: str, report: Report, target: Target, own: ExitStack, *, everyt
     return True
 
 
-def tell(args: argparse.Namespace, report: Report, *, silent: bool) -> None:
-    """The text. A reader that has seen enough does not change the exit status."""
-    if silent:
-        return
+@dataclass(frozen=True, slots=True)
+class TextOptions:
+    """How the text of a report reaches a terminal: all of it, in colour, through the pager."""
+
+    everything: bool
+    colour: bool
+    pager: bool
+
+
+def show_options(args: argparse.Namespace) -> TextOptions:
+    """Return how the text is asked for."""
+    return TextOptions(args.all, options.colour(args), not args.no_pager)
+
+
+def tell(report: Report, how: TextOptions) -> None:
+    """Print the text. A reader that has seen enough does not change the exit status."""
     try:
-        _show(args, report)
+        _show(report, how)
         sys.stdout.flush()
     except BrokenPipeError:
         streams.forget(1)
 
 
 def tell_github(report: Report, *, aside: bool) -> bool:
-    """Annotations in the log, which GitHub reads on both streams; whether the summary of the step could be written."""
+    """Write annotations into the log, which GitHub reads on both streams.
+
+    Returns whether the summary of the step could be written.
+    """
     from analyzer.report.github import commands, summary  # noqa: PLC0415
 
     (streams.tell if aside else sys.stdout.write)(commands(report))
@@ -121,22 +137,12 @@ def tell_github(report: Report, *, aside: bool) -> bool:
     return True
 
 
-def _show(args: argparse.Namespace, report: Report) -> None:
+def _show(report: Report, how: TextOptions) -> None:
     from analyzer.cli.pager import paged  # noqa: PLC0415
     from analyzer.report.text import render  # noqa: PLC0415
     from analyzer.views.terminal import Palette  # noqa: PLC0415
 
     asked = sys.stdout.isatty() or os.environ.get("COLUMNS")
     width = min(shutil.get_terminal_size((_WIDTH, 0)).columns, _WIDEST) if asked else _WIDTH
-    with paged(args) as out:
-        out.write(render(report, width=width, everything=args.all, palette=Palette(options.colour(args))))
-
-
-def _bytes(form: str, report: Report, *, everything: bool) -> bytes:
-    from analyzer.report import html, json, junit, markdown, text  # noqa: PLC0415
-
-    render: dict[str, Callable[[Report], str]] = {
-        "html": html.render, "json": json.render, "junit": junit.render, "markdown": markdown.render,
-        "text": lambda report: text.render(report, everything=everything, utc=True),
-    }  # fmt: skip
-    return render[form](report).encode("utf-8", "backslashreplace")
+    with paged(wanted=how.pager) as out:
+        out.write(render(report, width=width, everything=how.everything, palette=Palette(how.colour)))

@@ -1,1 +1,1 @@
-"""Which device a row of a table speaks of, its columns as numbers, and how a node reads doubtful ones."""
+"""The device that a row of a table speaks of, its columns as numbers, and the reading of doubtful ones."""

@@ -1,4 +1,4 @@
-"""What a table is a table of: the message or the packet that gives its columns their meaning."""
+"""The subject of a table: the message or the packet that gives its columns their meaning."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Definitions:
         self._known: dict[str, Message | Packet | None] = {}
 
     def message(self, table: str) -> Message | None:
-        """The message of a table, None if it is one of packets."""
+        """Return the message of a table, None if it is one of packets."""
         if table in self._packets:
             return None
         try:
@@ -34,7 +34,7 @@ class Definitions:
             return None
 
     def of(self, table: str) -> Message | Packet | None:
-        """The message or packet of a table, None if nothing defines it."""
+        """Return the message or packet of a table, None if nothing defines it."""
         if table not in self._known:
             self._known[table] = self._packets.get(table) or self.message(table)
         return self._known[table]

@@ -9,12 +9,12 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.facts.meaning import meaning
-from analyzer.tables import numbers, valid
+from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
     from dissectors.schema import Message, Packet
 
 MOST_ELEMENTS = 32
@@ -31,8 +31,8 @@ class Column:
     """Numbers of a column, a row each. `has` are the rows that have one, None for all."""
 
     name: tuple[str, ...]
-    values: Words
-    has: Words | None
+    values: Array
+    has: Array | None
     kind: Literal["number", "enum", "flag"]
     unit: str
     texts: Mapping[float, str]
@@ -41,22 +41,23 @@ class Column:
 def columns(
     of: Message | Packet | None, table: pa.RecordBatch, leave: frozenset[str] = frozenset()
 ) -> Iterator[Column]:
-    """The numbers of a table that are not in `leave`; texts, and lists that are text or digits, are none."""
+    """Yield the numbers of a table that are not in `leave`; texts, and lists that are text or digits, are none."""
     for field in table.schema:
         if field.name not in ABOUT_ROWS and field.name not in leave:
             yield from _flat(of, field.name, (field.name,), table.column(field.name), None)
 
 
 def column(of: Message | Packet | None, table: pa.RecordBatch, name: str) -> list[Column]:
-    """One column: itself, or its elements in order; none if the table does not have it."""
+    """Return one column: itself, or its elements in order; none if the table does not have it."""
     if name not in table.schema.names:
         return []
     return list(_flat(of, name, (name,), table.column(name), None))
 
 
-def elements(of: Message | Packet | None, table: pa.RecordBatch, name: str) -> tuple[Words, Words, Column] | None:
-    """All numbers in a column of lists: the row of each, its place in the list, and the numbers; None if it has none.
+def elements(of: Message | Packet | None, table: pa.RecordBatch, name: str) -> tuple[Array, Array, Column] | None:
+    """Return all numbers in a column of lists: the row of each, its place in the list, and the numbers.
 
+    None if it has none.
     Places from `MOST_ELEMENTS` on are left out.
     """
     array = table.column(name) if name in table.schema.names else None
@@ -77,7 +78,7 @@ def _flat(
     dotted: str,
     name: tuple[str, ...],
     array: pa.Array,
-    has: Words | None,
+    has: Array | None,
 ) -> Iterator[Column]:
     kind = array.type
     if pa.types.is_struct(kind):
@@ -96,7 +97,7 @@ def _flat(
 
 
 def _number(
-    of: Message | Packet | None, dotted: str, name: tuple[str, ...], array: pa.Array, has: Words | None
+    of: Message | Packet | None, dotted: str, name: tuple[str, ...], array: pa.Array, has: Array | None
 ) -> Column:  # fmt: skip
     found = meaning(of, dotted)
     values = numbers(array)
@@ -112,7 +113,7 @@ def _number(
 
 
 def _elements(
-    of: Message | Packet | None, dotted: str, name: tuple[str, ...], array: pa.Array, has: Words | None
+    of: Message | Packet | None, dotted: str, name: tuple[str, ...], array: pa.Array, has: Array | None
 ) -> Iterator[Column]:  # fmt: skip
     if pa.types.is_list(array.type.value_type):
         return
@@ -129,7 +130,7 @@ def _elements(
         yield from _flat(of, dotted, (*name, str(k)), picked, None if whole else inside)
 
 
-def _both(has: Words | None, array: pa.Array) -> Words | None:
+def _both(has: Array | None, array: pa.Array) -> Array | None:
     if not array.null_count:
         return has
     own = valid(array)

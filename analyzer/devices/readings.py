@@ -1,4 +1,4 @@
-"""Which rows of a node are read in which way, as they come: from the first evidence on, and for ever after.
+"""The reading of each row of a node, as it comes: from the first evidence on, and for ever after.
 
 Unlike the statements of `facts.dialects`, which wait for the end of a capture, this is known for every row when it
 comes by, and does not depend on how the capture is cut.
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.facts.meaning import meaning
-from analyzer.tables import numbers, valid
+from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.devices.definitions import Definitions
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
     from dissectors.picture import Only, Plot
     from dissectors.schema import Evidence, Message, Reading
 
@@ -39,10 +39,10 @@ class Readings:
         self._forced = forced
         self._readings = {reading.name: reading for reading in message.readings}
         # by reading and choice: from which transfer on the evidence of a sender (bus and node) counts
-        self._since: dict[tuple[str, str], Words] = {}
+        self._since: dict[tuple[str, str], Array] = {}
 
-    def look(self, tables: Mapping[str, pa.RecordBatch]) -> None:
-        """The tables of a batch: evidence in the rows of the message, and what nodes sent beside it."""
+    def feed(self, tables: Mapping[str, pa.RecordBatch]) -> None:
+        """Add the tables of a batch: evidence in the rows of the message, and what nodes sent beside it."""
         own = tables.get(self._message.table)
         for reading in self._readings.values():
             for evidence in reading.evidence:
@@ -54,12 +54,12 @@ class Readings:
                 if own is not None and evidence.field in own.schema.names:
                     self._note(reading, evidence, own, self._inside(evidence, own.column(evidence.field)))
 
-    def _note(self, reading: Reading, evidence: Evidence, table: pa.RecordBatch, rows: Words) -> None:
+    def _note(self, reading: Reading, evidence: Evidence, table: pa.RecordBatch, rows: Array) -> None:
         rows = rows & numbers(table.column("trusted"))
         since = self._since.setdefault((reading.name, evidence.choice), np.full(1 << 16, _NEVER, np.uint64))
         np.minimum.at(since, senders(table)[rows], numbers(table.column("transfer"))[rows])
 
-    def _inside(self, evidence: Evidence, column: pa.Array) -> Words:
+    def _inside(self, evidence: Evidence, column: pa.Array) -> Array:
         about = meaning(self._message, evidence.field)
         scale = next((found.scale for found in (about.note, about.part) if found is not None and found.scale), 1)
         values = numbers(column)
@@ -70,8 +70,8 @@ class Readings:
             inside = inside & (values < float(evidence.stop * scale))
         return inside
 
-    def holds(self, only: Only, table: pa.RecordBatch) -> Words:
-        """The rows whose node reads its field so."""
+    def holds(self, only: Only, table: pa.RecordBatch) -> Array:
+        """Return the rows whose node reads its field so."""
         reading, nodes = self._readings.get(only.reading), senders(table)
         if reading is None:
             return np.zeros(len(table), bool)
@@ -96,7 +96,7 @@ class Readings:
 def doubtful(
     plots: Iterable[Plot], definitions: Definitions, forced: Mapping[int, Collection[str]]
 ) -> dict[str, Readings]:
-    """The readings that plots ask for, by table."""
+    """Return the readings that plots ask for, by table."""
     found = {}
     for plot in plots:
         if any(line.only for line in plot.lines) or any(states.only for states in plot.states):
@@ -106,7 +106,7 @@ def doubtful(
     return found
 
 
-def senders(table: pa.RecordBatch) -> Words:
-    """Bus and node of each row as one number."""
-    code: Words = numbers(table.column("bus")).astype(np.uint16) << np.uint16(8) | numbers(table.column("src"))
+def senders(table: pa.RecordBatch) -> Array:
+    """Return bus and node of each row as one number."""
+    code: Array = numbers(table.column("bus")).astype(np.uint16) << np.uint16(8) | numbers(table.column("src"))
     return code

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
-from analyzer.tables import numbers, valid
+from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
     from dissectors.picture import Who
 
 NUMBER_BITS = 32  # of a device's number in a key
@@ -20,15 +20,15 @@ _MOST_NUMBER = 1 << 20
 
 
 def usable(table: pa.RecordBatch) -> pa.RecordBatch:
-    """Rows whose transfers, and packets, are whole."""
+    """Return rows whose transfers, and packets, are whole."""
     rows = numbers(table.column("trusted"))
     if "packet_ok" in table.schema.names:
         rows = rows & numbers(table.column("packet_ok"))
     return table if rows.all() else table.filter(pa.array(rows))
 
 
-def keyed(table: pa.RecordBatch, who: Who) -> tuple[pa.RecordBatch, Words]:
-    """The rows that say of which device they speak, and the key of that device for each (i64); see `split`."""
+def keyed(table: pa.RecordBatch, who: Who) -> tuple[pa.RecordBatch, Array]:
+    """Return the rows that say of which device they speak, and the key of that device for each (i64); see `split`."""
     key = numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src"))
     if not who.column:
         return table, key << NUMBER_BITS
@@ -43,7 +43,10 @@ def keyed(table: pa.RecordBatch, who: Who) -> tuple[pa.RecordBatch, Words]:
 
 
 def pieces(table: pa.RecordBatch, who: Who) -> Iterator[tuple[pa.RecordBatch, int, int, int]]:
-    """The rows of each device in their order, with its bus, node and number; devices in the order of appearance."""
+    """Yield the rows of each device in their order, with its bus, node and number.
+
+    Devices in the order of appearance.
+    """
     table, key = keyed(table, who)
     if not len(key):
         return
@@ -60,5 +63,5 @@ def pieces(table: pa.RecordBatch, who: Who) -> Iterator[tuple[pa.RecordBatch, in
 
 
 def split(key: int) -> tuple[int, int, int]:
-    """Bus, node and number of a device."""
+    """Return bus, node and number of a device."""
     return key >> NUMBER_BITS + 8, key >> NUMBER_BITS & 0xFF, key & (1 << NUMBER_BITS) - 1

@@ -1,4 +1,4 @@
-"""What devices are called: ESC 1 on the first interface is `esc1`, wherever its values come from."""
+"""Names of devices: ESC 1 on the first interface is `esc1`, wherever its values come from."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ class Units:
         self._known: dict[tuple[str, Who, int, int, int], Unit] = {}
 
     def unit(self, table: str, who: Who, bus: int, node: int, number: int, bus_name: str) -> Unit | None:
-        """The device that `node` speaks of as `number` in `table`; None for those beyond the first `MOST_UNITS`."""
+        """Return the device that `node` speaks of as `number` in `table`.
+
+        None for those beyond the first `MOST_UNITS`.
+        """
         key = (table, who, bus, node, number)
         if key not in self._known:
             if len(self._known) >= MOST_UNITS:

@@ -1,24 +1,23 @@
-"""Which reading of a doubtful field each node uses, from the evidence that its dissector lists."""
+"""The reading of a doubtful field that each node uses, from the evidence that its dissector lists."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
 from analyzer.facts.meaning import meaning
-from analyzer.tables import distinct, numbers
+from analyzer.tables import distinct
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
-    import numpy.typing as npt
-
     from dissectors import Registry
+    from dissectors.kit import Array
     from dissectors.schema import Evidence, Message, Reading
 
-    Words = npt.NDArray[Any]
 
 Node = tuple[int, int]  # bus, node ID
 
@@ -35,7 +34,7 @@ class Statement(NamedTuple):
 
 
 def checked(dialects: Mapping[int, Collection[str]], registry: Registry) -> Mapping[int, Collection[str]]:
-    """The same. Raises `ValueError` for a choice that no doubtful field has."""
+    """Return the same dialects. Raises `ValueError` for a choice that no doubtful field has."""
     if not dialects:
         return dialects
     messages = (body for profile in registry.profiles for _, body in profile.table.tables("message"))
@@ -62,8 +61,8 @@ class Dialects:
         self._messages: dict[str, Message] = {}
         self._nodes: dict[str, set[Node]] = {}
 
-    def add(self, message: Message, table: pa.RecordBatch) -> None:
-        """A batch of one message."""
+    def feed(self, message: Message, table: pa.RecordBatch) -> None:
+        """Add a batch of one message."""
         trusted = numbers(table.column("trusted"))
         nodes = (numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src")))[trusted]
         self._nodes.setdefault(message.name, set()).update(map(_node, distinct(nodes)))
@@ -77,7 +76,7 @@ class Dialects:
                     self._note(seen, message, evidence, table.column(evidence.field).filter(pa.array(trusted)), nodes)
 
     def _note(
-        self, seen: dict[Node, tuple[bool, bool]], message: Message, evidence: Evidence, column: pa.Array, nodes: Words
+        self, seen: dict[Node, tuple[bool, bool]], message: Message, evidence: Evidence, column: pa.Array, nodes: Array
     ) -> None:
         values, nodes = _flat(column, nodes)
         good = np.isfinite(values)
@@ -90,7 +89,7 @@ class Dialects:
             seen[_node(code)] = (hit or code in hits, miss or code in misses)
 
     def choice(self, message: str, reading: str, node: Node) -> str:
-        """What one node's reading of a message's field is so far, empty if there is no such reading."""
+        """Return what one node's reading of a message's field is so far, empty if there is no such reading."""
         for table, known in self._messages.items():
             for r, found in enumerate(known.readings):
                 if known.name == message and found.name == reading:
@@ -98,7 +97,7 @@ class Dialects:
         return ""
 
     def statements(self) -> Iterator[Statement]:
-        """A statement for each node that sends a message with doubtful fields, by node."""
+        """Yield a statement for each node that sends a message with doubtful fields, by node."""
         for table, message in self._messages.items():
             for r, reading in enumerate(message.readings):
                 for node in sorted(self._nodes.get(message.name, ())):
@@ -125,8 +124,8 @@ def _node(code: int) -> Node:
     return code >> 8, code & 0xFF
 
 
-def _flat(column: pa.Array, nodes: Words) -> tuple[Words, Words]:
-    """Numbers as floats, with the node of each; missing ones are NaN."""
+def _flat(column: pa.Array, nodes: Array) -> tuple[Array, Array]:
+    """Return numbers as floats, with the node of each; missing ones are NaN."""
     if pa.types.is_list(column.type):
         nodes = np.repeat(nodes, np.asarray(column.value_lengths().fill_null(0)))
         column = column.flatten()
@@ -134,7 +133,7 @@ def _flat(column: pa.Array, nodes: Words) -> tuple[Words, Words]:
 
 
 def _limits(message: Message, evidence: Evidence) -> tuple[float, float]:
-    """The limits in the unit of the column; they are given raw."""
+    """Return the limits in the unit of the column; they are given raw."""
     about = meaning(message, evidence.field)
     scale = next((found.scale for found in (about.note, about.part) if found is not None and found.scale), 1)
     low = -np.inf if evidence.low is None else float(evidence.low * scale)

@@ -1,4 +1,4 @@
-"""What a column means: its unit and the names of its values, looked up by the column's dotted name."""
+"""The meaning of a column: its unit and the names of its values, looked up by the column's dotted name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ class Meaning:
 
 
 def meaning(of: Message | Packet | None, column: str) -> Meaning:
-    """The meaning of `field`, `field.part`, `field.member` or a derived column; an empty one if nothing is said."""
+    """Return the meaning of `field`, `field.part`, `field.member` or a derived column.
+
+    An empty one if nothing is said.
+    """
     if of is None:
         return Meaning()
     note = of.notes.get(column)

@@ -1,4 +1,4 @@
-"""What people call a type."""
+"""Names of types, for people."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 
 
 def short(name: str) -> str:
-    """The last word of a type's name."""
+    """Return the last word of a type's name."""
     return name.rpartition(".")[2]
 
 
 def type_name(message: Message | None, kind: int, type_id: int) -> str:
-    """What a listing calls a type: its short name, or its number when unknown."""
+    """Return what a listing calls a type: its short name, or its number when unknown."""
     if message is not None:
         return short(message.name)
     return f"{'service' if kind >= KINDS.index('request') else 'type'} {type_id}"

@@ -1,10 +1,11 @@
-"""What nodes call themselves, from the answers that somebody got who asked them."""
+"""Names that nodes give themselves, from the answers that somebody got who asked them."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from analyzer.facts.cells import pylist
+from analyzer.facts.node_status import NODE_INFO
+from dissectors.kit.cells import pylist
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
 
 MOST_NODES = 4096
 MOST_NAME = 80  # characters
-_INFO = "uavcan.protocol.GetNodeInfo.Response"
 
 
 class NodeNames:
@@ -22,9 +22,9 @@ class NodeNames:
     def __init__(self) -> None:
         self.all: dict[tuple[int, int], str] = {}
 
-    def look(self, tables: Mapping[str, pa.RecordBatch]) -> None:
-        """The tables of a batch."""
-        table = tables.get(_INFO)
+    def feed(self, tables: Mapping[str, pa.RecordBatch]) -> None:
+        """Add the tables of a batch."""
+        table = tables.get(NODE_INFO)
         if table is None or "name" not in table.schema.names or not table.num_rows:
             return
         good = table.filter(table.column("trusted"))

@@ -1,23 +1,23 @@
-"""Which messages come at a steady pace, and at which: the rest is sent as it is needed."""
+"""Messages that come at a steady pace, and that pace: the rest is sent as it is needed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.facts.traffic import MOST_TALKS, SECOND, times
-from analyzer.tables import KINDS, numbers
+from analyzer.facts.traffic import MOST_TALKS, times
+from analyzer.tables import KINDS
+from dissectors.kit.cells import numbers
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    import numpy.typing as npt
+    from analyzer.decode.engine import Batch
+    from dissectors.kit import Array
 
-    from analyzer.engine import Batch
-
-    Words = npt.NDArray[Any]
 
 FEWEST = 8  # transfers that show a pace
 JITTER = 0.35  # standard deviation of the time from one to the next, in periods
@@ -39,8 +39,8 @@ class Pace:
     squares: float = 0.0
     longest: float = 0.0
 
-    def add(self, gaps: Words, last: int) -> None:
-        """Times from one transfer to the next, the last of which was at `last`."""
+    def feed(self, gaps: Array, last: int) -> None:
+        """Add times from one transfer to the next, the last of which was at `last`."""
         self.gaps += len(gaps)
         self.total += float(gaps.sum())
         self.squares += float((gaps * gaps).sum())
@@ -48,12 +48,12 @@ class Pace:
         self.last = last
 
     def throughout(self, span: int) -> bool:
-        """Whether it is sent from the start of a capture to its end, `span` nanoseconds long."""
+        """Return whether it is sent from the start of a capture to its end, `span` nanoseconds long."""
         return self.gaps + 1 >= FEWEST and self.last - self.first >= THROUGHOUT * span
 
     @property
     def steady(self) -> bool:
-        """Whether one period describes it."""
+        """Return whether one period describes it."""
         if self.gaps + 1 < FEWEST or self.total <= 0:
             return False
         mean = self.total / self.gaps
@@ -68,13 +68,13 @@ class Periods:
         self.all: dict[Key, Pace] = {}
 
     def over(self, batches: Iterable[Batch]) -> Iterator[Batch]:
-        """The batches, each noted."""
+        """Yield the batches, and add each."""
         for batch in batches:
-            self.add(batch)
+            self.feed(batch)
             yield batch
 
-    def add(self, batch: Batch) -> None:
-        """The next batch."""
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
         transfers = batch.transfers
         t, timed = times(transfers)
         rows = np.flatnonzero(timed & (numbers(transfers.column("kind")) == _MESSAGE))
@@ -90,7 +90,7 @@ class Periods:
         for start, end in zip(starts, [*starts[1:], len(codes)], strict=True):
             self._add(int(codes[start]), ordered[start:end])
 
-    def _add(self, code: int, t: Words) -> None:
+    def _add(self, code: int, t: Array) -> None:
         key = (code >> 32, code >> 16 & 0xFFFF, code & 0xFFFF)
         pace = self.all.get(key)
         if pace is None:
@@ -100,4 +100,4 @@ class Periods:
             gaps = np.diff(t)
         else:
             gaps = np.diff(t, prepend=pace.last)
-        pace.add(np.maximum(gaps, 0) / SECOND, max(int(t[-1]), pace.last))
+        pace.feed(np.maximum(gaps, 0) / SECOND, max(int(t[-1]), pace.last))

@@ -1,11 +1,12 @@
-"""What a recorder says of itself, as a comment in front of what it records: which losses would be in it."""
+"""A recorder's statement about itself, a comment in front of what it records: which losses would be in it."""
 
 from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING
 
-from analyzer.tables import EVENTS, numbers
+from analyzer.tables import EVENTS
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -18,13 +19,16 @@ _MOST = 16
 
 
 def statement(*, drops: bool, errors: bool) -> str:
-    """The comment: whether drops would be counted in the recording, and error frames stand in it; empty for neither."""
+    """Return the comment: whether drops would be counted in the recording, and error frames stand in it.
+
+    Empty for neither.
+    """
     words = [word for word, said in ((DROPS, drops), (ERRORS, errors)) if said]
     return f"recorded with {', '.join(words)}" if words else ""
 
 
 def stated(events: pa.RecordBatch) -> set[str]:
-    """What the first comments of a batch say: of `DROPS` and `ERRORS` those that would be there."""
+    """Return what the first comments of a batch say: of `DROPS` and `ERRORS` those that would be there."""
     found: set[str] = set()
     kinds = numbers(events.column("kind"))
     for row in (kinds == _COMMENT).nonzero()[0][:_MOST].tolist():

@@ -1,4 +1,4 @@
-"""What a recording can show at all: whether its start was seen, its times agree, and losses were written down."""
+"""Limits of what a recording can show: whether its start was seen, its times agree, and losses were written down."""
 
 from __future__ import annotations
 
@@ -6,26 +6,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.facts.overflow import CONTROLLER, overflowed
+from analyzer.facts.error_frames import CONTROLLER, overflowed
+from analyzer.facts.node_status import NODE_STATUS
 from analyzer.facts.recorder import DROPS, ERRORS, stated
-from analyzer.facts.traffic import SECOND, times
-from analyzer.tables import EVENTS, STAMPS, VERDICTS, numbers
+from analyzer.facts.traffic import times
+from analyzer.tables import EVENTS, STAMPS, VERDICTS
+from dissectors.kit.cells import numbers
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     import pyarrow as pa
 
-    from analyzer.engine import Batch, Totals
+    from analyzer.decode.engine import Batch, Totals
 
 _DROP, _ERROR_FRAME = EVENTS.index("drop"), EVENTS.index("error frame")
 _ORIGINS = STAMPS[:5]  # what times count from; the others are how finely they do
 _NONE = STAMPS[4]
-_STATUS = "uavcan.protocol.NodeStatus"
 _WHOLE = 2 * SECOND  # an uptime is in whole seconds, and its first report takes up to one more
 
 
-class Recording:
+class RecordingFacts:
     """Adds up batches; bounded by the nodes that there can be."""
 
     def __init__(self) -> None:
@@ -35,8 +37,8 @@ class Recording:
         self._first: int | None = None
         self._running: dict[tuple[int, int], bool] = {}  # whether a node ran before the capture began
 
-    def add(self, batch: Batch) -> None:
-        """The next batch."""
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
         if self._first is None and len(batch.frames):
             self._cut = batch.first_frame > 0
             t, valid = times(batch.frames)
@@ -44,12 +46,15 @@ class Recording:
         self._note_drops(batch.events)
         if self._stated is None and len(batch.events):
             self._stated = stated(batch.events)
-        table = batch.messages.get(_STATUS)
+        table = batch.messages.get(NODE_STATUS)
         if table is not None and "uptime_sec" in table.schema.names:  # a folder may have another type of this name
             self._note_uptimes(table)
 
     def judge(self, totals: Totals, stamps: Iterable[str], *, timed: bool) -> dict[str, str]:
-        """The answers in words: yes, NO, unknown; for `stamps`, which are the kinds that were met, those themselves."""
+        """Return the answers in words: yes, NO, unknown.
+
+        For `stamps`, which are the kinds that were met, those themselves.
+        """
         kinds, said = list(stamps), self._stated or ()
         return {
             "transfers": "yes" if totals.verdicts[VERDICTS[0]] else "NO",
@@ -61,7 +66,7 @@ class Recording:
         }
 
     def _start(self) -> str:
-        """Seen if every node that tells its uptime was switched on while it was recorded."""
+        """Say that the start was seen if every node that tells its uptime was switched on while it was recorded."""
         if self._cut or any(self._running.values()):
             return "NO"
         return "yes" if self._running else "unknown"
@@ -88,5 +93,5 @@ class Recording:
 
 
 def mixed(stamps: Iterable[str]) -> bool:
-    """Whether times of different origins stand side by side: they cannot be compared."""
+    """Return whether times of different origins stand side by side: they cannot be compared."""
     return len(set(stamps) & set(_ORIGINS)) > 1

@@ -1,4 +1,7 @@
-"""What `info` tells, as plain data: an accumulator over batches with bounded memory, and its result."""
+"""Facts of a capture that `info` tells, as plain data.
+
+An accumulator over batches with bounded memory, and its result.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +11,18 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pyarrow as pa
 
-from analyzer.facts.cells import pylist
 from analyzer.facts.dialects import Dialects, Statement
 from analyzer.facts.names import type_name
-from analyzer.facts.recording import Recording, mixed
-from analyzer.facts.traffic import BIT_RATE, SECOND, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
-from analyzer.tables import KINDS, STAMPS, distinct, numbers, valid
+from analyzer.facts.recording import RecordingFacts, mixed
+from analyzer.facts.traffic import BIT_RATE, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
+from analyzer.tables import KINDS, STAMPS, distinct
+from dissectors.kit.cells import numbers, pylist, valid
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
 
-    from analyzer.engine import Batch, Engine
+    from analyzer.decode.engine import Batch, Engine
     from dissectors import Registry
 
 MOST_CHANNELS = 32
@@ -27,7 +31,7 @@ MOST_VERSION = 32  # characters
 YEAR_2000 = 946_684_800 * SECOND
 
 
-class Stored(Protocol):
+class StoredCapture(Protocol):
     """A capture as it is stored; `analyzer.sources.Source` is one."""
 
     name: str
@@ -36,7 +40,7 @@ class Stored(Protocol):
 
     @property
     def unit(self) -> str:
-        """What its rows are counted in: line or record."""
+        """Return what its rows are counted in: line or record."""
 
     @property
     def form(self) -> str:
@@ -72,7 +76,7 @@ class BusFacts:
 
 @dataclass(frozen=True, slots=True)
 class NodeFacts:
-    """What a node sends of one type. Times in nanoseconds; `channels` are people's, from 1."""
+    """Transfers of one type that a node sends. Times in nanoseconds; `channels` are people's, from 1."""
 
     bus: str
     node: int
@@ -138,26 +142,26 @@ class Summary:
         self._dialects = Dialects(forced) if read is None else read
         self._reads = read is None
         self._software: dict[tuple[int, int], str] = {}
-        self._recording = Recording()
+        self._recording = RecordingFacts()
 
-    def add(self, batch: Batch) -> None:
-        """The next batch."""
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
         self._names = batch.buses
         self._count_frames(batch)
-        self._foreign.add(batch)
-        self._recording.add(batch)
-        for sent in self._talks.add(batch.transfers):
+        self._foreign.feed(batch)
+        self._recording.feed(batch)
+        for sent in self._talks.feed(batch.transfers):
             message = self._registry.message(*sent)
             table = batch.messages.get(message.table) if message is not None else None
             if message is not None and table is not None:
                 if self._reads:
-                    self._dialects.add(message, table)
+                    self._dialects.feed(message, table)
                 self._note_channels(sent, table)
         for table in batch.messages.values():
             self._note_software(table)
 
-    def finish(self, stored: Iterable[Stored], engine: Engine) -> Facts:
-        """Everything that is known, after the last batch of the captures `stored`."""
+    def finish(self, stored: Iterable[StoredCapture], engine: Engine) -> Facts:
+        """Return everything that is known, after the last batch of the captures `stored`."""
         totals = engine.totals
         counted = self._buses.values()
         start = min((bus.first for bus in counted if bus.first is not None), default=None)
@@ -196,10 +200,10 @@ class Summary:
         t, valid = times(frames)
         for index in distinct(bus):
             here = bus == index
-            self._buses.setdefault(index, BusCount()).add(sizes[here], flags[here], t[here & valid])
+            self._buses.setdefault(index, BusCount()).feed(sizes[here], flags[here], t[here & valid])
 
     def _note_channels(self, sent: TypeKey, table: pa.RecordBatch) -> None:
-        """People's numbers of the ESCs that a node speaks for: the profile calls that column `channel`."""
+        """Note people's numbers of the ESCs that a node speaks for: the profile calls that column `channel`."""
         if "channel" not in table.schema.names:
             return
         column = table.column("channel")
@@ -212,7 +216,7 @@ class Summary:
                 talk.channels.add(code & 0xFFFF_FFFF)
 
     def _note_software(self, table: pa.RecordBatch) -> None:
-        """A version that a node reports of itself, as a text or as major and minor."""
+        """Note a version that a node reports of itself, as a text or as major and minor."""
         names = table.schema.names
         column = next((c for c in ("software_version.text", "software_version") if c in names), None)
         if column is None or pa.types.is_list(table.schema.field(column).type):

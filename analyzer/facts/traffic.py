@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.tables import EXTENDED, FD, REMOTE, STATUSES, VERDICTS, counted, numbers, valid
+from analyzer.tables import EXTENDED, FD, REMOTE, STATUSES, VERDICTS, counted
+from dissectors.kit.cells import numbers, valid
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import numpy.typing as npt
     import pyarrow as pa
 
-    from analyzer.engine import Batch
+    from analyzer.decode.engine import Batch
+    from dissectors.kit import Array
 
-    Words = npt.NDArray[Any]
 
-SECOND = 1_000_000_000
 BIT_RATE = 1_000_000
 MOST_TALKS = 8192
 MOST_IDS = 65536
@@ -31,8 +31,8 @@ _WHOLE = (STATUSES.index("ok"), STATUSES.index("unchecked"))
 _FOREIGN = VERDICTS.index("foreign")
 
 
-def times(table: pa.RecordBatch, column: str = "t") -> tuple[Words, Words]:
-    """A time column as nanoseconds, and which of them there are."""
+def times(table: pa.RecordBatch, column: str = "t") -> tuple[Array, Array]:
+    """Return a time column as nanoseconds, and which of them there are."""
     array = table.column(column)
     return numbers(array), valid(array)
 
@@ -50,8 +50,8 @@ class BusCount:
     _second: int | None = None
     _count: int = 0
 
-    def add(self, sizes: Words, flags: Words, t: Words) -> None:
-        """Frames in capture order: data bytes, flags, and the times of those that have one."""
+    def feed(self, sizes: Array, flags: Array, t: Array) -> None:
+        """Add frames in capture order: data bytes, flags, and the times of those that have one."""
         self.frames += len(sizes)
         self.fd += int(np.count_nonzero(flags & FD))
         data = np.where(flags & REMOTE, 0, sizes)
@@ -69,7 +69,7 @@ class BusCount:
 
 @dataclass(slots=True)
 class Talk:
-    """What one node sends of one type on one bus."""
+    """Transfers of one type that one node sends on one bus."""
 
     count: int = 0
     bad: int = 0
@@ -96,8 +96,8 @@ class Talks:
         self.all: dict[TalkKey, Talk] = {}
         self.beyond = 0
 
-    def add(self, transfers: pa.RecordBatch) -> set[TypeKey]:
-        """Counts a batch; gives the types that occur in it."""
+    def feed(self, transfers: pa.RecordBatch) -> set[TypeKey]:
+        """Count a batch; gives the types that occur in it."""
         if not len(transfers):
             return set()
         names = ("bus", "src", "variant", "kind", "type_id")
@@ -143,10 +143,10 @@ class ForeignIds:
 
     def __init__(self) -> None:
         self.counts: dict[tuple[int, bool], int] = {}
-        self._kept: deque[tuple[int, Words, Words]] = deque(maxlen=_BATCHES_KEPT)
+        self._kept: deque[tuple[int, Array, Array]] = deque(maxlen=_BATCHES_KEPT)
 
-    def add(self, batch: Batch) -> None:
-        """Counts a batch, and corrects earlier ones by what settled."""
+    def feed(self, batch: Batch) -> None:
+        """Count a batch, and correct earlier ones by what settled."""
         frames = batch.frames
         ids, flags = numbers(frames.column("id")), numbers(frames.column("flags"))
         verdicts = numbers(frames.column("verdict")).copy()
@@ -171,6 +171,6 @@ class ForeignIds:
                 del self.counts[key]
 
     def most(self) -> Iterator[tuple[str, int]]:
-        """Identifiers as candump writes them, the most frequent first."""
+        """Yield identifiers as candump writes them, the most frequent first."""
         for (number, extended), count in sorted(self.counts.items(), key=lambda item: (-item[1], item[0])):
             yield f"{number:08X}" if extended else f"{number:03X}", count

@@ -1,4 +1,4 @@
-"""When a live session has had enough: `-a` as dumpcap has it, `-c`, and findings."""
+"""Conditions that end a live session: `-a` as dumpcap has it, `-c`, and findings."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from analyzer.live import conditions
-from analyzer.live.wanted import Wanted, first_met, parse_wanted
+from analyzer.live.patterns import FindingPattern, first_match, parse_pattern
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable
 
-    from analyzer._native import Piece
-    from analyzer.live.wanted import Change
+    from analyzer._native import FrameBatch
+    from analyzer.report.newest import Change
 
-_SECOND = 1_000_000_000
 _NAMES = ("duration", "packets", "frames", "filesize", "files", "finding")
 
 
 class Recorded(Protocol):
-    """How far a recording has come."""
+    """The progress of a recording."""
 
     @property
     def bytes(self) -> int:
@@ -32,12 +32,12 @@ class Recorded(Protocol):
 
     @property
     def gone(self) -> bool:
-        """Whether nobody reads it any more."""
+        """True if nobody reads it any more."""
 
 
 @dataclass(frozen=True, slots=True)
 class AutostopPlan:
-    """What ends a session, whichever comes first; None: never.
+    """The conditions that end a session, whichever comes first; None: never.
 
     Args:
         duration: nanoseconds from its start.
@@ -51,11 +51,11 @@ class AutostopPlan:
     frames: int | None = None
     size: int | None = None
     files: int | None = None
-    findings: tuple[Wanted, ...] = ()
+    findings: tuple[FindingPattern, ...] = ()
 
 
 def parse_autostop(texts: Iterable[str], count: int | None = None, rules: Collection[str] = ()) -> AutostopPlan:
-    """The conditions of all `-a`; the last one of a name counts, but all findings. Raises `ValueError`.
+    """Return the conditions of all `-a`; the last one of a name counts, but all findings. Raises `ValueError`.
 
     Args:
         texts: `duration:60`, `packets:N` or `frames:N`, `filesize:100` (kB of 1000 bytes) or `filesize:20MB`,
@@ -64,17 +64,17 @@ def parse_autostop(texts: Iterable[str], count: int | None = None, rules: Collec
         rules: the rules that there are.
     """
     found: dict[str, int] = {}
-    findings: list[Wanted] = []
+    findings: list[FindingPattern] = []
     for text in texts:
-        name, value = conditions.split("-a", text, _NAMES)
+        name, value = conditions.split_condition("-a", text, _NAMES)
         if name == "duration":
-            found[name] = conditions.seconds("-a", name, value)
+            found[name] = conditions.parse_seconds("-a", name, value)
         elif name == "filesize":
-            found["size"] = conditions.size("-a", name, value)
+            found["size"] = conditions.parse_size("-a", name, value)
         elif name == "finding":
-            findings.append(parse_wanted("-a finding:", value, rules))
+            findings.append(parse_pattern("-a finding:", value, rules))
         else:
-            found["files" if name == "files" else "frames"] = conditions.number("-a", name, value)
+            found["files" if name == "files" else "frames"] = conditions.parse_number("-a", name, value)
     if count is not None:
         found["frames"] = min(count, found.get("frames", count))
     return AutostopPlan(**found, findings=tuple(findings))
@@ -97,33 +97,33 @@ class Autostop:
         self._end: int | None = None
         self.reason = ""
 
-    def cut(self, piece: Piece) -> Piece:
-        """The piece up to the last frame that is wanted, and nothing of any piece behind that."""
+    def cut(self, batch: FrameBatch) -> FrameBatch:
+        """Return the batch up to the last frame that is wanted, and nothing of any batch behind that."""
         most = self._plan.frames
-        if most is None or self._frames + piece.frames < most:
-            self._frames += piece.frames
-            return piece
-        from analyzer.live.pieces import Ordered  # noqa: PLC0415 - takes its time
+        if most is None or self._frames + batch.frames < most:
+            self._frames += batch.frames
+            return batch
+        from analyzer.live.frame_batches import OrderedRows  # noqa: PLC0415 - takes its time
 
-        ordered = Ordered(piece)
+        ordered = OrderedRows(batch)
         wanted = most - self._frames
         self._frames = most
         return ordered.take(slice(0, ordered.behind_frame(wanted)))
 
-    def found(self, changes: Iterable[Change]) -> None:
-        """Takes findings."""
-        finding = first_met(self._plan.findings, changes)
+    def take_findings(self, changes: Iterable[Change]) -> None:
+        """Take findings."""
+        finding = first_match(self._plan.findings, changes)
         if finding is not None:
             self._enough(f"{finding.rule} ({finding.severity})")
 
     def due(self) -> bool:
-        """Whether it is enough; `reason` says in words why."""
+        """Return True if it is enough; `reason` says in words why."""
         plan, recording = self._plan, self._recording
         if plan.duration is not None:
             now = self._clock()
             self._end = self._end or now + plan.duration
             if now >= self._end:
-                self._enough(f"{plan.duration / _SECOND:g} s are over")
+                self._enough(f"{plan.duration / SECOND:g} s are over")
         if plan.frames is not None and self._frames >= plan.frames:
             self._enough(f"{plan.frames} frames")
         if recording is not None and plan.size is not None and recording.bytes >= plan.size:

@@ -14,8 +14,8 @@ KILOBYTE = 1000
 _UNITS = {"b": 1, "kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
 
 
-def split(option: str, text: str, names: Sequence[str]) -> tuple[str, str]:
-    """Name and value of a condition. Raises `ValueError` if it is none of `names`."""
+def split_condition(option: str, text: str, names: Sequence[str]) -> tuple[str, str]:
+    """Return name and value of a condition. Raises `ValueError` if it is none of `names`."""
     name, colon, value = text.partition(":")
     if name not in names:
         near = difflib.get_close_matches(name, names, n=1)
@@ -25,16 +25,16 @@ def split(option: str, text: str, names: Sequence[str]) -> tuple[str, str]:
     return name, value
 
 
-def number(option: str, name: str, value: str) -> int:
-    """A whole number above 0. Raises `ValueError`."""
+def parse_number(option: str, name: str, value: str) -> int:
+    """Read a whole number above 0. Raises `ValueError`."""
     if not re.fullmatch(r"[0-9]{1,18}", value) or int(value) == 0:
         raise ValueError(f"{option} {name}:{value}: {value!r} is not a whole number above 0")
     return int(value)
 
 
-def seconds(option: str, name: str, value: str) -> int:
-    """A span of time in nanoseconds, seconds without a unit. Raises `ValueError`."""
-    from analyzer.window import duration  # noqa: PLC0415 - takes its time
+def parse_seconds(option: str, name: str, value: str) -> int:
+    """Read a span of time in nanoseconds, seconds without a unit. Raises `ValueError`."""
+    from analyzer.window.limits import duration  # noqa: PLC0415 - takes its time
 
     try:
         ns = duration(value)
@@ -45,8 +45,8 @@ def seconds(option: str, name: str, value: str) -> int:
     return ns
 
 
-def size(option: str, name: str, value: str) -> int:
-    """A size in bytes, `KILOBYTE`s without a unit. Raises `ValueError`."""
+def parse_size(option: str, name: str, value: str) -> int:
+    """Read a size in bytes, `KILOBYTE`s without a unit. Raises `ValueError`."""
     match = re.fullmatch(r"([0-9]{1,15})([A-Za-z]*)", value)
     unit = _UNITS.get(match[2].lower(), KILOBYTE if not match[2] else 0) if match else 0
     if match is None or not unit or int(match[1]) == 0:

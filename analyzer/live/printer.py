@@ -40,12 +40,12 @@ class Printer(AbstractContextManager["Printer"]):
         self._worker = threading.Thread(target=self._work, name="printer", daemon=True)
 
     def __enter__(self) -> Self:
-        """Starts writing."""
+        """Start writing."""
         self._worker.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, _: object, __: TracebackType | None) -> None:
-        """Waits for what is left as long as that makes progress; the rest is lost."""
+        """Wait for what is left as long as that makes progress; the rest is lost."""
         with self._changed:
             self._ended = True
             self._changed.notify_all()
@@ -58,7 +58,7 @@ class Printer(AbstractContextManager["Printer"]):
             self._queue.clear()
 
     def put(self, text: str) -> None:
-        """The next text, in UTF-8."""
+        """Take the next text, to be written in UTF-8."""
         data = text.encode("utf-8", "backslashreplace")
         with self._changed:
             if self.gone or self.problem is not None:

@@ -6,7 +6,7 @@ import struct
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
-from analyzer._native import Piece
+from analyzer._native import FrameBatch
 from analyzer.tables import EVENTS
 
 if TYPE_CHECKING:
@@ -18,35 +18,35 @@ _NO_FRAMES = {**dict.fromkeys(("t", "bus", "id", "flags", "line", "data"), b""),
 _MOST = (1 << 32) - 1
 
 
-def nothing(name: str) -> Piece:
-    """No rows, but the name of a bus."""
-    return events(_COMMENT, [], [name], [])
+def make_empty(name: str) -> FrameBatch:
+    """Make a batch without rows, but with the name of a bus."""
+    return make_events(_COMMENT, [], [name], [])
 
 
-def comment(t: int, text: str, name: str | None = None) -> Piece:
-    """What a person or this program has to say, at a time (ns since 1970), of the bus `name` if it is about one."""
+def make_comment(t: int, text: str, name: str | None = None) -> FrameBatch:
+    """Make a comment of a person or this program, at a time (ns since 1970), of the bus `name` if it is about one."""
     return _event(_COMMENT, t, 0, text, name)
 
 
-def drop(t: int, frames: int, name: str) -> Piece:
-    """So many frames of the bus `name` were lost before the time `t` (ns since 1970)."""
+def make_drop(t: int, frames: int, name: str) -> FrameBatch:
+    """Make a row that says: so many frames of the bus `name` were lost before the time `t` (ns since 1970)."""
     text = f"{frames} frame{'s' * (frames != 1)} lost: they came faster than they were taken"
     return _event(_DROP, t, frames, text, name)
 
 
-def first_time(piece: Piece) -> int | None:
-    """The time of the first frame, or of the first event if there is none; None if it has no time."""
-    frames, events = piece.columns()
+def first_time(batch: FrameBatch) -> int | None:
+    """Return the time (ns) of the first frame, or of the first event if there is none; None if it has no time."""
+    frames, events = batch.columns()
     table = frames if frames["t"] else events
     if not table["t"] or (table["t_valid"] is not None and not table["t_valid"][0] & 1):
         return None
     return int(struct.unpack_from("=q", table["t"])[0])
 
 
-def events(
+def make_events(
     kind: int, found: Sequence[tuple[int, int | None, int]], names: Sequence[str], texts: Sequence[bytes]
-) -> Piece:
-    """Rows of one of `EVENTS`: time, place of the bus in `names`, None if it is of none, and number of each."""
+) -> FrameBatch:
+    """Make rows of one of `EVENTS`: time, place of the bus in `names` (None if it is of none), number of each."""
     size = len(found)
     columns = {
         "t": struct.pack(f"={size}q", *(t for t, _, _ in found)),
@@ -62,9 +62,9 @@ def events(
         "text": b"".join(texts),
         "text_offset": struct.pack(f"={size + 1}i", *accumulate(map(len, texts), initial=0)),
     }
-    return Piece.of(_NO_FRAMES, columns, list(names))
+    return FrameBatch.of(_NO_FRAMES, columns, list(names))
 
 
-def _event(kind: int, t: int, number: int, text: str, name: str | None) -> Piece:
+def _event(kind: int, t: int, number: int, text: str, name: str | None) -> FrameBatch:
     bus, names = (None, []) if name is None else (0, [name])
-    return events(kind, [(t, bus, number)], names, [text.encode(errors="replace")])
+    return make_events(kind, [(t, bus, number)], names, [text.encode(errors="replace")])

@@ -1,4 +1,4 @@
-"""Where a viewer listens."""
+"""The address of a viewer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PROBE = 1.5  # seconds to be connected
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where a viewer listens."""
+    """The address where a viewer listens."""
 
     scheme: str
     host: str
@@ -23,7 +23,7 @@ class Address:
 
     @classmethod
     def parse(cls, text: str) -> Address:
-        """From `rerun+http://HOST:PORT/proxy`, a part of it, or a port alone. Raises `ValueError`."""
+        """Read `rerun+http://HOST:PORT/proxy`, a part of it, or a port alone. Raises `ValueError`."""
         if text.isdecimal():
             text = f"127.0.0.1:{text}"
         match = _URL.fullmatch(text)
@@ -33,9 +33,9 @@ class Address:
         return cls(match["scheme"] or "rerun+http", match["host"], port)
 
     def __str__(self) -> str:
-        """The whole of it."""
+        """Write the whole of it."""
         return f"{self.scheme}://{self.host}:{self.port}/proxy"
 
     def probe(self) -> None:
-        """Raises `OSError` if nothing listens there."""
+        """Raise `OSError` if nothing listens there."""
         socket.create_connection((self.host.strip("[]"), self.port), _PROBE).close()

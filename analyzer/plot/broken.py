@@ -9,20 +9,21 @@ import numpy as np
 from analyzer.plot.chunks import path
 from analyzer.plot.inventory import Series
 from analyzer.plot.moments import Moments, times
-from analyzer.tables import STATUSES, numbers
+from analyzer.tables import STATUSES
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.plot.canvas import Canvas
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
 BROKEN = "broken"
 _WHOLE = tuple(STATUSES.index(name) for name in ("ok", "unchecked"))
 
 
-def draw(canvas: Canvas, transfers: pa.RecordBatch, lead: Words) -> None:
-    """Points at the starts of broken transfers, a series a status; `lead` are the numbers of their first frames."""
+def draw(canvas: Canvas, transfers: pa.RecordBatch, lead: Array) -> None:
+    """Draw points at the starts of broken transfers, a series a status; `lead` are numbers of their first frames."""
     status = numbers(transfers.column("status"))
     rows = np.flatnonzero(~np.isin(status, _WHOLE))
     if not len(rows):

@@ -1,4 +1,4 @@
-"""How full each interface is, second by second, and how many frames that were, beside the limits."""
+"""The load of each interface, second by second, and how many frames that were, beside the limits."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from analyzer.plot.chunks import path
 from analyzer.plot.inventory import Series
 from analyzer.plot.moments import Moments
 from analyzer.rules.load import bit_times, split
-from dissectors.conformance import SECOND
+from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from analyzer.plot.canvas import Canvas
-    from analyzer.rules.columns import Frames
-    from dissectors.conformance import Words
+    from dissectors.kit import Array, FrameTable
 
 LOAD, RATE = "bus_load", "frame_rate"
 _OPEN = 2 * SECOND  # a second is over when a frame of this much later is there
@@ -32,7 +31,7 @@ class _Second:
     bits: int = 0
 
 
-class Buses:
+class BusPlots:
     """Adds up frames by interface and second; whole seconds are drawn.
 
     Args:
@@ -49,10 +48,10 @@ class Buses:
         self._ends: list[tuple[int, int]] = []  # time and frame of the first and of the last second drawn
         self._buses: tuple[str, ...] = ()
 
-    def add(
-        self, frames: Frames, places: Words, start: int | None, buses: tuple[str, ...], bits: Words | None = None
+    def feed(
+        self, frames: FrameTable, places: Array, start: int | None, buses: tuple[str, ...], bits: Array | None = None
     ) -> None:
-        """Frames of a batch, `places` are their numbers in the capture from 0; `bits` their `bit_times` if known."""
+        """Take frames of a batch; `places` are their numbers in the capture from 0, `bits` their `bit_times` if any."""
         self._buses = buses
         if start is None or not len(frames):
             return
@@ -71,7 +70,7 @@ class Buses:
             self._draw(bus, seconds)
 
     def finish(self, limits: Mapping[str, float]) -> None:
-        """The seconds that are still open, and the limits as long as all: frames a second by what they are for."""
+        """Draw the seconds that are still open, and the limits as long as all: frames a second by what they are for."""
         for bus, here in self._open.items():
             self._draw(bus, sorted(here.items()))
         self._open = {}
@@ -106,7 +105,7 @@ class Buses:
         self._ends = [min(places), max(places)]
 
     def _with_silence(self, bus: int, seconds: list[tuple[int, _Second]]) -> Iterable[tuple[int, _Second]]:
-        """A zero behind and in front of seconds between which there were none."""
+        """Put a zero behind and in front of seconds between which there were none."""
         last = self._span.get(bus)
         for t, one in seconds:
             if last is not None and t - last[0] > SECOND:

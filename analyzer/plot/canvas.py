@@ -1,4 +1,4 @@
-"""Where points go: new series get their name and colour, then the points become chunks, or wait to be thinned."""
+"""The way of points: new series get their name and colour, then the points become chunks, or wait to be thinned."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from analyzer.plot import chunks, colours
 from analyzer.plot.inventory import Inventory
-from analyzer.plot.moments import Clock, Moments
+from analyzer.plot.moments import Moments, PlotClock
 from analyzer.plot.thinning import Thinned
 
 if TYPE_CHECKING:
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from analyzer.plot.chunks import Style
     from analyzer.plot.inventory import Series
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
-    Column = tuple[Series, Words, Words | None]  # a series, its values, and which of them there are (None: all)
+    Column = tuple[Series, Array, Array | None]  # a series, its values, and which of them there are (None: all)
 
 LEAST_POINTS = 4  # of a thinned series
 
@@ -37,22 +37,22 @@ class Canvas:
 
     def __init__(self, send: Callable[[Sequence[Chunk]], None], most: int | None = None) -> None:
         self.inventory = Inventory()
-        self.clock = Clock()
+        self.clock = PlotClock()
         self._send = send
         self._most = None if most is None else max(most, LEAST_POINTS)
         self._thinned: dict[str, Thinned] = {}
         self._styles: list[Style] = []
         self._made: list[Chunk] = []
 
-    def begin(self, clock: Clock) -> None:
-        """From here on there are times."""
+    def begin(self, clock: PlotClock) -> None:
+        """Begin: from here on there are times."""
         self.clock = clock
         if clock.absolute and clock.start is not None:
             self._made.append(chunks.start(clock.start))
 
     def lines(self, columns: Iterable[Column], moments: Moments) -> None:
-        """Points of lines that share their rows."""
-        whole: list[tuple[str, Words]] = []
+        """Draw points of lines that share their rows."""
+        whole: list[tuple[str, Array]] = []
         for series, values, has in columns:
             count = len(values) if has is None else int(has.sum())
             valid = None if count == len(values) else has
@@ -62,7 +62,7 @@ class Canvas:
             if valid is not None:
                 points, at = points[valid], moments[valid]
             if self._most is not None:
-                self._thinned.setdefault(series.path, Thinned(self._most)).add(at, points)
+                self._thinned.setdefault(series.path, Thinned(self._most)).feed(at, points)
             elif valid is None:
                 whole.append((series.path, points))
             else:
@@ -71,29 +71,29 @@ class Canvas:
             self._made += chunks.scalars(whole, moments, self.clock)
 
     def states(self, series: Series, values: Sequence[str], moments: Moments) -> None:
-        """Changes of a state by name; `off` is what a flag is when it is not set."""
+        """Draw changes of a state by name; `off` is what a flag is when it is not set."""
         if self._known(series, len(values)):
             self._made += chunks.states(series.path, values, moments, self.clock)
 
     def texts(self, series: Series, values: Sequence[str], levels: Sequence[str], moments: Moments) -> None:
-        """Lines of a log."""
+        """Draw lines of a log."""
         if self._known(series, len(values)):
             self._made += chunks.texts(series.path, values, levels, moments, self.clock)
 
     def page(self, series: Series, markdown: str) -> None:
-        """A page of text."""
+        """Draw a page of text."""
         if self._known(series, 1):
             self._made.append(chunks.document(series.path, markdown))
 
     def flush(self) -> None:
-        """Gives away what was made since the last time."""
+        """Give away what was made since the last time."""
         made = [*chunks.styled(self._styles), *self._made]
         self._styles, self._made = [], []
         if made:
             self._send(made)
 
     def finish(self) -> None:
-        """Gives what has waited to be thinned."""
+        """Give what has waited to be thinned."""
         for path, one in self._thinned.items():
             moments, values = one.points()
             self._made += chunks.scalars([(path, values)], moments, self.clock)
@@ -101,11 +101,11 @@ class Canvas:
         self._thinned = {path: one for path, one in self._thinned.items() if one.bucket > 1}
 
     def thinned(self) -> dict[str, tuple[int, int]]:
-        """Points there were and points that make two of them, by path of those lines that lost any; after `finish`."""
+        """Return points there were and points that make two of them, by path of lines that lost any; after `finish`."""
         return {path: (one.count, one.bucket) for path, one in self._thinned.items()}
 
     def _known(self, series: Series, count: int) -> bool:
-        """Whether there is something to show, and room for it; a new series gets its style."""
+        """Return True if there is something to show, and room for it; a new series gets its style."""
         if not count:
             return False
         if self.inventory.add(series):

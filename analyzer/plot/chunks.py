@@ -13,8 +13,8 @@ from rerun.chunk import Chunk
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from analyzer.plot.moments import Clock, Moments
-    from dissectors.conformance import Words
+    from analyzer.plot.moments import Moments, PlotClock
+    from dissectors.kit import Array
 
 _SCALAR = ("rerun.archetypes.Scalars", "Scalars:scalars", "rerun.components.Scalar")
 _STATE = ("rerun.archetypes.StateChange", "StateChange:state", "rerun.components.Text")
@@ -24,7 +24,7 @@ _LEVEL = ("rerun.archetypes.TextLog", "TextLog:level", "rerun.components.TextLog
 
 
 def path(*parts: str) -> str:
-    """An entity path; what is special in a name is escaped."""
+    """Return an entity path; what is special in a name is escaped."""
     return "/" + "/".join(map(_escaped, parts))
 
 
@@ -45,8 +45,8 @@ def _field(entity: str, component: tuple[str, str, str], kind: pa.DataType) -> p
     return pa.field(f"{entity}:{name}", kind, metadata=about)
 
 
-def _made(columns: Sequence[tuple[pa.Field, pa.Array]], moments: Moments, clock: Clock) -> list[Chunk]:
-    """Chunks of columns that share their rows, one an entity."""
+def _made(columns: Sequence[tuple[pa.Field, pa.Array]], moments: Moments, clock: PlotClock) -> list[Chunk]:
+    """Make chunks of columns that share their rows, one an entity."""
     found: list[Chunk] = []
     for rows in clock.parts(moments):
         part = moments[rows]
@@ -62,21 +62,21 @@ def _made(columns: Sequence[tuple[pa.Field, pa.Array]], moments: Moments, clock:
     return found
 
 
-def scalars(lines: Iterable[tuple[str, Words]], moments: Moments, clock: Clock) -> list[Chunk]:
-    """Points of lines that share their rows: values (f64) by entity path."""
+def scalars(lines: Iterable[tuple[str, Array]], moments: Moments, clock: PlotClock) -> list[Chunk]:
+    """Make points of lines that share their rows: values (f64) by entity path."""
     columns = [(_field(entity, _SCALAR, pa.float64()), pa.array(values)) for entity, values in lines]
     return _made(columns, moments, clock)
 
 
-def states(entity: str, values: Sequence[str], moments: Moments, clock: Clock) -> list[Chunk]:
-    """Changes of a state, each with its name."""
+def states(entity: str, values: Sequence[str], moments: Moments, clock: PlotClock) -> list[Chunk]:
+    """Make changes of a state, each with its name."""
     return _made([(_field(entity, _STATE, pa.string()), pa.array(values, pa.string()))], moments, clock)
 
 
 def texts(
-    entity: str, values: Sequence[str], levels: Sequence[str], moments: Moments, clock: Clock
+    entity: str, values: Sequence[str], levels: Sequence[str], moments: Moments, clock: PlotClock
 ) -> list[Chunk]:  # fmt: skip
-    """Lines of a log; levels are ERROR, WARN, INFO."""
+    """Make lines of a log; levels are ERROR, WARN, INFO."""
     columns = [
         (_field(entity, _TEXT, pa.string()), pa.array(values, pa.string())),
         (_field(entity, _LEVEL, pa.string()), pa.array(levels, pa.string())),
@@ -86,14 +86,14 @@ def texts(
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """What an entity is called and looks like: components without a time, each a list of values."""
+    """The name and the looks of an entity: components without a time, each a list of values."""
 
     entity: str
     components: Mapping[tuple[str, str, str], pa.Array]
 
 
 def line_style(entity: str, name: str, colour: int, width: float) -> Style:
-    """A line's name, colour (0xRRGGBBAA) and width."""
+    """Return a line's name, colour (0xRRGGBBAA) and width."""
     of = "rerun.archetypes.SeriesLines"
     return Style(
         entity,
@@ -106,7 +106,7 @@ def line_style(entity: str, name: str, colour: int, width: float) -> Style:
 
 
 def point_style(entity: str, name: str, colour: int) -> Style:
-    """Points instead of a line."""
+    """Return the style of points instead of a line."""
     of = "rerun.archetypes.SeriesPoints"
     return Style(
         entity,
@@ -119,7 +119,7 @@ def point_style(entity: str, name: str, colour: int) -> Style:
 
 
 def state_style(entity: str, values: Sequence[str], colours: Sequence[int]) -> Style:
-    """The colours of states."""
+    """Return the colours of states."""
     of = "rerun.archetypes.StateConfiguration"
     return Style(
         entity,
@@ -131,7 +131,7 @@ def state_style(entity: str, values: Sequence[str], colours: Sequence[int]) -> S
 
 
 def styled(styles: Iterable[Style]) -> list[Chunk]:
-    """Styles of many entities at once."""
+    """Make styles of many entities at once."""
     fields, arrays = list[pa.Field](), list[pa.Array]()
     for style in styles:
         for component, values in style.components.items():
@@ -144,10 +144,10 @@ def styled(styles: Iterable[Style]) -> list[Chunk]:
 
 
 def start(ns: int) -> Chunk:
-    """When the recording begins, in ns since 1970."""
+    """Make the start of the recording, in ns since 1970."""
     return Chunk.from_columns("/__properties", [], rr.archetypes.RecordingInfo.columns(start_time=[ns]))
 
 
 def document(entity: str, markdown: str) -> Chunk:
-    """A page that has no time."""
+    """Make a page that has no time."""
     return Chunk.from_columns(entity, [], rr.TextDocument.columns(text=[markdown], media_type=["text/markdown"]))

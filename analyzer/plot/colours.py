@@ -25,12 +25,12 @@ BROKEN = 0xE0523EFF
 
 
 def device(number: int) -> int:
-    """The colour of a device by its number."""
+    """Return the colour of a device by its number."""
     return _DEVICES[number % len(_DEVICES)]
 
 
 def states(names: Iterable[str]) -> list[int]:
-    """The colours of states in the order of their codes; only what is bad looks so."""
+    """Return the colours of states in the order of their codes; only what is bad looks so."""
     return [
         ON if _BAD.search(name) else WARNING if _DOUBTFUL.search(name) else _STATES[place % len(_STATES)]
         for place, name in enumerate(names)
@@ -38,5 +38,5 @@ def states(names: Iterable[str]) -> list[int]:
 
 
 def lighter(colour: int) -> int:
-    """The same, less of it: for what is commanded beside what is reported."""
+    """Return the same colour, less of it: for what is commanded beside what is reported."""
     return colour & ~0xFF | 0x80

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.conformance import MILLISECOND, NO_TIME, SECOND
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
 PAUSE = 2 * SECOND  # a longer silence is not bridged: nobody knows what happened meanwhile
 
 
 class _Last(NamedTuple):
-    """Where a line ended: time, value, sum so far."""
+    """The end of a line: time, value, sum so far."""
 
     t: int
     value: float
@@ -28,8 +28,8 @@ class Integrals:
     def __init__(self) -> None:
         self._last: dict[str, _Last] = {}
 
-    def add(self, line: str, t: Words, values: Words, scale: float) -> Words:
-        """The sum behind each row; no number before there is any time."""
+    def add(self, line: str, t: Array, values: Array, scale: float) -> Array:
+        """Return the sum behind each row; no number before there is any time."""
         good = np.flatnonzero((t != NO_TIME) & np.isfinite(values))
         before = self._last.get(line)
         if not len(good):
@@ -44,18 +44,18 @@ class Integrals:
         self._last[line] = _Last(int(times[-1]), float(numbers[-1]), float(sums[-1]))
         if len(good) == len(values):
             return np.asarray(sums[1:])
-        total: Words = sums[np.searchsorted(good, np.arange(len(values)), side="right")]
+        total: Array = sums[np.searchsorted(good, np.arange(len(values)), side="right")]
         return total
 
 
-class Periods:
+class RowPeriods:
     """Times between the rows of a line, in ms, and how much they changed."""
 
     def __init__(self) -> None:
         self._last: dict[str, tuple[int, float]] = {}
 
-    def add(self, line: str, t: Words) -> tuple[Words, Words]:
-        """Period and change of period of each row; no number where there is nothing to compare with."""
+    def add(self, line: str, t: Array) -> tuple[Array, Array]:
+        """Return period and change of period of each row; no number where there is nothing to compare with."""
         periods = np.full(len(t), np.nan)
         changes = np.full(len(t), np.nan)
         good = np.flatnonzero(t != NO_TIME)

@@ -9,10 +9,10 @@ import pyarrow as pa
 
 from analyzer.devices import fields
 from analyzer.plot.chunks import path
-from analyzer.plot.derived import Integrals, Periods
+from analyzer.plot.derived import Integrals, RowPeriods
 from analyzer.plot.inventory import Series
 from analyzer.plot.lanes import Lanes, names
-from analyzer.tables import numbers
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from analyzer.devices.units import Unit, Units
     from analyzer.plot.canvas import Canvas, Column
     from analyzer.plot.moments import Moments
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
     from dissectors.picture import Line, Only, Pictures, Plot
     from dissectors.schema import Message, Packet
 
 MESSAGES, STATES = "messages", "states"
 
 
-class Rows(NamedTuple):
+class DeviceRows(NamedTuple):
     """Rows of a table that belong to one device; `sender` is bus, node and the name of the interface."""
 
     table: pa.RecordBatch
@@ -38,7 +38,7 @@ class Rows(NamedTuple):
     sender: tuple[int, int, str]
 
 
-class Devices:
+class DevicePlots:
     """Draws devices, and remembers what their next rows go on from."""
 
     def __init__(self, canvas: Canvas, pictures: Pictures) -> None:
@@ -46,10 +46,10 @@ class Devices:
         self._pictures = pictures
         self._lanes = Lanes()
         self._integrals = Integrals()
-        self._periods = Periods()
+        self._periods = RowPeriods()
 
-    def draw(self, plot: Plot, rows: Rows, readings: Readings | None, units: Units) -> None:
-        """Rows of one device."""
+    def draw(self, plot: Plot, rows: DeviceRows, readings: Readings | None, units: Units) -> None:
+        """Draw rows of one device."""
         lines = [found for line in plot.lines for found in self._line(plot, line, rows, readings, units)]
         lines += self._computed(plot, rows, lines)
         shown = {line.column for line in plot.lines} | plot.hidden
@@ -69,7 +69,7 @@ class Devices:
         self._canvas.lines(lines, rows.moments)
 
     def _line(
-        self, plot: Plot, line: Line, rows: Rows, readings: Readings | None, units: Units
+        self, plot: Plot, line: Line, rows: DeviceRows, readings: Readings | None, units: Units
     ) -> Iterator[Column]:  # fmt: skip
         has = _holding(line.only, rows, readings)
         if has is not None and not has.any():
@@ -83,7 +83,7 @@ class Devices:
                 continue
             yield self._series(line.quantity, line.role, unit), column.values, _both(column.has, has)
 
-    def _computed(self, plot: Plot, rows: Rows, lines: list[Column]) -> Iterator[Column]:
+    def _computed(self, plot: Plot, rows: DeviceRows, lines: list[Column]) -> Iterator[Column]:
         known = {series.quantity: (values, has) for series, values, has in lines}
         for product in plot.products:
             first, second = (known.get(name) for name in product.factors)
@@ -105,7 +105,7 @@ class Devices:
                 found = both[interval.change]
                 yield self._sender_series(interval.quantity, rows), found, ~np.isnan(found)
 
-    def _others(self, plot: Plot, rows: Rows, leave: frozenset[str]) -> Iterator[Column]:
+    def _others(self, plot: Plot, rows: DeviceRows, leave: frozenset[str]) -> Iterator[Column]:
         for column in fields.columns(rows.of, rows.table, leave):
             parts = (MESSAGES, plot.table, *column.name)
             if column.kind == "number":
@@ -117,8 +117,8 @@ class Devices:
             else:
                 self._states(parts, column, rows, None)
 
-    def _unchanged(self, plot: Plot, name: str, rows: Rows, has: Words | None) -> bool:
-        """Whether none of the states in a word changed: known at once, without a look at each of them."""
+    def _unchanged(self, plot: Plot, name: str, rows: DeviceRows, has: Array | None) -> bool:
+        """Return True if none of the states in a word changed: known at once, without a look at each of them."""
         note = None if rows.of is None else rows.of.notes.get(name)
         mask = sum((1 << part.width) - 1 << part.low for part in note.parts if part.flag or part.enum) if note else 0
         if name not in rows.table.schema.names:
@@ -130,7 +130,7 @@ class Devices:
         lane = f"{plot.table} {name} {' '.join(rows.unit.parts)}"
         return not len(self._lanes.changes(lane, word & word.dtype.type(mask)))
 
-    def _states(self, parts: tuple[str, ...], column: fields.Column, rows: Rows, has: Words | None) -> None:
+    def _states(self, parts: tuple[str, ...], column: fields.Column, rows: DeviceRows, has: Array | None) -> None:
         entity = path(*parts, *rows.unit.parts)
         has = _both(column.has, has)
         codes = column.values if has is None else column.values[has]
@@ -154,7 +154,7 @@ class Devices:
             unit.owner, unit.number,
         )  # fmt: skip
 
-    def _sender_series(self, quantity: str, rows: Rows) -> Series:
+    def _sender_series(self, quantity: str, rows: DeviceRows) -> Series:
         bus, node, name = rows.sender
         entity = path(quantity, *([name] if bus else []), f"node{node}")
         title = f"{name} node {node}" if bus else f"node {node}"
@@ -166,8 +166,8 @@ class Devices:
         return self._canvas.inventory.series.get(entity)
 
 
-def _holding(only: Only | None, rows: Rows, readings: Readings | None) -> Words | None:
-    """The rows for which a line holds, None for all."""
+def _holding(only: Only | None, rows: DeviceRows, readings: Readings | None) -> Array | None:
+    """Return the rows for which a line holds, None for all."""
     if only is None:
         return None
     if readings is None:
@@ -176,14 +176,14 @@ def _holding(only: Only | None, rows: Rows, readings: Readings | None) -> Words 
     return None if holds.all() else holds
 
 
-def _word(rows: Rows, name: str) -> Iterator[fields.Column]:
-    """A column and its parts."""
+def _word(rows: DeviceRows, name: str) -> Iterator[fields.Column]:
+    """Give a column and its parts."""
     for field in rows.table.schema.names:
         if field == name or field.startswith(f"{name}."):
             yield from fields.column(rows.of, rows.table, field)
 
 
-def _both(one: Words | None, other: Words | None) -> Words | None:
+def _both(one: Array | None, other: Array | None) -> Array | None:
     if one is None or other is None:
         return other if one is None else one
     return one & other

@@ -1,4 +1,4 @@
-"""What `check` found, as a log beside the plots: one line a finding, at the time of its first frame."""
+"""The findings of `check`, as a log beside the plots: one line a finding, at the time of its first frame."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from analyzer.plot.chunks import path
 from analyzer.plot.inventory import Series
 from analyzer.plot.moments import NO_FRAME, Moments
 from analyzer.report import wording
-from dissectors.conformance import NO_TIME
+from dissectors.kit import NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -24,7 +24,7 @@ _FRAMES = 10
 
 
 def draw(canvas: Canvas, findings: Iterable[Finding], *, several: bool) -> None:
-    """A line for each finding, a series a severity; `several` says that there are buses to tell apart."""
+    """Draw a line for each finding, a series a severity; `several` says that there are buses to tell apart."""
     found = list(findings)
     for severity, level in _LEVELS.items():
         here = [one for one in found if one.severity == severity]
@@ -49,7 +49,7 @@ def draw(canvas: Canvas, findings: Iterable[Finding], *, several: bool) -> None:
 
 
 def line(one: Finding, *, several: bool) -> str:
-    """A finding in a line: rule, place, what, how often, and its frames."""
+    """Write a finding in a line: rule, place, what, how often, and its frames."""
     frames = ""
     if one.frames:
         more = f" and {len(one.frames) - _FRAMES} more" if len(one.frames) > _FRAMES else ""

@@ -1,4 +1,4 @@
-"""What a recording contains, series by series: all that a layout needs to know of it."""
+"""The content of a recording, series by series: all that a layout needs to know of it."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Inventory:
     beyond: int = 0
 
     def add(self, one: Series) -> bool:
-        """Whether it is new; one too many is only counted."""
+        """Add a series; True if it is new, one too many is only counted."""
         if one.path in self.series:
             return False
         if len(self.series) >= MOST_SERIES:
@@ -54,5 +54,5 @@ class Inventory:
         return True
 
     def of(self, quantity: str) -> Iterator[Series]:
-        """The series of one plot."""
+        """Give the series of one plot."""
         return (one for one in self.series.values() if one.quantity == quantity)

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
 
 class Lanes:
@@ -18,8 +18,8 @@ class Lanes:
     def __init__(self) -> None:
         self._last: dict[str, int] = {}
 
-    def changes(self, lane: str, codes: Words) -> Words:
-        """The rows in which the state is another one than before; the first one is such a row."""
+    def changes(self, lane: str, codes: Array) -> Array:
+        """Return the rows in which the state is another one than before; the first one is such a row."""
         if not len(codes):
             return np.zeros(0, np.int64)
         rows = np.flatnonzero(codes[1:] != codes[:-1]) + 1
@@ -29,8 +29,8 @@ class Lanes:
         return rows
 
 
-def names(codes: Words, texts: Mapping[float, str], *, flag: bool) -> list[str]:
-    """What the states are called."""
+def names(codes: Array, texts: Mapping[float, str], *, flag: bool) -> list[str]:
+    """Return what the states are called."""
     if flag:
         return ["on" if code else "off" for code in codes.tolist()]
     return [texts.get(code) or f"{code} (undefined)" for code in codes.tolist()]

@@ -1,4 +1,4 @@
-"""How a viewer shows a recording: an overview of all devices, a tab for each, the bus, commands, and all the rest.
+"""The layout of a recording: an overview of all devices, a tab for each, the bus, commands, and all the rest.
 
 Only what the recording contains has a place, and everything in it has one.
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from analyzer.plot.inventory import Inventory, Series
-    from analyzer.plot.moments import Clock
+    from analyzer.plot.moments import PlotClock
     from dissectors.picture import Pictures
 
     Parts = Sequence[rrb.View | rrb.Container]
@@ -36,8 +36,8 @@ _MOST_ROWS = 5  # of plots beside states
 _MOST_TABS = 8  # devices that have tabs beside the overview; more have theirs inside of one
 
 
-def layout(inventory: Inventory, pictures: Pictures, clock: Clock) -> rrb.Blueprint:
-    """Where everything is shown; `clock` knows the timelines."""
+def layout(inventory: Inventory, pictures: Pictures, clock: PlotClock) -> rrb.Blueprint:
+    """Lay out where everything is shown; `clock` knows the timelines."""
     found = _Sorted(inventory, pictures)
     tabs: Parts = [*_devices(found), *_bus(found), *_commands(found), *_messages(found), *_summary(found)]
     body: rrb.Container = rrb.Tabs(contents=tabs, active_tab=0) if tabs else rrb.Tabs()
@@ -66,7 +66,7 @@ class _Sorted:
         self.intervals = {interval.quantity for plot in plots for interval in plot.intervals}
 
     def kinds(self) -> list[str]:
-        """Kinds of devices, those that say most first."""
+        """Return kinds of devices, those that say most first."""
         counts: dict[str, int] = {}
         for one in self.series:
             if one.owner not in {NODE, BUS, MESSAGES, SUMMARY, FINDINGS}:
@@ -74,7 +74,7 @@ class _Sorted:
         return sorted(counts, key=lambda owner: -counts[owner])
 
     def plots(self, series: Iterable[Series], wanted: Callable[[Series], bool]) -> Iterator[tuple[str, list[Series]]]:
-        """The lines that are wanted by the title of their quantity, in the order of the quantities."""
+        """Give the lines that are wanted by the title of their quantity, in the order of the quantities."""
         found: dict[str, list[Series]] = {}
         for one in series:
             if one.kind in {"line", "points"} and wanted(one):
@@ -85,7 +85,7 @@ class _Sorted:
 
 
 def _devices(found: _Sorted) -> Iterator[rrb.Container]:
-    """The overview and the devices of the first kind; a tab for each other kind, with the same inside."""
+    """Lay out the overview and the devices of the first kind; a tab for each other kind, with the same inside."""
     for place, kind in enumerate(found.kinds()):
         own = [one for one in found.series if one.owner == kind]
         title = found.titles.get(kind, kind)
@@ -103,7 +103,7 @@ def _devices(found: _Sorted) -> Iterator[rrb.Container]:
 
 
 def _overview(found: _Sorted, own: Sequence[Series], name: str) -> Iterator[rrb.Container]:
-    """A plot a quantity with all devices, and the states that are not just off."""
+    """Lay out a plot a quantity with all devices, and the states that are not just off."""
     details = {name for name, quantity in found.pictures.quantities.items() if quantity.detail}
     parts: list[rrb.View | rrb.Container] = []
     for title, series in found.plots(own, lambda one: one.quantity not in details):
@@ -114,7 +114,7 @@ def _overview(found: _Sorted, own: Sequence[Series], name: str) -> Iterator[rrb.
 
 
 def _each(found: _Sorted, own: Sequence[Series], title: str) -> Iterator[rrb.Container]:
-    """A tab a device that reports something: its plots, and beside them all of its states."""
+    """Lay out a tab a device that reports something: its plots, and beside them all of its states."""
     devices: dict[str, list[Series]] = {}
     for one in own:
         devices.setdefault(one.unit, []).append(one)
@@ -126,14 +126,14 @@ def _each(found: _Sorted, own: Sequence[Series], title: str) -> Iterator[rrb.Con
 
 
 def _states(series: Sequence[Series]) -> list[rrb.View]:
-    """Modes and the like, and the flags."""
+    """Lay out modes and the like, and the flags."""
     states = [one for one in series if one.kind == "state" and not one.flag]
     flags = [one for one in series if one.kind == "state" and one.flag]
     return [views.lanes(title, here) for title, here in (("States", states), ("Status bits", flags)) if here]
 
 
 def _beside(plots: Parts, states: Parts, name: str) -> rrb.Container:
-    """Plots that are wide, and states beside them."""
+    """Lay out plots that are wide, and states beside them."""
     parts: Parts = [views.grid(plots, columns=math.ceil(len(plots) / _MOST_ROWS))] if plots else []
     if states:
         parts = [*parts, rrb.Vertical(contents=states, row_shares=[1, 3][: len(states)])]
@@ -141,7 +141,7 @@ def _beside(plots: Parts, states: Parts, name: str) -> rrb.Container:
 
 
 def _bus(found: _Sorted) -> Iterator[rrb.Container]:
-    """How full the bus is, where it broke, and how its nodes are."""
+    """Lay out how full the bus is, where it broke, and how its nodes are."""
     series = [one for one in found.series if one.owner == BUS]
     plots: list[rrb.View] = []
     for name, (title, span) in _OF_BUS.items():
@@ -156,7 +156,7 @@ def _bus(found: _Sorted) -> Iterator[rrb.Container]:
 
 
 def _commands(found: _Sorted) -> Iterator[rrb.Container]:
-    """What is commanded and how evenly, and the parameters of devices."""
+    """Lay out what is commanded and how evenly, and the parameters of devices."""
     commanded = found.plots(found.series, lambda one: one.role == views.COMMANDED)
     plots = [views.plot(f"{title} {views.COMMANDED}", series) for title, series in commanded]
     plots += [views.plot(*one) for one in found.plots(found.series, lambda one: one.quantity in found.intervals)]
@@ -171,7 +171,7 @@ def _commands(found: _Sorted) -> Iterator[rrb.Container]:
 
 
 def _messages(found: _Sorted) -> Iterator[rrb.Container]:
-    """The fields of all other tables."""
+    """Lay out the fields of all other tables."""
     others = tables(found.series, lambda name: not _parameters(found, name))
     if others:
         yield rrb.Tabs(contents=others, active_tab=0, name="Messages")
@@ -189,7 +189,7 @@ def _summary(found: _Sorted) -> Iterator[rrb.View]:
 
 
 def _findings(found: _Sorted) -> list[rrb.View]:
-    """What is to be looked at in front of what is good to know."""
+    """Lay out what is to be looked at in front of what is good to know."""
     logs = [one for one in found.series if one.owner == FINDINGS]
     notes = [one for one in logs if one.title == "note"]
     others = [one for one in logs if one.title != "note"]

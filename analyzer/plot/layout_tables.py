@@ -17,7 +17,7 @@ MESSAGES = "messages"
 
 
 def tables(series: Iterable[Series], wanted: Callable[[str], bool]) -> list[rrb.Container]:
-    """A tab for each table that is wanted, of series called `table/field/…`."""
+    """Lay out a tab for each table that is wanted, of series called `table/field/…`."""
     found: dict[str, list[Series]] = {}
     for one in series:
         if one.owner != MESSAGES:
@@ -44,12 +44,12 @@ def _table(series: Sequence[Series], name: str) -> rrb.Container:
 
 
 def _field(one: Series) -> str:
-    """Its name; the elements of a list share it."""
+    """Return its name; the elements of a list share it."""
     return " ".join(part for part in one.quantity.split("/")[1:] if not part.isdigit())
 
 
 def _short(names: Iterable[str]) -> dict[str, str]:
-    """Names without their namespaces, where they are still names of one table."""
+    """Return names without their namespaces, where they are still names of one table."""
     found = {name: _bare(name) for name in names}
     bare = list(found.values())
     return {name: one if bare.count(one) == 1 else name for name, one in found.items()}

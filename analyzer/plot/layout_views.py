@@ -43,7 +43,7 @@ def plot(
     span: tuple[float, float] | None = None,
     steps: bool = False,
 ) -> rrb.View:
-    """Lines and points over time. The vertical axis begins with `span`; values stay until the next one in `steps`."""
+    """Show lines and points over time. The vertical axis begins with `span`; values stay until the next in `steps`."""
     roles = {one.role for one in series}
     faint = f" ({COMMANDED}: faint)" if COMMANDED in roles and len(roles) > 1 and not legend else ""
     return rrb.TimeSeriesView(
@@ -59,21 +59,21 @@ def plot(
 
 
 def lanes(title: str, series: Sequence[Series]) -> rrb.View:
-    """States over time, one lane a series."""
+    """Show states over time, one lane a series."""
     return rrb.StateTimelineView(
         origin=_common(series), contents=[one.path for one in series], name=title, time_view=_AXIS
     )  # fmt: skip
 
 
 def log(title: str, series: Sequence[Series]) -> rrb.View:
-    """Lines of text with their times."""
+    """Show lines of text with their times."""
     return rrb.TextLogView(
         origin=_common(series), contents=[one.path for one in series], name=title, columns=_TEXT
     )  # fmt: skip
 
 
 def page(title: str, series: Series) -> rrb.View:
-    """A document."""
+    """Show a document."""
     return rrb.TextDocumentView(origin=series.path, contents=[series.path], name=title)
 
 
@@ -84,7 +84,7 @@ def grid(
     columns: int | None = None,
     first: bool = False,
 ) -> rrb.Container:
-    """About as many columns as rows, in doubt wider than high, as screens are, and with few empty places.
+    """Lay out about as many columns as rows, in doubt wider than high, as screens are, with few empty places.
 
     The `first` row can have more room: for a legend.
     """
@@ -101,5 +101,5 @@ def _units(series: Iterable[Series]) -> str:
 
 
 def _common(series: Sequence[Series]) -> str:
-    """The first part of their paths, which is that of all."""
+    """Return the first part of their paths, which is that of all."""
     return "/" + series[0].path.split("/")[1]

@@ -8,10 +8,10 @@ from analyzer.devices.definitions import Definitions
 from analyzer.devices.readings import doubtful
 from analyzer.devices.rows import pieces, usable
 from analyzer.devices.units import Units
-from analyzer.plot.devices import Devices, Rows
+from analyzer.plot.devices import DevicePlots, DeviceRows
 from analyzer.plot.moments import Moments, times
-from analyzer.tables import numbers
 from dissectors import picture
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
     from analyzer.plot.canvas import Canvas
     from dissectors import Registry
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
 
-class Messages:
+class MessagePlots:
     """Draws the tables of one capture, batch by batch.
 
     Args:
@@ -36,16 +36,16 @@ class Messages:
         self.pictures = picture.load(registry)
         self._canvas = canvas
         self._definitions = Definitions(registry)
-        self._devices = Devices(canvas, self.pictures)
+        self._devices = DevicePlots(canvas, self.pictures)
         self._units = Units()
         self._readings = doubtful(self.pictures.plots.values(), self._definitions, forced)
 
-    def add(
-        self, tables: Mapping[str, pa.RecordBatch], lead: Callable[[Words], Words], buses: tuple[str, ...]
+    def feed(
+        self, tables: Mapping[str, pa.RecordBatch], lead: Callable[[Array], Array], buses: tuple[str, ...]
     ) -> None:  # fmt: skip
-        """The tables of a batch; `lead` gives the numbers of the first frames of transfers, from 1."""
+        """Draw the tables of a batch; `lead` gives the numbers of the first frames of transfers, from 1."""
         for readings in self._readings.values():
-            readings.look(tables)
+            readings.feed(tables)
         for name, table in tables.items():
             plot = self.pictures.plots.get(name) or picture.Plot(name)
             for piece, bus, node, number in pieces(usable(table), plot.who):
@@ -54,5 +54,5 @@ class Messages:
                     self._canvas.inventory.beyond += 1
                     continue
                 moments = Moments(times(piece.column("t")), lead(numbers(piece.column("transfer"))))
-                rows = Rows(piece, moments, self._definitions.of(name), unit, (bus, node, buses[bus]))
+                rows = DeviceRows(piece, moments, self._definitions.of(name), unit, (bus, node, buses[bus]))
                 self._devices.draw(plot, rows, self._readings.get(name), self._units)

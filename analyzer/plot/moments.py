@@ -1,4 +1,4 @@
-"""When rows happened: their times and frames, and the timelines that a viewer offers for them."""
+"""Moments of rows: their times and frames, and the timelines that a viewer offers for them."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.facts.summary import YEAR_2000
-from analyzer.tables import numbers, valid
-from dissectors.conformance import NO_TIME
+from dissectors.kit import NO_TIME
+from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
 TIME, SINCE_START, FRAME = "time", "since_start", "frame"
 NO_FRAME = 0
@@ -23,31 +23,31 @@ NO_FRAME = 0
 class Moments:
     """A row each: `t` in ns, `NO_TIME` where there is none, and `frame` numbers from 1, `NO_FRAME` likewise."""
 
-    t: Words
-    frame: Words
+    t: Array
+    frame: Array
 
     def __len__(self) -> int:
-        """Rows."""
+        """Return the number of rows."""
         return len(self.t)
 
-    def __getitem__(self, rows: slice | Words) -> Moments:
-        """Some of the rows."""
+    def __getitem__(self, rows: slice | Array) -> Moments:
+        """Return some of the rows."""
         return Moments(self.t[rows], self.frame[rows])
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
+class PlotClock:
     """The timelines of a capture. `start` is the time of its first frame that has one, None without times."""
 
     start: int | None = None
 
     @property
     def absolute(self) -> bool:
-        """Whether times are dates."""
+        """True if times are dates."""
         return self.start is not None and self.start >= YEAR_2000
 
     def timelines(self, moments: Moments) -> list[tuple[str, pa.Array]]:
-        """Columns by timeline, for rows of which all or none have a time, and likewise a frame."""
+        """Make columns by timeline, for rows of which all or none have a time, and likewise a frame."""
         found: list[tuple[str, pa.Array]] = []
         if self.start is not None and len(moments) and moments.t[0] != NO_TIME:
             t = np.ascontiguousarray(moments.t, np.int64)
@@ -58,8 +58,8 @@ class Clock:
             found.append((FRAME, pa.array(moments.frame.astype(np.int64, copy=False))))
         return found
 
-    def parts(self, moments: Moments) -> list[slice | Words]:
-        """Rows that have the same timelines; all in one piece if they can be."""
+    def parts(self, moments: Moments) -> list[slice | Array]:
+        """Return rows that have the same timelines; all in one piece if they can be."""
         if self.start is None:
             return [slice(None)]
         timed = moments.t != NO_TIME
@@ -68,7 +68,7 @@ class Clock:
         return [np.flatnonzero(timed), np.flatnonzero(~timed)]
 
 
-def times(column: pa.Array) -> Words:
-    """A time column in ns, `NO_TIME` where it is null."""
-    t: Words = numbers(column)
+def times(column: pa.Array) -> Array:
+    """Return a time column in ns, `NO_TIME` where it is null."""
+    t: Array = numbers(column)
     return t if not column.null_count else np.where(valid(column), t, NO_TIME)

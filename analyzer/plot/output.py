@@ -1,4 +1,4 @@
-"""Where a recording goes. A file is written by us: Rerun writes into a pipe, and waits when we do.
+"""The targets of a recording. A file is written by us: Rerun writes into a pipe, and waits when we do.
 
 Rerun itself takes no notice of a full disk but waits for ever. So whoever writes the file here goes on reading after a
 failure, throws the rest away, and says so at the end.
@@ -33,10 +33,10 @@ class Output(Protocol):
     """Takes the recording."""
 
     def send(self, chunks: Sequence[Chunk]) -> None:
-        """The next chunks."""
+        """Send the next chunks."""
 
     def layout(self, blueprint: Blueprint) -> None:
-        """How a viewer is to show it, unless its user has other plans."""
+        """Say how a viewer is to show it, unless its user has other plans."""
 
 
 class FileOutput(AbstractContextManager["FileOutput"]):
@@ -59,7 +59,7 @@ class FileOutput(AbstractContextManager["FileOutput"]):
         self._name = name
 
     def __enter__(self) -> Self:
-        """Starts writing."""
+        """Start writing."""
         source, target = os.pipe()
         with suppress(ImportError, OSError):
             import fcntl  # noqa: PLC0415 - not everywhere
@@ -75,7 +75,7 @@ class FileOutput(AbstractContextManager["FileOutput"]):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, _: object, __: TracebackType | None) -> None:
-        """Waits until everything is written. Raises what the file raised."""
+        """Wait until everything is written. Raises what the file raised."""
         with suppress(Exception):
             self._recording.flush(timeout_sec=_PATIENCE)
         self._recording.disconnect()
@@ -84,7 +84,7 @@ class FileOutput(AbstractContextManager["FileOutput"]):
             raise self._error
 
     def send(self, chunks: Sequence[Chunk]) -> None:
-        """The next chunks; waits when too many are not written yet. Raises what the file raised."""
+        """Send the next chunks; wait when too many are not written yet. Raises what the file raised."""
         if self._error is not None:
             raise self._error
         if chunks:
@@ -95,7 +95,7 @@ class FileOutput(AbstractContextManager["FileOutput"]):
                 self._waiting = 0
 
     def layout(self, blueprint: Blueprint) -> None:
-        """How a viewer is to show it."""
+        """Say how a viewer is to show it."""
         self._recording.send_blueprint(blueprint, make_active=False, make_default=True)
 
     def _write(self, source: int) -> None:

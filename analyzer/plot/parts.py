@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.sinks.part import Part
+from analyzer.window.part import BatchPart
 
 if TYPE_CHECKING:
-    from analyzer.engine import Batch
+    from analyzer.decode.engine import Batch
 
 
-def whole(batch: Batch) -> Part:
-    """All of a batch."""
-    return Part(
+def whole(batch: Batch) -> BatchPart:
+    """Return all of a batch."""
+    return BatchPart(
         frames=batch.frames,
         frame_rows=_numbers(batch.first_frame, len(batch.frames)),
         transfers=batch.transfers,

@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.plot import broken, findings, summary
-from analyzer.plot.bus import Buses
+from analyzer.plot.bus import BusPlots
 from analyzer.plot.canvas import Canvas
 from analyzer.plot.chunks import path
 from analyzer.plot.inventory import Series
 from analyzer.plot.layout import layout
-from analyzer.plot.messages import Messages
-from analyzer.plot.moments import NO_FRAME, Clock, times
+from analyzer.plot.messages import MessagePlots
+from analyzer.plot.moments import NO_FRAME, PlotClock, times
 from analyzer.report import wording
-from analyzer.rules.columns import Frames
-from analyzer.tables import numbers
-from dissectors.conformance import NO_TIME
+from dissectors.kit import NO_TIME, FrameTable
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
@@ -26,13 +25,13 @@ if TYPE_CHECKING:
     from rerun.blueprint import Blueprint
     from rerun.chunk import Chunk
 
-    from analyzer.engine import Batch
+    from analyzer.decode.engine import Batch
     from analyzer.facts.summary import Facts
     from analyzer.plot.inventory import Inventory
     from analyzer.report.model import Finding, Report
-    from analyzer.sinks.part import Part
+    from analyzer.window.part import BatchPart
     from dissectors import Registry
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
     from dissectors.picture import Pictures
 
 SUMMARY = "summary"
@@ -59,15 +58,15 @@ class Picture:
         most: int | None = None,
     ) -> None:
         self._canvas = Canvas(send, most)
-        self._messages = Messages(self._canvas, registry, forced or {})
-        self._buses = Buses(self._canvas, bit_rate)
+        self._messages = MessagePlots(self._canvas, registry, forced or {})
+        self._buses = BusPlots(self._canvas, bit_rate)
         self._from, self._to = NO_TIME, NO_TIME
         self._first = self._last = 0
         self._told: set[Hashable] = set()
 
     @property
     def inventory(self) -> Inventory:
-        """What the recording contains so far."""
+        """The content of the recording so far."""
         return self._canvas.inventory
 
     @property
@@ -76,63 +75,63 @@ class Picture:
         return self._messages.pictures
 
     def thinned(self) -> Mapping[str, tuple[int, int]]:
-        """Points there were, and points that became two, by path of those lines that lost any; at the end."""
+        """Return points there were, and points that became two, by path of lines that lost any; at the end."""
         return self._canvas.thinned()
 
-    def look(self, batch: Batch) -> None:
-        """A batch of the capture, whether it is shown or not: time counts from the first frame that has one."""
+    def note_start(self, batch: Batch) -> None:
+        """Take a batch of the capture, whether it is shown or not: time counts from the first frame that has one."""
         if self._canvas.clock.start is None:
             t = times(batch.frames.column("t"))
             timed = np.flatnonzero(t != NO_TIME)
             if len(timed):
-                self._canvas.begin(Clock(int(t[timed[0]])))
+                self._canvas.begin(PlotClock(int(t[timed[0]])))
 
-    def add(self, part: Part, bits: Words | None = None) -> None:
-        """What of the next batch is to be shown; `bits` are the `bit_times` of its frames if they are known."""
+    def feed(self, part: BatchPart, bits: Array | None = None) -> None:
+        """Draw what of the next batch is to be shown; `bits` are the `bit_times` of its frames if they are known."""
         leads = _leads(part.transfers)
         rows = part.transfer_rows
         whole = not len(rows) or int(rows[-1]) - int(rows[0]) + 1 == len(rows)
 
-        def lead(transfers: Words) -> Words:
+        def lead(transfers: Array) -> Array:
             at = transfers - rows[0] if whole else np.searchsorted(rows, transfers)
-            found: Words = leads[at.astype(np.int64)]
+            found: Array = leads[at.astype(np.int64)]
             return found
 
-        self._messages.add(part.messages, lead, part.buses)
+        self._messages.feed(part.messages, lead, part.buses)
         broken.draw(self._canvas, part.transfers, leads)
-        frames = Frames(part.frames)
-        self._buses.add(frames, part.frame_rows, self._canvas.clock.start, part.buses, bits)
+        frames = FrameTable(part.frames)
+        self._buses.feed(frames, part.frame_rows, self._canvas.clock.start, part.buses, bits)
         self._note_span(frames, part.frame_rows)
         self._canvas.flush()
 
-    def tell(self, found: Iterable[Finding], *, several: bool) -> None:
-        """Findings that have not been told yet; `several` says that there are buses to tell apart."""
+    def take_findings(self, found: Iterable[Finding], *, several: bool) -> None:
+        """Draw findings that have not been told yet; `several` says that there are buses to tell apart."""
         new = {_name(one): one for one in found if _name(one) not in self._told}
         self._told |= new.keys()
         findings.draw(self._canvas, new.values(), several=several)
         self._canvas.flush()
 
     def close(self, limits: Mapping[str, float]) -> None:
-        """The end of the capture: what was held back. `limits` are frames a second by what they hold for."""
+        """End the capture: draw what was held back. `limits` are frames a second by what they hold for."""
         self._buses.finish(limits)
         self._canvas.finish()
         self._canvas.flush()
 
     def finish(self, report: Report, facts: Facts, window: str = "") -> None:
-        """The end of the capture with all there is to say of it. `window` says in words what is shown."""
+        """End the capture with all there is to say of it. `window` says in words what is shown."""
         limits = {name: limit for one in report.captures for bus in one.buses for name, limit in bus.limits.items()}
         self.close(limits)
         inside = [one for one in report.findings if not window or self._inside(one)]
-        self.tell(inside, several=wording.several_buses(report))
+        self.take_findings(inside, several=wording.several_buses(report))
         text = summary.page(report, facts, self.inventory, self.thinned(), window)
         self._canvas.page(Series(path(SUMMARY), "text", SUMMARY, "Summary", owner=SUMMARY), text)
         self._canvas.flush()
 
     def layout(self) -> Blueprint:
-        """How a viewer is to show what there is so far."""
+        """Return how a viewer is to show what there is so far."""
         return layout(self.inventory, self.pictures, self._canvas.clock)
 
-    def _note_span(self, frames: Frames, places: Words) -> None:
+    def _note_span(self, frames: FrameTable, places: Array) -> None:
         if not len(frames):
             return
         timed = frames.t[frames.t != NO_TIME]
@@ -144,7 +143,7 @@ class Picture:
         self._last = int(places[-1]) + 1
 
     def _inside(self, one: Finding) -> bool:
-        """Whether something of a finding is in the part that is shown."""
+        """Return True if something of a finding is in the part that is shown."""
         first, last = one.first, one.last
         if first.t_ns is not None and last.t_ns is not None and self._from != NO_TIME:
             return first.t_ns <= self._to and last.t_ns >= self._from
@@ -152,17 +151,17 @@ class Picture:
 
 
 def _name(one: Finding) -> Hashable:
-    """What keeps a finding apart from all others, however it grows."""
+    """Return what keeps a finding apart from all others, however it grows."""
     return (one.rule, one.severity, one.bus, one.node, one.type, one.key, one.first)
 
 
-def _leads(transfers: pa.RecordBatch) -> Words:
-    """The numbers of the first frames of transfers, from 1."""
+def _leads(transfers: pa.RecordBatch) -> Array:
+    """Return the numbers of the first frames of transfers, from 1."""
     frames = transfers.column("frame")
     offsets = np.asarray(frames.offsets).astype(np.int64)
     values = numbers(frames.values)
     if not len(values):
         return np.full(len(transfers), NO_FRAME, np.int64)
     first = values[np.minimum(offsets[:-1], len(values) - 1)].astype(np.int64) + 1
-    found: Words = np.where(np.diff(offsets) > 0, first, NO_FRAME)
+    found: Array = np.where(np.diff(offsets) > 0, first, NO_FRAME)
     return found

@@ -23,7 +23,7 @@ _SIGNS = re.compile("[\u2139\u26a0\u274c\ufe0f]+ ?")  # nor has it a font for th
 def page(
     report: Report, facts: Facts, inventory: Inventory, thinned: Mapping[str, tuple[int, int]], window: str = ""
 ) -> str:  # fmt: skip
-    """Markdown. `thinned` are points and points in a bucket by path, `window` the part of the capture in words."""
+    """Write Markdown. `thinned` are points and points in a bucket by path, `window` the part shown in words."""
     notes = []
     if window:
         notes.append(

@@ -15,12 +15,12 @@ import numpy as np
 from analyzer.plot.moments import Moments
 
 if TYPE_CHECKING:
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
 _PIECE = 1024
 
 
-def _none(kind: type) -> Words:
+def _none(kind: type) -> Array:
     return np.zeros(0, kind)
 
 
@@ -30,17 +30,17 @@ class Thinned:
 
     most: int
     count: int = 0
-    _place: Words = field(default_factory=lambda: _none(np.int64))
-    _t: Words = field(default_factory=lambda: _none(np.int64))
-    _frame: Words = field(default_factory=lambda: _none(np.int64))
-    _values: Words = field(default_factory=lambda: _none(np.float64))
+    _place: Array = field(default_factory=lambda: _none(np.int64))
+    _t: Array = field(default_factory=lambda: _none(np.int64))
+    _frame: Array = field(default_factory=lambda: _none(np.int64))
+    _values: Array = field(default_factory=lambda: _none(np.float64))
 
-    def add(self, moments: Moments, values: Words) -> None:
-        """The next points."""
+    def feed(self, moments: Moments, values: Array) -> None:
+        """Take the next points."""
         for start in range(0, len(values), _PIECE):
             self._append(moments[start : start + _PIECE], values[start : start + _PIECE])
 
-    def _append(self, moments: Moments, values: Words) -> None:
+    def _append(self, moments: Moments, values: Array) -> None:
         place = np.arange(self.count, self.count + len(values), dtype=np.int64)
         self._place = np.concatenate((self._place, place))
         self._t = np.concatenate((self._t, moments.t))
@@ -74,7 +74,7 @@ class Thinned:
         self._place, self._t = self._place[kept], self._t[kept]
         self._frame, self._values = self._frame[kept], self._values[kept]
 
-    def points(self) -> tuple[Moments, Words]:
-        """What is left, in order."""
+    def points(self) -> tuple[Moments, Array]:
+        """Return what is left, in order."""
         self._compact()
         return Moments(self._t, self._frame), self._values

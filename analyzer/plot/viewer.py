@@ -71,7 +71,7 @@ class ViewerOutput(AbstractContextManager["ViewerOutput"]):
         self._worker = threading.Thread(target=self._work, name="viewer", daemon=True)
 
     def __enter__(self) -> Self:
-        """Looks whether the viewer is there. Raises `TargetError` if it is waited for and is not."""
+        """Find out if the viewer is there. Raises `TargetError` if it is waited for and is not."""
         try:
             self._address.probe()
         except OSError as error:
@@ -82,7 +82,7 @@ class ViewerOutput(AbstractContextManager["ViewerOutput"]):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, _: object, __: TracebackType | None) -> None:
-        """Waits until the viewer has everything, as long as that makes progress. Raises `TargetError` if it did not."""
+        """Wait until the viewer has everything, while that makes progress. Raises `TargetError` if it did not."""
         with self._changed:
             self._ended = True
             self._abandoned = kind is not None
@@ -106,7 +106,7 @@ class ViewerOutput(AbstractContextManager["ViewerOutput"]):
             self._raise()
 
     def send(self, chunks: Sequence[Chunk]) -> None:
-        """The next chunks."""
+        """Send the next chunks."""
         rows = sum(chunk.num_rows for chunk in chunks)
         with self._changed:
             while self._waits and not self.problem and self._rows and self._rows + rows > MOST_WAITING:
@@ -120,7 +120,7 @@ class ViewerOutput(AbstractContextManager["ViewerOutput"]):
                 self._put(_Piece(chunks=chunks, rows=rows))
 
     def layout(self, blueprint: Blueprint) -> None:
-        """How a viewer is to show it."""
+        """Say how a viewer is to show it."""
         with self._changed:
             self._raise()
             if not self.problem:
@@ -179,7 +179,7 @@ class ViewerOutput(AbstractContextManager["ViewerOutput"]):
                 inside = 0
 
     def _flush(self, recording: rr.RecordingStream, patience: float, hung: str) -> None:
-        """Waits until what Rerun was given is gone. Raises `_GoneError`."""
+        """Wait until what Rerun was given is gone. Raises `_GoneError`."""
         end = time.monotonic() + patience
         while True:
             try:

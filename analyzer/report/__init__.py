@@ -1,1 +1,1 @@
-"""What `tailbyte check` found, as plain data (`model`) and as every format somebody reads it in, one file a format."""
+"""The findings of `tailbyte check` as plain data (`model`) and as every format somebody reads, one file a format."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from analyzer.report.model import Capture, Finding
+    from analyzer.report.model import CaptureSummary, Finding
 
 MOST_BYTES = 256 * 1024 * 1024
 _TOLERANCE = 1.1  # times the old rate is not worse yet
@@ -36,7 +36,7 @@ class BaselineError(ValueError):
 
 
 class Baseline:
-    """What an older report found, by rule, bus, node, type and key."""
+    """The findings of an older report, by rule, bus, node, type and key."""
 
     def __init__(self, counts: Counter[Trouble], sizes: Counter[Session]) -> None:
         self._counts = counts
@@ -44,7 +44,7 @@ class Baseline:
 
     @classmethod
     def load(cls, path: Path) -> Baseline:
-        """Reads the JSON of an older run. Raises `BaselineError`."""
+        """Read the JSON of an older run. Raises `BaselineError`."""
         try:
             with path.open("rb") as stream:
                 data = stream.read(MOST_BYTES + 1)
@@ -66,8 +66,8 @@ class Baseline:
         except (AttributeError, KeyError, TypeError, ValueError):
             raise BaselineError(f"{path}: a damaged report") from None
 
-    def compare(self, findings: Iterable[Finding], captures: Sequence[Capture]) -> tuple[Finding, ...]:
-        """The findings, each marked as new, worse or known."""
+    def compare(self, findings: Iterable[Finding], captures: Sequence[CaptureSummary]) -> tuple[Finding, ...]:
+        """Return the findings, each marked as new, worse or known."""
         found = tuple(findings)
         counts: Counter[Trouble] = Counter()
         for finding in found:
@@ -79,7 +79,7 @@ class Baseline:
         return tuple(replace(finding, baseline=marks[_trouble(finding)]) for finding in found)
 
     def _times(self, session: Session, sizes: Counter[Session]) -> float:
-        """How many times as much was sent of the least that holds the session and that both reports saw."""
+        """Return how many times as much was sent of the least that holds the session and that both reports saw."""
         bus, node, _ = session
         for wider in (session, (bus, node, ""), (bus, None, ""), ALL):
             if sizes[wider] and self._sizes[wider]:
@@ -99,7 +99,7 @@ def _trouble(finding: Finding) -> Trouble:
     return (finding.rule, finding.bus, finding.node, finding.type, finding.key)
 
 
-def _sizes(captures: Iterable[Capture]) -> Iterator[tuple[Session, int]]:
+def _sizes(captures: Iterable[CaptureSummary]) -> Iterator[tuple[Session, int]]:
     found: Counter[Session] = Counter()
     for capture in captures:
         for bus in capture.buses:

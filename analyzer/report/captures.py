@@ -1,19 +1,19 @@
-"""What a report says of each capture itself: its sums, what it can show, its buses and nodes."""
+"""The facts of each capture in a report: its sums, what it can show, its buses and nodes."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.engine import LINES
+from analyzer.decode.engine import LINES
 from analyzer.facts.names import short
-from analyzer.report.model import BusUse, Capture, NodeUse
-from dissectors.conformance import SECOND
+from analyzer.report.model import BusUse, CaptureSummary, NodeUse
+from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from analyzer.facts.summary import Facts, NodeFacts
-    from analyzer.report.build import Taken
+    from analyzer.report.draft import JudgedCapture
     from analyzer.report.model import Judgeable
     from analyzer.rules.catalogue import Page
     from analyzer.rules.settings import Settings
@@ -22,10 +22,12 @@ if TYPE_CHECKING:
 _ANSWERS: dict[str, Judgeable] = {"yes": "yes", "NO": "no", "unknown": "unknown"}
 
 
-def of_capture(one: Taken, registry: Registry, pages: Mapping[str, Page], settings: Settings) -> Capture:
-    """The capture with its sums, buses and nodes."""
+def describe_capture(
+    one: JudgedCapture, registry: Registry, pages: Mapping[str, Page], settings: Settings
+) -> CaptureSummary:
+    """Return the capture with its sums, buses and nodes."""
     facts = one.checked.facts
-    return Capture(
+    return CaptureSummary(
         id=one.id,
         path=one.path,
         sha256="" if one.live or one.unopened else ", ".join(file.sha256 for file in facts.files),
@@ -45,7 +47,7 @@ def of_capture(one: Taken, registry: Registry, pages: Mapping[str, Page], settin
     )
 
 
-def _can_judge(one: Taken, settings: Settings) -> dict[str, Judgeable | str]:
+def _can_judge(one: JudgedCapture, settings: Settings) -> dict[str, Judgeable | str]:
     found = {what: _ANSWERS.get(answer, answer) for what, answer in one.checked.facts.judge.items()}
     stamps = found.pop("stamps")
     if one.checked.coarse and one.timed:
@@ -60,7 +62,7 @@ def _dialects(facts: Facts) -> dict[str, dict[str, str]]:
     return found
 
 
-def _buses(one: Taken, pages: Mapping[str, Page], settings: Settings) -> Iterable[BusUse]:
+def _buses(one: JudgedCapture, pages: Mapping[str, Page], settings: Settings) -> Iterable[BusUse]:
     facts, course = one.checked.facts, one.checked.course
     numbers = settings.all_numbers(pages)
     limits = {
@@ -85,7 +87,7 @@ def _buses(one: Taken, pages: Mapping[str, Page], settings: Settings) -> Iterabl
         )
 
 
-def _nodes(one: Taken, registry: Registry) -> Iterable[NodeUse]:
+def _nodes(one: JudgedCapture, registry: Registry) -> Iterable[NodeUse]:
     facts = one.checked.facts
     groups: dict[tuple[str, int], list[NodeFacts]] = {}
     for sent in facts.nodes:
@@ -94,7 +96,7 @@ def _nodes(one: Taken, registry: Registry) -> Iterable[NodeUse]:
         yield _node(one, registry, bus, node, sent_)
 
 
-def _node(one: Taken, registry: Registry, bus: str, node: int, sent: Sequence[NodeFacts]) -> NodeUse:
+def _node(one: JudgedCapture, registry: Registry, bus: str, node: int, sent: Sequence[NodeFacts]) -> NodeUse:
     checked = one.checked
     at = (checked.facts.bus_names.index(bus), node)
     types: dict[str, int] = {}

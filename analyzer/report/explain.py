@@ -28,7 +28,7 @@ _ACTIVE = re.compile(r"[\\`*_\[\]<>#|&~@$]|(?<=:)/|(?<=www)\.", re.IGNORECASE)
 
 
 def render(rule: str, page: Page, *, width: int = WIDTH, palette: Palette = PLAIN) -> str:
-    """The page for a terminal.
+    """Write the page for a terminal.
 
     Args:
         rule: its id, like TRF-010.
@@ -51,7 +51,7 @@ def render(rule: str, page: Page, *, width: int = WIDTH, palette: Palette = PLAI
 
 
 def document(pages: Mapping[str, Page]) -> str:
-    """All pages as one Markdown document, in the order given."""
+    """Write all pages as one Markdown document, in the order given."""
     lines = ["# Rules", "", "Each page is what `tailbyte explain RULE` prints.", ""]
     lines += ["| Rule | Severity | Category | Origin | Title |", "|---|---|---|---|---|"]
     for rule, page in pages.items():
@@ -67,7 +67,7 @@ def document(pages: Mapping[str, Page]) -> str:
 
 
 def prose(text: str) -> str:
-    """Text as Markdown that shows just this text: no markup, no links."""
+    """Write text as Markdown that shows just this text: no markup, no links."""
     return _ACTIVE.sub(lambda found: f"\\{found[0]}", wording.safe(text))
 
 
@@ -105,7 +105,7 @@ def _facts(page: Page) -> Iterator[tuple[str, str]]:
 
 
 def needs(exercised: str) -> str:
-    """What a capture must hold, in words: `type:A|pair:B>C` is "A or B answered by C"."""
+    """Say in words what a capture must hold: `type:A|pair:B>C` is "A or B answered by C"."""
     groups = [part.strip() for part in exercised.split("|")]
     return " or ".join(" and ".join(map(_need, group.split(","))) for group in groups)
 

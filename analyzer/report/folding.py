@@ -1,4 +1,4 @@
-"""One fault is one finding: a transfer without its end, or one that is missing in the count, is told with its cause."""
+"""One fault is one finding: what is told with its cause, or by a rule that knows the type, is not told again."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from analyzer.report.model import SEVERITIES
-from analyzer.rules.verdicts import Breach
+from analyzer.rules.verdicts import RatedFinding
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -16,15 +17,17 @@ if TYPE_CHECKING:
     from analyzer.rules.verdicts import Excused
 
 # What is left out, and what already says it with a cause.
-INTO = {"TRF-006": "TRF-003", "TRF-016": "TRF-005"}
-_GAP = "TRF-016"
+INTO = {"TRF-006": ("TRF-003",), "TRF-016": ("TRF-005",), "BUS-035": ("BUS-007", "BUS-025")}
+_GAP, _STOPPED = "TRF-016", "BUS-035"
+# A node that falls silent sent the type that the other rule is about so long before at most, in ns.
+_BEFORE = 3 * SECOND
 # A transfer without its start has no place in the count of IDs; its ID is the one that is missing there.
 _ONE_MISSING = re.compile(r"expected (\d+), got \d+: 1 missing")
 _WITHOUT_START = re.compile(r"transfer ID (\d+),")
 
 
 def fold(findings: Sequence[Finding]) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
-    """The findings to show, in their order, and those that others say already."""
+    """Return the findings to show, in their order, and those that others say already."""
     index = Index(findings)
     folded = tuple(one for one in findings if one.rule in INTO and says(one, index))
     left_out = set(map(id, folded))
@@ -36,27 +39,51 @@ class Index:
 
     def __init__(self, findings: Iterable[Finding]) -> None:
         self._found: dict[tuple[object, ...], list[Finding]] = {}
-        wanted = set(INTO.values())
+        wanted = {rule for rules in INTO.values() for rule in rules}
         for one in findings:
             if one.rule in wanted:
-                self._found.setdefault((one.rule, *_about(one)), []).append(one)
+                for about in {_about(one), _about(one)[:-1]}:
+                    self._found.setdefault((one.rule, *about), []).append(one)
 
     def of(self, finding: Finding) -> Sequence[Finding]:
-        """Those that may say the same as this one."""
-        return self._found.get((INTO.get(finding.rule), *_about(finding)), ())
+        """Return those that may say the same as this one."""
+        about = _about(finding) if finding.type else _about(finding)[:-1]
+        return [one for rule in INTO.get(finding.rule, ()) for one in self._found.get((rule, *about), ())]
 
 
 def says(finding: Finding, index: Index) -> list[Finding]:
-    """The findings that together are about the transfers of this one; none if it has more to tell.
+    """Return the findings that together are about the transfers of this one; none if it has more to tell.
 
     Only a few transfers of a finding are known by their frames, so the number of all of them has to be the same too.
     """
     found = index.of(finding)
+    if finding.rule == _STOPPED:
+        return _silence_says(finding, found)
     return _gap_says(finding, found) if finding.rule == _GAP else _cut_says(finding, found)
 
 
+def _silence_says(finding: Finding, others: Sequence[Finding]) -> list[Finding]:
+    """Return those about the same breaks: of its type, or as severe ones shortly before its node fell silent."""
+    found: dict[int, Finding] = {}
+    for example in finding.examples:
+        said = [one for one in others if any(_begins(finding, example, other) for other in one.examples)]
+        if not finding.type:
+            said = [one for one in said if SEVERITIES.index(one.severity) <= SEVERITIES.index(finding.severity)]
+        if not said:
+            return []
+        found[id(said[-1])] = said[-1]
+    return list(found.values())
+
+
+def _begins(finding: Finding, silence: Example, other: Example) -> bool:
+    """Return whether another break begins with a silence."""
+    if finding.type:
+        return other.frame is not None and other.frame == silence.frame
+    return None not in (silence.t_ns, other.t_ns) and 0 <= (silence.t_ns or 0) - (other.t_ns or 0) <= _BEFORE
+
+
 def _cut_says(finding: Finding, others: Sequence[Finding]) -> list[Finding]:
-    """About the same transfers and no others: those as severe as it, else those that somebody made more or less so."""
+    """Return those about the same transfers alone: as severe as it, else those that somebody made more or less so."""
     near = [one for one in others if _within(one, finding)]
     as_severe = [one for one in near if one.severity == finding.severity]
     return next((found for found in (as_severe, near) if _same(finding, found)), [])
@@ -69,7 +96,7 @@ def _same(finding: Finding, found: Sequence[Finding]) -> bool:
 
 
 def _gap_says(finding: Finding, others: Iterable[Finding]) -> list[Finding]:
-    """About the one transfer that is missing at each gap; other transfers may lack their start too."""
+    """Return those about the one transfer missing at each gap; other transfers may lack their start too."""
     cut = [(example.frame or 0, _number(_WITHOUT_START, example), one) for one in others for example in one.examples]
     found: dict[int, Finding] = {}
     before = -1
@@ -94,15 +121,15 @@ def _about(one: Finding) -> tuple[object, ...]:
 
 
 def _within(one: Finding, other: Finding) -> bool:
-    """Whether it begins and ends at frames of the other one's course."""
+    """Return True if it begins and ends at frames of the other one's course."""
     places = (other.first.frame, one.first.frame, one.last.frame, other.last.frame)
     numbers = [place for place in places if place is not None]
     return len(numbers) == len(places) and numbers == sorted(numbers)
 
 
-def breaches(capture: str, findings: Sequence[Finding], folded: Iterable[Finding]) -> list[Breach]:
-    """Those of a capture; what is folded is excused with what says it, and no more severe."""
-    found = [Breach(one.rule, one.severity, one.excused) for one in findings if one.capture == capture]
+def breaches(capture: str, findings: Sequence[Finding], folded: Iterable[Finding]) -> list[RatedFinding]:
+    """Return those of a capture; what is folded is excused with what says it, and no more severe."""
+    found = [RatedFinding(one.rule, one.severity, one.excused) for one in findings if one.capture == capture]
     index = Index(findings)
     for one in folded:
         into = says(one, index) if one.capture == capture else []
@@ -111,14 +138,14 @@ def breaches(capture: str, findings: Sequence[Finding], folded: Iterable[Finding
             excused = "" if "" in excuses else "known" if "known" in excuses else "waived"
             worst = min((other.severity for other in into), key=SEVERITIES.index)
             severity = max(worst, one.severity, key=SEVERITIES.index)
-            found.append(Breach(one.rule, severity, cast("Excused", excused)))
+            found.append(RatedFinding(one.rule, severity, cast("Excused", excused)))
     return found
 
 
 def ruled(rule: RuleVerdict, folded: Sequence[Finding]) -> RuleVerdict:
-    """The verdict says where the findings are that are not shown, and counts only the others."""
+    """Say in the verdict where the findings are that are not shown, and count only the others."""
     count = sum(one.rule == rule.rule for one in folded)
     if not count:
         return rule
-    reason = ", ".join(text for text in (rule.reason, f"see {INTO[rule.rule]}") if text)
+    reason = ", ".join(text for text in (rule.reason, f"see {', '.join(INTO[rule.rule])}") if text)
     return replace(rule, findings=rule.findings - count, reason=reason)

@@ -1,4 +1,4 @@
-"""What the rules found, as findings of a report: named, with places and examples."""
+"""The outcome of the rules as findings of a report: named, with places and examples."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING, Any, cast
 from analyzer.report.model import SEVERITIES, Example, Finding, Place
 from analyzer.report.problems import MOST_FRAMES
 from analyzer.rules import verdicts
-from dissectors.conformance import NO_TIME
+from dissectors.kit import NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from analyzer.report.model import Category, Origin
     from analyzer.rules.catalogue import Page
-    from analyzer.rules.findings import Run, Shown
     from analyzer.rules.judge import Outcome
+    from analyzer.rules.runs import OccurrenceRun, Shown
     from analyzer.rules.settings import Settings
 
 _EVERY_BUS = -1
 
 
-def told(
+def findings_from(
     outcome: Outcome,
     buses: Sequence[str],
     pages: Mapping[str, Page],
@@ -30,7 +30,7 @@ def told(
     capture: str = "",
     coarse: bool = False,
 ) -> Iterator[Finding]:
-    """A finding for each run; `buses` are names by index, `coarse` times too far apart to judge rules by."""
+    """Give a finding for each run; `buses` are names by index, `coarse` times too far apart to judge rules by."""
     for key, run in outcome.runs:
         page = pages[key.rule]
         doubtful = coarse and verdicts.TIMES in page.inconclusive and key.rule not in settings.severities
@@ -52,7 +52,7 @@ def told(
 
 
 def ranked(found: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Worst first, then by time."""
+    """Sort by severity, the worst first, then by time."""
 
     def order(one: Finding) -> tuple[int, int]:
         return SEVERITIES.index(one.severity), -1 if one.first.t_ns is None else one.first.t_ns
@@ -60,7 +60,7 @@ def ranked(found: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=order))
 
 
-def _course(run: Run, doubt: str) -> dict[str, Any]:
+def _course(run: OccurrenceRun, doubt: str) -> dict[str, Any]:
     frames = dict.fromkeys(number + 1 for shown in run.examples for number in _evidence(shown))
     shown = run.examples[0] if run.examples else None
     return {
@@ -75,7 +75,7 @@ def _course(run: Run, doubt: str) -> dict[str, Any]:
 
 
 def _evidence(shown: Shown) -> Sequence[int]:
-    """The frame where an occurrence is; for one without, what it is concluded from."""
+    """Return the frame where an occurrence is; for one without, what it is concluded from."""
     return (shown.frame,) if shown.frame >= 0 else shown.frames
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.report import markdown, wording
+from analyzer.report import headline, markdown, wording
 from analyzer.report.problems import problems, ranked
 from analyzer.views.terminal import ELLIPSIS
 
@@ -19,21 +19,24 @@ if TYPE_CHECKING:
 MOST_ANNOTATIONS = 10  # of one level; GitHub drops what comes after them
 SUMMARY_BYTES = 1_000_000  # GitHub refuses a summary above 1 MiB
 _LEVELS = {"error": "error", "warning": "warning", "note": "notice"}
+_TONES = {"bad": "error", "idle": "error", "caution": "warning", "good": "notice"}
 _LONGEST = 600
 
 
 def commands(report: Report) -> str:
-    """Workflow commands, a line each, for standard output: at most 10 of each level, the most important first."""
+    """Write workflow commands, a line each, for standard output: at most 10 a level, the most important first."""
     return "".join(f"{line}\n" for line in _commands(report))
 
 
 def summary(report: Report) -> str:
-    """What to append to the file that `$GITHUB_STEP_SUMMARY` names: the report as Markdown, with all of its table."""
+    """Write what to append to the file of `$GITHUB_STEP_SUMMARY`: the report as Markdown, with all of its table."""
     return markdown.render(report, SUMMARY_BYTES)
 
 
 def _commands(report: Report) -> Iterator[str]:
     by_level: dict[str, list[_Annotation]] = {level: [] for level in _LEVELS.values()}
+    words = [headline.summary(report, problems(report.findings)), headline.worst_of(report), report.gate.reason]
+    by_level[_TONES[headline.tone(report)]].append((headline.verdict(report), [*filter(None, words)]))
     by_level["error"] += [
         ("Damaged capture", [f"{capture.path}: {capture.damage}"]) for capture in report.captures if capture.damage
     ]
@@ -45,8 +48,6 @@ def _commands(report: Report) -> Iterator[str]:
         for requirement in report.gate.requirements
         if not requirement.met
     ]
-    if not report.gate.judged and not by_level["error"]:
-        by_level["error"].append(("Not judged", [report.gate.reason]))
     for one in ranked(problems(report.findings)):
         if one.open:
             by_level[_LEVELS[one.severity]].append(_annotation(one, report))
@@ -61,8 +62,8 @@ def _commands(report: Report) -> Iterator[str]:
 def _annotation(one: Problem, report: Report) -> _Annotation:
     head = one.head
     capture = wording.captures_by_id(report).get(head.capture)
-    title = f"{head.rule} {wording.place(head, bus=wording.several_buses(report))}: {head.title}"
-    text = [f"{head.text} ({wording.counted(one)}{f', {head.type}' if head.type else ''})"]
+    title = f"{head.rule} {wording.places(one, bus=wording.several_buses(report))}: {head.title}"
+    text = [f"{wording.told(one)} ({wording.counted(one)}{f', {head.type}' if head.type else ''})"]
     return title, [*text, wording.command(one, capture), f"tailbyte explain {head.rule}"]
 
 

@@ -1,4 +1,4 @@
-"""What `--all` adds to the text: nodes, readings, every rule with its verdict, coverage, and all settings."""
+"""Additions of `--all` to the text: nodes, readings, every rule with its verdict, coverage, and all settings."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from analyzer.views.terminal import Palette, fit
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from analyzer.report.model import Capture, Coverage, Report, RuleVerdict
+    from analyzer.report.model import CaptureSummary, Coverage, Report, RuleVerdict
 
 _INDENT = " " * 9
 _STYLES = {"FAIL": "bad", "WARN": "note", "WAIVED": "note", "INCONCLUSIVE": "note"}
 
 
 def inventory(report: Report, width: int, palette: Palette) -> Iterator[str]:
-    """Lines of at most `width` columns, each list behind a title."""
+    """Give lines of at most `width` columns, each list behind a title."""
     for rule in report.rules:
         yield from _rule(rule, width, palette)
     for capture in report.captures:
@@ -53,7 +53,7 @@ def _rule(rule: RuleVerdict, width: int, palette: Palette) -> Iterator[str]:
     yield from more
 
 
-def _nodes(capture: Capture, width: int) -> Iterator[str]:
+def _nodes(capture: CaptureSummary, width: int) -> Iterator[str]:
     for node in capture.nodes:
         types = ", ".join(f"{wording.safe(name)} {count}x" for name, count in node.types.items())
         words = [f"node {node.node}", wording.safe(node.bus), wording.safe(node.label), wording.safe(node.role)]
@@ -66,7 +66,7 @@ def _nodes(capture: Capture, width: int) -> Iterator[str]:
         yield from pack([*words, f"mean {bus.mean:.1f}/s", f"peak {bus.peak}/s", load], width, "bus ")
 
 
-def _accounts(capture: Capture, width: int) -> Iterator[str]:
+def _accounts(capture: CaptureSummary, width: int) -> Iterator[str]:
     for title, counts in (("lines", capture.accounting), ("frames", capture.verdicts)):
         text = ", ".join(f"{wording.safe(name)} {count}" for name, count in counts.items())
         if text:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def render(report: Report) -> str:
-    r"""One JSON object in ASCII; each capture, finding and rule is one line, so that reports can be compared by line.
+    r"""Write one JSON object in ASCII; each capture, finding and rule is one line, to be compared by line.
 
     Numbers that are not finite become null, bytes of names that are not UTF-8 become `\xNN`.
     """
@@ -22,7 +22,7 @@ def render(report: Report) -> str:
 
 
 def schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) of `render`."""
+    """Return the JSON Schema (2020-12) of `render`."""
     text = files(__package__).joinpath("schema.json").read_text("utf-8")
     found: dict[str, Any] = json.loads(text)
     return found
@@ -57,7 +57,7 @@ def _plain(value: Any) -> Any:
 
 
 def _readable(text: str) -> str:
-    """Without lone surrogates: they are no characters, and many readers of JSON refuse them."""
+    """Remove lone surrogates: they are no characters, and many readers of JSON refuse them."""
     if text.isascii() or not any("\ud800" <= c <= "\udfff" for c in text):
         return text
     return "".join(

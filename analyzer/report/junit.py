@@ -9,14 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from analyzer.report import wording
+from analyzer.report import headline, wording
 from analyzer.report.problems import WHERE, Problem, problems, ranked
 from analyzer.views.terminal import ELLIPSIS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from analyzer.report.model import Capture, Report, RuleVerdict
+    from analyzer.report.model import CaptureSummary, Report, RuleVerdict
 
 MOST_BYTES = 30_000_000
 _BODIES = 24_000_000  # what is left is for cases without a body, which come after it is used up
@@ -67,7 +67,7 @@ class _Budget:
 
 
 def render(report: Report) -> str:
-    """The whole document, in UTF-8 below 30 MB."""
+    """Write the whole document, in UTF-8 below 30 MB."""
     found = problems(report.findings, WHERE)
     several, buses = len(report.captures) > 1, wording.several_buses(report)
     captures = wording.captures_by_id(report)
@@ -110,7 +110,7 @@ def _pair(case: _Case) -> tuple[str, str]:
     return case.outcome, case.xml()
 
 
-def _case(one: Problem, capture: Capture | None, *, several: bool, bus: bool) -> _Case:
+def _case(one: Problem, capture: CaptureSummary | None, *, several: bool, bus: bool) -> _Case:
     head = one.head
     layer = head.rule.partition("-")[0]
     node = "bus" if head.node is None else f"node{head.node}"
@@ -126,7 +126,7 @@ def _case(one: Problem, capture: Capture | None, *, several: bool, bus: bool) ->
     return _Case(f"{layer}.{node}", name, "failure" if one.fails else "output", message, head.rule, body)
 
 
-def _body(one: Problem, capture: Capture | None) -> Iterator[str]:
+def _body(one: Problem, capture: CaptureSummary | None) -> Iterator[str]:
     head, start = one.head, None if capture is None else capture.start_ns
     yield _short(f"{head.rule} {one.severity}, {head.category}: {head.title}")
     yield _short(f"{wording.place(head, bus=True)} {head.type}".rstrip())
@@ -179,6 +179,10 @@ def _gate(report: Report) -> Iterator[tuple[str, str]]:
 def _properties(report: Report) -> Iterator[tuple[str, str]]:
     yield "tool", report.tool
     yield "schema", report.schema
+    yield "verdict", headline.verdict(report)
+    yield "headline", headline.summary(report, problems(report.findings))
+    yield "worst", headline.worst_of(report)
+    yield "counted", "test cases: one for each rule, node and type, and for each rule without a finding"
     for name, value in report.settings.items():
         if name not in ("limits", "changed"):
             yield f"setting.{name}", wording.setting(value)
@@ -187,7 +191,7 @@ def _properties(report: Report) -> Iterator[tuple[str, str]]:
         yield f"limits.{rule}", numbers
 
 
-def _facts(capture: Capture) -> Iterator[tuple[str, str]]:
+def _facts(capture: CaptureSummary) -> Iterator[tuple[str, str]]:
     yield "sha256", capture.sha256
     yield "form", capture.form
     yield "frames", f"{capture.frames}, {wording.accounted(capture)}"
@@ -204,5 +208,5 @@ def _attribute(text: str) -> str:
 
 
 def _content(text: str) -> str:
-    """Text of this module's lines; what is in them is printable already, so XML can hold it."""
+    """Escape text of this module's lines; what is in them is printable already, so XML can hold it."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

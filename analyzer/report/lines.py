@@ -14,7 +14,7 @@ GAP = "  "
 
 
 def wrap(text: str, width: int, *, first: str = "", indent: str = "") -> list[str]:
-    """`text` in lines of at most `width` columns, the first behind `first`, the others behind `indent`.
+    """Break `text` into lines of at most `width` columns, the first behind `first`, the others behind `indent`.
 
     A word that is wider than a line is cut; wide characters count two.
     """
@@ -38,7 +38,7 @@ def wrap(text: str, width: int, *, first: str = "", indent: str = "") -> list[st
 
 
 def _cut(word: str, first: int, width: int) -> list[str]:
-    """A word in pieces of at most `first` and then `width` columns, none of them empty."""
+    """Cut a word into pieces of at most `first` and then `width` columns, none of them empty."""
     pieces, start, used, room = list[str](), 0, 0, first
     for at, c in enumerate(word):
         size = display_width(c)
@@ -50,7 +50,7 @@ def _cut(word: str, first: int, width: int) -> list[str]:
 
 
 def pack(pieces: Iterable[str], width: int, indent: str, *, whole: str = "") -> list[str]:
-    """Pieces side by side as far as they fit, then `whole`; only a piece that fits in no line is wrapped, it never."""
+    """Join pieces as far as they fit, then `whole`; only a piece that fits in no line is wrapped, `whole` never."""
     lines, line = list[str](), ""
     for piece, cuttable in [*((piece, True) for piece in pieces), (whole, False)]:
         if not piece:
@@ -67,7 +67,7 @@ def pack(pieces: Iterable[str], width: int, indent: str, *, whole: str = "") -> 
 
 
 def right(lines: list[str], end: str, width: int) -> list[str]:
-    """`lines` with `end` at the right margin of the last one, or of one more."""
+    """Return `lines` with `end` at the right margin of the last one, or of one more."""
     room = width - display_width(end)
     if display_width(lines[-1]) + len(GAP) > room:
         lines = [*lines, ""]
@@ -75,5 +75,5 @@ def right(lines: list[str], end: str, width: int) -> list[str]:
 
 
 def columns(text: str, width: int) -> str:
-    """`text` with blanks behind it up to `width` columns."""
+    """Return `text` with blanks behind it up to `width` columns."""
     return text + " " * (width - display_width(text))

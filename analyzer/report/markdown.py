@@ -9,14 +9,14 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from analyzer.report import wording
+from analyzer.report import headline, wording
 from analyzer.report.problems import problems, ranked
 from analyzer.views.terminal import ELLIPSIS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from analyzer.report.model import Capture, Report, Requirement
+    from analyzer.report.model import CaptureSummary, Report, Requirement
     from analyzer.report.problems import Problem
 
 COMMENT_BYTES = 60_000  # GitHub takes 65,536 characters
@@ -25,6 +25,7 @@ _COLUMNS = "| | Rule | Where | What | Count | First |\n|---|---|---|---|---:|---
 _DETAILED = 20
 _LINES = 20
 _SIGNS = {"error": "❌", "warning": "⚠️", "note": "ℹ️"}  # noqa: RUF001 - the sign for information is meant
+_TONES = {"good": "🟢", "caution": "🟠", "bad": "🔴", "idle": "⚪"}
 _PLAIN = re.compile(r"[A-Za-z0-9(][A-Za-z0-9 ,;()'./-]*")
 # Words that a forge makes a link of by itself: addresses, issues, commits.
 _LINKED = re.compile(r"www\.|//|\bgh-\d|[0-9a-f]{7}", re.IGNORECASE)
@@ -32,19 +33,19 @@ _CODE = str.maketrans({"`": r"\x60", "|": r"\x7c"})
 
 
 def code(text: str) -> str:
-    """Text from anywhere as a code span that is safe in a table cell, too."""
+    """Write text from anywhere as a code span that is safe in a table cell, too."""
     text = _short(wording.safe(text)).translate(_CODE)
     return f"`{text}`" if text.strip() else ""
 
 
 def plain(text: str) -> str:
-    """Text as it is if it is only words, else as `code`."""
+    """Write text as it is if it is only words, else as `code`."""
     harmless = _PLAIN.fullmatch(text) and not _LINKED.search(text) and len(text) <= _LONGEST
     return text if harmless else code(text)
 
 
 def render(report: Report, limit: int = COMMENT_BYTES) -> str:
-    """A Markdown document of at most `limit` bytes of UTF-8 (1,000 at least); what has no room is counted."""
+    """Write Markdown of at most `limit` bytes of UTF-8 (1,000 at least); what has no room is counted."""
     found = ranked(problems(report.findings))
     shown = [one for one in found if one.open]
     rest = [one for one in found if not one.open]
@@ -74,7 +75,7 @@ def _size(text: str) -> int:
 
 
 def _fitting(start: str, blocks: list[str], end: str, room: int, hidden: int = 0) -> str:
-    """As many blocks as there is room for, and the number of the others; nothing if there are none."""
+    """Give as many blocks as there is room for, and the number of the others; nothing if there are none."""
     if not blocks:
         return ""
     room -= _size(start) + _size(end) + _size(_left(len(blocks) + hidden))
@@ -92,13 +93,16 @@ def _left(count: int) -> str:
 
 
 def _head(report: Report, found: list[Problem]) -> Iterator[str]:
-    yield f"### tailbyte check: {wording.verdict(report)}"
+    yield f"### {_TONES[headline.tone(report)]} tailbyte check: {headline.verdict(report)}"
     yield ""
-    yield plain(wording.summary(report, found))
+    yield plain(headline.summary(report, found))
+    if worst := headline.worst_of(report):
+        yield ""
+        yield f"Worst: {plain(worst)}"
     if report.gate.reason:
         yield ""
         yield f"Gate: {plain(report.gate.reason)}"
-    if passed := wording.ungated(report):
+    if passed := headline.ungated(report):
         yield ""
         yield plain(passed)
     yield ""
@@ -113,7 +117,7 @@ def _requirement(requirement: Requirement) -> str:
 def _row(one: Problem, report: Report) -> str:
     head = one.head
     capture = wording.captures_by_id(report).get(head.capture)
-    where = [plain(wording.place(head, bus=wording.several_buses(report))), plain(head.type)]
+    where = [plain(wording.places(one, bus=wording.several_buses(report))), plain(head.type)]
     if len(report.captures) > 1:
         where.append(f"in {code(head.capture if capture is None else capture.path)}")
     start = None if capture is None else capture.start_ns
@@ -131,7 +135,9 @@ def _row(one: Problem, report: Report) -> str:
 
 def _evidence(one: Problem, report: Report) -> str:
     head = one.head
-    lines = [f"**{plain(head.rule)}** {plain(wording.place(head, bus=True))}: {code(head.text) or plain(head.title)}"]
+    lines = [
+        f"**{plain(head.rule)}** {plain(wording.places(one, bus=True))}: {code(wording.told(one)) or plain(head.title)}"
+    ]
     facts = [plain(head.cause), "" if head.clause in ("", "-") else f"clause {plain(head.clause)}"]
     facts += [f"frames {' '.join(map(str, one.frames))}" if one.frames else ""]
     lines += [", ".join(filter(None, facts)), ""]
@@ -145,10 +151,10 @@ def _excuse(one: Problem) -> str:
     why = "known from the baseline"
     if waiver is not None:
         why = f"waived until {plain(waiver.expires)} by {plain(waiver.owner)}: {plain(waiver.reason)}"
-    return f"- {plain(head.rule)} {plain(wording.place(head, bus=True))} {plain(head.type)} {one.count}x, {why}\n"
+    return f"- {plain(head.rule)} {plain(wording.places(one, bus=True))} {plain(head.type)} {one.count}x, {why}\n"
 
 
-def _capture(capture: Capture) -> str:
+def _capture(capture: CaptureSummary) -> str:
     facts = [code(capture.path), f"{wording.plural(capture.frames, 'frame')}, {wording.accounted(capture)}"]
     facts += [f"SHA-256 {code(capture.sha256)}", f"can judge: {code(', '.join(wording.judged(capture))) or 'nothing'}"]
     if capture.damage:

@@ -112,7 +112,7 @@ class WaiverUse:
 
 @dataclass(frozen=True, slots=True)
 class RuleVerdict:
-    """What became of one rule; `reason` says why it is not simply passed or failed."""
+    """The verdict on one rule; `reason` says why it is not simply passed or failed."""
 
     rule: str
     title: str
@@ -167,7 +167,7 @@ class NodeUse:
 
 
 @dataclass(frozen=True, slots=True)
-class Capture:
+class CaptureSummary:
     """One capture as it was read: the sum of its lines, what became of its frames, and what it can show at all.
 
     `can_judge` answers with a `Judgeable`, but for `stamps`: the kinds of time stamps, in words. Only `timing` can be
@@ -195,7 +195,7 @@ class Capture:
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """What the capture exercised: seen and possible, by name. `never` are clauses that no capture can show."""
+    """The part of all there is that the capture exercised, by name. `never` are clauses that no capture can show."""
 
     types: dict[str, int]
     packets: dict[str, int]
@@ -220,7 +220,7 @@ class Requirement:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Whether this passes: findings at or above `fail_on`, demands, damage; `exit_status` as documented."""
+    """The gate: findings at or above `fail_on`, demands, damage; `exit_status` as documented."""
 
     fail_on: tuple[str, ...]
     failed: bool
@@ -240,7 +240,7 @@ class Report:
 
     tool: str
     settings: dict[str, Any]
-    captures: tuple[Capture, ...]
+    captures: tuple[CaptureSummary, ...]
     findings: tuple[Finding, ...]
     rules: tuple[RuleVerdict, ...]
     coverage: Coverage
@@ -249,5 +249,5 @@ class Report:
     schema: str = field(default=SCHEMA)
 
     def as_json(self) -> dict[str, Any]:
-        """Plain dictionaries and lists, `schema` first."""
+        """Return plain dictionaries and lists, `schema` first."""
         return {"schema": self.schema} | {name: value for name, value in asdict(self).items() if name != "schema"}

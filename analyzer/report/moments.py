@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-SECOND = 1_000_000_000
+from dissectors.times import SECOND
+
 MISSING = "-"
 _YEAR_2000, _YEAR_2262 = 946_684_800 * SECOND, 1 << 63  # times outside are no calendar, but counted from some start
 _MINUTE, _HOUR, _DAY = 60 * SECOND, 3600 * SECOND, 86400 * SECOND
@@ -20,17 +21,17 @@ _TICKS = 6
 
 
 def on_calendar(ns: int) -> bool:
-    """Whether a time counts from 1970, and not from the start of its recorder."""
+    """Return True if a time counts from 1970, and not from the start of its recorder."""
     return _YEAR_2000 <= ns < _YEAR_2262
 
 
 def moment(ns: int | None) -> str:
-    """Date and time of day to the microsecond, or seconds."""
+    """Write date and time of day to the microsecond, or seconds."""
     return _written(ns, "%Y-%m-%d %H:%M:%S", 6)
 
 
 def clock(ns: int | None, digits: int = 3) -> str:
-    """Time of day alone, or seconds, cut to `digits` decimals."""
+    """Write the time of day alone, or seconds, cut to `digits` decimals."""
     return _written(ns, "%H:%M:%S", digits)
 
 
@@ -52,12 +53,12 @@ class Span:
     end: int
 
     def share(self, ns: int) -> float:
-        """Where a time lies between 0 and 100; what lies outside is put on the edge."""
+        """Return where a time lies between 0 and 100; what lies outside is put on the edge."""
         length = max(self.end - self.start, SECOND // 1000)
         return 100 * min(max(ns - self.start, 0), length) / length
 
     def ticks(self) -> list[tuple[float, str]]:
-        """Round times inside, as share and label."""
+        """Return round times inside, as share and label."""
         length = max(self.end - self.start, SECOND // 1000)
         step = next((step for step in _STEPS if length <= step * _TICKS), length)
         digits = 0 if step >= SECOND else 3 if step >= SECOND // 1000 else 9

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analyzer.report import folding
-from analyzer.report.build import Draft
-from analyzer.report.found import ranked, told
+from analyzer.report.draft import Draft
+from analyzer.report.found import findings_from, ranked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from analyzer.report.build import Revise
+    from analyzer.report.draft import Revise
     from analyzer.report.model import Finding, Place, Severity
     from analyzer.rules.judge import Judge
     from analyzer.rules.settings import Settings
@@ -60,7 +60,7 @@ class Newest:
         self.all: tuple[Finding, ...] = ()
 
     def look(self, buses: Sequence[str], *, last: bool = False) -> list[Change]:
-        """What is new, worst first, then by time; `all` has every finding then.
+        """Return what is new, worst first, then by time; `all` has every finding then.
 
         `buses` are names by index; the `last` look comes in any case.
         """
@@ -69,7 +69,9 @@ class Newest:
             return []
         self._changes = self._judge.changes
         outcome = self._judge.so_far()
-        shown, _ = folding.fold(ranked(told(outcome, buses, self._judge.pages, self._settings, capture=self._capture)))
+        shown, _ = folding.fold(
+            ranked(findings_from(outcome, buses, self._judge.pages, self._settings, capture=self._capture))
+        )
         draft = Draft((), (), shown)
         for revise in self._revise:
             draft = revise(draft)

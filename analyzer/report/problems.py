@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from analyzer.report.model import SEVERITIES, Place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from analyzer.report.model import Example, Finding, Severity, Waiver
 
@@ -17,6 +17,9 @@ MOST_EXAMPLES = 20
 
 WHERE = ("capture", "rule", "bus", "node", "type")  # a problem as a test case
 SAME = (*WHERE, "severity", "label", "key")  # a problem as a line of a report
+_MANY = 3  # nodes with the same problem are one line
+
+_Item = TypeVar("_Item")
 
 _BASELINES = ("new", "worse", "known", "")
 
@@ -44,12 +47,18 @@ class Problem:
 
     @property
     def fails(self) -> bool:
-        """Whether a run of it counts against the gate."""
+        """True if a run of it counts against the gate."""
         return any(run.fails for run in self.runs)
 
     @property
+    def places(self) -> Sequence[str]:
+        """The names of all that it is about, each once: the ESC as people call it, else its node; empty for a bus."""
+        names = (run.label or ("" if run.node is None else f"node {run.node}") for run in self.runs)
+        return list(dict.fromkeys(names))
+
+    @property
     def waiver(self) -> Waiver | None:
-        """What excuses it, if all of it is excused."""
+        """The waiver that excuses it, if all of it is excused."""
         waivers = [run.waiver for run in self.runs]
         return None if None in waivers else waivers[0]
 
@@ -60,17 +69,17 @@ class Problem:
 
     @property
     def open(self) -> bool:
-        """Whether somebody has to look at it: neither waived nor known from an older report."""
+        """True if somebody has to look at it: neither waived nor known from an older report."""
         return self.waiver is None and self.baseline != "known"
 
     @property
     def first(self) -> Place:
-        """Where it began, by time, else by frame."""
+        """The place where it began, by time, else by frame."""
         return min((run.first for run in self.runs), key=_order)
 
     @property
     def last(self) -> Place:
-        """Where it was seen last."""
+        """The place where it was seen last."""
         return max((run.last for run in self.runs), key=_order)
 
     @property
@@ -89,13 +98,35 @@ def _order(place: Place) -> tuple[int, int]:
 
 
 def problems(findings: Iterable[Finding], alike: Sequence[str] = SAME) -> list[Problem]:
-    """Findings joined where all attributes named by `alike` are equal, in the order of each one's first finding."""
-    groups: dict[tuple[object, ...], list[Finding]] = {}
-    for finding in findings:
-        groups.setdefault(tuple(getattr(finding, name) for name in alike), []).append(finding)
-    return [Problem(tuple(group)) for group in groups.values()]
+    """Join findings where all attributes named by `alike` are equal, in the order of each one's first finding.
+
+    As lines of a report, three and more nodes with the same problem are one, too.
+    """
+    groups = _grouped(findings, lambda finding: tuple(getattr(finding, name) for name in alike))
+    found = [Problem(tuple(group)) for group in groups]
+    if tuple(alike) != SAME:
+        return found
+    joined = []
+    for some in _grouped(found, _nodeless):
+        many = len(some) >= _MANY and some[0].head.node is not None
+        joined += [Problem(tuple(run for one in some for run in one.runs))] if many else some
+    order = {id(one.head): k for k, one in enumerate(found)}
+    return sorted(joined, key=lambda one: order[id(one.head)])
+
+
+def _nodeless(one: Problem) -> tuple[object, ...]:
+    """Return what two problems must share to differ by the node only."""
+    head = one.head
+    return head.capture, head.rule, head.bus, head.type, one.severity, head.key, head.cause, one.open, one.baseline
+
+
+def _grouped(items: Iterable[_Item], key: Callable[[_Item], object]) -> list[list[_Item]]:
+    groups: dict[object, list[_Item]] = {}
+    for item in items:
+        groups.setdefault(key(item), []).append(item)
+    return list(groups.values())
 
 
 def ranked(found: Iterable[Problem]) -> list[Problem]:
-    """What fails the gate first, then what is open, then by severity; what is equal keeps its order."""
+    """Sort: what fails the gate first, then what is open, then by severity; what is equal keeps its order."""
     return sorted(found, key=lambda one: (not one.fails, not one.open, SEVERITIES.index(one.severity)))

@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from analyzer.report import wording
+from analyzer.report import headline, wording
 from analyzer.report.inventory import inventory
 from analyzer.report.lines import GAP, NARROWEST, columns, pack, right, wrap
-from analyzer.report.model import CATEGORIES, SEVERITIES
-from analyzer.report.moments import SECOND
+from analyzer.report.model import SEVERITIES
 from analyzer.report.problems import Problem, problems
 from analyzer.views.terminal import PLAIN, Palette, display_width, fit
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from analyzer.report.model import Capture, Category, Report
+    from analyzer.report.model import CaptureSummary, Category, Report
 
 WIDTH = 80
 _INDENT = " " * 6
@@ -28,16 +28,17 @@ _FRAMES = 8
 _NAMES = 5
 _NARROW, _LEAST_TITLE = 72, 16
 _TITLES: dict[Category, str] = {
-    "device": "what the ESCs say about themselves",
+    "device": "what the devices say about themselves",
     "protocol": "what breaks the protocol",
     "capture": "what this recording cannot prove",
 }
-_STYLES = {"error": "bad", "warning": "note", "note": "dim", "FAIL": "bad", "PASS": "head"}
+_STYLES = {"error": "bad", "warning": "note", "note": "dim"}
+_TONES = {"good": "good", "caution": "note", "bad": "bad", "idle": "dim"}
 
 
 @dataclass(frozen=True, slots=True)
 class _Page:
-    """How it is to be shown."""
+    """The way the report is to be shown."""
 
     width: int
     everything: bool
@@ -48,7 +49,7 @@ class _Page:
 def render(
     report: Report, *, width: int = WIDTH, everything: bool = False, palette: Palette = PLAIN, utc: bool = False
 ) -> str:
-    """The report in lines of at most `width` columns; commands and frames are longer when they must be.
+    """Write the report in lines of at most `width` columns; commands and frames are longer when they must be.
 
     Args:
         report: what was found.
@@ -59,22 +60,25 @@ def render(
     """
     page = _Page(max(width, NARROWEST), everything, palette, utc)
     lines = [*_head(report, page), ""]
-    for category in CATEGORIES:
-        lines += _section(report, category, page)
+    sections = _sections(report, page)
+    for category, found in sections:
+        lines += [_heading(category, page), *_problems(found, report, page)]
+    if unproven := list(_unproven(report, page)):
+        lines += unproven if sections and sections[-1][0] == "capture" else [_heading("capture", page), *unproven]
     lines += _foot(report, page)
     return "".join(f"{line.rstrip()}\n" for line in lines)
 
 
 def _head(report: Report, page: _Page) -> Iterator[str]:
-    word, gate = wording.verdict(report), report.gate
-    lines = wrap(wording.summary(report, problems(report.findings)), page.width, first=f"{word}  ", indent=_INDENT)
+    word, gate = headline.verdict(report), report.gate
+    lines = wrap(headline.summary(report, problems(report.findings)), page.width, first=f"{word}  ", indent=_INDENT)
     first, *more = right(lines, f"exit {gate.exit_status}", page.width)
-    yield page.palette.paint(_STYLES.get(word, "note"), word) + first[len(word) :]
+    yield page.palette.paint(_TONES[headline.tone(report)], word) + first[len(word) :]
     yield from more
-    if gate.reason and gate.exit_status not in (0, 1):
-        yield from wrap(wording.safe(gate.reason), page.width, first=_INDENT, indent=_INDENT)
-    if passed := wording.ungated(report):
-        yield from wrap(wording.safe(passed), page.width, first=_INDENT, indent=_INDENT)
+    below = [headline.worst_of(report, utc=page.utc)]
+    below += [wording.safe(gate.reason)] if gate.exit_status not in (0, 1) else []
+    for text in filter(None, [*below, wording.safe(headline.ungated(report))]):
+        yield from wrap(text, page.width, first=_INDENT, indent=_INDENT)
     several = len(report.captures) > 1
     for capture in report.captures:
         facts = list(_facts(capture, page))
@@ -93,7 +97,7 @@ def _head(report: Report, page: _Page) -> Iterator[str]:
         yield from wrap(line, page.width, first=_INDENT, indent=_INDENT)
 
 
-def _facts(capture: Capture, page: _Page) -> Iterator[str]:
+def _facts(capture: CaptureSummary, page: _Page) -> Iterator[str]:
     yield wording.safe(capture.path)
     yield ", ".join(wording.safe(bus.name) for bus in capture.buses[:_NAMES])
     if wording.timed(capture) and capture.start_ns is not None and capture.end_ns is not None:
@@ -109,16 +113,28 @@ def _facts(capture: Capture, page: _Page) -> Iterator[str]:
         yield f"DAMAGED: {wording.safe(capture.damage)}"
 
 
-def _section(report: Report, category: Category, page: _Page) -> Iterator[str]:
-    runs = [run for run in report.findings if run.category == category]
+def _sections(report: Report, page: _Page) -> list[tuple[Category, list[Problem]]]:
+    """Return what is found by category, errors before warnings before notes; neighbours of one category are joined."""
+    runs = report.findings
     found = [Problem((run,)) for run in runs] if page.everything else [one for one in problems(runs) if one.open]
-    found.sort(key=lambda one: SEVERITIES.index(one.severity))
-    unproven = wording.inconclusive(report) if category == "capture" else {}
-    if not found and not unproven:
-        return
-    yield f"{page.palette.paint('head', columns(category.upper(), 8))}  {_TITLES[category]}"
-    yield from _problems(found, report, page)
-    for reason, rules in unproven.items():
+    sections: list[tuple[Category, list[Problem]]] = []
+    for severity in SEVERITIES:
+        before = sections[-1][0] if sections else None
+        for category in sorted(headline.RANKS, key=lambda one: one != before):
+            some = [one for one in found if (one.severity, one.head.category) == (severity, category)]
+            if some and sections and sections[-1][0] == category:
+                sections[-1][1].extend(some)
+            elif some:
+                sections.append((category, some))
+    return sections
+
+
+def _heading(category: Category, page: _Page) -> str:
+    return f"{page.palette.paint('head', columns(category.upper(), 8))}  {_TITLES[category]}"
+
+
+def _unproven(report: Report, page: _Page) -> Iterator[str]:
+    for reason, rules in wording.inconclusive(report).items():
         text = f"{wording.safe(reason)}: {', '.join(rules)} INCONCLUSIVE"
         first, *more = wrap(text, page.width, first="note     ", indent=_DETAIL)
         yield page.palette.paint("dim", "note") + first[4:]
@@ -172,7 +188,7 @@ class _Table:
         self.title = max(min(room - self.place, longest), 8)
 
     def entry(self, one: Problem) -> Iterator[str]:
-        """All lines about a problem."""
+        """Give all lines about a problem."""
         head, page = one.head, self.page
         if self.narrow:
             yield from self._narrow(one)
@@ -188,7 +204,7 @@ class _Table:
         yield from self._below(one, self._details(one))
 
     def _narrow(self, one: Problem) -> Iterator[str]:
-        """Title, count and time go below, so that nobody's number is cut."""
+        """Put title, count and time below, so that nobody's number is cut."""
         start = f"{one.severity:<8} {wording.safe(one.head.rule)}{GAP}"
         line = start + fit(self._place(one), max(self.page.width - display_width(start), 8))
         yield self.page.palette.paint(_STYLES[one.severity], one.severity) + line[len(one.severity) :]
@@ -206,13 +222,12 @@ class _Table:
                 yield from (page.palette.paint("payload", _BYTES + wording.safe(line)) for line in example.lines)
 
     def _place(self, one: Problem) -> str:
-        where = wording.place(one.head, bus=self.buses)
+        where = wording.places(one, bus=self.buses)
         return f"{where} in {wording.safe(one.head.capture)}" if self.several else where
 
     def _details(self, one: Problem) -> Iterator[str]:
         head = one.head
-        cause, text = wording.safe(head.cause), wording.safe(head.text)
-        yield f"{cause}: {text}" if cause and text and cause not in text else text or cause
+        yield wording.told(one)
         if head.type:
             yield wording.safe(head.type)
         if one.baseline:
@@ -243,8 +258,8 @@ class _Table:
         return f"{start}..{end[-2:] if start[:-2] == end[:-2] and not long else end}"
 
 
-def _days(capture: Capture, *, utc: bool) -> str:
-    """The date in front of a time, in a capture of several days."""
+def _days(capture: CaptureSummary, *, utc: bool) -> str:
+    """Return the date in front of a time, in a capture of several days."""
     day = {wording.moment(t, None, utc=utc, form="%Y-%m-%d", ms=False) for t in (capture.start_ns, capture.end_ns)}
     return "%m-%d " if len(day) > 1 else ""
 
@@ -270,5 +285,5 @@ def _foot(report: Report, page: _Page) -> Iterator[str]:
     ]
     if hidden:
         yield from wrap(f"Not shown: {', '.join(hidden)} (--all)", page.width)
-    rule = f"explain {wording.safe(wording.worst(shown).head.rule)} | " if shown else ""
+    rule = f"explain {wording.safe(headline.worst(shown).head.rule)} | " if shown else ""
     yield from wrap(f"See: tailbyte {rule}check --all | --html FILE", page.width)

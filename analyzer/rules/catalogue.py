@@ -1,4 +1,4 @@
-"""The pages of all rules: those for any bus beside this file, those of a vendor's types in the folder of its dissector.
+"""The pages of all rules: each stands beside the code that finds it, here or in the folder of a dissector.
 
 A page says what a rule checks, how severe that is, and the numbers that nobody prescribes (`settings`). Mistakes in a
 file are `ProfileError` with file and line.
@@ -9,25 +9,27 @@ from __future__ import annotations
 import string
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast, get_args
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING, Any, cast
 
-from dissectors.conformance import Severity
-from dissectors.toml_table import read
+from dissectors.keys.pages import CATEGORIES, PAGE, PAGES
+from dissectors.pages import files_in, page_files, read_pages
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
+    from pathlib import Path
+    from types import ModuleType
 
     from dissectors import Registry
-    from dissectors.conformance import Values
-    from dissectors.toml_table import Table
+    from dissectors.kit import Severity, Values
+    from dissectors.profile import Profile
+    from dissectors.toml_table import TomlTable
 
-LAYERS = ("CAN", "TRF", "TYP", "PUSH", "BUS", "CAP")
-CATEGORIES = ("protocol", "device", "capture")
-ORIGINS = ("document", "implied", "dronecan", "heuristic")
-# What a capture may or may not record; words of `inconclusive`.
-PROOFS = ("times", "drops", "errors", "bit rate", "hardware times")
-FILE = "rules.toml"
+# By the letters that codes begin with: the package that holds such rules, here and in a dissector's folder.
+LAYERS = {
+    "CAN": "frames", "TRF": "transfers", "TYP": "values", "PUSH": "packets", "BUS": "bus", "CAP": "capture",
+}  # fmt: skip
 
 _TEXTS = ("title", "checks", "matters", "example", "next", "text")
 _FORMAT = string.Formatter()
@@ -38,8 +40,10 @@ class Page:
     """One rule.
 
     `text` is the line of a finding, filled from the values of an occurrence, of which `key` keeps findings apart.
-    `tests` are checks of single fields that need no code of their own. `drops`: its breaches are notes where the
-    recorder lost frames, which may be why. `body` is the page as it was read.
+    `tests` are checks of single fields that need no code of their own; `judged` are the fields that they or the rule's
+    code judge. `drops`: its breaches are notes where the
+    recorder lost frames, which may be why. `values` are those that an occurrence has to have. `body` is the page as it
+    was read, with what stands for keys that it leaves out.
     """
 
     rule: str
@@ -50,55 +54,84 @@ class Page:
     clause: str
     enabled: bool
     text: str
+    values: tuple[str, ...]
     key: tuple[str, ...]
     settings: Mapping[str, float]
     exercised: str
     inconclusive: tuple[str, ...]
-    tests: tuple[Table, ...]
+    tests: tuple[TomlTable, ...]
     body: Mapping[str, Any]
     drops: bool = False
     explained: tuple[str, ...] = ()
+    judged: frozenset[str] = frozenset()
 
     def say(self, values: Values) -> str:
-        """What is wrong, in a line."""
+        """Say what is wrong, in a line."""
         return _FORMAT.vformat(self.text, (), values)
 
     def key_of(self, values: Values) -> str:
-        """What keeps this finding apart from others of the same rule, node and type."""
+        """Return what keeps this finding apart from others of the same rule, node and type."""
         return ", ".join(f"{name}={values[name]}" for name in self.key if values[name] != "")
 
 
 @lru_cache(maxsize=1)
 def load(registry: Registry) -> Mapping[str, Page]:
-    """Every page by rule, in the order of layers and numbers; a vendor's page goes before a general one."""
-    files = [Path(__file__).with_name("catalogue.toml")]
-    files += [profile.folder / FILE for profile in registry.profiles]
-    pages: dict[str, Page] = {}
-    for file in files:
-        if file.is_file():
-            table = read(file)
-            pages |= {rule: page(rule, table.table(rule)) for rule in table.body}
-            table.finish()
+    """Return every page by rule, in the order of layers and numbers; a vendor's page goes before a general one."""
+    pages = dict(_general(tuple(file for package in layer_packages() for file in files_in(package.__path__))))
+    for profile in registry.profiles:
+        pages |= _of(profile)
     return {rule: pages[rule] for rule in sorted(pages, key=_order)}
 
 
-def page(rule: str, table: Table) -> Page:
-    """One page, checked."""
-    texts = {key: table.string(key, required=True) for key in _TEXTS}
-    severity = cast("Severity", table.one_of("severity", get_args(Severity)) or "error")
-    for key, allowed in (("category", CATEGORIES), ("origin", ORIGINS)):
-        table.one_of(key, allowed)
-        table.string(key, required=True)
-    table.string("severity", required=True)
-    values = table.strings("values")
-    names = {name for _, name, _, _ in _FORMAT.parse(texts["text"]) if name}
-    keys = table.strings("key")
-    if not names <= {*values} or not {*keys} <= {*values}:
-        table.fail(f"not among the values: {', '.join(sorted((names | {*keys}) - {*values}))}", "text")
+@lru_cache(maxsize=1)
+def _general(files: tuple[Path, ...]) -> Mapping[str, Page]:
+    return _pages(files)
+
+
+@lru_cache(maxsize=8)
+def _of(profile: Profile) -> Mapping[str, Page]:
+    found = _pages(page_files(profile.folder, profile.code))
+    if profile.code and not profile.rules:  # what needs its Python cannot be judged
+        return {rule: page for rule, page in found.items() if page.tests}
+    return found
+
+
+def layer_packages() -> Iterator[ModuleType]:
+    """Yield the packages of rules for any bus."""
+    here = import_module(__package__)
+    for found in iter_modules(here.__path__):
+        if found.name in LAYERS.values():
+            yield import_module(f"{here.__name__}.{found.name}")
+
+
+def _pages(files: Iterable[Path]) -> dict[str, Page]:
+    """Return the pages of one dissector; a rule has one."""
+    pages: dict[str, Page] = {}
+    for file in files:
+        table = read_pages(file).of(PAGES)
+        for rule in table.body:
+            if rule in pages:
+                table.fail("another file has a page of this rule, too", rule)
+            pages[rule] = page(rule, table.table(rule))
+        table.finish()
+    return pages
+
+
+def page(rule: str, table: TomlTable) -> Page:
+    """Check a page."""
+    table = table.of(PAGE)
+    texts = {key: table.string(key) for key in _TEXTS}
+    severity = cast("Severity", table.one_of("severity", required=False))
+    category = table.one_of("category") or CATEGORIES[0]
+    origin = table.one_of("origin", required=False)
+    for key in ("severity", "origin"):
+        table.string(key)
+    keys, given = table.strings("key"), table.strings("values")
+    names = dict.fromkeys([*(name for _, name, _, _ in _FORMAT.parse(texts["text"]) if name), *keys])
+    if given and not names.keys() <= {*given}:
+        table.fail(f"not among the values: {', '.join(sorted({*names} - {*given}))}", "text")
     settings = table.table("settings")
-    proofs = table.strings("inconclusive")
-    if not {*proofs} <= {*PROOFS}:
-        table.fail(f"unknown word (allowed: {', '.join(PROOFS)})", "inconclusive")
+    proofs = table.words("inconclusive")
     tests = tuple(table.rows("tests"))
     for key in ("dronecan", "note"):
         table.string(key)
@@ -109,26 +142,35 @@ def page(rule: str, table: Table) -> Page:
         rule=rule,
         title=texts["title"],
         severity=severity,
-        category=str(table.body["category"]),
-        origin=str(table.body["origin"]),
-        clause=table.string("clause"),
-        enabled=table.flag("enabled"),
+        category=category,
+        origin=origin,
+        clause=table.string("clause") or "-",
+        enabled=table.flag("enabled") or "enabled" not in table.body,
         text=texts["text"],
+        values=given or tuple(names),
         key=keys,
         settings={name: _number(settings, name) for name in settings.body},
-        exercised=table.string("exercised", required=True),
+        exercised=table.string("exercised"),
         inconclusive=proofs,
         tests=tests,
-        body=table.body,
+        body={"category": category, "clause": "-", **table.body},
         drops=drops,
         explained=table.strings("explained"),
+        judged=frozenset((*table.strings("judges"), *_tested(tests))),
     )
     table.finish()
     return made
 
 
+def _tested(tests: Iterable[TomlTable]) -> Iterator[str]:
+    """Yield the fields whose limits or codes these tests judge."""
+    for test in tests:
+        if test.one_of("kind") in ("range", "enum", "zero"):
+            yield from test.strings("fields")
+
+
 def matching(patterns: Iterable[str], pages: Mapping[str, Page]) -> set[str]:
-    """The rules that `TRF-010`, a layer like `TRF`, or `all` mean. Raises `LookupError` with near names."""
+    """Return the rules that `TRF-010`, a layer like `TRF`, or `all` mean. Raises `LookupError` with near names."""
     found: set[str] = set()
     for pattern in patterns:
         wanted = pattern.strip().upper()
@@ -143,7 +185,7 @@ def matching(patterns: Iterable[str], pages: Mapping[str, Page]) -> set[str]:
     return found
 
 
-def _number(table: Table, name: str) -> float:
+def _number(table: TomlTable, name: str) -> float:
     value = table.fraction(name)
     if value is None:
         table.fail("a number is expected", name)
@@ -153,4 +195,4 @@ def _number(table: Table, name: str) -> float:
 
 def _order(rule: str) -> tuple[int, str]:
     layer = rule.partition("-")[0]
-    return (LAYERS.index(layer) if layer in LAYERS else len(LAYERS), rule)
+    return ([*LAYERS].index(layer) if layer in LAYERS else len(LAYERS), rule)

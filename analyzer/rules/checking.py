@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.facts.node_names import NodeNames
 from analyzer.facts.summary import Summary
-from analyzer.rules.clock import Clock
-from analyzer.rules.columns import Frames
+from analyzer.rules.clock import TimeResolution
 from analyzer.rules.course import Course
 from analyzer.rules.coverage import Tracker
 from analyzer.rules.judge import Judge
 from analyzer.rules.load import bit_times
+from dissectors.kit import FrameTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from analyzer.engine import Batch, Engine
-    from analyzer.facts.summary import Facts, Stored
+    from analyzer.decode.engine import Batch, Engine
+    from analyzer.facts.summary import Facts, StoredCapture
     from analyzer.rules.coverage import Seen
     from analyzer.rules.judge import Outcome
     from analyzer.rules.settings import Settings
     from dissectors import Registry
-    from dissectors.conformance import Words
+    from dissectors.kit import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Measured(NamedTuple):
     """A batch, and the `bit_times` of its frames."""
 
     batch: Batch
-    bits: Words
+    bits: Array
 
 
 class Check:
@@ -56,25 +56,25 @@ class Check:
         self._summary = Summary(registry, read=self.judge.dialects)
         self._seen = Tracker(registry)
         self._course = Course()
-        self._clock = Clock()
+        self._clock = TimeResolution()
         self._names = NodeNames()
 
     def measured(self, batches: Iterable[Batch]) -> Iterator[Measured]:
-        """What no rule is needed for: another thread may do this while `feed` judges what came before."""
+        """Measure what no rule is needed for: another thread may do this while `feed` judges what came before."""
         for batch in batches:
-            self._summary.add(batch)
-            self._clock.look(batch)
-            yield Measured(batch, bit_times(Frames(batch.frames)))
+            self._summary.feed(batch)
+            self._clock.feed(batch)
+            yield Measured(batch, bit_times(FrameTable(batch.frames)))
 
     def feed(self, measured: Measured) -> None:
-        """The next batch."""
+        """Add the next batch."""
         batch, bits = measured
         view = self.judge.feed(batch, bits)
-        self._seen.look(view)
-        self._course.look(view)
-        self._names.look(batch.messages)
+        self._seen.feed(view)
+        self._course.feed(view)
+        self._names.feed(batch.messages)
 
-    def finish(self, stored: Iterable[Stored], engine: Engine) -> Checked:
-        """Everything, after the last batch of the captures `stored`."""
+    def finish(self, stored: Iterable[StoredCapture], engine: Engine) -> Checked:
+        """Return everything, after the last batch of the captures `stored`."""
         outcome, facts = self.judge.finish(), self._summary.finish(stored, engine)
-        return Checked(facts, outcome, self._seen.seen(), self._course, self._names.all, self._clock.coarse)
+        return Checked(facts, outcome, self._seen.finish(), self._course, self._names.all, self._clock.coarse)

@@ -1,4 +1,4 @@
-"""How finely a capture tells time: what its stamps promise may be more than its recorder kept."""
+"""The resolution of a capture's times: what its stamps promise may be more than its recorder kept."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from analyzer.facts.traffic import times
 
 if TYPE_CHECKING:
-    from analyzer.engine import Batch
+    from analyzer.decode.engine import Batch
 
 FINE = 10_000_000  # ns; a step up to this is fine enough
 _SHARED = 2  # frames with one time, on average, which one bus cannot send at one time
 
 
-class Clock:
+class TimeResolution:
     """Looks at the frames that go by until two times are near enough. Memory does not grow."""
 
     def __init__(self) -> None:
@@ -23,14 +23,14 @@ class Clock:
         self._last: int | None = None
         self._frames = self._steps = 0
 
-    def look(self, batch: Batch) -> None:
-        """The next batch."""
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
         if not self._fine:
             self._add(batch)
 
     @property
     def coarse(self) -> bool:
-        """Whether frames share times, of which no two are as near as `FINE`."""
+        """Return whether frames share times, of which no two are as near as `FINE`."""
         return not self._fine and self._steps > 1 and self._frames >= _SHARED * self._steps
 
     def _add(self, batch: Batch) -> None:

@@ -1,20 +1,17 @@
-"""How traffic went over time: frames and bits by interface, transfers by node, in steps that grow with the capture."""
+"""Traffic over time: frames and bits by interface, transfers by node, in steps that grow with the capture."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer.tables import distinct
-from dissectors.conformance import NO_TIME, SECOND
+from dissectors.kit import NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
+    from dissectors.kit import Array, View
 
-    from analyzer.rules.view import View
-
-    Words = npt.NDArray[Any]
 
 MOST_STEPS = 2048  # as many, and two become one
 MOST_KEYS = 4096
@@ -28,12 +25,12 @@ class Course:
         self.start: int | None = None
         self.step = SECOND
         self._last = 0
-        self._frames: dict[int, Words] = {}  # by bus
-        self._bits: dict[int, Words] = {}
-        self._transfers: dict[int, Words] = {}  # by bus and node
+        self._frames: dict[int, Array] = {}  # by bus
+        self._bits: dict[int, Array] = {}
+        self._transfers: dict[int, Array] = {}  # by bus and node
 
-    def look(self, view: View) -> None:
-        """The next batch."""
+    def feed(self, view: View) -> None:
+        """Add the next batch."""
         if self.start is None:
             known = view.frames.t != NO_TIME
             if not known.any():
@@ -55,19 +52,19 @@ class Course:
                 self._put(self._transfers, one, at[key == one])
 
     def frames(self, bus: int) -> tuple[int, ...]:
-        """Frames of an interface in each step."""
+        """Return frames of an interface in each step."""
         return self._series(self._frames, bus)
 
     def bits(self, bus: int) -> tuple[int, ...]:
-        """Bits of an interface on the wire in each step."""
+        """Return bits of an interface on the wire in each step."""
         return self._series(self._bits, bus)
 
     def transfers(self, bus: int, node: int) -> tuple[int, ...]:
-        """Transfers of a node in each step."""
+        """Return transfers of a node in each step."""
         return self._series(self._transfers, bus * _NODES + node)
 
     def _index(self, t: int) -> int:
-        """The step of a time; steps are widened until it is inside."""
+        """Return the step of a time; steps are widened until it is inside."""
         start = self.start or 0
         while (t - start) // self.step >= MOST_STEPS:
             self._double()
@@ -75,7 +72,7 @@ class Course:
         self._last = max(self._last, at)
         return at
 
-    def _put(self, series: dict[int, Words], key: int, at: Words, much: Words | None = None) -> None:
+    def _put(self, series: dict[int, Array], key: int, at: Array, much: Array | None = None) -> None:
         if key not in series:
             if len(series) >= MOST_KEYS:
                 return
@@ -84,7 +81,7 @@ class Course:
         counts = np.bincount(at - low, much).astype(np.int64)
         series[key][low : low + len(counts)] += counts
 
-    def _series(self, series: dict[int, Words], key: int) -> tuple[int, ...]:
+    def _series(self, series: dict[int, Array], key: int) -> tuple[int, ...]:
         return tuple(series[key][: self._last + 1].tolist()) if key in series else ()
 
     def _double(self) -> None:

@@ -1,4 +1,7 @@
-"""What a capture exercised of all that its dissectors describe: types, packets, values with names, clauses."""
+"""Coverage.
+
+What a capture exercised of all that its dissectors describe: types, packets, values with names, clauses.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import numpy as np
 
 from analyzer.facts.meaning import meaning
 from analyzer.rules.verdicts import RANKED
+from dissectors.keys import CLAUSES
 from dissectors.toml_table import read
 
 if TYPE_CHECKING:
@@ -18,7 +22,7 @@ if TYPE_CHECKING:
     from analyzer.rules.catalogue import Page
     from analyzer.rules.verdicts import Ruling, Verdict
     from dissectors import Registry
-    from dissectors.conformance import View
+    from dissectors.kit import View
     from dissectors.schema import Message, Packet
 
 FILE = "clauses.toml"
@@ -51,8 +55,8 @@ class Tracker:
             self._columns.setdefault(table, []).append((column, name))
         self._values = {name: dict.fromkeys(texts, 0) for name, texts in self._fields.items()}
 
-    def look(self, view: View) -> None:
-        """The next batch."""
+    def feed(self, view: View) -> None:
+        """Add the next batch."""
         for name in view.tables():
             carrier, _, packet = name.partition(".")
             inner = carrier in self._carriers and packet in self._packets
@@ -68,8 +72,8 @@ class Tracker:
                 if column in table:
                     self._count(field_, table[column][table.trusted & table.has(column)])
 
-    def seen(self) -> Seen:
-        """Everything so far."""
+    def finish(self) -> Seen:
+        """Return everything so far."""
         values = {
             name: {text: sum(counts[raw] for raw, other in self._fields[name].items() if other == text)
                    for text in dict.fromkeys(self._fields[name].values())}
@@ -83,7 +87,7 @@ class Tracker:
             counts[raw] += int(np.count_nonzero(values == raw))
 
     def _enums(self) -> Iterator[tuple[str, str, str, Mapping[float, str]]]:
-        """Every field whose values have names: its name, table, column, texts."""
+        """Yield every field whose values have names: its name, table, column, texts."""
         for message in self._described:
             for column in _columns(message):
                 if texts := _texts(message, column):
@@ -97,7 +101,7 @@ class Tracker:
 
 
 def _texts(of: Message | Packet, column: str) -> Mapping[float, str]:
-    """Names of values; none for a field that is a number with one special value."""
+    """Return names of values; none for a field that is a number with one special value."""
     found = meaning(of, column)
     named = found.part.enum if found.part is not None else found.note.enum if found.note is not None else {}
     return found.texts if named else {}
@@ -111,7 +115,7 @@ def _columns(of: Message | Packet) -> Iterator[str]:
 
 
 def described(registry: Registry) -> Iterator[Message]:
-    """The messages that a profile lists with the clause of a document."""
+    """Yield the messages that a profile lists with the clause of a document."""
     for profile in registry.profiles:
         for name, body in profile.table.tables("message"):
             if body.string("clause"):
@@ -119,7 +123,7 @@ def described(registry: Registry) -> Iterator[Message]:
 
 
 def clauses(pages: Mapping[str, Page], rulings: Mapping[str, Ruling]) -> dict[str, Verdict]:
-    """The worst verdict of all rules of a clause; a clause is exercised if one of its rules is."""
+    """Return the worst verdict of all rules of a clause; a clause is exercised if one of its rules is."""
     found: dict[str, Verdict] = {}
     for rule, page in pages.items():
         for clause in clauses_of(page.clause):
@@ -129,26 +133,26 @@ def clauses(pages: Mapping[str, Page], rulings: Mapping[str, Ruling]) -> dict[st
 
 
 def clauses_of(text: str) -> list[str]:
-    """The numbers of a page's `clause`, without tables and rows."""
+    """Return the numbers of a page's `clause`, without tables and rows."""
     return list(dict.fromkeys(_CLAUSE.findall(text)))
 
 
 def never(registry: Registry) -> tuple[str, ...]:
-    """Clauses that no capture can show, as the folders of dissectors list them. Raises `ProfileError`."""
+    """Return clauses that no capture can show, as the folders of dissectors list them. Raises `ProfileError`."""
     found = []
     for profile in registry.profiles:
         file = profile.folder / FILE
         if file.is_file():
-            table = read(file)
+            table = read(file, CLAUSES)
             for row in table.rows("never"):
-                found.append(f"{row.string('clause', required=True)} ({row.string('why', required=True)})")
+                found.append(f"{row.string('clause')} ({row.string('why')})")
                 row.finish()
             table.finish()
     return tuple(found)
 
 
 def added(several: Sequence[Seen]) -> Seen:
-    """All captures together."""
+    """Add up all captures."""
     fields = dict.fromkeys(name for one in several for name in one.values)
     return Seen(
         _sum(one.types for one in several),

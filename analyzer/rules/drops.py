@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.facts.overflow import overflowed
+from analyzer.facts.error_frames import overflowed
 from analyzer.tables import EVENTS
-from dissectors.conformance import NO_TIME, Found
+from dissectors.kit import NO_TIME, Occurrences
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.conformance import Occurrence, View
+    from dissectors.kit import Occurrence, View
 
 _DROP, _ERROR_FRAME = EVENTS.index("drop"), EVENTS.index("error frame")
 MOST_HELD = 4096
@@ -31,7 +31,7 @@ class Drop(NamedTuple):
 
 
 def drops_in(view: View) -> Iterator[Drop]:
-    """What the recorder says that it lost, in this batch: `row` is that of the event."""
+    """Yield what the recorder says that it lost, in this batch: `row` is that of the event."""
     events = view.events
     if not len(events):
         return
@@ -45,7 +45,7 @@ def drops_in(view: View) -> Iterator[Drop]:
 
 
 def when(view: View, row: int) -> int:
-    """The time of an event; one without a time happened when the frame before it did."""
+    """Return the time of an event; one without a time happened when the frame before it did."""
     t = int(view.events.t[row])
     if t != NO_TIME:
         return t
@@ -63,22 +63,22 @@ class Drops:
     def __init__(self, around: int) -> None:
         self._around = around
         self._times: dict[int, list[int]] = {}
-        self._held: list[tuple[int, Found | Occurrence]] = []
+        self._held: list[tuple[int, Occurrences | Occurrence]] = []
 
-    def add(self, view: View) -> None:
-        """Notes the losses of a batch."""
+    def feed(self, view: View) -> None:
+        """Note the losses of a batch."""
         for drop in drops_in(view):
             times = self._times.setdefault(drop.bus, [])
             if drop.t != NO_TIME and (not times or drop.t > times[-1]):
                 times.append(drop.t)
 
-    def hold(self, found: Found | Occurrence) -> None:
-        """Keeps occurrences until `ready` gives them back."""
-        last = int(found.t.max()) if isinstance(found, Found) else max(found.t, found.until or found.t)
+    def hold(self, found: Occurrences | Occurrence) -> None:
+        """Keep occurrences until `ready` gives them back."""
+        last = int(found.t.max()) if isinstance(found, Occurrences) else max(found.t, found.until or found.t)
         self._held.append((last, found))
 
-    def ready(self, end: int | None) -> Iterator[tuple[Found | Occurrence, list[bool]]]:
-        """What no later loss can explain once the capture has come to `end` (None: to its end)."""
+    def ready(self, end: int | None) -> Iterator[tuple[Occurrences | Occurrence, list[bool]]]:
+        """Yield what no later loss can explain once the capture has come to `end` (None: to its end)."""
         late = [k for k, (last, _) in enumerate(self._held) if end is None or last < end - self._around]
         spare = len(self._held) - len(late) - MOST_HELD
         chosen = set(late) if spare <= 0 else set(late) | set(range(spare + len(late)))
@@ -87,8 +87,8 @@ class Drops:
         for _, found in done:
             yield found, self._near(found)
 
-    def _near(self, found: Found | Occurrence) -> list[bool]:
-        if not isinstance(found, Found):
+    def _near(self, found: Occurrences | Occurrence) -> list[bool]:
+        if not isinstance(found, Occurrences):
             first, last = (found.t if time is None else time for time in (found.since, found.until))
             return [self._explains(found.bus, first, last)]
         if not self._times:

@@ -1,6 +1,6 @@
-"""What a capture exercised, in the words that pages use for what a rule needs, and how often each type and code came.
+"""Words for what a capture exercised, as pages use them for what a rule needs, and counts of each type and code.
 
-The words stand at the head of `catalogue.toml`.
+`dissectors.keys.pages` lists the words.
 """
 
 from __future__ import annotations
@@ -11,16 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.tables import FD, KINDS, STATUSES, distinct
-from dissectors.conformance import Measures
-from dissectors.schema import Array, Compound, Primitive
+from dissectors.kit import Measures
+from dissectors.schema import ArrayType, CompoundType, PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from analyzer.rules.view import View
     from dissectors import Registry
-    from dissectors.conformance import Exercise, Table
-    from dissectors.schema import Compound as Layout
+    from dissectors.kit import DecodedTable, Exercise, View
+    from dissectors.schema import CompoundType as Layout
     from dissectors.schema import Note, Type
 
 MOST_PAIRED = 64  # tables whose order is followed
@@ -32,7 +31,7 @@ _WIDEST = 2  # bytes of a code that is counted
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """What there is to say of a table: words of its layout, its columns of codes with the texts of these."""
+    """Facts about a table: words of its layout, its columns of codes with the texts of these."""
 
     words: frozenset[str]
     codes: Mapping[str, Mapping[int, str]]
@@ -66,8 +65,8 @@ class Exercises:
         self._buses: set[int] = set()
         self._senders: set[int] = set()
 
-    def look(self, view: View) -> None:
-        """The next batch."""
+    def feed(self, view: View) -> None:
+        """Add the next batch."""
         self._transport(view)
         for name in view.tables():
             table = view.table(name)
@@ -75,14 +74,14 @@ class Exercises:
             if table is not None and kind is not None:
                 self._table(name, table, kind)
         for one in self._more:
-            one.look(view)
+            one.feed(view)
 
     def words(self) -> frozenset[str]:
-        """What was there."""
+        """Return what was there."""
         return frozenset(self._words.union(self._pairs(), *(one.words() for one in self._more)))
 
     def facts(self) -> dict[str, float]:
-        """Numbers of the whole capture, as dissectors offer them."""
+        """Return numbers of the whole capture, as dissectors offer them."""
         return {name: value for one in self._more if isinstance(one, Measures) for name, value in one.facts().items()}
 
     def _transport(self, view: View) -> None:
@@ -121,7 +120,7 @@ class Exercises:
         if "several types" in self._words or len(self._senders) > MOST_SENDERS:
             self._senders.clear()
 
-    def _table(self, name: str, table: Table, kind: _Kind) -> None:
+    def _table(self, name: str, table: DecodedTable, kind: _Kind) -> None:
         trusted = table.trusted
         count = int(np.count_nonzero(trusted))
         if not count:
@@ -138,7 +137,7 @@ class Exercises:
             first, last = self._spans.get(name, (int(numbers[0]), 0))
             self._spans[name] = first, max(last, int(numbers[-1]))
 
-    def _count(self, path: str, table: Table, column: str, texts: Mapping[int, str], *, whole: bool) -> None:
+    def _count(self, path: str, table: DecodedTable, column: str, texts: Mapping[int, str], *, whole: bool) -> None:
         codes = table[column] if column in table else np.empty(0)
         if codes.dtype.kind != "u" or codes.dtype.itemsize > _WIDEST:
             return
@@ -152,7 +151,7 @@ class Exercises:
             seen[text] = seen.get(text, 0) + int(counts[code])
 
     def _pairs(self) -> Iterator[str]:
-        """Which came after which: the last one of B after the first one of A."""
+        """Yield which tables came after which: the last one of B after the first one of A."""
         short = {name: self._packets[name].name if name in self._packets else name for name in self._spans}
         for before, (first, _) in self._spans.items():
             for after, (_, last) in self._spans.items():
@@ -175,11 +174,11 @@ def _words(layout: Layout) -> Iterator[str]:
     stack: list[Type] = [layout]
     while stack:
         one = stack.pop()
-        if isinstance(one, Array):
+        if isinstance(one, ArrayType):
             stack.append(one.element)
             if one.dynamic:
                 yield "arrays"
-        elif isinstance(one, Compound):
+        elif isinstance(one, CompoundType):
             stack += [member.type for member in one.fields]
             if one.union:
                 yield "unions"
@@ -188,10 +187,10 @@ def _words(layout: Layout) -> Iterator[str]:
 
 
 def _codes(layout: Layout, notes: Mapping[str, Note]) -> Iterator[tuple[str, Mapping[int, str]]]:
-    """Columns of codes that have texts."""
+    """Yield columns of codes that have texts."""
     for member in layout.fields:
         note = notes.get(member.name)
-        if note is None or not isinstance(member.type, Primitive):
+        if note is None or not isinstance(member.type, PrimitiveType):
             continue
         if note.enum:
             yield member.name, {**note.enum, **note.special}

@@ -5,24 +5,34 @@ The result does not depend on the order in which occurrences come in, as long as
 
 from __future__ import annotations
 
-from bisect import bisect_left, insort
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from dissectors.conformance import SECOND, Found, Occurrence
+from analyzer.rules.runs import (
+    MOST_EXAMPLES,
+    PAUSE,
+    PIECE,
+    OccurrenceRun,
+    Shown,
+    continued,
+    joined,
+    meets,
+    merge,
+    same_piece,
+    without_pause,
+)
+from dissectors.kit import Occurrence, Occurrences
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from analyzer.facts.dialects import Statement
     from analyzer.rules.catalogue import Page
-    from dissectors.conformance import Severity, View
+    from dissectors.kit import Severity, View
 
-PAUSE = 10 * SECOND  # a run ends when this time passes without an occurrence
-MOST_EXAMPLES = 20
-MOST_RUNS = 100  # of one rule, node, type and key; later ones belong to the last
+MOST_PIECES = 24  # of a run that may be explained in parts; of more, those long past that are alike are put together
 MOST_GROUPS = 4096  # of rule, node, type and key; what comes later is one finding a rule
 RICH = 500  # runs with all their examples, the first ones in the capture; the others have one
 KEPT = 4 * RICH  # runs whose examples are kept until it is known which ones are the first
@@ -31,7 +41,7 @@ FORCED = " (forced)"  # behind a choice that somebody insists on
 
 
 class Key(NamedTuple):
-    """What keeps findings apart. `node` is -1 and `type` empty for none."""
+    """The key that keeps findings apart. `node` is -1 and `type` empty for none."""
 
     rule: str
     severity: Severity
@@ -40,35 +50,6 @@ class Key(NamedTuple):
     type: str
     key: str
     dialects: tuple[tuple[str, Severity | None], ...]
-
-
-class Shown(NamedTuple):
-    """One occurrence to show, ordered by place. `frames` are its evidence, numbers from 0."""
-
-    t: int
-    frame: int
-    text: str
-    cause: str
-    frames: tuple[int, ...]
-    lines: tuple[str, ...]
-
-
-@dataclass(slots=True)
-class Run:
-    """Occurrences of one key without a pause of 10 s. Places are (t, frame)."""
-
-    first: tuple[int, int]
-    last: tuple[int, int]
-    count: int
-    examples: list[Shown] = field(default_factory=list)
-
-    def take(self, other: Run) -> None:
-        """Joins with another run of the same key."""
-        self.first, self.last = min(self.first, other.first), max(self.last, other.last)
-        self.count += other.count
-        for example in other.examples:
-            insort(self.examples, example)
-        del self.examples[MOST_EXAMPLES:]
 
 
 class Findings:
@@ -82,12 +63,12 @@ class Findings:
     def __init__(self, pages: Mapping[str, Page], severities: Mapping[str, Severity]) -> None:
         self._pages = pages
         self._severities = severities
-        self._runs: dict[Key, list[Run]] = {}
+        self._runs: dict[Key, list[OccurrenceRun]] = {}
         self._total = 0
         self.changes = 0  # how often something was added
 
-    def add(self, found: Found | Occurrence, view: View, *, near_drops: Sequence[bool] | None = None) -> None:
-        """Occurrences of one rule; `near_drops` marks those that lost frames may explain."""
+    def feed(self, found: Occurrences | Occurrence, view: View, *, near_drops: Sequence[bool] | None = None) -> None:
+        """Add occurrences of one rule; `near_drops` marks those that lost frames may explain."""
         if found.rule not in self._pages:
             return
         if isinstance(found, Occurrence):
@@ -95,15 +76,15 @@ class Findings:
         elif len(found.t):
             self._add_many(found, view, near_drops)
 
-    def results(self, readings: Iterable[Statement]) -> list[tuple[Key, Run]]:
-        """Every run by place; what is no breach in the reading that its node turned out to use is left out.
+    def results(self, readings: Iterable[Statement]) -> list[tuple[Key, OccurrenceRun]]:
+        """Return every run by place; what is no breach in the reading that its node turned out to use is left out.
 
         It may be asked for again after more has been added.
         """
         choices: dict[tuple[int, int], set[str]] = {}
         for one in readings:
             choices.setdefault((one.bus, one.node), set()).add(one.choice.removesuffix(FORCED))
-        settled: dict[Key, list[Run]] = {}
+        settled: dict[Key, list[OccurrenceRun]] = {}
         for key, runs in self._runs.items():
             severity: Severity | None = key.severity
             for choice, instead in key.dialects:
@@ -112,33 +93,28 @@ class Findings:
             if severity is not None:
                 known = settled.setdefault(key._replace(severity=severity, dialects=()), [])
                 for run in runs:
-                    _merge(known, replace(run, examples=list(run.examples)))
-        found = list(self._caused((key, run) for key, runs in settled.items() for run in runs))
+                    merge(known, replace(run, examples=list(run.examples)), self._close(key))
+        found = [(key, run) for key, runs in self._caused(settled).items() for run in runs]
         found.sort(key=lambda one: (one[1].first, one[0]))
         for _, run in found[RICH:]:
             del run.examples[1:]
         return found
 
-    def _caused(self, found: Iterable[tuple[Key, Run]]) -> Iterator[tuple[Key, Run]]:
-        """What another finding of the same node at that time is the cause of is a note that says so."""
-        found = list(found)
-        causes: dict[tuple[str, int, int], list[Run]] = {}
-        wanted = {rule for page in self._pages.values() for rule in page.explained}
-        for key, run in found:
-            if key.rule in wanted and key.severity != "note":
-                causes.setdefault((key.rule, key.bus, key.node), []).append(run)
-        for key, run in found:
-            because = [
-                rule
-                for rule in self._pages[key.rule].explained
-                if any(_meets(cause, run) for cause in causes.get((rule, key.bus, key.node), ()))
-            ]
-            if not because or key.severity == "note" or key.rule in self._severities:
-                yield key, run
-                continue
-            cause = f"{self._pages[because[0]].title} ({because[0]})"
-            run.examples = [one._replace(cause=one.cause or cause) for one in run.examples]
-            yield key._replace(severity="note"), run
+    def _caused(self, settled: Mapping[Key, Sequence[OccurrenceRun]]) -> dict[Key, list[OccurrenceRun]]:
+        """Make notes of what another finding of the same node at that time is the cause of, and of nothing else."""
+        causes = {key: runs for key, runs in settled.items() if key.severity != "note"}
+        found: dict[Key, list[OccurrenceRun]] = {}
+        for key, runs in settled.items():
+            stays = key.severity == "note" or key.rule in self._severities
+            explained = () if stays else self._pages[key.rule].explained
+            because = [(rule, _of(causes, rule, key)) for rule in explained]
+            for run in runs:
+                rules = [rule for rule, others in because if any(meets(other, run) for other in others)]
+                if rules:
+                    cause = f"{self._pages[rules[0]].title} ({rules[0]})"
+                    run.examples = [one._replace(cause=one.cause or cause) for one in run.examples]
+                merge(found.setdefault(key._replace(severity="note") if rules else key, []), run, without_pause)
+        return found
 
     def _add_one(self, one: Occurrence, view: View, near_drops: bool) -> None:
         page = self._pages[one.rule]
@@ -147,14 +123,14 @@ class Findings:
             one.type, page.key_of(one.values), tuple(one.dialects.items()),
         )  # fmt: skip
         place = (one.t, one.frames[0] if one.frames else -1)
-        run = Run(place, place, 1)
+        run = OccurrenceRun(place, place, 1)
         if not self._continues(key, run):
             cause = str(one.values.get("cause", ""))
             lines = one.lines or view.lines(one.frames)
             run.examples = [Shown(*place, page.say(one.values), cause, tuple(one.frames), lines)]
         self._put(key, run)
 
-    def _add_many(self, found: Found, view: View, near_drops: Sequence[bool] | None) -> None:
+    def _add_many(self, found: Occurrences, view: View, near_drops: Sequence[bool] | None) -> None:
         for rows, noted in _groups(found, near_drops):
             page = self._pages[found.rule]
             first = int(rows[0])
@@ -164,10 +140,13 @@ class Findings:
                 page.key_of(found.values(first)) if page.key else "", tuple(found.dialects.items()),
             )  # fmt: skip
             t = found.t[rows]
-            for piece in np.split(rows, np.flatnonzero(np.diff(t) > PAUSE) + 1):
+            apart = np.diff(t) > PAUSE
+            if page.explained:
+                apart |= np.diff(t // PIECE) != 0
+            for piece in np.split(rows, np.flatnonzero(apart) + 1):
                 self._put(key, self._run(found, piece, key, view))
 
-    def _run(self, found: Found, rows: Any, key: Key, view: View) -> Run:
+    def _run(self, found: Occurrences, rows: Any, key: Key, view: View) -> OccurrenceRun:
         page = self._pages[key.rule]
 
         def place(row: int) -> tuple[int, int]:
@@ -177,61 +156,46 @@ class Findings:
             values, frames = found.values(row), tuple(found.frames(row))
             return Shown(*place(row), page.say(values), str(values.get("cause", "")), frames, view.lines(frames))
 
-        run = Run(place(int(rows[0])), place(int(rows[-1])), len(rows))
+        run = OccurrenceRun(place(int(rows[0])), place(int(rows[-1])), len(rows))
         if not self._continues(key, run):
             most = MOST_EXAMPLES if self._total < KEPT else 1
             run.examples = [example(int(row)) for row in rows[:most]]
         return run
 
-    def _continues(self, key: Key, run: Run) -> bool:
-        """Whether it only goes on with a run that has all the examples it may have."""
+    def _continues(self, key: Key, run: OccurrenceRun) -> bool:
+        """Return whether it only goes on with a run that has all the examples it may have."""
         runs = self._runs.get(key)
-        if not runs:
-            return False
-        last = runs[-1]
-        return len(last.examples) == MOST_EXAMPLES and last.last <= run.first and _close(last, run)
+        return runs is not None and continued(runs[-1], run, self._close(key))
+
+    def _close(self, key: Key) -> Callable[[OccurrenceRun, OccurrenceRun], bool]:
+        """Return what makes one run of two: nothing but a pause, unless a part of them may be explained."""
+        return same_piece if self._pages[key.rule].explained else without_pause
 
     def _severity(self, rule: str, said: Severity | None, near_drops: bool) -> Severity:
         if rule in self._severities:
             return self._severities[rule]
         return "note" if near_drops else said or self._pages[rule].severity
 
-    def _put(self, key: Key, run: Run) -> None:
+    def _put(self, key: Key, run: OccurrenceRun) -> None:
         if key not in self._runs and len(self._runs) >= MOST_GROUPS:
             key = key._replace(bus=-1, node=-1, type="", key=FURTHER)
         self.changes += 1
         runs = self._runs.setdefault(key, [])
         self._total -= len(runs)
-        _merge(runs, run)
+        merge(runs, run, self._close(key))
+        explained = self._pages[key.rule].explained
+        if explained and len(runs) > MOST_PIECES:
+            runs[:] = joined(runs, [other for rule in explained for other in _of(self._runs, rule, key)])
         self._total += len(runs)
 
 
-def _merge(runs: list[Run], run: Run) -> None:
-    """Puts a run among others, in order of time; those without a pause between them become one."""
-    at = bisect_left(runs, run.first, key=lambda one: one.first)
-    runs.insert(at, run)
-    if at and _close(runs[at - 1], run):
-        runs[at - 1].take(run)
-        del runs[at]
-        at -= 1
-    while at + 1 < len(runs) and _close(runs[at], runs[at + 1]):
-        runs[at].take(runs.pop(at + 1))
-    if len(runs) > MOST_RUNS:
-        last = runs.pop()
-        runs[-1].take(last)
+def _of(found: Mapping[Key, Sequence[OccurrenceRun]], rule: str, key: Key) -> list[OccurrenceRun]:
+    """Return what was found by a rule of the bus and node of a key."""
+    return [run for other, runs in found.items() if (other.rule, *other[2:4]) == (rule, *key[2:4]) for run in runs]
 
 
-def _meets(one: Run, other: Run) -> bool:
-    """Whether two runs are at the same time, or nearly."""
-    return max(one.first[0], other.first[0]) - min(one.last[0], other.last[0]) <= PAUSE
-
-
-def _close(one: Run, after: Run) -> bool:
-    return after.first[0] - one.last[0] <= PAUSE
-
-
-def _groups(found: Found, near_drops: Sequence[bool] | None) -> Iterator[tuple[Any, bool]]:
-    """Rows that belong to one key each, in order of place, and whether lost frames may explain them."""
+def _groups(found: Occurrences, near_drops: Sequence[bool] | None) -> Iterator[tuple[Any, bool]]:
+    """Yield rows that belong to one key each, in order of place, and whether lost frames may explain them."""
     code = found.bus.astype(np.int64) << 9 | (found.node.astype(np.int64) + 1)
     code = code * (1 << 34) + found.type.astype(np.int64)
     if near_drops is not None:

@@ -1,21 +1,23 @@
-"""What a capture has to pass: which findings count, and the exit status that says so."""
+"""The gate that a capture has to pass: which findings count, and the exit status that says so."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, cast, get_args
+from typing import TYPE_CHECKING, cast
 
-from analyzer.rules.catalogue import CATEGORIES
-from dissectors.conformance import Severity
+from dissectors.keys.pages import CATEGORIES, SEVERITIES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-DEFAULT = "protocol:error"
+    from dissectors.kit import Severity
+
+DEFAULT = "protocol:error,device:error"
 NEVER = "never"
 CLEAN, FAILED, DAMAGED, NOT_JUDGED = 0, 1, 3, 4
-_SEVERITIES: tuple[str, ...] = get_args(Severity)  # the worst first
 _NAMED = 3
+_LEAST = re.compile(r"transfers=(\d{1,9})|seconds=(\d{1,9}(?:\.\d{1,9})?)", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,20 +28,20 @@ class FailOn:
 
     @classmethod
     def parse(cls, texts: Iterable[str]) -> FailOn:
-        """From `protocol:error,device:warning`, or `never`. Raises `ValueError` with what is allowed."""
+        """Read limits from `protocol:error,device:warning`, or `never`. Raises `ValueError` with what is allowed."""
         words = [word.strip().lower() for text in texts for word in text.split(",")]
         if words == [NEVER]:
             return cls()
         least: dict[str, Severity] = {}
         for word in words:
             category, colon, severity = word.partition(":")
-            if not colon or category not in (*CATEGORIES, "any") or severity not in _SEVERITIES:
+            if not colon or category not in (*CATEGORIES, "any") or severity not in SEVERITIES:
                 raise ValueError(
                     f"{word!r} is not CATEGORY:SEVERITY with {', '.join(CATEGORIES)} or any, and "
-                    f"{', '.join(_SEVERITIES)} (or {NEVER!r} alone)"
+                    f"{', '.join(SEVERITIES)} (or {NEVER!r} alone)"
                 )
             for one in CATEGORIES if category == "any" else (category,):
-                least[one] = cast("Severity", max(severity, least.get(one, severity), key=_SEVERITIES.index))
+                least[one] = cast("Severity", max(severity, least.get(one, severity), key=SEVERITIES.index))
         return cls(least)
 
     @property
@@ -49,18 +51,51 @@ class FailOn:
 
     @property
     def unlimited(self) -> bool:
-        """Whether nothing fails."""
+        """Return whether nothing fails."""
         return not self.least
 
     def fails(self, category: str, severity: str) -> bool:
-        """Whether such a finding counts against the gate."""
+        """Return whether such a finding counts against the gate."""
         least = self.least.get(category)
-        return least is not None and _SEVERITIES.index(severity) <= _SEVERITIES.index(least)
+        return least is not None and SEVERITIES.index(severity) <= SEVERITIES.index(least)
+
+
+@dataclass(frozen=True, slots=True)
+class Least:
+    """The least that a capture must have to be judged: complete transfers, and seconds from its first to its last one.
+
+    Below it nothing passes, as there was next to nothing to judge; errors fail all the same.
+    """
+
+    transfers: int = 20
+    seconds: float = 1.0
+
+    @classmethod
+    def parse(cls, texts: Iterable[str]) -> Least:
+        """Read `transfers=20,seconds=1`, any part of it. Raises `ValueError` with what is allowed."""
+        least = cls()
+        for word in (word.strip() for text in texts for word in text.split(",")):
+            given = _LEAST.fullmatch(word)
+            if given is None:
+                raise ValueError(f"{word!r} is not transfers=N or seconds=N")
+            transfers, seconds = given.groups()
+            least = cls(int(transfers or least.transfers), float(seconds or least.seconds))
+        return least
+
+    def lack(self, transfers: int, seconds: float | None) -> str:
+        """Say what there is too little of; empty if there is enough. Without times `seconds` is None and enough."""
+        if transfers == 0:
+            return "no complete transfer"
+        if transfers < self.transfers:
+            return f"{transfers} complete transfer{'s' if transfers > 1 else ''}, fewer than {self.transfers}"
+        if seconds is not None and seconds < self.seconds:
+            return f"{seconds:.3f} s, less than {self.seconds:g} s"
+        return ""
 
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """How it ended: `reason` says why it is not a clean pass."""
+    """The end of it: `reason` says why it is not a clean pass."""
 
     failed: bool
     judged: bool
@@ -76,11 +111,11 @@ def passage(
     unproven: Sequence[str] = (),
     missed: Sequence[str] = (),
 ) -> Passage:
-    """Findings and a vehicle unlike the expected one win over what could not be judged, that over damage.
+    """Decide: findings and a vehicle unlike the expected one win over what could not be judged, that over damage.
 
     Args:
         failing: findings that count.
-        unjudged: captures with nothing to judge.
+        unjudged: captures with too little to judge, and what that is.
         unmet: demands that are not met.
         damaged: captures that could not be read as a whole.
         unproven: the selected rules, each with the reason, if not one of them could be judged.
@@ -94,7 +129,7 @@ def passage(
     if unmet:
         reasons.append(f"required but not met: {_few(unmet)}")
     if unjudged:
-        reasons.append(f"nothing to judge in {_few(unjudged)}")
+        reasons.append(f"too little to judge: {_few(unjudged)}")
     if unproven:
         reasons.append(f"no selected rule could be judged: {_few(unproven)}")
     if damaged:

@@ -7,36 +7,36 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.rules import watchers
+from analyzer.rules import discovery
 from analyzer.rules.catalogue import load
 from analyzer.rules.drops import Drops
 from analyzer.rules.exercise import Exercises
 from analyzer.rules.findings import Findings
 from analyzer.rules.settings import Settings
 from analyzer.rules.view import Past
-from dissectors.conformance import SECOND
+from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from analyzer.engine import Batch
+    from analyzer.decode.engine import Batch
     from analyzer.facts.dialects import Dialects, Statement
     from analyzer.rules.catalogue import Page
-    from analyzer.rules.findings import Key, Run
-    from analyzer.rules.view import View
+    from analyzer.rules.findings import Key
+    from analyzer.rules.runs import OccurrenceRun
     from dissectors import Registry
-    from dissectors.conformance import Found, Occurrence, Words
+    from dissectors.kit import Array, Occurrence, Occurrences, View
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What the rules found: runs by what keeps them apart, by place; what the capture exercised, in words.
+    """All that the rules found: runs by what keeps them apart, by place; what the capture exercised, in words.
 
     `labels` name units by (bus, node), `readings` say how each node's doubtful fields were read, `facts` are numbers of
     the capture as `dissectors.conformance.Measures` names them.
     """
 
-    runs: tuple[tuple[Key, Run], ...]
+    runs: tuple[tuple[Key, OccurrenceRun], ...]
     words: frozenset[str]
     labels: Mapping[tuple[int, int], str]
     readings: tuple[Statement, ...]
@@ -59,28 +59,31 @@ class Judge:
         self._past = Past(registry, self.numbers, settings.bit_rate, settings.dialects)
         self._findings = Findings(self.enabled, settings.severities)
         self._drops = Drops(round(self.numbers["CAP-004"]["around_s"] * SECOND))
-        brought = watchers.brought(registry)
-        self._exercises = Exercises(registry, [kind for one in brought for kind in one.exercises])
-        self._name_units = [one.labels for one in brought if one.labels is not None]
+        conformances = discovery.conformances_of(registry)
+        self._exercises = Exercises(registry, [kind for one in conformances for kind in one.exercises])
+        self._name_units = [one.labels for one in conformances if one.labels is not None]
         self._labels: dict[tuple[int, int], str] = {}
-        made = watchers.all_of(registry, self.enabled, brought)
-        self._watchers = [one for one in made if not self.enabled.keys().isdisjoint(one.rules)]
+        made = discovery.new_rules(registry, self.enabled, conformances)
+        self._rules = [one for one in made if not self.enabled.keys().isdisjoint(one.rules)]
 
     @property
     def dialects(self) -> Dialects:
-        """How nodes' doubtful fields are read, from the batches so far."""
+        """Return how nodes' doubtful fields are read, from the batches so far."""
         return self._past.dialects
 
-    def feed(self, batch: Batch, bits: Words | None = None) -> View:
-        """The next batch; gives it as the rules saw it. `bits` are the `bit_times` of its frames, if they are known."""
-        view = self._past.add(batch, bits)
-        self._exercises.look(view)
+    def feed(self, batch: Batch, bits: Array | None = None) -> View:
+        """Judge the next batch.
+
+        Return it as the rules saw it. `bits` are the `bit_times` of its frames, if they are known.
+        """
+        view = self._past.feed(batch, bits)
+        self._exercises.feed(view)
         for name_units in self._name_units:
             self._labels |= {(bus, node): label for bus, node, label in name_units(view)}
-        self._drops.add(view)
+        self._drops.feed(view)
         with np.errstate(all="ignore"):  # a bus may carry any bits, those of numbers that are none among them
-            for watcher in self._watchers:
-                self._take(watcher.look(view), view)
+            for rule in self._rules:
+                self._take(rule.feed(view), view)
             self._release(view, view.end)
         return view
 
@@ -90,16 +93,16 @@ class Judge:
         return self._findings.changes
 
     def so_far(self) -> Outcome:
-        """What is known before the end: runs as they stand now, without what only the end will tell."""
+        """Return what is known before the end: runs as they stand now, without what only the end will tell."""
         readings = tuple(self._past.dialects.statements())
         return Outcome(tuple(self._findings.results(readings)), frozenset(), dict(self._labels), readings)
 
     def finish(self) -> Outcome:
-        """Everything, after the last batch."""
+        """Return everything, after the last batch."""
         view = self._past.finish()
         with np.errstate(all="ignore"):
-            for watcher in self._watchers:
-                self._take(watcher.settle(view), view)
+            for rule in self._rules:
+                self._take(rule.finish(view), view)
             self._release(view, None)
         readings = tuple(self._past.dialects.statements())
         return Outcome(
@@ -110,15 +113,15 @@ class Judge:
             facts=self._exercises.facts(),
         )
 
-    def _take(self, found: Iterable[Found | Occurrence], view: View) -> None:
+    def _take(self, found: Iterable[Occurrences | Occurrence], view: View) -> None:
         for one in found:
             if one.rule not in self.enabled:
                 continue
             if one.drops:
                 self._drops.hold(one)
             else:
-                self._findings.add(one, view)
+                self._findings.feed(one, view)
 
     def _release(self, view: View, end: int | None) -> None:
         for one, near in self._drops.ready(end):
-            self._findings.add(one, view, near_drops=near)
+            self._findings.feed(one, view, near_drops=near)

@@ -6,12 +6,12 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from analyzer.tables import EXTENDED, FD, REMOTE
-from dissectors.conformance import NO_TIME, SECOND, Kept
+from dissectors.kit import NO_TIME, SECOND, Kept
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from analyzer.rules.columns import Frames
+    from dissectors.kit import FrameTable
 
 KEPT = 1 << 18
 MOST_LINES = 16
@@ -23,11 +23,11 @@ class Recent:
     """Batches of frames that together hold the last `KEPT` frames at least."""
 
     def __init__(self) -> None:
-        self._batches: deque[Frames] = deque()
+        self._batches: deque[FrameTable] = deque()
         self._held = 0
 
-    def add(self, frames: Frames) -> None:
-        """The newest batch; the oldest ones go when nobody can need them."""
+    def feed(self, frames: FrameTable) -> None:
+        """Add the newest batch; the oldest ones go when nobody can need them."""
         if not len(frames):
             return
         self._batches.append(frames)
@@ -36,7 +36,7 @@ class Recent:
             self._held -= len(self._batches.popleft())
 
     def frame(self, number: int) -> Kept | None:
-        """A frame by its number, None if it is gone."""
+        """Return a frame by its number, None if it is gone."""
         low, high = 0, len(self._batches)
         while low < high:
             middle = (low + high) // 2
@@ -56,7 +56,7 @@ class Recent:
         )  # fmt: skip
 
     def lines(self, wanted: Iterable[int], buses: Sequence[str]) -> tuple[str, ...]:
-        """Frames as `candump -l` writes them, without those that are gone, the first `MOST_LINES`."""
+        """Return frames as `candump -l` writes them, without those that are gone, the first `MOST_LINES`."""
         found = []
         for number in wanted:
             kept = self.frame(number)
@@ -68,7 +68,7 @@ class Recent:
 
 
 def text(frame: Kept, bus: str) -> str:
-    """One frame in the form of candump's log files; without a time that part is left out."""
+    """Return one frame in the form of candump's log files; without a time that part is left out."""
     wide = 8 if frame.flags & EXTENDED else 3
     if frame.flags & REMOTE:
         code = frame.flags >> _LENGTH_CODE & 0xF

@@ -1,4 +1,4 @@
-"""What is looked for, and with which numbers."""
+"""Settings: the rules that are looked for, and their numbers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
     from analyzer.rules.catalogue import Page
-    from dissectors.conformance import Severity
+    from dissectors.kit import Severity
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +29,10 @@ class Settings:
     dialects: Mapping[int, Collection[str]] = field(default_factory=dict)
 
     def enabled(self, pages: Mapping[str, Page]) -> dict[str, Page]:
-        """The pages of the rules that are looked for."""
+        """Return the pages of the rules that are looked for."""
         chosen = {rule for rule, page in pages.items() if page.enabled} if self.select is None else {*self.select}
         return {rule: page for rule, page in pages.items() if rule in chosen and rule not in self.ignore}
 
     def all_numbers(self, pages: Mapping[str, Page]) -> dict[str, dict[str, float]]:
-        """The numbers in force, of every rule that has some."""
+        """Return the numbers in force, of every rule that has some."""
         return {rule: {**page.settings, **self.numbers.get(rule, {})} for rule, page in pages.items() if page.settings}

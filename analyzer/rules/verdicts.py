@@ -1,4 +1,4 @@
-"""What became of each rule: broken, kept, not exercised, or beyond what the recording can show."""
+"""Verdicts of the rules: broken, kept, not exercised, or beyond what the recording can show."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ _MISSING = {
     "errors": "error frames not recorded",
     "bit rate": "bit rate not given (--bitrate)",
     "hardware times": "no hardware times",
+    "end": "the end of the recording is not in the window",
 }
 _EITHER = {"bit rate", "hardware times"}  # where a page names both, one of them is enough
 COARSE = "times too coarse"
@@ -32,7 +33,7 @@ _LOST = "frames were lost or not recorded there"
 
 
 @dataclass(frozen=True, slots=True)
-class Breach:
+class RatedFinding:
     """A finding as far as a verdict needs it. `excused`: somebody has waived it, or an older report has it too."""
 
     rule: str
@@ -41,10 +42,10 @@ class Breach:
 
 
 @dataclass(frozen=True, slots=True)
-class Session:
+class RatedCapture:
     """One capture: its findings, what it exercised, and which proofs it has; `coarse` times are none."""
 
-    breaches: Sequence[Breach]
+    breaches: Sequence[RatedFinding]
     words: Collection[str]
     proofs: Collection[str]
     lossy: bool = False
@@ -75,45 +76,49 @@ class _Tally:
         return self.severities.total() + self.excused.total() + self.lost
 
 
-def proofs_of(facts: Facts, bit_rate: int | None, *, coarse: bool = False) -> frozenset[str]:
-    """What a capture records of all that rules may want as proof; `coarse` times prove nothing."""
+def proofs_of(facts: Facts, bit_rate: int | None, *, coarse: bool = False, ends: bool = True) -> frozenset[str]:
+    """Return what a capture records of all that rules may want as proof; `coarse` times prove nothing.
+
+    `ends`: the end of what is judged is that of the recording.
+    """
     found = {
         TIMES: facts.judge.get("timing") == "yes" and not coarse,
         "drops": facts.judge.get("drops") == "yes",
         "errors": facts.judge.get("errors") == "yes",
         "bit rate": bit_rate is not None,
+        "end": ends,
         "hardware times": not coarse and any("hardware" in stamp for stamp in facts.stamps),
     }
     return frozenset(word for word, there in found.items() if there)
 
 
 def met(expression: str, words: Collection[str]) -> bool:
-    """Whether `a, b|c` holds: "," is and, "|" is or, which binds less."""
+    """Return whether `a, b|c` holds: "," is and, "|" is or, which binds less."""
     return any(all(word.strip() in words for word in group.split(",")) for group in expression.split("|"))
 
 
 def lacking(page: Page, proofs: Collection[str]) -> list[str]:
-    """The proofs that a page wants and a capture does not have."""
+    """Return the proofs that a page wants and a capture does not have."""
     wanted = set(page.inconclusive)
     if wanted >= _EITHER and not _EITHER.isdisjoint(proofs):
         wanted -= _EITHER
     return [proof for proof in page.inconclusive if proof in wanted and proof not in proofs]
 
 
-def rulings(pages: Mapping[str, Page], enabled: Collection[str], sessions: Sequence[Session]) -> dict[str, Ruling]:
-    """The verdict of every rule, in the order of the pages."""
-    tallies = _tallies(pages, sessions)
-    return {rule: _ruling(page, rule in enabled, tallies.get(rule), sessions) for rule, page in pages.items()}
+def rulings(pages: Mapping[str, Page], enabled: Collection[str], captures: Sequence[RatedCapture]) -> dict[str, Ruling]:
+    """Return the verdict of every rule, in the order of the pages."""
+    tallies = _tallies(pages, captures)
+    return {rule: _ruling(page, rule in enabled, tallies.get(rule), captures) for rule, page in pages.items()}
 
 
-def _tallies(pages: Mapping[str, Page], sessions: Iterable[Session]) -> dict[str, _Tally]:
+def _tallies(pages: Mapping[str, Page], captures: Iterable[RatedCapture]) -> dict[str, _Tally]:
     found: dict[str, _Tally] = {}
-    for session in sessions:
-        for one in session.breaches:
+    for capture in captures:
+        for one in capture.breaches:
             tally, page = found.setdefault(one.rule, _Tally()), pages[one.rule]
             if one.excused == "waived" or (one.excused and one.severity != "note"):
                 tally.excused[one.excused] += 1
-            elif one.severity == "note" and (doubt := _doubt(page, session)):
+            elif one.severity == "note" and (doubt := _doubt(page, capture)):
                 tally.lost += 1
                 tally.doubt = doubt
             else:
@@ -121,15 +126,15 @@ def _tallies(pages: Mapping[str, Page], sessions: Iterable[Session]) -> dict[str
     return found
 
 
-def _ruling(page: Page, enabled: bool, tally: _Tally | None, sessions: Sequence[Session]) -> Ruling:
+def _ruling(page: Page, enabled: bool, tally: _Tally | None, captures: Sequence[RatedCapture]) -> Ruling:
     if not enabled:
         return Ruling("NOT EXERCISED", reason="not selected" if page.enabled else "off unless selected")
     if tally is not None:
         return _broken(tally)
-    exercised = [session for session in sessions if met(page.exercised, session.words)]
+    exercised = [capture for capture in captures if met(page.exercised, capture.words)]
     if not exercised:
         return Ruling("NOT EXERCISED", needs=page.exercised)
-    missing = [lacking(page, session.proofs) for session in exercised]
+    missing = [lacking(page, capture.proofs) for capture in exercised]
     if all(missing):
         return Ruling("INCONCLUSIVE", reason=", ".join(_why(proof, exercised[0]) for proof in missing[0]))
     unproven = sum(map(bool, missing))
@@ -137,15 +142,15 @@ def _ruling(page: Page, enabled: bool, tally: _Tally | None, sessions: Sequence[
     return Ruling("PASS", reason=reason)
 
 
-def _doubt(page: Page, session: Session) -> str:
-    """Why what is found proves nothing there; nothing if it does."""
-    if session.coarse and TIMES in page.inconclusive:
+def _doubt(page: Page, capture: RatedCapture) -> str:
+    """Return why what is found proves nothing there; nothing if it does."""
+    if capture.coarse and TIMES in page.inconclusive:
         return COARSE
-    return _LOST if session.lossy and page.drops else ""
+    return _LOST if capture.lossy and page.drops else ""
 
 
-def _why(proof: str, session: Session) -> str:
-    return COARSE if proof == TIMES and session.coarse else _MISSING.get(proof, proof)
+def _why(proof: str, capture: RatedCapture) -> str:
+    return COARSE if proof == TIMES and capture.coarse else _MISSING.get(proof, proof)
 
 
 def _broken(tally: _Tally) -> Ruling:

@@ -1,4 +1,4 @@
-"""What rules see of a capture: one batch, and what is known of the capture so far."""
+"""The rules' view of a capture: one batch, and what is known of the capture so far."""
 
 from __future__ import annotations
 
@@ -12,33 +12,31 @@ import numpy as np
 
 from analyzer.facts.dialects import Dialects
 from analyzer.facts.names import type_name
-from analyzer.rules.columns import Events, Frames, Table, Transfers
-from analyzer.rules.definitions import Definitions
 from analyzer.rules.load import bit_times, split
 from analyzer.rules.recent import Recent
-from analyzer.tables import EVENT_ROWS, EXTENDED, FRAMES, TRANSFERS, VERDICTS, distinct, empty
-from dissectors.conformance import NO_TIME, SECOND, Found
+from analyzer.tables import EVENT_ROWS, EXTENDED, FRAMES, KINDS, TRANSFERS, VERDICTS, distinct, empty
+from dissectors.kit import NO_TIME, SECOND, DecodedTable, EventTable, FrameTable, Occurrences, TransferTable, Types
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
-    from analyzer.engine import Batch
-    from analyzer.rules.load import Second
+    from analyzer.decode.engine import Batch
     from dissectors import Registry
-    from dissectors.conformance import Kept, Values, Words
-    from dissectors.conformance import Table as AnyTable
+    from dissectors.kit import Array, Kept, Second, Values
     from dissectors.schema import Message
 
 GAP = SECOND  # without a frame of any interface
 MOST_GAPS = 4096
 BUSY, SILENT = 16, 8  # a gap this many times as long as the last frames took hides something
-_ANONYMOUS = 0
 NOBODY = -1
+MESSAGE = KINDS.index("message")
 _FOREIGN = VERDICTS.index("foreign")
+# Verdicts that frames of anonymous senders never have: without a source, the sender has no node ID and names its type.
+_STRAY = [VERDICTS.index(name) for name in ("orphan", "wrong toggle", "wrong transfer id", "duplicate")]
 
 
 class Past:
-    """What lasts from batch to batch.
+    """State that lasts from batch to batch.
 
     Args:
         registry: the types that the capture was decoded with.
@@ -56,34 +54,37 @@ class Past:
         self.bit_rate = bit_rate
         self.dialects = Dialects(forced)
         self.recent = Recent()
-        self.types = Definitions(registry)
+        self.types = Types(registry)
         self.buses: Sequence[str] = ()
         self.start = self.end = self.last = self.origin = NO_TIME
         self.starts: dict[int, int] = {}
         self.gaps: list[tuple[int, int, bool]] = []
         self.resolution = SECOND
-        self._latest: Words = np.empty(0, np.int64)
+        self._latest: Array = np.empty(0, np.int64)
         self._names: dict[int, str] = {}
         self._definitions: dict[str, Message | None] = {}
         self._tables = frozenset(registry.names())
 
-    def add(self, batch: Batch, bits: Words | None = None) -> View:
-        """The next batch, as rules see it; `bits` are the `bit_times` of its frames, if they are known."""
-        view = View(self, batch, bits)
+    def feed(self, batch: Batch, bits: Array | None = None) -> BatchView:
+        """Add the next batch.
+
+        Return it as rules see it; `bits` are the `bit_times` of its frames, if they are known.
+        """
+        view = BatchView(self, batch, bits)
         self.buses = batch.buses
-        self.recent.add(view.frames)
+        self.recent.feed(view.frames)
         self._note_times(view.frames)
         for name, rows in batch.messages.items():
             if name in self._tables and len(rows):
-                self.dialects.add(self.registry.resolve(name), rows)
+                self.dialects.feed(self.registry.resolve(name), rows)
         return view
 
-    def finish(self) -> View:
-        """A view without rows, for what only the end shows."""
-        return View(self, None)
+    def finish(self) -> BatchView:
+        """Return a view without rows, for what only the end shows."""
+        return BatchView(self, None)
 
     def name(self, code: int) -> str:
-        """The table of a type by its code."""
+        """Return the table of a type by its code."""
         if code not in self._names:
             if len(self._names) > 1 << 16:
                 self._names.clear()
@@ -92,20 +93,20 @@ class Past:
         return self._names[code]
 
     def type_of(self, code: int) -> Message | None:
-        """A type by its code, None if it has no definition."""
+        """Return a type by its code, None if it has no definition."""
         return None if code < 0 else self.registry.message(code >> 16 & 0xFF, code & 0xFFFF, code >> 24 & 0xFF)
 
     def definition(self, table: str) -> Message | None:
-        """The type of a message table, None for other tables."""
+        """Return the type of a message table, None for other tables."""
         if table not in self._definitions:
             self._definitions[table] = self.registry.resolve(table) if table in self._tables else None
         return self._definitions[table]
 
     def choice(self, message: str, reading: str, bus: int, node: int) -> str:
-        """What a node's doubtful field has shown so far."""
+        """Return what a node's doubtful field has shown so far."""
         return self.dialects.choice(message, reading, (bus, node))
 
-    def _note_times(self, frames: Frames) -> None:
+    def _note_times(self, frames: FrameTable) -> None:
         known = frames.t != NO_TIME
         if not known.any():
             return
@@ -120,8 +121,8 @@ class Past:
             if index not in self.starts:
                 self.starts[index] = int(t[np.argmax(bus == index)])
 
-    def _note_gaps(self, t: Words) -> None:
-        """Times after which nothing came for longer than `GAP`, each with the next one; and how coarse times are.
+    def _note_gaps(self, t: Array) -> None:
+        """Note times after which nothing came for longer than `GAP`, each with the next one; and how coarse times are.
 
         A gap is said to hide something where much was sent before it. A clock that is set back by as much begins anew,
         too.
@@ -143,29 +144,29 @@ class Past:
             self.resolution //= 10
 
     def resumed(self, t: int) -> int:
-        """The end of the last gap before a time, else the first time of the capture."""
+        """Return the end of the last gap before a time, else the first time of the capture."""
         at = bisect_right(self.gaps, t, key=lambda gap: gap[1])
         return self.gaps[at - 1][1] if at else self.start
 
     def paused(self, since: int, until: int) -> bool:
-        """Whether there is a gap somewhere between two times that hides something."""
+        """Return whether there is a gap somewhere between two times that hides something."""
         at = bisect_right(self.gaps, since, key=lambda gap: gap[1])
         return any(busy for start, _, busy in islice(self.gaps, at, None) if start < until)
 
 
-class View:
+class BatchView:
     """One batch for the rules; `None` for a batch makes a view without rows."""
 
-    def __init__(self, past: Past, batch: Batch | None, bits: Words | None = None) -> None:
+    def __init__(self, past: Past, batch: Batch | None, bits: Array | None = None) -> None:
         self._past = past
         self._bits = bits
         self._messages = {} if batch is None else batch.messages
         first_transfer = 0 if batch is None else batch.first_transfer
-        self.frames = Frames(empty(FRAMES), 0) if batch is None else Frames(batch.frames, batch.first_frame)
-        self.transfers = Transfers(empty(TRANSFERS) if batch is None else batch.transfers, first_transfer)
-        self.events = Events(empty(EVENT_ROWS) if batch is None else batch.events)
+        self.frames = FrameTable(empty(FRAMES), 0) if batch is None else FrameTable(batch.frames, batch.first_frame)
+        self.transfers = TransferTable(empty(TRANSFERS) if batch is None else batch.transfers, first_transfer)
+        self.events = EventTable(empty(EVENT_ROWS) if batch is None else batch.events)
         self._settled = None if batch is None else batch.settled
-        self._tables: dict[str, Table] = {}
+        self._tables: dict[str, DecodedTable] = {}
         self.before = past.last
 
     @cached_property
@@ -203,16 +204,16 @@ class View:
         return self._past.starts
 
     def resumed(self, t: int) -> int:
-        """Since when frames have come without a gap."""
+        """Return the time since when frames have come without a gap."""
         return self._past.resumed(t)
 
     def paused(self, since: int, until: int) -> bool:
-        """Whether there is a gap somewhere between two times that hides something."""
+        """Return whether there is a gap somewhere between two times that hides something."""
         return self._past.paused(since, until)
 
     @property
     def resolution(self) -> int:
-        """How coarse times are."""
+        """Return how coarse times are."""
         return self._past.resolution
 
     @property
@@ -220,94 +221,101 @@ class View:
         """Bits per second, if known."""
         return self._past.bit_rate
 
-    def table(self, name: str) -> Table | None:
-        """The rows of a message or packet in this batch."""
+    def table(self, name: str) -> DecodedTable | None:
+        """Return the rows of a message or packet in this batch."""
         if name not in self._tables:
             rows = self._messages.get(name)
             if rows is None or not rows.num_rows:
                 return None
-            self._tables[name] = Table(name, rows, self.transfers.first)
+            self._tables[name] = DecodedTable(name, rows, self.transfers.first)
         return self._tables[name]
 
     def tables(self) -> Iterable[str]:
-        """Names of the tables that this batch has."""
+        """Return names of the tables that this batch has."""
         return [name for name, rows in self._messages.items() if rows.num_rows]
 
     def definition(self, name: str) -> Message | None:
-        """The type of a message table, None for other tables."""
+        """Return the type of a message table, None for other tables."""
         return self._past.definition(name)
 
     def number(self, rule: str, name: str) -> float:
-        """A setting of a rule."""
+        """Return a setting of a rule."""
         return self._past.numbers[rule][name]
 
     def type_name(self, code: int) -> str:
-        """The name of a table by the code of a transfer's type."""
+        """Return the name of a table by the code of a transfer's type."""
         return "" if code < 0 else self._past.name(code)
 
     def type_of(self, code: int) -> Message | None:
-        """What is known of a transfer's type by its code."""
+        """Return what is known of a transfer's type by its code."""
         return self._past.type_of(code)
 
     @property
-    def types(self) -> Definitions:
-        """What the definitions say of types."""
+    def types(self) -> Types:
+        """Return what the definitions say of types."""
         return self._past.types
 
     def frame(self, number: int) -> Kept | None:
-        """A frame of the recent past."""
+        """Return a frame of the recent past."""
         return self._past.recent.frame(number)
 
     def lines(self, frames: Iterable[int]) -> tuple[str, ...]:
-        """Frames of the recent past as candump writes them."""
+        """Return frames of the recent past as candump writes them."""
         return self._past.recent.lines(frames, self.buses)
 
     def choice(self, message: str, reading: str, bus: int, node: int) -> str:
-        """What a node's doubtful field has shown up to this batch."""
+        """Return what a node's doubtful field has shown up to this batch."""
         return self._past.choice(message, reading, bus, node)
 
-    def among_transfers(self, rule: str, rows: Words, values: Callable[[int], Values], **about: Any) -> Found:
-        """`Found` for transfers of this batch."""
+    def among_transfers(self, rule: str, rows: Array, values: Callable[[int], Values], **about: Any) -> Occurrences:
+        """Return `Occurrences` for transfers of this batch."""
         rows = np.asarray(rows, np.int64)
         t = self.transfers
-        src = t.src[rows].astype(np.int64)
+        src, kind = t.src[rows].astype(np.int64), t.kind[rows]
         about.setdefault("frame", t.lead[rows])
         about.setdefault("frames", lambda k: t.frames(int(rows[k])))
-        return Found(
-            rule=rule, t=t.t[rows], bus=t.bus[rows], node=np.where(src == _ANONYMOUS, NOBODY, src),
+        return Occurrences(
+            rule=rule, t=t.t[rows], bus=t.bus[rows], node=np.where((src == 0) & (kind != MESSAGE), NOBODY, src),
             type=t.code[rows], values=lambda k: values(int(rows[k])), **about,
         )  # fmt: skip
 
-    def among_frames(self, rule: str, rows: Words, values: Callable[[int], Values], **about: Any) -> Found:
-        """`Found` for frames of this batch."""
+    def among_frames(self, rule: str, rows: Array, values: Callable[[int], Values], **about: Any) -> Occurrences:
+        """Return `Occurrences` for frames of this batch."""
         rows = np.asarray(rows, np.int64)
         f = self.frames
         node, code = who(f.id[rows], f.flags[rows], f.verdict[rows])
         numbers = rows + f.first
         about.setdefault("frames", lambda k: (int(numbers[k]),))
-        return Found(
+        return Occurrences(
             rule=rule, t=f.t[rows], bus=f.bus[rows], node=node, type=code, frame=numbers,
             values=lambda k: values(int(rows[k])), **about,
         )  # fmt: skip
 
     def among_rows(
-        self, rule: str, table: AnyTable, rows: Words, values: Callable[[int], Values], **about: Any
-    ) -> Found:
-        """`Found` for rows of a message or packet table."""
+        self, rule: str, table: DecodedTable, rows: Array, values: Callable[[int], Values], **about: Any
+    ) -> Occurrences:
+        """Return `Occurrences` for rows of a message or packet table."""
         rows = np.asarray(rows, np.int64)
         found = self.among_transfers(rule, table.row[rows], _nothing, **about)
         return replace(found, values=lambda k: values(int(rows[k])))
 
 
-def who(identifier: Words, flags: Words, verdict: Words) -> tuple[Words, Words]:
-    """Source node and type code of frames as their identifiers have them; -1 for what is not DroneCAN's."""
+def node_of(src: int, code: int) -> int | None:
+    """Return the node that sent a transfer: with source 0 only that of a message that is not anonymous."""
+    return src if src or code >> 16 == MESSAGE else None
+
+
+def who(identifier: Array, flags: Array, verdict: Array) -> tuple[Array, Array]:
+    """Return source node and type code of frames as their identifiers have them; -1 for what is not DroneCAN's."""
     number = identifier.astype(np.int64)
     service = number >> 7 & 1 == 1
-    anonymous = ~service & (number & 0x7F == 0)
+    without = ~service & (number & 0x7F == 0)
+    nameless = without & (number & 0xFF_FC00 != 0) & np.isin(verdict, _STRAY)
+    anonymous = without & ~nameless
     kind = np.where(service, np.where(number >> 15 & 1 == 1, 2, 3), np.where(anonymous, 1, 0))
     type_id = np.where(service, number >> 16 & 0xFF, np.where(anonymous, number >> 8 & 3, number >> 8 & 0xFFFF))
     ours = (flags & EXTENDED != 0) & (verdict != _FOREIGN)
-    node = np.where(ours & (number & 0x7F != 0), number & 0x7F, NOBODY)
+    node = np.where(ours & (nameless | (number & 0x7F != 0)), number & 0x7F, NOBODY)
     return node, np.where(ours, kind << 16 | type_id, NOBODY)
 
 

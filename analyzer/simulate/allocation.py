@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.traffic import MILLISECOND
+from dissectors.times import MILLISECOND
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from analyzer.simulate.device import Device
-    from analyzer.simulate.world import World
-    from dissectors.traffic import Sending
+    from dissectors.traffic import Sending, World
 
 ALLOCATION = "uavcan.protocol.dynamic_node_id.Allocation"
 PART, WHOLE = 6, 16
@@ -31,9 +30,10 @@ _HIGHEST = 125
 class Allocator:
     """The server: the one device that grants IDs, each the preferred one or the next free one above it."""
 
-    def __init__(self, world: World, device: Device) -> None:
+    def __init__(self, world: World, device: Device, used_ids: Callable[[], set[int]]) -> None:
+        """Take the bus, the server's device, and what tells the IDs in use now."""
         self.granted: dict[bytes, int] = {device.unique_id: device.number}
-        self._world, self._device = world, device
+        self._world, self._device, self._used_ids = world, device, used_ids
         self._so_far = b""
         self._heard_at = 0
         world.hear(ALLOCATION, self._heard)
@@ -62,11 +62,10 @@ class Allocator:
         self._device.send(ALLOCATION, {"node_id": number, "first_part_of_unique_id": False, "unique_id": known})
 
     def _grant(self, unique_id: bytes, wanted: int) -> int:
-        """The ID of a device; 0 if none is free."""
+        """Return the ID of a device; 0 if none is free."""
         if unique_id not in self.granted:
             start = wanted or _HIGHEST
-            present = {number for number, some in self._world.devices.items() if not all(one.silent for one in some)}
-            taken = present.union(self.granted.values())
+            taken = self._used_ids().union(self.granted.values())
             order = (*range(start, _HIGHEST + 1), *range(start - 1, 0, -1))
             self.granted[unique_id] = next((number for number in order if number not in taken), 0)
         return self.granted[unique_id]
@@ -85,14 +84,14 @@ class Allocatee:
         self._wait(REQUEST, lambda: self._ask(0))
 
     def _wait(self, between: tuple[int, int], call: Callable[[], object]) -> None:
-        """Calls after a random time, unless something else is waited for by then."""
+        """Call after a random time, unless something else is waited for by then."""
         self._turn += 1
         turn = self._turn
         then = self._world.now + self._world.random.randrange(*between)
         self._world.at(then, lambda: self._turn == turn and not self._over and call())
 
     def _ask(self, known: int) -> None:
-        """Sends the part of the unique ID behind the `known` bytes; begins again if nothing comes of it."""
+        """Send the part of the unique ID behind the `known` bytes; begin again if nothing comes of it."""
         values = {
             "node_id": self._device.number,
             "first_part_of_unique_id": not known,

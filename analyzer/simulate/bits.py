@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dissectors.traffic import Frame
+    from dissectors.traffic import SimulatedFrame
 
 # Data lengths that CAN FD has a code for.
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
@@ -30,7 +30,7 @@ def _crc15_table() -> list[int]:
 
 
 def _walk(state: int, bits: int, count: int) -> tuple[int, int]:
-    """State and stuff bits after `count` further bits."""
+    """Return state and stuff bits after `count` further bits."""
     run, last, stuffed = state >> 1, state & 1, 0
     for at in range(count - 1, -1, -1):
         bit = bits >> at & 1
@@ -49,7 +49,7 @@ _FIRST = [[_walk(_START, bits, count) for bits in range(1 << count)] for count i
 
 
 def crc15(bits: int, count: int) -> int:
-    """The CRC of a classic frame over its unstuffed bits from start of frame to the last of its data."""
+    """Return the CRC of a classic frame over its unstuffed bits from start of frame to the last of its data."""
     value = 0
     for byte in bits.to_bytes((count + 7) // 8, "big"):
         value = (value << 8 ^ _CRC_TABLE[value >> 7 & 0xFF ^ byte]) & 0x7FFF
@@ -57,7 +57,7 @@ def crc15(bits: int, count: int) -> int:
 
 
 def stuffing(bits: int, count: int) -> int:
-    """Stuff bits in a sequence of `count` bits, the first of them the start of frame."""
+    """Count the stuff bits in a sequence of `count` bits, the first of them the start of frame."""
     odd = count % 8
     state, stuffed = _FIRST[odd][bits >> (count - odd)]
     for byte in (bits & (1 << count - odd) - 1).to_bytes(count // 8, "big"):
@@ -67,8 +67,8 @@ def stuffing(bits: int, count: int) -> int:
     return stuffed
 
 
-def _head(frame: Frame, *, length: int) -> tuple[int, int]:
-    """The bits of a classic frame from start of frame to its length code, and how many."""
+def _head(frame: SimulatedFrame, *, length: int) -> tuple[int, int]:
+    """Return the bits of a classic frame from start of frame to its length code, and how many."""
     rtr = int(frame.remote)
     code = min(length, 8)
     if frame.extended:
@@ -77,16 +77,16 @@ def _head(frame: Frame, *, length: int) -> tuple[int, int]:
     return frame.id << 7 | rtr << 6 | code, 19
 
 
-def arbitration(frame: Frame) -> int:
-    """What competes for the bus, in the order of its bits: the lowest wins."""
+def arbitration(frame: SimulatedFrame) -> int:
+    """Return the bits that compete for the bus, in their order: the lowest wins."""
     rtr = int(frame.remote)
     if frame.extended:
         return (frame.id >> 18) << 21 | 0b11 << 19 | (frame.id & 0x3FFFF) << 1 | rtr
     return frame.id << 21 | rtr << 20
 
 
-def classic(frame: Frame) -> int:
-    """Bit times of a classic frame: 67 + 8 n and the stuffing with a 29-bit identifier, 47 + 8 n with 11 bits."""
+def classic(frame: SimulatedFrame) -> int:
+    """Count bit times of a classic frame: 67 + 8 n and the stuffing with a 29-bit identifier, 47 + 8 n with 11 bits."""
     data = b"" if frame.remote else frame.data
     bits, count = _head(frame, length=len(data) if frame.dlc is None else frame.dlc)
     if data:
@@ -95,8 +95,8 @@ def classic(frame: Frame) -> int:
     return count + stuffing(bits, count) + _TRAILER + INTERMISSION
 
 
-def flexible(frame: Frame) -> tuple[int, int]:
-    """Bit times of a CAN FD frame: at the nominal rate, and at the rate of its data phase."""
+def flexible(frame: SimulatedFrame) -> tuple[int, int]:
+    """Count bit times of a CAN FD frame: at the nominal rate, and at the rate of its data phase."""
     base = frame.id if not frame.extended else (frame.id >> 18) << 20 | 0b11 << 18 | frame.id & 0x3FFFF
     # Identifier, then RRS, (IDE,) FDF, the reserved bit and BRS, which still has the nominal rate.
     head = base << 4 | 0b0100 | int(frame.brs) if frame.extended else base << 5 | 0b00100 | int(frame.brs)
@@ -115,8 +115,8 @@ def flexible(frame: Frame) -> tuple[int, int]:
     return nominal + _TRAILER + INTERMISSION, fast
 
 
-def duration(frame: Frame, bit_time: int) -> int:
-    """Nanoseconds on the bus, intermission included; `bit_time` is that of the nominal rate, in ns."""
+def duration(frame: SimulatedFrame, bit_time: int) -> int:
+    """Return ns on the bus, intermission included; `bit_time` is that of the nominal rate, in ns."""
     if not frame.fd:
         return classic(frame) * bit_time
     slow, fast = flexible(frame)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dissectors.traffic import LOWEST, MILLISECOND, SECOND, Sending, next_id
+from dissectors.times import MILLISECOND, SECOND
+from dissectors.traffic import LOWEST, Sending, next_id
 
 if TYPE_CHECKING:
-    from analyzer.simulate.world import World
-    from dissectors.traffic import Values
+    from random import Random
+
+    from dissectors.traffic import Values, World
 
 # DroneCAN allows up to a second between two; half of it survives a loss.
 STATUS_PERIOD = 500 * MILLISECOND
@@ -18,14 +20,12 @@ _THINKING = 300_000  # ns until a device answers
 class Device:
     """One node ID and what it says of itself; `health` and `mode` are those of uavcan.protocol.NodeStatus.
 
-    While it is `silent` it sends nothing at all. Node ID 0 is an anonymous node, which may only send messages.
+    While it is `silent` it sends nothing at all. BusNode ID 0 is an anonymous node, which may only send messages.
     """
 
-    def __init__(self, world: World, number: int, name: str, *, silent: bool = False) -> None:
+    def __init__(self, world: World, number: int, name: str, dice: Random, *, silent: bool = False) -> None:
         self.number, self.name, self.silent = number, name, silent
         self.health = self.mode = 0
-        # Dice of its own: a device that joins changes nothing of what others do.
-        dice = world.dice(f"device {number} {len(world.devices.get(number, ()))}", world.seed)
         self.unique_id = dice.randbytes(16)
         self.transfer_ids: dict[tuple[str, int | None], int] = {}
         self._world = world
@@ -43,7 +43,7 @@ class Device:
         priority: int | None = None,
         transfer_id: int | None = None,
     ) -> Sending:
-        """Sends a transfer now; `transfer_id` overrides the counter, as a response must."""
+        """Send a transfer now; `transfer_id` overrides the counter, as a response must."""
         message = self._world.message(name)
         if transfer_id is None:
             transfer_id = next_id(self, message.table, dst)
@@ -62,7 +62,7 @@ class Device:
         return sending
 
     def restart(self) -> None:
-        """Power cycle: transfer IDs and uptime start from zero."""
+        """Cycle the power: transfer IDs and uptime start from zero."""
         self.transfer_ids.clear()
         self._since = self._world.now
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING, Any
 
-from dissectors.layout import Array, Compound, Primitive
+from dissectors.layout import ArrayType, CompoundType, PrimitiveType
 from dissectors.traffic import Code
 
 if TYPE_CHECKING:
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 _FLOATS = {16: ("<e", 65504.0), 32: ("<f", 3.4028234663852886e38), 64: ("<d", 1.7976931348623157e308)}
 
 
-def compiled(layout: Compound) -> Callable[[dict[str, Any]], bytes]:
-    """What turns the values of one message into its payload on classic CAN, zero bits filling the last byte."""
+def compiled(layout: CompoundType) -> Callable[[dict[str, Any]], bytes]:
+    """Return a function: values of one message to its payload on classic CAN, zero bits filling the last byte."""
     write = _compound(layout, tail=True)
 
     def payload(values: dict[str, Any]) -> bytes:
@@ -32,7 +32,7 @@ def compiled(layout: Compound) -> Callable[[dict[str, Any]], bytes]:
 
 
 def float_code(value: float, bits: int) -> int:
-    """The code of a float, out-of-range numbers saturated as DroneCAN asks; infinity and NaN stay."""
+    """Return the code of a float, out-of-range numbers saturated as DroneCAN asks; infinity and NaN stay."""
     if isinstance(value, Code):
         return int(value)
     form, largest = _FLOATS[bits]
@@ -42,14 +42,14 @@ def float_code(value: float, bits: int) -> int:
 
 
 def _type(layout: Type, *, tail: bool) -> Write:
-    if isinstance(layout, Primitive):
+    if isinstance(layout, PrimitiveType):
         return _primitive(layout)
-    if isinstance(layout, Array):
+    if isinstance(layout, ArrayType):
         return _array(layout, tail=tail)
     return _compound(layout, tail=tail)
 
 
-def _compound(layout: Compound, *, tail: bool) -> Write:
+def _compound(layout: CompoundType, *, tail: bool) -> Write:
     last = len(layout.fields) - 1
     writes = [
         (member.name, _type(member.type, tail=tail and (layout.union or at == last)))
@@ -66,7 +66,7 @@ def _compound(layout: Compound, *, tail: bool) -> Write:
     return write
 
 
-def _union(layout: Compound, writes: list[tuple[str, Write]]) -> Write:
+def _union(layout: CompoundType, writes: list[tuple[str, Write]]) -> Write:
     tag_bits = layout.tag_bits
     tags = {name: (tag, inner) for tag, (name, inner) in enumerate(writes)}
 
@@ -78,13 +78,13 @@ def _union(layout: Compound, writes: list[tuple[str, Write]]) -> Write:
     return write
 
 
-def _array(layout: Array, *, tail: bool) -> Write:
+def _array(layout: ArrayType, *, tail: bool) -> Write:
     bare = tail and layout.dynamic and layout.element.min_bits >= 8
     length_bits = 0 if bare else layout.length_bits
     length = _integer(length_bits) if length_bits else None
     item = _type(layout.element, tail=False)
     last = _type(layout.element, tail=tail and not bare)
-    octets = bare and isinstance(layout.element, Primitive) and layout.element.bits == 8
+    octets = bare and isinstance(layout.element, PrimitiveType) and layout.element.bits == 8
 
     def write(value: Any, bits: int, width: int) -> tuple[int, int]:
         if octets:
@@ -99,7 +99,7 @@ def _array(layout: Array, *, tail: bool) -> Write:
     return write
 
 
-def _primitive(layout: Primitive) -> Write:
+def _primitive(layout: PrimitiveType) -> Write:
     if layout.kind != "float":
         return _integer(layout.bits)
     size = layout.bits
@@ -108,7 +108,7 @@ def _primitive(layout: Primitive) -> Write:
 
 
 def _integer(size: int) -> Write:
-    """Whole low-order bytes first, then what remains of the high bits."""
+    """Write whole low-order bytes first, then what remains of the high bits."""
     count, rest = divmod(size, 8)
     mask, full = (1 << size) - 1, 8 * count
 

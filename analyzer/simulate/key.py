@@ -6,40 +6,44 @@ import json
 import re
 from typing import TYPE_CHECKING, Any
 
-from dissectors.traffic import SECOND
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
-    from analyzer.simulate import Simulation
-    from dissectors.traffic import Answer
+    from analyzer.simulate.recorder import SimulatedRecorder
+    from analyzer.simulate.settings import SimulationSettings
+    from analyzer.simulate.story import RecordedStory
+    from dissectors.tmotor.traffic import SimulatedVehicle
+    from dissectors.traffic import Answer, Scenario
 
 SCHEMA = "tailbyte.simulate.key/1"
 
 
-def key(simulation: Simulation) -> dict[str, Any]:
-    """Everything known about a run that has ended.
+def build_key(
+    settings: SimulationSettings,
+    recorder: SimulatedRecorder,
+    vehicle: SimulatedVehicle,
+    answers: Iterable[Answer],
+    story: Mapping[str, Any] | None,
+) -> dict[str, Any]:
+    """Return everything known about a run that has ended.
 
     Times are twice: `t_ns` since 1970, as in the capture, and `time` in seconds since the start of the simulation.
     `frames` are frame numbers from 1; `lines` are the lines (or records) of what has no frame
     number: error frames and broken lines.
     """
-    settings, recorder = simulation.settings, simulation.recorder
-    start, scenario = settings.start, simulation.scenario
-    story = None
-    if scenario is not None:
-        events = [{"t_ns": start + t, "time": t / SECOND, "what": what} for t, what in simulation.story.events]
-        story = {"name": scenario.name, "title": scenario.title, "story": scenario.story, "events": events}
+    start = settings.start
     return {
         "schema": SCHEMA,
         "settings": {
-            "profile": settings.profile,
+            "profile": settings.flight,
             "scenario": settings.scenario or None,
             "esc": settings.escs,
             "duration_ns": settings.duration,
             "seed": settings.seed,
             "bit_rate": settings.bit_rate,
-            "rate_hz": simulation.vehicle.rate,
+            "rate_hz": vehicle.rate,
             "stock": settings.stock,
             "start_ns": start,
             "faults": [order.text for order in settings.orders if order.rate is None],
@@ -53,14 +57,20 @@ def key(simulation: Simulation) -> dict[str, Any]:
             "first_ns": None if recorder.first is None else start + recorder.first,
             "last_ns": None if recorder.last is None else start + recorder.last,
         },
-        "vehicle": simulation.vehicle.describe(),
+        "vehicle": vehicle.describe(),
         "scenario": story,
-        "faults": [_entry(answer, start) for answer in sorted(simulation.world.desk.answers, key=_place)],
+        "faults": [_entry(answer, start) for answer in sorted(answers, key=_place)],
     }
 
 
+def describe_story(scenario: Scenario, story: RecordedStory, start: int) -> dict[str, Any]:
+    """Return what a scenario is, and when each part of it happened; `start` is in ns since 1970."""
+    events = [{"t_ns": start + t, "time": t / SECOND, "what": what} for t, what in story.events]
+    return {"name": scenario.name, "title": scenario.title, "story": scenario.story, "events": events}
+
+
 def text(found: Mapping[str, Any]) -> str:
-    """The key as JSON to read: a line for each value, and one for each list of numbers."""
+    """Return the key as JSON to read: a line for each value, and one for each list of numbers."""
     lines = json.dumps(found, ensure_ascii=False, indent=1)
     # Texts cannot match: a line break in one of them is written as an escape.
     return (

@@ -1,31 +1,31 @@
-"""What a recorder on the bus makes of it: frame numbers, lines, and the answers that point at them."""
+"""The recorder on the bus: frame numbers, lines, and the answers that point at them."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.traffic import MICROSECOND
+from dissectors.times import MICROSECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from dissectors.traffic import Frame
+    from dissectors.traffic import SimulatedFrame
 
 
 # Frames of one answer that are listed, so that a day on a bus does not fill the memory.
 MOST_LISTED = 1 << 17
 
 
-class Recorder:
-    """Numbers frames as a reader of the capture does: error frames and broken lines take a line, but no number."""
+class SimulatedRecorder:
+    """A recorder that numbers frames as a reader does: error frames and broken lines take a line, but no number."""
 
     def __init__(self) -> None:
         self.frames = self.error_frames = self.unreadable = 0
         self.first: int | None = None
         self.last: int | None = None
 
-    def record(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """The frames that are recorded, numbered; what is lost on the way is left out."""
+    def record(self, frames: Iterable[SimulatedFrame]) -> Iterator[SimulatedFrame]:
+        """Yield the frames that are recorded, numbered; what is lost on the way is left out."""
         for frame in frames:
             if frame.lost:
                 continue
@@ -45,7 +45,7 @@ class Recorder:
                 self._answer(frame)
             yield frame
 
-    def _answer(self, frame: Frame) -> None:
+    def _answer(self, frame: SimulatedFrame) -> None:
         of_transfer = frame.sending.answers if frame.sending is not None else ()
         for answer in dict.fromkeys((*frame.answers, *of_transfer)):
             if not answer.frames and not answer.lines:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.traffic import MILLISECOND, Frame, Scenario, Step
+from dissectors.times import MILLISECOND
+from dissectors.traffic import Scenario, SimulatedFrame, Step
 
 if TYPE_CHECKING:
-    from dissectors.traffic import Case, Plot, Sending
+    from dissectors.traffic import Case, Sending, Story
 
 # SocketCAN error classes and where they put their details (linux/can/error.h).
 _CONTROLLER, _PROTOCOL, _BUS_ERROR, _RESTARTED, _COUNTERS = 0x004, 0x008, 0x080, 0x100, 0x200
@@ -26,48 +27,48 @@ _NOISE, _SILENCE = 150 * MILLISECOND, 1600 * MILLISECOND
 _STEP = 8
 
 
-def _bus_break(plot: Plot) -> None:
-    begin = plot.world.end // 2
-    plot.world.at(begin, lambda: _noise(plot, begin + _NOISE))
+def _bus_break(story: Story) -> None:
+    begin = story.world.end // 2
+    story.world.at(begin, lambda: _noise(story, begin + _NOISE))
 
 
-def _noise(plot: Plot, until: int) -> None:
-    """Frames are destroyed one after the other, until nothing gets through at all."""
-    world = plot.world
-    plot.tell("a connector works loose: frames are destroyed on the wire, the recorder's receive errors rise")
-    noise = plot.case("CAN-004", "error frames while the connector works loose", ("BUS-005",))
+def _noise(story: Story, until: int) -> None:
+    """Destroy frames one after the other, until nothing gets through at all."""
+    world = story.world
+    story.tell("a connector works loose: frames are destroyed on the wire, the recorder's receive errors rise")
+    noise = story.case("CAN-004", "error frames while the connector works loose", ("BUS-005",))
     errors = 0
 
     def destroy() -> None:
         nonlocal errors
         if world.now >= until:
-            _silence(plot)
+            _silence(story)
             return
         errors = min(errors + _STEP, 135)
-        frame = _error(errors, plot.random.choice(tuple(_KINDS)))
+        frame = _error(errors, story.random.choice(tuple(_KINDS)))
         noise.mark(frame)
         noise.say(f"error frames while the connector works loose, receive errors up to {errors}")
         world.put([frame])
         world.block(world.now + 30_000, keep=True)
-        world.at(world.now + plot.random.randrange(2, 12) * MILLISECOND, destroy)
+        world.at(world.now + story.random.randrange(2, 12) * MILLISECOND, destroy)
 
     destroy()
 
 
-def _silence(plot: Plot) -> None:
-    world = plot.world
-    plot.tell(f"the bus is open: nobody gets a frame through for {_SILENCE // MILLISECOND} ms")
-    gap = plot.case("CAP-002", f"nothing on the bus for {_SILENCE // MILLISECOND} ms", _AFTERMATH)
+def _silence(story: Story) -> None:
+    world = story.world
+    story.tell(f"the bus is open: nobody gets a frame through for {_SILENCE // MILLISECOND} ms")
+    gap = story.case("CAP-002", f"nothing on the bus for {_SILENCE // MILLISECOND} ms", _AFTERMATH)
     world.block(world.now + _SILENCE)
-    world.at(world.now + _SILENCE, lambda: _repaired(plot, gap))
+    world.at(world.now + _SILENCE, lambda: _repaired(story, gap))
 
 
-def _repaired(plot: Plot, gap: Case) -> None:
-    plot.tell("contact again: what waited too long was given up, transfer IDs have moved on")
-    plot.world.block(plot.world.now)
-    frame = Frame(_RESTARTED, bytes(8), error=True)
+def _repaired(story: Story, gap: Case) -> None:
+    story.tell("contact again: what waited too long was given up, transfer IDs have moved on")
+    story.world.block(story.world.now)
+    frame = SimulatedFrame(_RESTARTED, bytes(8), error=True)
     gap.mark(frame)
-    plot.world.put([frame])
+    story.world.put([frame])
     gap.touch("frames", lambda _, sending: _found(gap, sending))
 
 
@@ -76,29 +77,29 @@ def _found(gap: Case, sending: Sending) -> Step:
     return Step.DONE
 
 
-def _error(errors: int, kind: int) -> Frame:
-    """What a receiver's controller reports: the kind of error, its counter, and the state that this brings."""
+def _error(errors: int, kind: int) -> SimulatedFrame:
+    """Return a receiver controller's report: the kind of error, its counter, and the state that this brings."""
     state = _STATE.get(errors, 0)
     number = _PROTOCOL | _BUS_ERROR | _COUNTERS | (_CONTROLLER if state else 0)
-    return Frame(number, bytes((0, state, kind, 0, 0, 0, 0, errors)), error=True)
+    return SimulatedFrame(number, bytes((0, state, kind, 0, 0, 0, 0, errors)), error=True)
 
 
-def _recording_ends(plot: Plot) -> None:
-    plot.world.at(plot.world.end * 7 // 10, lambda: _watch_the_end(plot))
+def _recording_ends(story: Story) -> None:
+    story.world.at(story.world.end * 7 // 10, lambda: _watch_the_end(story))
 
 
-def _watch_the_end(plot: Plot) -> None:
-    end = plot.case("TRF-008", "the recording ends inside this transfer")
+def _watch_the_end(story: Story) -> None:
+    end = story.case("TRF-008", "the recording ends inside this transfer")
 
     def last(case: Case, sending: Sending) -> Step:
         if len(sending.frames) < 3:
             return Step.SKIP
-        plot.tell("the recorder loses power in the middle of a transfer, the motors still turning")
+        story.tell("the recorder loses power in the middle of a transfer, the motors still turning")
         kept = sending.frames[:-1]
         for frame in kept:
             case.mark(frame)
         case.say(f"the recording ends behind frame {len(kept)} of {len(sending.frames)} of this transfer")
-        plot.world.cut(kept[-1])
+        story.world.cut(kept[-1])
         return Step.DONE
 
     end.touch("frames", last)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dissectors.traffic import Frame
+    from dissectors.traffic import SimulatedFrame
 
 _ERROR = 0x2000_0000
 
 
-def line(frame: Frame, start: int, buses: tuple[str, str]) -> str:
-    """One line with its end; `start` is the time of the simulation's zero in ns since 1970."""
+def line(frame: SimulatedFrame, start: int, buses: tuple[str, str]) -> str:
+    """Return one line with its end; `start` is the time of the simulation's zero in ns since 1970."""
     micro = (start + frame.t) // 1000
     number = f"{frame.id | _ERROR * frame.error:0{8 if frame.extended or frame.error else 3}X}"
     body = frame.data.hex().upper()

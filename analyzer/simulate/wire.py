@@ -6,7 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from analyzer.simulate.bits import FD_LENGTHS
-from dissectors.traffic import Frame
+from dissectors.traffic import SimulatedFrame
 
 if TYPE_CHECKING:
     from dissectors.traffic import Sending
@@ -28,7 +28,7 @@ _TABLE = _crc_table()
 
 
 def crc16(data: bytes, value: int = 0xFFFF) -> int:
-    """CRC-16-CCITT-FALSE (5.1), going on from `value`."""
+    """Return the CRC-16-CCITT-FALSE (5.1), going on from `value`."""
     for byte in data:
         value = value << 8 & 0xFF00 ^ _TABLE[value >> 8 ^ byte]
     return value
@@ -36,12 +36,12 @@ def crc16(data: bytes, value: int = 0xFFFF) -> int:
 
 @cache
 def seed(signature: int) -> int:
-    """The CRC that a data type's transfers start with: that of its signature, low byte first (4.1.3)."""
+    """Return the CRC that a data type's transfers start with: that of its signature, low byte first (4.1.3)."""
     return crc16(signature.to_bytes(8, "little"))
 
 
 def can_id(sending: Sending) -> int:
-    """The 29-bit identifier."""
+    """Return the 29-bit identifier."""
     message = sending.message
     number = sending.priority << 24
     if sending.anonymous:  # the discriminator is 14 bits of the payload's CRC
@@ -53,12 +53,12 @@ def can_id(sending: Sending) -> int:
 
 
 def checked(payload: bytes, signature: int) -> bytes:
-    """The payload behind its transfer CRC, low byte first."""
+    """Return the payload behind its transfer CRC, low byte first."""
     return crc16(payload, seed(signature)).to_bytes(2, "little") + payload
 
 
-def cut(number: int, body: bytes, transfer_id: int, *, fd: bool = False) -> list[Frame]:
-    """Frames with tail bytes; `body` starts with its CRC if it needs several. CAN FD lengths are padded with zeros."""
+def cut(number: int, body: bytes, transfer_id: int, *, fd: bool = False) -> list[SimulatedFrame]:
+    """Cut into frames with tail bytes; `body` starts with its CRC if it needs several. CAN FD is padded with zeros."""
     room = 63 if fd else 7
     parts = [body[at : at + room] for at in range(0, len(body), room)] or [b""]
     if fd:
@@ -67,25 +67,26 @@ def cut(number: int, body: bytes, transfer_id: int, *, fd: bool = False) -> list
     return chain(number, parts, transfer_id, fd=fd)
 
 
-def chain(number: int, parts: list[bytes], transfer_id: int, *, fd: bool = False) -> list[Frame]:
-    """One frame for each part, with the tail bytes of one transfer."""
+def chain(number: int, parts: list[bytes], transfer_id: int, *, fd: bool = False) -> list[SimulatedFrame]:
+    """Return one frame for each part, with the tail bytes of one transfer."""
     if len(parts) == 1:
-        return [Frame(number, parts[0] + bytes((START | END | transfer_id,)), fd=fd, brs=fd)]
+        return [SimulatedFrame(number, parts[0] + bytes((START | END | transfer_id,)), fd=fd, brs=fd)]
     frames = [
-        Frame(number, part + bytes((at % 2 * TOGGLE | transfer_id,)), fd=fd, brs=fd) for at, part in enumerate(parts)
+        SimulatedFrame(number, part + bytes((at % 2 * TOGGLE | transfer_id,)), fd=fd, brs=fd)
+        for at, part in enumerate(parts)
     ]
     retail(frames[0], START)
     retail(frames[-1], END)
     return frames
 
 
-def retail(frame: Frame, flip: int) -> None:
-    """Flips bits of the tail byte."""
+def retail(frame: SimulatedFrame, flip: int) -> None:
+    """Flip bits of the tail byte."""
     frame.data = frame.data[:-1] + bytes((frame.data[-1] ^ flip,))
 
 
-def frames(sending: Sending) -> list[Frame]:
-    """The frames of a transfer in classic CAN."""
+def frames(sending: Sending) -> list[SimulatedFrame]:
+    """Return the frames of a transfer in classic CAN."""
     payload = sending.payload
     body = payload if len(payload) <= 7 else checked(payload, sending.signature)
     parts = cut(can_id(sending), body, sending.transfer_id)

@@ -9,20 +9,21 @@ from typing import TYPE_CHECKING
 
 from analyzer.simulate import wire
 from analyzer.simulate.allocation import Allocatee, Allocator
-from analyzer.simulate.bus import Bus
+from analyzer.simulate.bus import SimulatedBus
 from analyzer.simulate.device import Device
 from analyzer.simulate.encode import compiled
-from analyzer.simulate.faults.desk import Desk
-from dissectors.traffic import SECOND, Frame, Sending
+from analyzer.simulate.faults.context import FaultContext
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from dissectors.registry import Registry
     from dissectors.schema import Message
+    from dissectors.traffic import Sending, SimulatedFrame
 
 
-class World:
+class SimulatedWorld:
     """A bus, the devices on it and those who listen; see `dissectors.traffic.World`.
 
     `seed` decides every throw of the dice; each part that throws them has dice of its own (`dice`), so that adding a
@@ -33,9 +34,9 @@ class World:
         self.now = 0
         self.end, self.bit_rate, self.seed = end, bit_rate, seed
         self.span = span or end
-        self.bus = Bus(SECOND // bit_rate)
+        self.bus = SimulatedBus(SECOND // bit_rate)
         self.random = self.dice("vehicle", seed)
-        self.desk = Desk(self)
+        self.context = FaultContext(self, self.span)
         self.devices: dict[int, list[Device]] = {}
         self._registry = registry
         self._order = count()
@@ -44,22 +45,22 @@ class World:
         self._messages: dict[str, Message] = {}
         self._encoders: dict[str, Callable[[dict[str, object]], bytes]] = {}
         self._allocators: dict[int, Allocator] = {}
-        self._aside: list[Frame] = []
-        self._copy: Callable[[Frame], Frame | None] | None = None
+        self._aside: list[SimulatedFrame] = []
+        self._copy: Callable[[SimulatedFrame], SimulatedFrame | None] | None = None
         self._latest = 0
-        self._final: Frame | None = None
+        self._final: SimulatedFrame | None = None
 
     @staticmethod
     def dice(of: str, seed: int) -> Random:
-        """Dice for one part of the simulation."""
+        """Return dice for one part of the simulation."""
         return Random(f"{of} {seed}")
 
     def at(self, t: int, call: Callable[[], object]) -> None:
-        """Calls at time `t`, or now if that is over."""
+        """Call at time `t`, or now if that is over."""
         heappush(self._todo, (max(t, self.now), next(self._order), call))
 
     def every(self, period: int, call: Callable[[], object], first: int = 0) -> None:
-        """Calls at `first` and every `period` ns from then on."""
+        """Call at `first` and every `period` ns from then on."""
 
         def again() -> None:
             nonlocal first
@@ -70,55 +71,61 @@ class World:
         self.at(first, again)
 
     def device(self, number: int, name: str, *, silent: bool = False) -> Device:
-        """Puts a device on the bus; see `Device`."""
-        device = Device(self, number, name, silent=silent)
-        self.devices.setdefault(number, []).append(device)
+        """Put a device on the bus; see `Device`."""
+        here = self.devices.setdefault(number, [])
+        # Dice of its own: a device that joins changes nothing of what others do.
+        device = Device(self, number, name, self.dice(f"device {number} {len(here)}", self.seed), silent=silent)
+        here.append(device)
         return device
 
     def allocate(self, server: int, number: int, call: Callable[[], object]) -> None:
-        """Has a silent device ask the device `server` for its node ID, and calls once it speaks by it."""
+        """Have a silent device ask the device `server` for its node ID, and call once it speaks by it."""
         asking, serving = self.node(number), self.node(server)
         if asking is None or serving is None:
             raise ValueError(f"no device {number} or {server}")
         if server not in self._allocators:
-            self._allocators[server] = Allocator(self, serving)
+            self._allocators[server] = Allocator(self, serving, self.used_ids)
         Allocatee(self, asking, call)
 
+    def used_ids(self) -> set[int]:
+        """Return the node IDs that some device uses."""
+        return {number for number, some in self.devices.items() if not all(one.silent for one in some)}
+
     def node(self, number: int) -> Device | None:
-        """The device with a number, the first one of several."""
+        """Return the device with a number, the first one of several."""
         every = (device for devices in self.devices.values() for device in devices)
         return next((device for device in every if device.number == number), None)
 
     def hear(self, name: str, call: Callable[[Sending], object]) -> None:
-        """Calls with every undamaged transfer of a type, at the end of its last frame."""
+        """Call with every undamaged transfer of a type, at the end of its last frame."""
         self._heard.setdefault(self.message(name).table, []).append(call)
 
     def message(self, name: str) -> Message:
-        """The data type of a name."""
+        """Return the data type of a name."""
         found = self._messages.get(name)
         if found is None:
             found = self._messages[name] = self._registry.resolve(name)
         return found
 
     def send(self, sending: Sending) -> None:
-        """Encodes a transfer and puts its frames on the bus; faults that wait for it have their turn."""
-        sending.t, desk = self.now, self.desk
-        if desk.busy:
-            desk.pass_by("values", sending)
+        """Encode a transfer and put its frames on the bus; faults that wait for it have their turn."""
+        sending.t, context = self.now, self.context
+        if context.busy:
+            context.pass_by("values", sending)
         sending.payload = self._encoder(sending.message)(sending.values)
-        if desk.busy:
-            desk.pass_by("transfer", sending)
+        if context.busy:
+            context.pass_by("transfer", sending)
         sending.frames = wire.frames(sending)
-        if desk.busy:
-            desk.pass_by("frames", sending)
+        if context.busy:
+            context.pass_by("frames", sending)
         self.put(sending.frames, sending)
 
-    def copy(self, call: Callable[[Frame], Frame | None] | None) -> None:
-        """What `call` makes of every frame on the bus is recorded right behind it: a second interface."""
+    def copy(self, call: Callable[[SimulatedFrame], SimulatedFrame | None] | None) -> None:
+        """Record what `call` makes of every frame on the bus right behind it: a second interface."""
         self._copy = call
 
-    def put(self, frames: list[Frame], sending: Sending | None = None) -> None:
-        """Frames compete for the bus from now on; they belong to `sending`, if that is given."""
+    def put(self, frames: list[SimulatedFrame], sending: Sending | None = None) -> None:
+        """Let frames compete for the bus from now on; they belong to `sending`, if that is given."""
         for frame in frames:
             frame.sending = frame.sending or sending
             if frame.delay:
@@ -126,25 +133,25 @@ class World:
             else:
                 self._queue(frame)
 
-    def cut(self, frame: Frame) -> None:
-        """The recording ends behind this frame."""
+    def cut(self, frame: SimulatedFrame) -> None:
+        """End the recording behind this frame."""
         self._final = frame
 
     def block(self, until: int, *, keep: bool = False) -> None:
-        """Nothing can be sent before `until`; what waits now is given up, or waits on to `keep` it."""
+        """Let nothing be sent before `until`; what waits now is given up, or waits on to `keep` it."""
         if not keep:
             self.bus.drop()
         self.bus.block(until)
 
-    def _queue(self, frame: Frame) -> None:
+    def _queue(self, frame: SimulatedFrame) -> None:
         if frame.error or frame.bus:  # no arbitration: what a controller reports, and the other interface
             frame.t = max(self.now, self._latest)
             self._aside.append(frame)
         else:
             self.bus.put(frame)
 
-    def run(self) -> Iterator[Frame]:
-        """Every frame that is on the bus before `end`, in the order of their ends; `t` is set."""
+    def run(self) -> Iterator[SimulatedFrame]:
+        """Yield every frame that is on the bus before `end`, in the order of their ends; `t` is set."""
         while True:
             due = self._todo[0][0] if self._todo else self.end
             frame = self.bus.next(self.now, min(due, self.end))
@@ -169,7 +176,7 @@ class World:
                 yield from self._aside
                 self._aside = []
 
-    def _deliver(self, frame: Frame) -> None:
+    def _deliver(self, frame: SimulatedFrame) -> None:
         sending = frame.sending
         if sending is None or sending.damaged or frame is not sending.frames[-1]:
             return

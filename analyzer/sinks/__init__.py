@@ -1,4 +1,4 @@
-"""Where captures go: pieces of rows to the bytes of a format, one file a format.
+"""Targets of captures: batches of rows to the bytes of a format, one file a format.
 
 A sink counts in words what its format cannot hold; nothing is left out in silence.
 """
@@ -9,7 +9,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, BinaryIO, Protocol
 
 if TYPE_CHECKING:
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
 
 FORMS = ("candump", "mcap", "pcapng")
 COMPRESSIONS = ("none", "lz4", "zstd")
@@ -18,7 +18,7 @@ _PACKINGS = {".gz": "gzip", ".zst": "zstd"}
 
 
 class Sink(Protocol):
-    """Takes a capture piece by piece."""
+    """Takes a capture batch by batch."""
 
     @property
     def frames(self) -> int:
@@ -30,27 +30,27 @@ class Sink(Protocol):
 
     @property
     def lost(self) -> dict[str, int]:
-        """What the format could not hold so far, in words, and how often."""
+        """The rows that the format could not hold so far, in words, and how often."""
 
-    def write(self, piece: Piece) -> None:
-        """Writes the rows of a piece; it may hold some back."""
+    def write(self, batch: FrameBatch) -> None:
+        """Write the rows of a batch; it may hold some back."""
 
     def flush(self) -> None:
-        """Writes what is held back, so that a reader finds it even if nothing follows."""
+        """Write what is held back, so that a reader finds it even if nothing follows."""
 
     def close(self) -> None:
-        """Writes the end of the capture. The file stays open."""
+        """Write the end of the capture. The file stays open."""
 
 
 def form_of(path: str) -> tuple[str, str]:
-    """The format that a file name asks for, and the packing around it; empty where it asks for none."""
+    """Return the format that a file name asks for, and the packing around it; empty where it asks for none."""
     name = PurePath(path.lower())
     packing = _PACKINGS.get(name.suffix, "")
     return _SUFFIXES.get(PurePath(name.stem).suffix if packing else name.suffix, ""), packing
 
 
 def open_sink(form: str, file: BinaryIO, *, compression: str = "zstd", recording: bool = False) -> Sink:
-    """A sink of one of `FORMS` that writes to `file`; `compression` (one of `COMPRESSIONS`) is for MCAP chunks.
+    """Open a sink of one of `FORMS` that writes to `file`; `compression` (of `COMPRESSIONS`) is for MCAP chunks.
 
     In a `recording` of a live bus no line of candump text depends on those before it.
     """
@@ -64,7 +64,7 @@ def open_sink(form: str, file: BinaryIO, *, compression: str = "zstd", recording
 
 
 def split_name(path: str) -> tuple[str, str]:
-    """A path in front of the suffix that names its format, with that of its packing; and those suffixes."""
+    """Return a path in front of the suffix that names its format, with that of its packing; and those suffixes."""
     name = PurePath(path).name
     stem = name[: -len(PurePath(name).suffix) or None]
     if PurePath(name.lower()).suffix in _PACKINGS:
@@ -74,5 +74,5 @@ def split_name(path: str) -> tuple[str, str]:
 
 
 def losses(lost: dict[str, int]) -> str:
-    """What a format could not hold, in one line; empty if it held everything."""
+    """Say what a format could not hold, in one line; empty if it held everything."""
     return "; ".join(f"{words} ({count})" for words, count in lost.items())

@@ -24,11 +24,11 @@ class ArrowFile:
         self._writer = pa.ipc.new_file(file, self._schema, options=options)
 
     def write(self, table: pa.Table) -> None:
-        """A record batch."""
+        """Write a record batch."""
         self._writer.write_table(table.cast(self._schema))
 
     def close(self, _: Mapping[str, str]) -> None:
-        """Writes the footer."""
+        """Write the footer."""
         self._writer.close()
 
 

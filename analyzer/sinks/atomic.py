@@ -42,7 +42,7 @@ class Target(AbstractContextManager["Target"]):
         self._final = self._part = ""
 
     def __enter__(self) -> Self:
-        """Opens it. Raises `TargetError`."""
+        """Open it. Raises `TargetError`."""
         try:
             self._open()
         except OSError as error:
@@ -52,7 +52,7 @@ class Target(AbstractContextManager["Target"]):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, _: object, __: TracebackType | None) -> None:
-        """Puts the file in its place, or removes it. Raises `TargetError`."""
+        """Put the file in its place, or remove it. Raises `TargetError`."""
         try:
             if kind is None:
                 self.settle()
@@ -64,7 +64,7 @@ class Target(AbstractContextManager["Target"]):
                 Path(self._part).unlink(missing_ok=True)
 
     def settle(self) -> None:
-        """Brings everything to the disk, so that little is left that can fail at the end. Raises `TargetError`."""
+        """Bring everything to the disk, so that little is left that can fail at the end. Raises `TargetError`."""
         self.file.flush()
         if self._part:
             try:
@@ -118,7 +118,7 @@ class TargetFolder(AbstractContextManager["TargetFolder"]):
         self._part = ""
 
     def __enter__(self) -> Self:
-        """Makes room for the files. Raises `TargetError`."""
+        """Make room for the files. Raises `TargetError`."""
         try:
             self._final = os.path.realpath(self.name)
             found = _stat(self._final)
@@ -137,7 +137,7 @@ class TargetFolder(AbstractContextManager["TargetFolder"]):
         return self
 
     def open(self, name: str) -> BinaryIO:
-        """A new file of the folder. Closing it early is allowed. Raises `TargetError`, as every write to it may."""
+        """Open a new file of the folder. Closing it early is allowed. Raises `TargetError`, as writing to it may."""
         label = str(Path(self.name, name))
         if self._exists and Path(self._final, name).is_dir():
             raise TargetError(label, "is a directory")
@@ -149,7 +149,7 @@ class TargetFolder(AbstractContextManager["TargetFolder"]):
         return self._files[name]
 
     def __exit__(self, kind: type[BaseException] | None, _: object, __: TracebackType | None) -> None:
-        """Puts all files in their places, or removes them. Raises `TargetError`."""
+        """Put all files in their places, or remove them. Raises `TargetError`."""
         try:
             if kind is None:
                 self._finish()
@@ -180,7 +180,7 @@ class _Raw(io.FileIO):
     label = ""
 
     def write(self, data: bytes, /) -> int:  # type: ignore[override]
-        """As inherited. Raises `TargetError`."""
+        """Write as inherited. Raises `TargetError`."""
         try:
             return super().write(data)
         except BrokenPipeError:
@@ -189,7 +189,7 @@ class _Raw(io.FileIO):
             raise TargetError(self.label, error) from None
 
     def close(self) -> None:
-        """As inherited. Raises `TargetError`."""
+        """Close as inherited. Raises `TargetError`."""
         try:
             super().close()
         except OSError as error:
@@ -203,7 +203,7 @@ def _writer(descriptor: int, label: str, *, closefd: bool = True) -> BinaryIO:
 
 
 def _discard(file: BinaryIO) -> None:
-    """Closes it; what is still in its buffer no longer matters."""
+    """Close it; what is still in its buffer no longer matters."""
     if file.closed:
         return
     raw: io.FileIO = cast("io.BufferedWriter", file).raw  # type: ignore[assignment]
@@ -221,7 +221,7 @@ def _stat(path: str) -> os.stat_result | None:
 
 
 def _beside(path: str, *, inside: bool = False) -> str:
-    """A free name on the same file system, which says what it is should a crash leave it behind."""
+    """Return a free name on the same file system, which says what it is should a crash leave it behind."""
     final = Path(path)
     name = f"{final.name[:_NAME]}.{secrets.token_hex(4)}.part"
     return str((final if inside else final.parent) / name)

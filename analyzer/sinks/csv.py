@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 
-from analyzer.views.jsonable import number
+from analyzer.facts.json_number import number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -34,13 +34,13 @@ class CsvFile:
         self._writer = pyarrow.csv.CSVWriter(file, _flat(empty).schema)
 
     def write(self, table: pa.Table) -> None:
-        """Lines, some at a time: they are several times larger than the table."""
+        """Write lines, some at a time: they are several times larger than the table."""
         for start in range(0, len(table), _AT_ONCE):
             rows = pa.array(np.arange(start, min(start + _AT_ONCE, len(table))))
             self._writer.write_table(_flat(table.take(rows)))
 
     def close(self, _: Mapping[str, str]) -> None:
-        """Writes what is left."""
+        """Write what is left."""
         self._writer.close()
 
 
@@ -86,7 +86,7 @@ def _harmless(texts: pa.Array) -> pa.Array:
 
 
 def _hexadecimal(array: pa.Array) -> pa.Array:
-    """Two digits a byte, all cells in one go."""
+    """Write two digits a byte, all cells in one go."""
     valid, offsets, data = array.buffers()
     ends = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
     digits = b"" if data is None else memoryview(data)[ends[0] : ends[-1]].hex().upper().encode()
@@ -102,7 +102,7 @@ def _strings(count: int, valid: pa.Buffer | None, offsets: Any, data: bytes) -> 
 
 
 def _numbers(array: pa.Array) -> pa.Array:
-    """Lists of numbers as JSON: `[1,2,null]`."""
+    """Write lists of numbers as JSON: `[1,2,null]`."""
     inner = array.values.cast(pa.string())
     if pa.types.is_floating(array.type.value_type):
         for plain, quoted in _SPECIAL.items():

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.capture import example, find_table
+from analyzer.decode.by_name import example, find_table
 from analyzer.sinks import portable
 from analyzer.sinks.late import LateFrames
 from analyzer.sinks.tables import Tables
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping
     from typing import BinaryIO
 
-    from analyzer.sinks.part import Part
+    from analyzer.window.part import BatchPart
     from dissectors import Registry
 
 BASIC = ("frames", "transfers", "events")
@@ -25,7 +25,7 @@ FINDINGS = "findings"  # no table: only telemetry has them
 
 
 def resolve(registry: Registry, name: str) -> str:
-    """The table that a person means, or the findings. Raises `LookupError`."""
+    """Return the table that a person means, or the findings. Raises `LookupError`."""
     return name if name in (*BASIC, FINDINGS) else find_table(registry, name)[1]
 
 
@@ -53,32 +53,32 @@ class TableExport:
         self._frames = LateFrames(folder) if self._wants("frames") else None
         self._buses: tuple[str, ...] = ()
 
-    def add(self, part: Part) -> None:
-        """Rows of every table."""
+    def feed(self, part: BatchPart) -> None:
+        """Take rows of every table."""
         self._buses = part.buses
         if self._frames is not None:
-            self._frames.add(part.frames, part.frame_rows)
-            self._frames.settle(part.settled)
+            self._frames.feed(part.frames, part.frame_rows)
+            self._frames.feed_verdicts(part.settled)
         if self._wants("transfers"):
             rows = portable.transfers(part.transfers, part.transfer_rows, part.buses, self._registry)
-            self._tables.add("transfers", rows)
+            self._tables.feed("transfers", rows)
         if self._wants("events"):
-            self._tables.add("events", portable.events(part.events, part.buses))
+            self._tables.feed("events", portable.events(part.events, part.buses))
         for name, table in part.messages.items():
             if self._wants(name):
-                self._tables.add(name, portable.messages(table, part.buses))
+                self._tables.feed(name, portable.messages(table, part.buses))
 
     def finish(self) -> Iterator[None]:
-        """Writes what had to wait for the end, in steps."""
+        """Write what had to wait for the end, in steps."""
         if self._frames is not None:
             for frames, rows in self._frames.replay():
-                self._tables.add("frames", portable.frames(frames, rows, self._buses))
+                self._tables.feed("frames", portable.frames(frames, rows, self._buses))
                 yield
         self._complete()
         self._tables.close({"tailbyte.buses": json.dumps(self._buses)})
 
     def close(self) -> None:
-        """Gives back what it holds; what is not finished stays unfinished."""
+        """Give back what it holds; what is not finished stays unfinished."""
         self._tables.abandon()
         if self._frames is not None:
             self._frames.close()
@@ -89,7 +89,7 @@ class TableExport:
         return self._tables.rows
 
     def _complete(self) -> None:
-        """Tables without rows get their columns."""
+        """Give tables without rows their columns."""
         none = np.zeros(0, np.uint64)
         for name in self._wanted or BASIC:
             if name in self._tables.rows:
@@ -103,7 +103,7 @@ class TableExport:
             else:
                 message, _ = find_table(self._registry, name)
                 rows = portable.messages(example(self._registry, message)[name].slice(0, 0), ())
-            self._tables.add(name, rows)
+            self._tables.feed(name, rows)
 
     def _wants(self, name: str) -> bool:
         return not self._wanted or name in self._wanted

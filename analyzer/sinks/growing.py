@@ -19,7 +19,7 @@ _GZIP_LEVEL = 6
 
 
 class GoneError(TargetError):
-    """Whoever read a pipe has had enough."""
+    """The reader of a pipe has had enough."""
 
 
 class GrowingFile:
@@ -55,13 +55,13 @@ class GrowingFile:
         self._regular = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
 
     def write(self, data: bytes) -> int:
-        """Gathers bytes; a reader can do nothing with them before those that come up to the next `flush`."""
+        """Gather bytes; a reader can do nothing with them before those that come up to the next `flush`."""
         self._parts.append(data)
         self.gathered += len(data)
         return len(data)
 
     def flush(self) -> None:
-        """Hands over what has been gathered; `size` is what the file holds then, in bytes."""
+        """Hand over what has been gathered; `size` is what the file holds then, in bytes."""
         if self._trouble is not None:
             raise self._trouble
         data = self._pack(b"".join(self._parts)) if self.gathered else b""
@@ -80,22 +80,22 @@ class GrowingFile:
         self.size += len(data)
 
     def sync_aside(self) -> None:
-        """Begins to bring to the disk what was flushed; a disk takes its time. `flush` tells of an error."""
+        """Begin to bring to the disk what was flushed; a disk takes its time. `flush` tells of an error."""
         if self._syncing is None or not self._syncing.is_alive():
             self._syncing = Thread(target=self._sync_aside, name="disk", daemon=True)
             self._syncing.start()
 
     def sync(self) -> None:
-        """Waits until the disk has what was flushed, so that it outlives a loss of power."""
+        """Wait until the disk has what was flushed, so that it outlives a loss of power."""
         if self._regular:
             self._try(os.fsync)
 
     def discard(self) -> None:
-        """What is gathered will not be written."""
+        """Forget what is gathered: it will not be written."""
         self._parts, self.gathered = [], 0
 
     def close(self) -> None:
-        """Lets go of it; what is gathered and not flushed is lost."""
+        """Let go of it; what is gathered and not flushed is lost."""
         if self._syncing is not None:
             self._syncing.join()
         if not self._closed:
@@ -116,7 +116,7 @@ class GrowingFile:
 
 
 def write_some(descriptor: int, data: memoryview) -> int:
-    """How many bytes could be written, at least one if there are any. Raises `OSError`.
+    """Write at least one byte if there are any; return how many were. Raises `OSError`.
 
     It waits where a file does not by itself: whoever shares a terminal or a pipe may have told it not to.
     """
@@ -138,7 +138,7 @@ def _open(path: str, force: bool) -> int:
 
 
 def _packer(packing: str) -> Callable[[bytes], bytes]:
-    """Bytes to a whole member of gzip, or frame of zstd."""
+    """Return what makes bytes a whole member of gzip, or frame of zstd."""
     if packing == "gzip":
         import gzip  # noqa: PLC0415 - only what is needed
 

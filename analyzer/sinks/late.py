@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import tempfile
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 
 from analyzer.sinks.atomic import TargetError
-from analyzer.tables import FRAMES, numbers
+from analyzer.tables import FRAMES
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from typing import IO
 
-    import numpy.typing as npt
+    from dissectors.kit import Array
 
-    Numbers = npt.NDArray[Any]
 
 _ROWS = "frame"
 _STORED = FRAMES.append(pa.field(_ROWS, pa.uint64()))
@@ -42,8 +42,8 @@ class LateFrames:
         self._writer = pa.ipc.new_stream(self._file, _STORED, options=options)
         self._settled: list[pa.RecordBatch] = []
 
-    def add(self, frames: pa.RecordBatch, rows: Numbers) -> None:
-        """Frames with their numbers, from 0. Raises `TargetError` when there is no room."""
+    def feed(self, frames: pa.RecordBatch, rows: Array) -> None:
+        """Take frames with their numbers, from 0. Raises `TargetError` when there is no room."""
         if len(frames):
             stored = pa.RecordBatch.from_arrays([*frames.columns, pa.array(rows)], schema=_STORED)
             try:
@@ -51,13 +51,13 @@ class LateFrames:
             except OSError as error:
                 raise TargetError(self._label, error) from None
 
-    def settle(self, settled: pa.RecordBatch) -> None:
-        """Verdicts of frames that came before."""
+    def feed_verdicts(self, settled: pa.RecordBatch) -> None:
+        """Take verdicts of frames that came before."""
         if len(settled):
             self._settled.append(settled)
 
-    def replay(self) -> Iterator[tuple[pa.RecordBatch, Numbers]]:
-        """The frames once more, with their numbers."""
+    def replay(self) -> Iterator[tuple[pa.RecordBatch, Array]]:
+        """Give the frames once more, with their numbers."""
         try:
             self._writer.close()
             self._file.seek(0)
@@ -69,7 +69,7 @@ class LateFrames:
             yield late.corrected(stored.select(FRAMES.names).cast(FRAMES), rows), rows
 
     def close(self) -> None:
-        """Gives the room back."""
+        """Give the room back."""
         self._file.close()
 
 
@@ -82,7 +82,7 @@ class _Late:
         order = np.argsort(columns[0], kind="stable")
         self._frame, self._verdict, self._anomaly = (column[order] for column in columns)
 
-    def corrected(self, frames: pa.RecordBatch, rows: Numbers) -> pa.RecordBatch:
+    def corrected(self, frames: pa.RecordBatch, rows: Array) -> pa.RecordBatch:
         low, high = np.searchsorted(self._frame, [rows[0], rows[-1] + np.uint64(1)])
         some = slice(int(low), int(high))
         at = np.searchsorted(rows, self._frame[some])

@@ -16,7 +16,7 @@ from analyzer.sinks.mcap_file import McapFile
 from analyzer.sinks.schemas import FD_FRAME, FRAME, LOG
 
 if TYPE_CHECKING:
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
 
 # Bits of the flags of a frame, and where the length code begins.
 FD, BRS, ESI, CODE = 8, 16, 32, 8
@@ -48,36 +48,36 @@ class McapSink:
 
     @property
     def lost(self) -> dict[str, int]:
-        """What the format could not hold so far, in words, and how often."""
+        """The rows that the format could not hold so far, in words, and how often."""
         return self._messages.lost
 
-    def write(self, piece: Piece) -> None:
-        """Writes the rows of a piece; those of the last chunk wait until it is full."""
+    def write(self, batch: FrameBatch) -> None:
+        """Write the rows of a batch; those of the last chunk wait until it is full."""
         row: int | None = 0
         while row is not None:
-            row = self._messages.add(piece, row, CHUNK)
+            row = self._messages.add(batch, row, CHUNK)
             if self._messages.waiting >= CHUNK:
                 self.close_chunk()
 
     def flush(self) -> None:
-        """Closes the open chunk and hands everything to the system."""
+        """Close the open chunk and hand everything to the system."""
         self.close_chunk()
         self.container.flush()
 
     def close(self) -> None:
-        """Writes the summary, the end of the file. It stays open."""
+        """Write the summary, the end of the file. It stays open."""
         self.close_chunk()
         self.container.close()
 
     def close_chunk(self) -> None:
-        """Writes the chunk that is open, if it holds anything."""
+        """Write the chunk that is open, if it holds anything."""
         self._add_channels()
         taken = self._messages.take(len(self.container.head()))
         if taken is not None:
             self.container.chunk(taken)
 
     def topic(self, bus: str) -> str:
-        """The bus as a part of a topic: letters, digits and underscores, no digit first, no two alike."""
+        """Return the bus as a part of a topic: letters, digits and underscores, no digit first, no two alike."""
         if bus not in self._topics:
             part = re.sub(r"[^A-Za-z0-9_]", "_", bus) or "can"
             part = f"bus_{part}" if part[0].isdigit() else part
@@ -89,7 +89,7 @@ class McapSink:
         return self._topics[bus]
 
     def _add_channels(self) -> None:
-        """Schemas and channels that messages of the open chunk are the first to use."""
+        """Add schemas and channels that messages of the open chunk are the first to use."""
         for bus, direction, content, flags, timed in self._messages.channels(self._channels):
             definition = LOG if content == "comments" else FD_FRAME if flags & FD else FRAME
             schema = self.container.schema(definition.name, "ros2msg", definition.text.encode())
@@ -108,7 +108,7 @@ class McapSink:
 
 
 def _marks(flags: int) -> dict[str, str]:
-    """What all frames of a channel are, as its metadata say it; nothing of common classic frames."""
+    """Return what all frames of a channel are, as its metadata say it; nothing of common classic frames."""
     if flags & FD:
         more = [word for bit, word in ((BRS, "bit rate switch"), (ESI, "error state")) if flags & bit]
         # Our reader takes it for a sign that classic frames are apart.

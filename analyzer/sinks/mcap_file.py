@@ -57,7 +57,7 @@ class McapFile:
         self._put(_records([Header(profile="ros2", library="tailbyte")]))
 
     def schema(self, name: str, encoding: str, data: bytes) -> int:
-        """The ID of a schema, which goes into the next chunk if the name is new."""
+        """Return the ID of a schema, which goes into the next chunk if the name is new."""
         if name not in self._schemas:
             schema = Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=name)
             self._schemas[name] = schema
@@ -65,17 +65,17 @@ class McapFile:
         return self._schemas[name].id
 
     def channel(self, number: int, topic: str, encoding: str, schema: int, about: Mapping[str, str]) -> None:
-        """A new channel, which goes into the next chunk."""
+        """Add a new channel, which goes into the next chunk."""
         channel = Channel(id=number, topic=topic, message_encoding=encoding, metadata=dict(about), schema_id=schema)
         self._channels.append(channel)
         self._new.append(channel)
 
     def head(self) -> bytes:
-        """What the next chunk starts with."""
+        """Return what the next chunk starts with."""
         return _records(self._new)
 
     def chunk(self, taken: Taken) -> None:
-        """Writes a chunk; its messages were made to stand behind `head()`."""
+        """Write a chunk; its messages were made to stand behind `head()`."""
         messages, indexes, (first, last) = taken
         data = self.head() + messages
         self._new.clear()
@@ -105,17 +105,17 @@ class McapFile:
         self._span = min(earliest, first), max(latest, last)
 
     def metadata(self, name: str, about: Mapping[str, str]) -> None:
-        """Texts about the file."""
+        """Write texts about the file."""
         data = _records([Metadata(name=name, metadata=dict(about))])
         self._metadata.append(MetadataIndex(offset=self._place, length=len(data), name=name))
         self._put(data)
 
     def flush(self) -> None:
-        """Hands everything to the system."""
+        """Hand everything to the system."""
         self._file.flush()
 
     def close(self) -> None:
-        """Writes the summary, the end of the file. It stays open."""
+        """Write the summary, the end of the file. It stays open."""
         self._put(_records([DataEnd(data_section_crc=0)]))
         start = self._place
         groups: list[tuple[Opcode, bytes]] = [

@@ -13,7 +13,7 @@ _GZIP_LEVEL = 6
 
 @contextmanager
 def packed(file: BinaryIO, packing: str) -> Iterator[BinaryIO]:
-    """A file whose bytes arrive in `file` as `gzip` or `zstd`, or as they are; only a block that ends well ends it."""
+    """Open what brings bytes to `file` as `gzip`, `zstd`, or as they are; only a block that ends well ends it."""
     if not packing:
         yield file
         return

@@ -27,21 +27,21 @@ class ParquetFile:
         )  # fmt: skip
 
     def write(self, table: pa.Table) -> None:
-        """A row group."""
+        """Write a row group."""
         self._writer.write_table(table, row_group_size=max(len(table), 1))
 
     def abandon(self) -> None:
-        """Nothing more is written, not even by the writer's own clean-up."""
+        """Let nothing more be written, not even by the writer's own clean-up."""
         self._writer.is_open = False
 
     def close(self, about: Mapping[str, str]) -> None:
-        """Writes the footer."""
+        """Write the footer."""
         self._writer.add_key_value_metadata(dict(about))
         self._writer.close()
 
 
 def _leaves(field: pa.Field, path: str = "") -> Iterator[str]:
-    """The names Parquet gives to the columns that a field is stored in."""
+    """Give the names Parquet gives to the columns that a field is stored in."""
     kind, path = field.type, f"{path}{field.name}"
     if pa.types.is_list(kind):
         yield from _leaves(pa.field("element", kind.value_type), f"{path}.list.")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, BinaryIO
 from analyzer._native import Writer
 
 if TYPE_CHECKING:
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
 
 
 class PlainSink:
@@ -29,16 +29,16 @@ class PlainSink:
 
     @property
     def lost(self) -> dict[str, int]:
-        """What the format could not hold so far, in words, and how often."""
+        """The rows that the format could not hold so far, in words, and how often."""
         return self._writer.lost
 
-    def write(self, piece: Piece) -> None:
-        """Writes the rows of a piece."""
-        self._file.write(self._writer.write(piece))
+    def write(self, batch: FrameBatch) -> None:
+        """Write the rows of a batch."""
+        self._file.write(self._writer.write(batch))
 
     def flush(self) -> None:
-        """Hands everything to the system."""
+        """Hand everything to the system."""
         self._file.flush()
 
     def close(self) -> None:
-        """There is nothing to add."""
+        """Do nothing: there is nothing to add."""

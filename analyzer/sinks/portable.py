@@ -1,7 +1,7 @@
 """The tables as other tools want them: texts instead of codes, names instead of indexes, row numbers as columns.
 
-Everything else keeps the name, type and metadata that it has in `analyzer.tables` and `analyzer.columns`. Frame numbers
-count from 1, as everywhere that people see them; transfers count from 0, as the messages refer to them.
+Everything else keeps the name, type and metadata that it has in `analyzer.tables` and `analyzer.decode.columns`. Frame
+numbers count from 1, as everywhere that people see them; transfers count from 0, as the messages refer to them.
 """
 
 from __future__ import annotations
@@ -28,24 +28,22 @@ from analyzer.tables import (
     TRANSFER_ANOMALIES,
     TX,
     VERDICTS,
-    numbers,
 )
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    import numpy.typing as npt
-
     from dissectors import Registry
+    from dissectors.kit import Array
 
     Column = tuple[pa.Field, pa.Array]
-    Numbers = npt.NDArray[Any]
 
 _BITS = {"extended": EXTENDED, "remote": REMOTE, "fd": FD, "brs": BRS, "esi": ESI}
 
 
-def frames(table: pa.RecordBatch, rows: Numbers, buses: Sequence[str]) -> pa.RecordBatch:
-    """Frames with their numbers (`rows`, from 0); flags as columns of their own, verdict and anomaly in words."""
+def frames(table: pa.RecordBatch, rows: Array, buses: Sequence[str]) -> pa.RecordBatch:
+    """Return frames with their numbers (`rows`, from 0); flags as columns of their own, verdict, anomaly in words."""
     flags = numbers(table.column("flags"))
     sent, received = flags & TX != 0, flags & RX != 0
     way = pa.array(sent.astype(np.uint8), mask=~(sent | received))
@@ -60,8 +58,8 @@ def frames(table: pa.RecordBatch, rows: Numbers, buses: Sequence[str]) -> pa.Rec
     )
 
 
-def transfers(table: pa.RecordBatch, rows: Numbers, buses: Sequence[str], registry: Registry) -> pa.RecordBatch:
-    """Transfers with their numbers (`rows`, from 0), the names of their types and the numbers of their frames."""
+def transfers(table: pa.RecordBatch, rows: Array, buses: Sequence[str], registry: Registry) -> pa.RecordBatch:
+    """Return transfers with their numbers (`rows`, from 0), names of their types, numbers of their frames."""
     out = [_column("transfer", pa.array(rows), "number, from 0"), *_columns(table, buses)]
     names = [field.name for field, _ in out]
     of = names.index("frame")
@@ -79,12 +77,12 @@ def transfers(table: pa.RecordBatch, rows: Numbers, buses: Sequence[str], regist
 
 
 def events(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
-    """Events, their kind in words."""
+    """Return events, their kind in words."""
     return _batch(_in_words(_columns(table, buses), {"kind": EVENTS}, {}), table.schema.metadata)
 
 
 def messages(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
-    """Messages or packets; behind each number that has names stands `<field>.text`.
+    """Return messages or packets; behind each number that has names stands `<field>.text`.
 
     A member of a union that holds nothing is true where it was sent.
     """
@@ -157,7 +155,7 @@ def _types(table: pa.RecordBatch, registry: Registry) -> pa.Array:
 
 
 def _names(field: pa.Field) -> dict[int, str]:
-    """The names of an enumeration; one name alone, such as "no change", makes none."""
+    """Return the names of an enumeration; one name alone, such as "no change", makes none."""
     if not pa.types.is_integer(field.type) or b"enum" not in (field.metadata or {}):
         return {}
     return _enumeration(field.metadata[b"enum"])
@@ -181,7 +179,7 @@ def _named(array: pa.Array, names: dict[int, str]) -> pa.Array:
 
 @lru_cache(maxsize=1024)
 def _hollow(kind: pa.DataType) -> bool:
-    """Whether it holds structures without members, which most formats cannot."""
+    """Return True if it holds structures without members, which most formats cannot."""
     if pa.types.is_list(kind):
         return _hollow(kind.value_type)
     if not pa.types.is_struct(kind):
@@ -190,7 +188,7 @@ def _hollow(kind: pa.DataType) -> bool:
 
 
 def _solid(array: pa.Array) -> pa.Array:
-    """The same without hollow structures: a flag takes their place."""
+    """Return the same without hollow structures: a flag takes their place."""
     kind = array.type
     if not _hollow(kind):
         return array

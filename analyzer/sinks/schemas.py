@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Definition(NamedTuple):
+class TypeDefinition(NamedTuple):
     """A message type: full name, and fields with those of the types it uses."""
 
     name: str
@@ -26,7 +26,7 @@ builtin_interfaces/Time stamp
 string frame_id
 {_TIME}"""
 
-FRAME = Definition(
+FRAME = TypeDefinition(
     "can_msgs/msg/Frame",
     f"""\
 std_msgs/Header header
@@ -38,7 +38,7 @@ uint8 dlc
 uint8[8] data
 {_HEADER}""",
 )
-FD_FRAME = Definition(
+FD_FRAME = TypeDefinition(
     "ros2_socketcan_msgs/msg/FdFrame",
     f"""\
 std_msgs/Header header
@@ -49,7 +49,7 @@ uint8 len
 uint8[<=64] data
 {_HEADER}""",
 )
-LOG = Definition(
+LOG = TypeDefinition(
     "rcl_interfaces/msg/Log",
     f"""\
 builtin_interfaces/Time stamp

@@ -24,10 +24,10 @@ class TableFile(Protocol):
     """A file that takes one table."""
 
     def write(self, table: pa.Table) -> None:
-        """Rows, as one row group if the format knows such."""
+        """Write rows, as one row group if the format knows such."""
 
     def close(self, about: Mapping[str, str]) -> None:
-        """Ends the format; the file stays open. `about` is what is known of the capture at its end."""
+        """End the format; the file stays open. `about` is what is known of the capture at its end."""
 
 
 class Tables:
@@ -46,8 +46,8 @@ class Tables:
         self._bytes: dict[str, int] = {}
         self._rows: dict[str, int] = {}
 
-    def add(self, name: str, rows: pa.RecordBatch) -> None:
-        """Rows of a table; the first ones, possibly none, give it its columns."""
+    def feed(self, name: str, rows: pa.RecordBatch) -> None:
+        """Take rows of a table; the first ones, possibly none, give it its columns."""
         if name not in self._files:
             self._files[name] = self._open(self._make(name), rows.schema)
             self._waiting[name], self._bytes[name], self._rows[name] = [], 0, 0
@@ -62,13 +62,13 @@ class Tables:
             self._write(max(self._bytes, key=self._bytes.__getitem__))
 
     def close(self, about: Mapping[str, str]) -> None:
-        """Writes what has gathered and ends every file; `about` is known only now."""
+        """Write what has gathered and end every file; `about` is known only now."""
         for name, file in self._files.items():
             self._write(name)
             file.close({**self._about, **about})
 
     def abandon(self) -> None:
-        """Leaves unfinished files as they are."""
+        """Leave unfinished files as they are."""
         for file in self._files.values():
             if isinstance(file, ParquetFile):
                 file.abandon()

@@ -9,27 +9,28 @@ are known at the end and written last; readers go by time, with the index of eac
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 import pyarrow as pa
 
 from analyzer import _native
-from analyzer.sinks import portable, telemetry_findings, telemetry_log
+from analyzer.sinks import portable, telemetry_log
+from analyzer.sinks.extent import Extent
 from analyzer.sinks.mcap import CHUNK, McapSink
-from analyzer.sinks.telemetry_findings import Extent
 from analyzer.sinks.telemetry_log import stamps
 from analyzer.sinks.telemetry_rows import encode
 from analyzer.sinks.telemetry_schema import Schema, log_schema, schema
-from analyzer.tables import EVENTS, numbers
+from analyzer.tables import EVENTS
+from dissectors.kit.cells import numbers
+from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    import numpy.typing as npt
-
-    from analyzer.report.model import Report
-    from analyzer.sinks.part import Part
+    from analyzer.sinks.telemetry_log import LogRows
+    from analyzer.window.part import BatchPart
+    from dissectors.kit import Array
 
     Encoded = tuple[bytes, bytes, bytes, bytes]
 
@@ -37,9 +38,8 @@ if TYPE_CHECKING:
 _FIRST_CHANNEL = 2048
 # IDs have 16 bits. What nodes beyond this many channels send goes to one topic a type, `/others/<table>`.
 MOST_CHANNELS = 60_000
-_NO_TIME = int(np.iinfo(np.int64).min)
 # How the native core hands over frames and events, and Arrow does not.
-_FILLED = {"t": _NO_TIME, "bus": 0, "tx_errors": 0, "rx_errors": 0}
+_FILLED = {"t": NO_TIME, "bus": 0, "tx_errors": 0, "rx_errors": 0}
 
 
 class TelemetryExport:
@@ -50,7 +50,8 @@ class TelemetryExport:
         wanted: names of tables, `frames` and `events` among them; all if empty.
         about: what is known of the capture.
 
-    `frames`, `messages` (of the topics of nodes), `events` and `findings` count what was written so far.
+    `frames`, `messages` (of the topics of nodes), `events` and `findings` count what was written so far; `extent`
+    is the part of the capture that came.
     """
 
     def __init__(self, file: BinaryIO, wanted: Collection[str], about: Mapping[str, str]) -> None:
@@ -60,14 +61,14 @@ class TelemetryExport:
         self._schemas: dict[str, Schema] = {}
         self._channels: dict[tuple[str, str, int], int] = {}
         self._latest = 0
-        self._extent = Extent()
+        self.extent = Extent()
         self.frames = self.messages = self.events = self.findings = 0
 
-    def add(self, part: Part) -> None:
-        """Rows of every table; they are in the file afterwards."""
-        self._extent.add(part)
+    def feed(self, part: BatchPart) -> None:
+        """Write rows of every table; they are in the file afterwards."""
+        self.extent.feed(part)
         if self._wants("frames"):
-            self._sink.write(_piece(part))
+            self._sink.write(_frame_batch(part))
             self.frames += len(part.frames)
             self._sink.close_chunk()
         wanted = {name: table for name, table in part.messages.items() if self._wants(name)}
@@ -78,22 +79,27 @@ class TelemetryExport:
             self.events += len(part.events)
         self._put(tables)
 
-    def add_findings(self, report: Report, *, windowed: bool) -> None:
-        """What the rules found in the whole capture, after its last part; of a window, what meets it."""
-        times, log = telemetry_findings.log(report, self._extent, self._file, windowed=windowed)
-        if len(log):
-            self._put([self._logged(log, times, [self._log_channel("findings")] * len(log))])
-        self.findings = min(len(log), telemetry_findings.MOST)
+    def add_findings(self, log: LogRows) -> None:
+        """Write what the rules found in the whole capture, after its last part."""
+        if len(log.messages):
+            channels = [self._log_channel("findings")] * len(log.messages)
+            self._put([self._logged(log.messages, log.times, channels)])
+        self.findings = log.findings
 
     def finish(self) -> None:
-        """Writes the end of the file."""
+        """Write the end of the file."""
         self._sink.close_chunk()
         self._sink.container.metadata("tailbyte", self._about)
         self._sink.close()
 
     @property
+    def capture(self) -> str:
+        """The name of the capture."""
+        return self._about.get("tailbyte.capture", "")
+
+    @property
     def lost(self) -> dict[str, int]:
-        """What raw frames could not hold, in words, and how often."""
+        """The rows that raw frames could not hold, in words, and how often."""
         return self._sink.lost if self._wants("frames") else {}
 
     def _messages(self, name: str, table: pa.RecordBatch, buses: tuple[str, ...]) -> Encoded:
@@ -129,18 +135,18 @@ class TelemetryExport:
         )
         self._channels[key] = number
 
-    def _events(self, part: Part) -> Encoded:
+    def _events(self, part: BatchPart) -> Encoded:
         buses = [None if k is None else part.buses[k] for k in part.events.column("bus").to_pylist()]
         channels = [self._log_channel("events", bus or "") for bus in buses]
         times = self._event_times(part)
-        return self._logged(telemetry_log.events(part, times, buses, self._file), times, channels)
+        return self._logged(telemetry_log.events(part, times, buses, self.capture), times, channels)
 
-    def _logged(self, log: pa.RecordBatch, times: npt.NDArray[Any], channels: Sequence[int]) -> Encoded:
+    def _logged(self, log: pa.RecordBatch, times: Array, channels: Sequence[int]) -> Encoded:
         ends, data = encode(log, log_schema().columns)
         return np.array(channels, np.uint16).tobytes(), times.tobytes(), ends, data
 
-    def _event_times(self, part: Part) -> npt.NDArray[Any]:
-        """What has no time of its own gets that of the frame in front of it in the capture."""
+    def _event_times(self, part: BatchPart) -> Array:
+        """Give what has no time of its own that of the frame in front of it in the capture."""
         frames, events = part.frames, part.events
         times, known = stamps(events.column("t")), stamps(frames.column("t"))
         missing = np.asarray(events.column("t").is_null())
@@ -161,10 +167,6 @@ class TelemetryExport:
         for chunk in _native.message_records(tables, len(head), CHUNK):
             self._sink.container.chunk(chunk)
 
-    @property
-    def _file(self) -> str:
-        return self._about.get("tailbyte.capture", "")
-
     def _wants(self, name: str) -> bool:
         return not self._wanted or name in self._wanted
 
@@ -173,12 +175,12 @@ def _units(columns: pa.Schema) -> dict[str, str]:
     return {f"unit.{f.name}": f.metadata[b"unit"].decode() for f in columns if b"unit" in (f.metadata or {})}
 
 
-def _piece(part: Part) -> _native.Piece:
-    """Frames, error frames and drops as they came from the reader; the other events are only told."""
+def _frame_batch(part: BatchPart) -> _native.FrameBatch:
+    """Return frames, error frames and drops as they came from the reader; the other events are only told."""
     kinds = numbers(part.events.column("kind"))
     rows = np.flatnonzero(np.isin(kinds, [EVENTS.index("error frame"), EVENTS.index("drop")]))
     events = part.events.take(pa.array(rows))
-    return _native.Piece.of(_buffers(part.frames), _buffers(events), list(part.buses))
+    return _native.FrameBatch.of(_buffers(part.frames), _buffers(events), list(part.buses))
 
 
 def _buffers(table: pa.RecordBatch) -> dict[str, bytes]:

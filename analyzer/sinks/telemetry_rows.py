@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def encode(table: pa.RecordBatch, columns: Sequence[str]) -> tuple[bytes, bytes]:
-    """A message a row, with `columns` as its fields 1, 2, ...; and the u64 ends of the messages."""
+    """Encode a message a row, with `columns` as its fields 1, 2, ...; and the u64 ends of the messages."""
     specs = [_spec(k, table.schema.field(name), table.column(name)) for k, name in enumerate(columns, 1)]
     data, ends = _native.protobuf(len(table), specs)
     return ends, data

@@ -46,7 +46,7 @@ class Schema:
 
 
 def schema(table: str, columns: pa.Schema) -> Schema:
-    """The message type of a table in its portable shape.
+    """Return the message type of a table in its portable shape.
 
     Every field is `optional`: an absent one is null. Dots of names become underscores. Lists are repeated, bytes that
     hold text or digits for people are bytes. Units, enumerations and clauses stand as comments in the descriptor.
@@ -65,19 +65,19 @@ def schema(table: str, columns: pa.Schema) -> Schema:
 
 
 def identifier(name: str) -> str:
-    """A name that Protocol Buffers allows."""
+    """Return a name that Protocol Buffers allows."""
     text = re.sub(r"[^A-Za-z0-9_]", "_", name) or "_"
     return f"_{text}" if text[0].isdigit() else text
 
 
 def comment(field: pa.Field) -> str:
-    """What the metadata of a column says, in one line."""
+    """Say what the metadata of a column tells, in one line."""
     about = {key.decode(): value.decode() for key, value in (field.metadata or {}).items()}
     return "; ".join(f"{key} {about[key]}" for key in ("unit", "enum", "clause", "about") if about.get(key))
 
 
 def as_bytes(field: pa.Field) -> bool:
-    """Whether a list of bytes is one value, and not a list of numbers."""
+    """Return True if a list of bytes is one value, and not a list of numbers."""
     about = field.metadata or {}
     whole = b"text" in about or b"hex" in about
     return bool(whole and pa.types.is_list(field.type) and field.type.value_type == pa.uint8())
@@ -107,7 +107,7 @@ def _fill(message: DescriptorProto, path: str, fields: list[pa.Field]) -> None:
 
 
 def _unique(name: str, taken: set[str]) -> str:
-    """`a_b` and `aB` are one name in JSON, so they are taken for alike."""
+    """Return a free name; `a_b` and `aB` are one name in JSON, so they are taken for alike."""
     found, number = name, 1
     while found.replace("_", "").lower() in taken:
         number += 1
@@ -118,7 +118,7 @@ def _unique(name: str, taken: set[str]) -> str:
 
 @cache
 def log_schema() -> Schema:
-    """`foxglove.Log`, as viewers know it; columns `timestamp`, `level`, `message`, `name` and `file`."""
+    """Return `foxglove.Log`, as viewers know it; columns `timestamp`, `level`, `message`, `name` and `file`."""
     file = FileDescriptorProto(
         name="foxglove/Log.proto", package="foxglove", syntax="proto3", dependency=[timestamp_pb2.DESCRIPTOR.name]
     )

@@ -1,25 +1,29 @@
 """Where captures come from: files and pipes, unpacked on the way, each read by the reader of its format.
 
 What a capture is, is read from its first bytes, then from its name (`formats`). A reader is one file: bytes in, candump
-text or pieces of rows out.
+text or batches of rows out.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from importlib import import_module
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from analyzer.sources.errors import CaptureError as CaptureError
 from analyzer.sources.errors import StopReading as StopReading
 from analyzer.sources.errors import UnpackError
 from analyzer.sources.formats import CANDUMP, LONGEST, UTF8_MARK, Format, detect
 from analyzer.sources.stored import Stored
+from analyzer.sources.text import text_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
+
+    Read = Callable[["Source", Iterator[bytes]], Iterator[bytes | FrameBatch]]
 
 GZIP, ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 _SKIPPED = b"\x2a\x4d\x18"
@@ -50,36 +54,36 @@ class Source(Stored):
 
     @property
     def problem(self) -> None:
-        """What was asked for and is not in it: nothing was."""
+        """Nothing: only of merged captures things are asked for that may not be in them."""
 
     @property
     def unit(self) -> str:
-        """What its rows are counted in: line or record."""
+        """The unit in which its rows are counted: line or record."""
         return self.format.unit
 
     def again(self) -> Source:
-        """The same capture once more."""
-        return Source(self.name)
+        """Return the same capture once more."""
+        return Source(self.origin)
 
-    def chunks(self) -> Iterator[bytes | Piece]:
-        """Candump text in pieces of any size, or pieces of rows; an empty text says that nothing new has come yet.
+    def chunks(self) -> Iterator[bytes | FrameBatch]:
+        """Candump text in chunks of any size, or batches of rows; an empty text says that nothing new has come yet.
 
         Raises `CaptureError` when nothing at all can be read.
         """
         yield from self._read(self.stored())
 
     def damaged(self, place: str, reason: str) -> None:
-        """The reading ends early, for this reason; the first one counts, and none if it was stopped on purpose."""
+        """End the reading early, for this reason; the first one counts, and none if it was stopped on purpose."""
         if not self.stopped and self.damage is None:
             self.damage = CaptureError(self.name, place, reason)
 
-    def _read(self, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
+    def _read(self, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
         head = b""
-        for piece in chunks:
-            head += piece
+        for data in chunks:
+            head += data
             if len(head) >= _HEAD:
                 break
-            if not piece:
+            if not data:
                 yield b""
         chunks = chain([head], chunks)
         packing = "gzip" if head.startswith(GZIP) else "zstd" if _is_zstd(head) else ""
@@ -93,7 +97,19 @@ class Source(Stored):
         self.format = detect(head.removeprefix(UTF8_MARK), self.name)
         if self.format.module is None:
             raise CaptureError(self.name, place, f"looks like {self.format.name}, which is not read")
-        yield from self.format.reader()(self, chunks)
+        if self.format.unit == "line":
+            chunks = text_of(self, chunks, self._cut)
+        yield from self.reader()(self, chunks)
+
+    def _cut(self, size: int) -> None:
+        place = f"byte {size}{' of the unpacked data' if self.packing else ''}"
+        self.damaged(place, "the capture ends in the middle of a line")
+
+    def reader(self) -> Read:
+        """Return the reading function of the format, imported only now: some need heavy packages."""
+        module: Any = import_module(f"analyzer.sources.{self.format.module}")
+        read: Read = module.read
+        return read
 
     def _unpacked(self, chunks: Iterator[bytes]) -> Iterator[bytes]:
         from analyzer.sources import inflate, zstd  # noqa: PLC0415 - only what is needed
@@ -106,5 +122,5 @@ class Source(Stored):
 
 
 def _is_zstd(head: bytes) -> bool:
-    """Whether it begins with a frame of zstd, or with one to skip, as parallel compressors write."""
+    """Return whether it begins with a frame of zstd, or with one to skip, as parallel compressors write."""
     return head.startswith(ZSTD) or (head[1:4] == _SKIPPED and 0x50 <= head[0] <= 0x5F)

@@ -23,7 +23,7 @@ _CLOCK_FROM = 100_000_000 * 1_000_000_000
 def align(
     looks: Sequence[Source], offsets: dict[int, int], stopped: Callable[[], bool] = lambda: False
 ) -> dict[int, tuple[int, int]]:
-    """Reads every capture once and compares; `offsets` are the nanoseconds given already, by capture.
+    """Read every capture once and compare; `offsets` are the nanoseconds given already, by capture.
 
     Returns for each capture whose clock was found by comparison the nanoseconds to add and the number of frames that
     say so; nothing once `stopped` is true. Raises `MergeError` when a capture has no times, or times that relate to no
@@ -56,15 +56,15 @@ def align(
 
 
 def fingerprint(source: Source, stopped: Callable[[], bool]) -> tuple[Fingerprint, int]:
-    """What makes the frames of a capture known again, and how many they are."""
+    """Return what makes the frames of a capture known again, and how many they are."""
     seen, frames = Fingerprint(), 0
     try:
-        for piece in rows(source.chunks()):
+        for batch in rows(source.chunks()):
             if stopped():
                 break
-            if not isinstance(piece, bytes):
-                seen.add(piece)
-                frames += piece.frames
+            if not isinstance(batch, bytes):
+                seen.add(batch)
+                frames += batch.frames
     except CaptureError:
         pass  # the reading proper says so
     return seen, frames

@@ -1,19 +1,9 @@
-"""What a capture is: read from its first bytes, then from its name."""
+"""The format of a capture: told by its first bytes, then from its name."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from analyzer._native import Piece
-    from analyzer.sources import Source
-
-    Read = Callable[[Source, Iterator[bytes]], Iterator[bytes | Piece]]
 
 UTF8_MARK = b"\xef\xbb\xbf"
 
@@ -30,12 +20,6 @@ class Format:
     magics: tuple[bytes, ...]
     suffixes: tuple[str, ...] = ()
     unit: str = "record"
-
-    def reader(self) -> Read:
-        """The reading function, imported only now: some need heavy packages."""
-        module: Any = import_module(f"analyzer.sources.{self.module}")
-        read: Read = module.read
-        return read
 
 
 CANDUMP = Format("candump text", "candump", (b"(", b"Normal ("), unit="line")
@@ -69,7 +53,7 @@ _PACKED = (".gz", ".zst", ".zstd")
 
 
 def detect(head: bytes, name: str) -> Format:
-    """The format of a capture that starts with `head`; text that nothing claims is candump's.
+    """Return the format of a capture that starts with `head`; text that nothing claims is candump's.
 
     A capture that is over before its magic is whole still shows what it was to become.
     """

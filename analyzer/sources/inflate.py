@@ -17,7 +17,7 @@ _STEP = 1 << 20
 
 
 def inflate(pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """The text of gzip members that stand one after another, in pieces of about 1 MiB; zeros may fill up the end.
+    """Return the text of gzip members that stand one after another, in parts of about 1 MiB; zeros may fill up the end.
 
     An empty piece (nothing new yet) is passed on. Raises `UnpackError` behind everything that was sound.
     """
@@ -55,7 +55,7 @@ class _Stream:
                 yield out
 
     def end(self) -> Iterator[bytes]:
-        """A step that was full may have left text inside the decompressor; an unfinished member is an error."""
+        """Give what a full step may have left inside the decompressor; an unfinished member is an error."""
         if not self._between:
             while out := self._member.decompress(b"", _STEP):
                 yield out
@@ -78,7 +78,7 @@ def _words(error: zlib.error) -> str:
 
 
 def _salvage(member: zlib._Decompress, data: bytes) -> tuple[list[bytes], int]:
-    """What a step that failed would have given up to the bad byte, and how many bytes stand in front of that."""
+    """Return what a step that failed would have given up to the bad byte, and how many bytes stand in front of that."""
     good, at, size = list[bytes](), 0, max(1, len(data) // 2)
     while True:
         attempt = member.copy()

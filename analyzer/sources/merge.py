@@ -16,12 +16,13 @@ from analyzer.sources.native import rows
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
+    from analyzer.sources.origin import FileObject, Origin
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What a person says about captures.
+    """The names, clocks and buses that a person gives to captures.
 
     `names` maps what stands behind `--bus NAME=` (a capture, an interface, or CAPTURE:INTERFACE) to the name; `offsets`
     maps a capture to the nanoseconds to add to its times. With `same_bus` all of them recorded one bus.
@@ -32,7 +33,7 @@ class Plan:
     same_bus: bool = False
 
     def __bool__(self) -> bool:
-        """Whether even a single capture is changed by it."""
+        """Return whether even a single capture is changed by it."""
         return bool(self.names or self.offsets or self.same_bus)
 
 
@@ -61,17 +62,17 @@ class Merged:
 
     @property
     def live(self) -> bool:
-        """Whether some of the bytes exist only once."""
+        """True if some of the bytes exist only once."""
         return any(part.live for part in self.parts)
 
     @property
     def waits(self) -> bool:
-        """Whether the reading waits for bytes."""
+        """True while the reading waits for bytes."""
         return any(part.waits for part in self.parts)
 
     @property
     def stopped(self) -> bool:
-        """Whether the reading was ended on purpose."""
+        """True if the reading was ended on purpose."""
         return self._stopped
 
     @stopped.setter
@@ -97,25 +98,25 @@ class Merged:
         return None if None in lengths else sum(length or 0 for length in lengths)
 
     def again(self) -> Merged:
-        """The same captures once more."""
-        return Merged([Source(part.name) for part in self.parts], self.plan, self.found)
+        """Return the same captures once more."""
+        return Merged([part.again() for part in self.parts], self.plan, self.found)
 
-    def chunks(self) -> Iterator[bytes | Piece]:
-        """Pieces of the merged rows. Raises `MergeError`, and `CaptureError` when a capture cannot be opened."""
+    def chunks(self) -> Iterator[bytes | FrameBatch]:
+        """Batches of the merged rows. Raises `MergeError`, and `CaptureError` when a capture cannot be opened."""
         merger = Merger(self._entries(), self.plan.same_bus)
         self._seen, self._rows = [[] for _ in self.parts], [0] * len(self.parts)
         streams = [rows(part.chunks()) for part in self.parts]
         while (index := merger.awaited) is not None:
-            piece = next(streams[index], None)
-            if isinstance(piece, bytes):
+            batch = next(streams[index], None)
+            if isinstance(batch, bytes):
                 yield b""
                 continue
-            if piece is None:
+            if batch is None:
                 merger.finish(index)
             else:
-                merger.push(index, piece, self._label(self.parts[index]))
-                self._seen[index] = piece.buses
-                self._rows[index] += piece.lines["lines"]
+                merger.push(index, batch, self._label(self.parts[index]))
+                self._seen[index] = batch.buses
+                self._rows[index] += batch.lines["lines"]
             yield merger.take()
 
     @property
@@ -144,8 +145,8 @@ class Merged:
         given = dict(self._given())
         if self.found is None:
             self.found = {}
-            if len(self.parts) > 1 and not any(part.name == "-" or part.follow for part in self.parts):
-                self.found = align([Source(part.name) for part in self.parts], given, lambda: self._stopped)
+            if len(self.parts) > 1 and all(part.repeatable for part in self.parts):
+                self.found = align([part.again() for part in self.parts], given, lambda: self._stopped)
         for index, (offset, frames) in self.found.items():
             self.parts[index].notes.append(f"times shifted by {offset / 1e9:+.6f} s, as {frames} common frames show")
         offsets = {index: offset for index, (offset, _) in self.found.items()} | given
@@ -159,7 +160,7 @@ class Merged:
             yield from ((index, offset) for index in found)
 
     def _names(self, path: str) -> Iterator[tuple[str | None, str]]:
-        """New names of this capture's interfaces, the most particular ones first."""
+        """Return new names of this capture's interfaces, the most particular ones first."""
         general: list[tuple[str | None, str]] = []
         for where, name in self.plan.names.items():
             capture, _, interface = where.rpartition(":")
@@ -172,15 +173,17 @@ class Merged:
         yield from general
 
 
-def open_captures(names: Sequence[str], plan: Plan | None = None, *, follow: bool = False) -> Source | Merged:
-    """One capture as it is, several or renamed ones merged. Nothing is read yet."""
-    if len(names) == 1 and not plan:
-        return Source(names[0], follow=follow)
-    return Merged([Source(name, follow=follow) for name in names], plan or Plan())
+def open_captures(
+    origins: Sequence[Origin | FileObject], plan: Plan | None = None, *, follow: bool = False
+) -> Source | Merged:
+    """Return one capture as it is, several or renamed ones merged. Nothing is read yet."""
+    if len(origins) == 1 and not plan:
+        return Source(origins[0], follow=follow)
+    return Merged([Source(one, follow=follow) for one in origins], plan or Plan())
 
 
 def is_capture(name: str, path: str) -> bool:
-    """Whether a person means this capture by that name: its path or its last part."""
+    """Return whether a person means this capture by that name: its path or its last part."""
     return name in (path, PurePath(path).name)
 
 

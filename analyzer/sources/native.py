@@ -10,10 +10,10 @@ from analyzer._native import Reader
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
     from analyzer.sources import Source
 
-# Rows of a piece, at least.
+# Rows of a batch, at least.
 WORTH = 1 << 14
 _READERS = {
     "candump text": "candump",
@@ -24,8 +24,8 @@ _READERS = {
 }
 
 
-def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-    """Pieces of rows, in the sizes of `gathered`."""
+def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
+    """Batches of rows, in the sizes of `gathered`."""
     reader = Reader(_READERS[source.format.name])
     yield from gathered(reader, chunks)
     if reader.damage is not None:
@@ -33,8 +33,8 @@ def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
         source.damaged(f"byte {at}{' of the unpacked data' if source.packing else ''}", reason)
 
 
-def rows(chunks: Iterable[bytes | Piece]) -> Iterator[bytes | Piece]:
-    """What a source gives as rows throughout: candump text is parsed here; an empty text stays what it is."""
+def rows(chunks: Iterable[bytes | FrameBatch]) -> Iterator[bytes | FrameBatch]:
+    """Return what a source gives as rows throughout: candump text is parsed here; an empty text stays what it is."""
     stream = iter(chunks)
     for chunk in stream:
         if isinstance(chunk, bytes) and chunk:
@@ -44,8 +44,8 @@ def rows(chunks: Iterable[bytes | Piece]) -> Iterator[bytes | Piece]:
         yield chunk
 
 
-def gathered(reader: Reader, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-    """Feeds the reader; a pipe gives little at a time, so rows wait until a piece is worth handing over.
+def gathered(reader: Reader, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
+    """Feed the reader; a pipe gives little at a time, so rows wait until a batch is worth handing over.
 
     An empty chunk says that nothing new has come yet: then nothing waits any longer.
     """

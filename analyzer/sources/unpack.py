@@ -12,14 +12,14 @@ class Stream(Protocol):
     """Where in the compressed data the reading stands."""
 
     def feed(self, data: bytes) -> Iterator[bytes]:
-        """What the next stored bytes hold, in bounded steps. Raises `UnpackError` behind everything that was sound."""
+        """Unpack the next stored bytes, in bounded steps. Raises `UnpackError` behind everything that was sound."""
 
     def end(self) -> Iterator[bytes]:
-        """What is left at the end. Raises `UnpackError` if the data ends too early."""
+        """Return what is left at the end. Raises `UnpackError` if the data ends too early."""
 
 
 def unpack(pieces: Iterable[bytes], stream: Stream) -> Iterator[bytes]:
-    """The unpacked pieces; an empty one (nothing new yet) is passed on. Raises `UnpackError`."""
+    """Return the unpacked pieces; an empty one (nothing new yet) is passed on. Raises `UnpackError`."""
     for piece in pieces:
         if piece:
             yield from stream.feed(piece)

@@ -29,7 +29,7 @@ _LENGTH = (0, 2, 4, 8)
 
 
 def decompress(pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """The text of zstd frames that stand one after another, in pieces of about 1 MiB; skippable frames are skipped.
+    """Unpack zstd frames that stand one after another, in parts of about 1 MiB; skippable frames are skipped.
 
     An empty piece (nothing new yet) is passed on. Raises `UnpackError` behind everything that was sound.
     """
@@ -83,7 +83,7 @@ class _Stream:
         yield from filter(None, [b"".join(ready)])
 
     def end(self) -> Iterator[bytes]:
-        """Whatever is unfinished is an error; of a block that was not compressed its first part is there."""
+        """Raise an error for what is unfinished; of a block that was not compressed its first part is there."""
         if not (self._held or self._skip or self._next != self._magic):
             return
         if self._next == self._content and self._kind == _RAW and self._held:

@@ -15,13 +15,13 @@ class MonitorError(Exception):
 
 
 def possible() -> bool:
-    """Whether there is a terminal to show it on: keys come from standard input, pictures go to standard error."""
+    """Return True if there is a terminal to show it on: keys come from stdin, pictures go to stderr."""
     streams = (sys.__stdin__, sys.__stderr__)
     return os.environ.get("TERM") != "dumb" and all(stream is not None and stream.isatty() for stream in streams)
 
 
 def run(feed: Feed) -> None:
-    """Shows the feed until it ends or the user quits; in the main thread, on the terminal of this process.
+    """Show the feed until it ends or the user quits; in the main thread, on the terminal of this process.
 
     Raises whatever the feed raises, and `MonitorError` if the display itself fails.
     """

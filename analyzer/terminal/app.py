@@ -14,8 +14,8 @@ from analyzer.terminal.device_table import SHOWN, devices
 from analyzer.terminal.event_tables import findings, latched
 from analyzer.terminal.heights import share
 from analyzer.terminal.help import Help
-from analyzer.terminal.pane import Lines, Pane
-from dissectors.conformance import SECOND
+from analyzer.terminal.pane import Pane, TextLines
+from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from analyzer.board.snapshot import Snapshot
     from analyzer.terminal.feed import Feed
-    from analyzer.terminal.sheet import Sheet
+    from analyzer.terminal.sheet import TextTable
 
 _Answer = TypeVar("_Answer")
 
@@ -38,7 +38,7 @@ _SCROLLS = {"up": -1, "down": 1, "k": -1, "j": 1, "home": -(1 << 20), "end": 1 <
 class Monitor(App[None]):
     """Draws what a feed gives. Nothing is asked before it quits."""
 
-    CSS: ClassVar[str] = "Screen { layout: vertical; overflow: hidden; } Lines { height: 1; } Pane { height: 3; }"
+    CSS: ClassVar[str] = "Screen { layout: vertical; overflow: hidden; } TextLines { height: 1; } Pane { height: 3; }"
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = False
     AUTO_FOCUS: ClassVar[str | None] = "#devices"
     BINDINGS: ClassVar[list[Binding]] = [  # type: ignore[assignment]  # Textual allows more kinds
@@ -68,22 +68,22 @@ class Monitor(App[None]):
         self._newest: Snapshot | None = None
         self._paused: int | None = None
         self._message, self._until = "", 0.0
-        self._top, self._bottom = Lines("top"), Lines("bottom")
+        self._top, self._bottom = TextLines("top"), TextLines("bottom")
         self._panes = {name: Pane(name) for name in PANES}
 
     def compose(self) -> ComposeResult:
-        """The first line, the panes, the last line."""
+        """Lay out the first line, the panes, the last line."""
         yield self._top
         yield from self._panes.values()
         yield self._bottom
 
     def on_mount(self) -> None:
-        """From now on the feed is looked at."""
+        """Begin to look at the feed."""
         self.set_interval(PERIOD, self.look)
         self.call_after_refresh(self.look)
 
     def look(self) -> None:
-        """Takes and draws the newest state."""
+        """Take and draw the newest state."""
         if self._feed.ended:
             self.exit()
             return
@@ -93,7 +93,7 @@ class Monitor(App[None]):
         self.draw()
 
     def draw(self) -> None:
-        """Everything that changed."""
+        """Draw everything that changed."""
         snapshot = self._snapshot
         if snapshot is not None:
             for name, sheet in self._sheets(snapshot):
@@ -102,35 +102,35 @@ class Monitor(App[None]):
         self._lines()
 
     def on_resize(self) -> None:
-        """The lines are shared anew."""
+        """Share the lines anew."""
         self.call_after_refresh(self.draw)
 
     def on_descendant_focus(self) -> None:
-        """The pane in use gets what it needs."""
+        """Give the pane in use what it needs."""
         self.call_after_refresh(self.draw)
 
     def action_pause(self) -> None:
-        """Stops the display, or lets it go on."""
+        """Stop the display, or let it go on."""
         self._paused = monotonic_ns() if self._paused is None else None
         self.look()
 
     def action_sort(self, reverse: bool) -> None:
-        """Sorts the pane in use."""
+        """Sort the pane in use."""
         self._used().sort(reverse=reverse)
 
     def action_values(self) -> None:
-        """Values now, lowest, highest."""
+        """Show values now, lowest, or highest."""
         self._values = (self._values + 1) % len(SHOWN)
         self.draw()
 
     def action_tell(self, action: str) -> None:
-        """An action of the feed, with what it says."""
+        """Do an action of the feed; show what it says."""
         said = self._ask(getattr(self._feed, action)) or ""
         self._message, self._until = said, monotonic() + _MESSAGE if said else 0.0
         self.look()
 
     def action_devices(self) -> None:
-        """The devices; if they are in use already, those of the next kind."""
+        """Go to the devices; if they are in use already, to those of the next kind."""
         pane = self._panes["devices"]
         if pane.has_focus:
             self._kind += 1
@@ -138,28 +138,28 @@ class Monitor(App[None]):
         self.draw()
 
     def action_pane(self, name: str) -> None:
-        """A pane to use."""
+        """Go to a pane."""
         self.set_focus(self._panes[name])
 
     def action_scroll(self, by: int) -> None:
-        """Other rows of the pane in use."""
+        """Show other rows of the pane in use."""
         self._used().scroll_rows(by)
 
     def action_page(self, by: int) -> None:
-        """Other rows, a page further."""
+        """Show other rows, a page further."""
         pane = self._used()
         pane.scroll_rows(by * max(1, pane.size.height - 1))
 
     def action_help(self) -> None:
-        """What keys mean."""
+        """Show what keys mean."""
         self.push_screen(Help())
 
     def action_leave(self) -> None:
-        """Ends the session."""
+        """End the session."""
         self._ask(self._feed.stop)
         self.exit()
 
-    def _sheets(self, snapshot: Snapshot) -> list[tuple[str, Sheet]]:
+    def _sheets(self, snapshot: Snapshot) -> list[tuple[str, TextTable]]:
         made = (
             buses(snapshot), devices(snapshot, self._kind, SHOWN[self._values]), nodes(snapshot), findings(snapshot),
             latched(snapshot),
@@ -181,7 +181,7 @@ class Monitor(App[None]):
         self._bottom.show([bottom(self._told(), width)])
 
     def _told(self) -> str:
-        """What an action said, or the newest note of the session, as long as they are new."""
+        """Return what an action said, or the newest note of the session, as long as they are new."""
         if monotonic() < self._until:
             return self._message
         if self._newest is not None and self._newest.notes:
@@ -194,7 +194,7 @@ class Monitor(App[None]):
         return next((pane for pane in self._panes.values() if pane.has_focus), self._panes["devices"])
 
     def _ask(self, question: Callable[[], _Answer]) -> _Answer | None:
-        """What the feed answers; what goes wrong there ends the monitor, and `run` raises it."""
+        """Ask the feed; what goes wrong there ends the monitor, and `run` raises it."""
         try:
             return question()
         except Exception as error:  # noqa: BLE001 - whatever it is, the terminal is to be left in order

@@ -10,7 +10,7 @@ from analyzer.views.terminal import display_width, escape, fit
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.board.snapshot import Recording, Snapshot
+    from analyzer.board.snapshot import RecordingState, Snapshot
     from analyzer.terminal.sheet import Line, Span
 
 _KEYS = (
@@ -20,7 +20,7 @@ _KEYS = (
 
 
 def top(snapshot: Snapshot | None, paused: int | None, width: int) -> Line:
-    """Interfaces, time, recording, load, losses; `paused` is for how long the display has stood still, in ns.
+    """Return interfaces, time, recording, load, losses; `paused` is how long the display has stood still, in ns.
 
     What is lost or broken comes first where it is narrow.
     """
@@ -43,7 +43,7 @@ def top(snapshot: Snapshot | None, paused: int | None, width: int) -> Line:
     return _line(left, right, width)
 
 
-def _recording(state: Recording | None, width: int) -> list[Span]:
+def _recording(state: RecordingState | None, width: int) -> list[Span]:
     if state is None:
         return [(" not recording", "warn")]
     if state.problem:
@@ -53,7 +53,7 @@ def _recording(state: Recording | None, width: int) -> list[Span]:
 
 
 def bottom(message: str, width: int) -> Line:
-    """What there is to tell, or else the keys, as many as there is room for."""
+    """Return what there is to tell, or else the keys, as many as there is room for."""
     if message:
         return _line([(f" {escape(message)}", "bold")], [], width)
     text = ""
@@ -65,7 +65,7 @@ def bottom(message: str, width: int) -> Line:
 
 
 def _line(left: Sequence[Span], right: Sequence[Span], width: int) -> Line:
-    """Both sides; the left one gives way, and the first parts of the right one before its last."""
+    """Join both sides; the left one gives way, and the first parts of the right one before its last."""
     kept = list(right)
     while len(kept) > 1 and _wide(kept) + _wide(left) > width:
         del kept[0]

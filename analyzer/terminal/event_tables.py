@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analyzer.terminal.figures import amount, clock, span
-from analyzer.terminal.sheet import Cell, Column, Sheet, Style, said
+from analyzer.terminal.sheet import Cell, Style, TableColumn, TextTable, text_cell
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,40 +23,40 @@ _NAMES = {
 
 
 _FINDINGS = (
-    Column("last", right=False, rank=0, least=8, sortable=False),
-    Column("severity", right=False, rank=3, least=7, sortable=False),
-    Column("rule", right=False, rank=0, least=7, sortable=False),
-    Column("where", right=False, rank=1, least=7, sortable=False),
-    Column("count", rank=2, least=4, sortable=False),
-    Column("text", right=False, rank=0, grow=True, least=20, sortable=False),
-    Column("type", right=False, rank=4, sortable=False),
+    TableColumn("last", right=False, rank=0, least=8, sortable=False),
+    TableColumn("severity", right=False, rank=3, least=7, sortable=False),
+    TableColumn("rule", right=False, rank=0, least=7, sortable=False),
+    TableColumn("where", right=False, rank=1, least=7, sortable=False),
+    TableColumn("count", rank=2, least=4, sortable=False),
+    TableColumn("text", right=False, rank=0, grow=True, least=20, sortable=False),
+    TableColumn("type", right=False, rank=4, sortable=False),
 )
 _LATCHED = (
-    Column("first", right=False, rank=0, least=8, sortable=False),
-    Column("last", right=False, rank=2, least=8, sortable=False),
-    Column("kind", right=False, rank=3, least=7, sortable=False),
-    Column("who", right=False, rank=0, least=7, sortable=False),
-    Column("count", rank=1, least=4, sortable=False),
-    Column("text", right=False, rank=0, grow=True, least=20, sortable=False),
+    TableColumn("first", right=False, rank=0, least=8, sortable=False),
+    TableColumn("last", right=False, rank=2, least=8, sortable=False),
+    TableColumn("kind", right=False, rank=3, least=7, sortable=False),
+    TableColumn("who", right=False, rank=0, least=7, sortable=False),
+    TableColumn("count", rank=1, least=4, sortable=False),
+    TableColumn("text", right=False, rank=0, grow=True, least=20, sortable=False),
 )
 
 
-def findings(snapshot: Snapshot) -> Sheet:
-    """What the rules found."""
+def findings(snapshot: Snapshot) -> TextTable:
+    """Return what the rules found."""
     rows = tuple(tuple(_finding(row, snapshot)) for row in snapshot.findings)
-    return Sheet(_FINDINGS, rows, empty="nothing to show", title=f"Findings: {_tally(snapshot.found)}")
+    return TextTable(_FINDINGS, rows, empty="nothing to show", title=f"Findings: {_tally(snapshot.found)}")
 
 
 def _finding(row: FindingRow, snapshot: Snapshot) -> Iterator[Cell]:
     style = SEVERITIES[row.severity]
     yield Cell(clock(row.last), "", row.last)
     yield Cell(row.severity, style)
-    yield said(row.rule, style)
+    yield text_cell(row.rule, style)
     where = [row.bus] if len(snapshot.buses) > 1 or row.node < 0 else []
-    yield said(" ".join([*where, *([f"node {row.node}"] if row.node >= 0 else [])]), value=row.node)
+    yield text_cell(" ".join([*where, *([f"node {row.node}"] if row.node >= 0 else [])]), value=row.node)
     yield Cell(f"{amount(row.count)}x", "", row.count)
-    yield said(row.text)
-    yield said(row.type, "dim")
+    yield text_cell(row.text)
+    yield text_cell(row.type, "dim")
 
 
 def _tally(found: Tally) -> str:
@@ -66,10 +66,10 @@ def _tally(found: Tally) -> str:
     )
 
 
-def latched(snapshot: Snapshot) -> Sheet:
-    """What happened since the mark; findings, which have a table of their own, come last."""
+def latched(snapshot: Snapshot) -> TextTable:
+    """Return what happened since the mark; findings, which have a table of their own, come last."""
     ordered = sorted(snapshot.latched, key=lambda one: one.kind == "finding")
-    return Sheet(
+    return TextTable(
         _LATCHED, tuple(tuple(_latched(row)) for row in ordered), empty="nothing to show", title=_since(snapshot)
     )
 
@@ -79,13 +79,13 @@ def _latched(row: Latched) -> Iterator[Cell]:
     yield Cell(clock(row.first), "", row.first)
     yield Cell("now" if row.now else clock(row.last), "bold" if row.now else "", row.last)
     yield Cell(row.kind, style)
-    yield said(row.subject)
+    yield text_cell(row.subject)
     yield Cell(f"{amount(row.count)}x", "", row.count)
-    yield said(row.text, style)
+    yield text_cell(row.text, style)
 
 
 def _since(snapshot: Snapshot) -> str:
-    """The mark, and how often what happened since then."""
+    """Return the mark, and how often what happened since then."""
     sums: dict[str, int] = {}
     for one in snapshot.latched:
         sums[one.kind] = sums.get(one.kind, 0) + one.count

@@ -1,4 +1,4 @@
-"""What the monitor needs of a session that runs in another thread."""
+"""The session, which runs in another thread, as the monitor needs it."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ class Feed(Protocol):
 
     @property
     def ended(self) -> bool:
-        """Whether the session is over, so that the monitor has to go."""
+        """True if the session is over, so that the monitor has to go."""
 
     def snapshot(self) -> Snapshot | None:
-        """The newest state; None until there is one."""
+        """Return the newest state; None until there is one."""
 
     def mark(self) -> str:
-        """Sets a mark in the recording; what is latched begins anew."""
+        """Set a mark in the recording; what is latched begins anew."""
 
     def clear(self) -> str:
-        """Forgets findings, what is latched, and rows of what is gone."""
+        """Forget findings, what is latched, and rows of what is gone."""
 
     def save(self) -> str:
-        """Writes down what there is to report now."""
+        """Write down what there is to report now."""
 
     def stop(self) -> None:
-        """The user has quit: the session is to end. Called once."""
+        """End the session, as the user has quit. Called once."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from dissectors.conformance import MILLISECOND, SECOND
+from dissectors.kit import MILLISECOND, SECOND
 
 _UNITS = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 _MINUTE, _HOUR, _DAY = 60, 3600, 86400
 
 
 def number(value: float | None, *, whole: bool = False) -> str:
-    """A measured value; one decimal below a thousand unless it is whole."""
+    """Write a measured value; one decimal below a thousand unless it is whole."""
     if value is None:
         return "-"
     if abs(value) >= 1e6:
@@ -20,7 +20,7 @@ def number(value: float | None, *, whole: bool = False) -> str:
 
 
 def amount(value: float) -> str:
-    """A count in at most five columns: 12345, 1.23M."""
+    """Write a count in at most five columns: 12345, 1.23M."""
     for unit, letter in _UNITS:
         if abs(value) >= unit and abs(value) >= 100_000:
             short = value / unit
@@ -29,12 +29,12 @@ def amount(value: float) -> str:
 
 
 def rate(value: float) -> str:
-    """Times a second; those below ten have a decimal."""
+    """Write times a second; those below ten have a decimal."""
     return amount(value) if value >= 10 or not value else f"{value:.1f}"
 
 
 def size(count: int) -> str:
-    """Bytes: 12.3MB."""
+    """Write a size in bytes: 12.3MB."""
     for unit, letter in _UNITS:
         if count >= unit:
             return f"{count / unit:.1f}{letter}B"
@@ -42,7 +42,7 @@ def size(count: int) -> str:
 
 
 def bits(value: int) -> str:
-    """A bit rate: 500k, 1M."""
+    """Write a bit rate: 500k, 1M."""
     for unit, letter in _UNITS:
         if value >= unit:
             return f"{value / unit:g}{letter}"
@@ -50,7 +50,7 @@ def bits(value: int) -> str:
 
 
 def span(ns: int | None) -> str:
-    """A time span: 30ms, 1.2s, 45s, 12m, 3h, 2d."""
+    """Write a time span: 30ms, 1.2s, 45s, 12m, 3h, 2d."""
     if ns is None:
         return "-"
     if ns < SECOND:
@@ -65,14 +65,14 @@ def span(ns: int | None) -> str:
 
 
 def age(ns: int | None) -> str:
-    """How long ago: <0.1s, 0.4s, then as `span`; what is fresh does not flicker."""
+    """Write how long ago: <0.1s, 0.4s, then as `span`; what is fresh does not flicker."""
     if ns is None or ns >= SECOND:
         return span(ns)
     return f"{ns // (100 * MILLISECOND) / 10:.1f}s" if ns >= 100 * MILLISECOND else "<0.1s"
 
 
 def duration(seconds: int | None) -> str:
-    """How long something runs: 0:12, 1:02:03, 2d 03:04."""
+    """Write how long something runs: 0:12, 1:02:03, 2d 03:04."""
     if seconds is None:
         return "-"
     days, rest = divmod(seconds, _DAY)
@@ -84,5 +84,5 @@ def duration(seconds: int | None) -> str:
 
 
 def clock(ns: int) -> str:
-    """The time of day here; none before 1970."""
+    """Write the time of day here; none before 1970."""
     return "--:--:--" if ns < 0 else datetime.fromtimestamp(ns // SECOND).astimezone().strftime("%H:%M:%S")

@@ -1,4 +1,4 @@
-"""How the lines of a terminal are shared among panes."""
+"""Shares of the lines of a terminal among panes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _TURNS: tuple[tuple[str, int | None], ...] = (
 
 
 def share(total: int, wanted: Mapping[str, int], focus: str) -> dict[str, int]:
-    """Lines of each pane, its head counted; `wanted` are its rows without it. The focused one comes early.
+    """Return lines of each pane, its head counted; `wanted` are rows without it. The focused one comes early.
 
     A pane for which there is no line gets none, and the last one gets those that nobody needs.
     """

@@ -1,4 +1,4 @@
-"""What keys and colours mean."""
+"""Meaning of keys and colours."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from textual.screen import ModalScreen
 
-from analyzer.terminal.pane import Lines
+from analyzer.terminal.pane import TextLines
 
 if TYPE_CHECKING:
     from textual.app import ComposeResult
@@ -42,15 +42,17 @@ class Help(ModalScreen[None]):
     CSS: ClassVar[str] = "Help { background: ansi_default; } #help { height: 100%; }"
 
     def compose(self) -> ComposeResult:
-        """One widget."""
-        yield Lines("help")
+        """Lay out one widget."""
+        yield TextLines("help")
 
     def on_mount(self) -> None:
-        """The text."""
+        """Show the text."""
         rows: list[Line] = [((f" {key:<{_WIDTH}}", style or "bold"), (text, "")) for key, text, style in _TEXT]
-        self.query_one(Lines).show([((" Keys and colours", "head"),), (), *rows, (), ((" any key goes back", "dim"),)])
+        self.query_one(TextLines).show(
+            [((" Keys and colours", "head"),), (), *rows, (), ((" any key goes back", "dim"),)]
+        )
 
     def on_key(self, event: Key) -> None:
-        """Back to the monitor."""
+        """Go back to the monitor."""
         event.stop()
         self.dismiss()

@@ -10,7 +10,7 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
-from analyzer.terminal.sheet import Fitting, Sheet, Sorting, head, lines
+from analyzer.terminal.sheet import Fitting, Sorting, TextTable, head, lines
 from analyzer.views.terminal import display_width
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ _STYLES: dict[Style, RichStyle] = {
 }
 
 
-class Lines(Widget):
+class TextLines(Widget):
     """A number of lines as they are given."""
 
     def __init__(self, name: str) -> None:
@@ -42,7 +42,7 @@ class Lines(Widget):
         self._shown: list[Line] = []
 
     def show(self, shown: Sequence[Line]) -> None:
-        """Draws what differs."""
+        """Draw what differs."""
         before, self._shown = self._shown, list(shown)
         regions = []
         for y in range(max(len(before), len(self._shown))):
@@ -54,32 +54,32 @@ class Lines(Widget):
             self.refresh(*regions)
 
     def render_line(self, y: int) -> Strip:
-        """A line of the widget."""
+        """Return a line of the widget."""
         if y >= len(self._shown):
             return Strip.blank(self.size.width, _STYLES[""])
         strip = Strip(Segment(text, _STYLES[style]) for text, style in self._shown[y])
         return strip.adjust_cell_length(self.size.width, _STYLES[""])
 
 
-class Pane(Lines, can_focus=True):
+class Pane(TextLines, can_focus=True):
     """A table with its head, sorted and scrolled by keys."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.sorting = Sorting()
         self.rows = 0
-        self._sheet = Sheet()
+        self._sheet = TextTable()
         self._fitting = Fitting()
         self._top = 0
 
-    def take(self, sheet: Sheet) -> None:
-        """A new state of the table."""
+    def take(self, sheet: TextTable) -> None:
+        """Take a new state of the table."""
         self._sheet = sheet
         self.rows = max(1, len(sheet.rows))
         self.draw()
 
     def draw(self) -> None:
-        """The part of the table that is seen."""
+        """Draw the part of the table that is seen."""
         width, height = self.size
         if not width or not height:
             return
@@ -96,12 +96,12 @@ class Pane(Lines, can_focus=True):
         self.show(shown)
 
     def scroll_rows(self, by: int) -> None:
-        """Other rows."""
+        """Show other rows."""
         self._top = max(0, self._top + by)
         self.draw()
 
     def sort(self, *, reverse: bool) -> None:
-        """The other way round, or by the next column."""
+        """Sort the other way round, or by the next column."""
         if reverse:
             self.sorting.down = not self.sorting.down
         else:
@@ -109,19 +109,19 @@ class Pane(Lines, can_focus=True):
         self.draw()
 
     def on_resize(self) -> None:
-        """As wide as the terminal now is."""
+        """Draw as wide as the terminal now is."""
         self.draw()
 
     def on_focus(self) -> None:
-        """The head tells."""
+        """Show in the head that the keys go here."""
         self.draw()
 
     def on_blur(self) -> None:
-        """The head tells."""
+        """Show in the head that the keys go elsewhere."""
         self.draw()
 
     def _place(self, total: int, seen: int) -> str:
-        """Which rows are seen, if that is not all of them; always as wide."""
+        """Return which rows are seen, if that is not all of them; always as wide."""
         if total <= seen:
             return ""
         rows = f"{self._top + 1}-{self._top + seen}" if seen > 0 else "0"
@@ -129,7 +129,7 @@ class Pane(Lines, can_focus=True):
 
 
 def _more(line: Line, text: str, style: Style) -> Line:
-    """Writes over the blanks at the end of a line, if they are enough."""
+    """Write over the blanks at the end of a line, if they are enough."""
     last, _ = line[-1]
     if not text or len(last) < len(text):
         return line
@@ -137,7 +137,7 @@ def _more(line: Line, text: str, style: Style) -> Line:
 
 
 def _changed(y: int, old: Line, new: Line, width: int) -> Region:
-    """Where two lines differ."""
+    """Return where two lines differ."""
     widths = [[display_width(text) for text, _ in line] for line in (old, new)]
     if widths[0] != widths[1]:
         return Region(0, y, width, 1)

@@ -26,7 +26,7 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class TableColumn:
     """A column of a table.
 
     Columns of a higher `rank` give way first where it is narrow. One that may `grow` takes what is left; before others
@@ -45,10 +45,10 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True)
-class Sheet:
+class TextTable:
     """Columns and rows of cells; `empty` stands in place of rows if there are none, a `title` in place of heads."""
 
-    columns: tuple[Column, ...] = ()
+    columns: tuple[TableColumn, ...] = ()
     rows: tuple[tuple[Cell, ...], ...] = ()
     empty: str = ""
     title: str = ""
@@ -61,13 +61,13 @@ class Sorting:
     column: str = ""
     down: bool = False
 
-    def next(self, sheet: Sheet) -> None:
-        """The next column that can be sorted by, and after the last one the table's own order."""
+    def next(self, sheet: TextTable) -> None:
+        """Go to the next column that can be sorted by, and after the last one to the table's own order."""
         heads = ["", *(column.head for column in sheet.columns if column.sortable)]
         self.column = heads[(heads.index(self.column) + 1) % len(heads)] if self.column in heads else ""
 
-    def sorted(self, sheet: Sheet) -> Sheet:
-        """The rows in order; those without a value are the last ones."""
+    def sorted(self, sheet: TextTable) -> TextTable:
+        """Return the rows in order; those without a value are the last ones."""
         place = next((k for k, column in enumerate(sheet.columns) if column.head == self.column), None)
         if place is None:
             return replace(sheet, rows=tuple(reversed(sheet.rows))) if self.down else sheet
@@ -88,8 +88,8 @@ class Fitting:
     widths: dict[str, int] = field(default_factory=dict)
     width: int = 0
 
-    def fit(self, sheet: Sheet, width: int) -> list[tuple[int, int]]:
-        """The columns that are shown, each with its width."""
+    def fit(self, sheet: TextTable, width: int) -> list[tuple[int, int]]:
+        """Return the columns that are shown, each with its width."""
         if width != self.width:
             self.widths.clear()
             self.width = width
@@ -116,15 +116,15 @@ class Fitting:
             asked = [wide + longer.get(k, 0) for k, wide in enumerate(asked)]
         return [(k, min(asked[k], width)) for k in shown]
 
-    def _need(self, column: Column, cells: Iterable[Cell]) -> int:
+    def _need(self, column: TableColumn, cells: Iterable[Cell]) -> int:
         need = max([display_width(column.head), column.least, *(display_width(cell.text) for cell in cells)])
         if not column.grow or column.most:
             need = self.widths[column.head] = max(need, self.widths.get(column.head, 0))
         return need
 
 
-def head(sheet: Sheet, fitted: Sequence[tuple[int, int]], width: int, sorting: Sorting, style: Style) -> Line:
-    """The title, or the names of the columns, as wide as the terminal."""
+def head(sheet: TextTable, fitted: Sequence[tuple[int, int]], width: int, sorting: Sorting, style: Style) -> Line:
+    """Return the title, or the names of the columns, as wide as the terminal."""
     if sheet.title:
         title = fit(sheet.title, width)
         return (title, style), (" " * (width - display_width(title)), style)
@@ -146,8 +146,10 @@ def head(sheet: Sheet, fitted: Sequence[tuple[int, int]], width: int, sorting: S
     return (*spans, (" " * max(0, width - used), style))
 
 
-def lines(sheet: Sheet, fitted: Sequence[tuple[int, int]], rows: Iterable[tuple[Cell, ...]], width: int) -> list[Line]:
-    """Rows as lines, each as wide as the terminal."""
+def lines(
+    sheet: TextTable, fitted: Sequence[tuple[int, int]], rows: Iterable[tuple[Cell, ...]], width: int
+) -> list[Line]:
+    """Return rows as lines, each as wide as the terminal."""
     found: list[Line] = []
     for row in rows:
         spans: list[Span] = []
@@ -162,8 +164,8 @@ def lines(sheet: Sheet, fitted: Sequence[tuple[int, int]], rows: Iterable[tuple[
     return found
 
 
-def said(text: str, style: Style = "", *, value: float | str | None = None) -> Cell:
-    """A cell with text that came from the bus: what could fool a terminal is escaped."""
+def text_cell(text: str, style: Style = "", *, value: float | str | None = None) -> Cell:
+    """Make a cell of text that came from the bus: what could fool a terminal is escaped."""
     safe = escape(text)
     return Cell(safe, style, value if value is not None else safe)
 

@@ -1,4 +1,4 @@
-"""What a command would have sent to devices that move, as a small table."""
+"""The commands for devices that move, which would have been sent, as a small table."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def render(rows: Sequence[tuple[str, str, int]], seconds: float) -> str:
-    """Node, type, frames and frames per second of what was counted in so many seconds, 0 if nobody knows."""
+    """Write node, type, frames and frames per second of what was counted in so many seconds, 0 if nobody knows."""
     width = max(len("Type"), *(len(name) for _, name, _ in rows))
     lines = [f"{'Node':>6}  {'Type':<{width}}  {'Frames':>8}  {'Hz':>8}"]
     lines += [f"{node:>6}  {name:<{width}}  {count:>8}  {_rate(count, seconds):>8}" for node, name, count in rows]

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from analyzer.facts.meaning import meaning
-from analyzer.views.places import Place, raw_bits, span
+from analyzer.views.places import FieldPlace, raw_bits, span
 from analyzer.views.terminal import escape
 from analyzer.views.wording import plain, quantity
-from dissectors.schema import Array, Compound, Primitive
+from dissectors.schema import ArrayType, CompoundType, PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,8 +31,8 @@ class Branch:
     below: Sequence[Branch] = field(default_factory=tuple)
 
 
-def branches(of: Message | Packet, value: Lookup, where: Sequence[Place], payload: bytes) -> list[Branch]:
-    """A branch for every field, then for every derived value.
+def branches(of: Message | Packet, value: Lookup, where: Sequence[FieldPlace], payload: bytes) -> list[Branch]:
+    """Grow a branch for every field, then for every derived value.
 
     Args:
         of: layout and meaning.
@@ -51,21 +51,21 @@ def branches(of: Message | Packet, value: Lookup, where: Sequence[Place], payloa
 
 
 def word_bits(word: int, width: int, low: int, high: int) -> str:
-    """Bits `low` to `high` of a word as digits, the others as points, in groups of four from the right."""
+    """Write bits `low` to `high` of a word as digits, the others as points, in groups of four from the right."""
     digits = [str(word >> bit & 1) if low <= bit <= high else "." for bit in range(width)]
     groups = ["".join(reversed(digits[k : k + 4])) for k in range(0, width, 4)]
     return " ".join(reversed(groups))
 
 
 class _Grower:
-    def __init__(self, of: Message | Packet, value: Lookup, where: list[Place], payload: bytes) -> None:
+    def __init__(self, of: Message | Packet, value: Lookup, where: list[FieldPlace], payload: bytes) -> None:
         self.of = of
         self.value = value
         self.where = where
         self.payload = payload
 
     def branch(self, kind: Type, name: str, path: str, cell: Any) -> Branch:
-        """`name` is the dotted name without indexes, by which the profile knows the field; `path` has them."""
+        """Grow a branch; `name` is dotted, without indexes, as the profile knows the field, `path` has them."""
         about = meaning(self.of, name)
         place = span(self.where, path)
         clause = f"clause {about.clause}" if about.clause else ""
@@ -75,20 +75,20 @@ class _Grower:
             label = f"{about.note.name} ({label})"
         if cell is None:
             return Branch(f"{label}: missing", where)
-        if isinstance(kind, Compound):
+        if isinstance(kind, CompoundType):
             members = [m for m in kind.fields if m.name and (not kind.union or cell.get(m.name) is not None)]
             below = [self.branch(m.type, f"{name}.{m.name}", f"{path}.{m.name}", cell.get(m.name)) for m in members]
             return Branch(label if below else f"{label}: empty", where, below)
-        if isinstance(kind, Array) and isinstance(kind.element, Compound):
+        if isinstance(kind, ArrayType) and isinstance(kind.element, CompoundType):
             below = [self.branch(kind.element, name, f"{path}[{k}]", inner) for k, inner in enumerate(cell)]
             return Branch(f"{label}: {len(cell)} elements", where, below)
-        if isinstance(kind, Array):
+        if isinstance(kind, ArrayType):
             return Branch(f"{label}: {_list(kind, cell, about)}", where)
         text, below = self._scalar(name, cell, place, about)
         return Branch(f"{label}: {text}", where, below)
 
-    def _scalar(self, name: str, cell: Any, place: Place | None, about: Meaning) -> tuple[str, list[Branch]]:
-        """The text of a single value, and its bit parts."""
+    def _scalar(self, name: str, cell: Any, place: FieldPlace | None, about: Meaning) -> tuple[str, list[Branch]]:
+        """Return the text of a single value, and its bit parts."""
         raw = raw_bits(self.payload, place) if place is not None else None
         text = quantity(_shown(cell, about), about.unit)
         note = about.note
@@ -114,9 +114,9 @@ def _part(part: Bits, word: int, width: int) -> Branch:
     return Branch(f"{word_bits(word, width, part.low, part.high)} = {part.name}: {text}{guess}")
 
 
-def _list(kind: Array, cell: list[Any], about: Meaning) -> str:
-    """Numbers in one line, bytes in hexadecimal and, if they are characters, as such."""
-    if isinstance(kind.element, Primitive) and (kind.element.kind, kind.element.bits) == ("uint", 8):
+def _list(kind: ArrayType, cell: list[Any], about: Meaning) -> str:
+    """Write numbers in one line, bytes in hexadecimal and, if they are characters, as such."""
+    if isinstance(kind.element, PrimitiveType) and (kind.element.kind, kind.element.bits) == ("uint", 8):
         raw = bytes(cell)
         text = raw.partition(b"\0")[0]
         said = f' "{escape(text)}"' if text and all(0x20 <= b < 0x7F for b in text) else ""
@@ -135,8 +135,8 @@ def _shown(cell: Any, about: Meaning) -> str:
     return f"{plain(cell)} (undefined)" if named else plain(cell)
 
 
-def _raw(raw: int, kind: Primitive, cell: Any, *, hexadecimal: bool, scaled: bool) -> str:
-    """The raw number where it says more than the value does."""
+def _raw(raw: int, kind: PrimitiveType, cell: Any, *, hexadecimal: bool, scaled: bool) -> str:
+    """Return the raw number where it says more than the value does."""
     if kind.kind == "float":
         return f" (raw 0x{raw:0{kind.bits // 4}X})"
     if hexadecimal:

@@ -14,7 +14,7 @@ _WIDTH = 80
 
 
 def render(faults: Iterable[Fault], scenarios: Iterable[Scenario], common: Iterable[str]) -> str:
-    """The whole list; settings with their defaults stand below the fault that takes them."""
+    """Write the whole list; settings with their defaults stand below the fault that takes them."""
     return "".join(f"{line}\n" for line in _lines(tuple(faults), tuple(scenarios), tuple(common)))
 
 
@@ -34,7 +34,7 @@ def _lines(faults: tuple[Fault, ...], scenarios: tuple[Scenario, ...], common: t
     indent = max((len(scenario.name) for scenario in scenarios), default=0) + 2
     for scenario in scenarios:
         yield ""
-        yield from _entry(scenario.name, f"{scenario.title} ({scenario.profile}, {scenario.seconds:g} s)", indent)
+        yield from _entry(scenario.name, f"{scenario.title} ({scenario.flight}, {scenario.seconds:g} s)", indent)
         yield from _entry("", scenario.story, indent)
 
 

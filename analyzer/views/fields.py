@@ -6,23 +6,22 @@ import difflib
 import json
 from typing import TYPE_CHECKING, Any
 
+from analyzer.facts.json_number import number
 from analyzer.tables import KINDS, STATUSES
-from analyzer.views.jsonable import number
 from analyzer.views.members import cells
-from analyzer.views.rows import Rows
+from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import escape
-from analyzer.views.times import Clock
+from analyzer.views.times import TimeFormat
 from dissectors import UnknownNameError
 from dissectors.notes import columns
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    import numpy.typing as npt
-
-    from analyzer.engine import Batch
-    from analyzer.views.frames import Frame, FrameData
+    from analyzer.decode.engine import Batch
+    from analyzer.views.frames import FrameData, RawFrame
     from dissectors import Registry
+    from dissectors.kit import Array
     from dissectors.schema import Message, Packet
 
 _FIXED = {
@@ -36,7 +35,7 @@ _FIXED = {
     "can.flags.xtd": "1: 29-bit identifier",
     "can.flags.rtr": "1: remote frame",
     "can.flags.err": "1: error frame",
-    "dronecan.src": "source node, 0 when anonymous",
+    "dronecan.src": "source node; 0 when anonymous, and of a sender without an ID",
     "dronecan.dst": "destination node of a service",
     "dronecan.priority": "0 is highest",
     "dronecan.type_id": "data type ID",
@@ -69,28 +68,28 @@ class Fields:
         self._names = list(names)
         self._columns = {name: find(registry, name) for name in names if name not in _FIXED}
         self._frame_data = frame_data
-        self._clocks = {name: Clock(mode, digits=9) for name, mode in _TIMES.items()}
+        self._clocks = {name: TimeFormat(mode, digits=9) for name, mode in _TIMES.items()}
         self._clocks["frame.time_relative"].zero = zero
         self._header = header
 
     def begin(self) -> str:
-        """The names, if asked for."""
+        """Write the names, if asked for."""
         return "\t".join(self._names) + "\n" if self._header else ""
 
-    def rows(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[str]:
-        """A line for each picked transfer (all if not given)."""
+    def rows(self, batch: Batch, picked: Array | None = None) -> Iterator[str]:
+        """Write a line for each picked transfer (all if not given)."""
         for clock in self._clocks.values():
             clock.start(batch.frames)
-        rows = Rows(batch, self._registry, picked)
+        rows = TransferRows(batch, self._registry, picked)
         cells_ = [self._fixed(rows, n) if n in _FIXED else _found(rows, self._columns[n]) for n in self._names]
         for row in zip(*cells_, strict=True):
             yield "\t".join(row) + "\n"
 
     def end(self) -> str:
-        """Nothing stands behind the last line."""
+        """Write nothing: nothing stands behind the last line."""
         return ""
 
-    def _fixed(self, rows: Rows, name: str) -> list[str]:
+    def _fixed(self, rows: TransferRows, name: str) -> list[str]:
         if name in _TIMES:
             return self._clocks[name].column(rows.all_times(), rows.picked.tolist())
         if name == "frame.number":
@@ -106,14 +105,14 @@ class Fields:
         texts = {"kind": KINDS, "status": STATUSES}.get(column)
         return [_text(value if texts is None else texts[value]) for value in rows.column(column)]
 
-    def _of_frames(self, numbers: Sequence[int], read: Callable[[Frame], int]) -> str:
-        """One value if all frames agree, else one for each."""
+    def _of_frames(self, numbers: Sequence[int], read: Callable[[RawFrame], int]) -> str:
+        """Write one value if all frames agree, else one for each."""
         frames = [self._frame_data(n) for n in numbers]
         values = ["" if frame is None else str(read(frame)) for frame in frames]
         return values[0] if len(set(values)) == 1 else ",".join(values)
 
 
-_FRAME: dict[str, Callable[[Frame], int]] = {
+_FRAME: dict[str, Callable[[RawFrame], int]] = {
     "id": lambda frame: frame.id,
     "len": lambda frame: len(frame.data),
     "flags.xtd": lambda frame: int(frame.flag("xtd")),
@@ -123,7 +122,7 @@ _FRAME: dict[str, Callable[[Frame], int]] = {
 
 
 def find(registry: Registry, name: str) -> Column:
-    """The table and column of `<Message>.<field>[.<part>]` or `<Message>.<Packet>.<field>[.<part>]`.
+    """Find the table and column of `<Message>.<field>[.<part>]` or `<Message>.<Packet>.<field>[.<part>]`.
 
     Raises `ValueError` with near names for one that does not exist.
     """
@@ -172,7 +171,7 @@ def _own(of: Message | Packet) -> Iterator[str]:
 
 
 def field_names(registry: Registry) -> Iterator[str]:
-    """Every name that `-e` takes. Compiles every type the registry knows."""
+    """Give every name that `-e` takes. Compiles every type the registry knows."""
     yield from _FIXED
     for table in registry.names():
         message = registry.resolve(table)
@@ -182,11 +181,11 @@ def field_names(registry: Registry) -> Iterator[str]:
 
 
 def _measured(packet: Packet) -> Sequence[str]:
-    """Columns about a packet; only one that has numbers has a byte order."""
+    """Give columns about a packet; only one that has numbers has a byte order."""
     return (*_OF_PACKETS, "big_endian") if packet.numbers else _OF_PACKETS
 
 
-def _found(rows: Rows, column: Column) -> list[str]:
+def _found(rows: TransferRows, column: Column) -> list[str]:
     table, name = column
     texts: list[list[str]] = [[] for _ in range(len(rows))]
     for part in (*rows.typed, *rows.packets):

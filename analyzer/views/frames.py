@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import TYPE_CHECKING, NamedTuple
 
-from analyzer.facts.cells import pylist
 from analyzer.tables import ERROR, EXTENDED, REMOTE
+from dissectors.kit.cells import pylist
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     import pyarrow as pa
 
-    from analyzer.engine import Batch
+    from analyzer.decode.engine import Batch
 
 
-class Frame(NamedTuple):
+class RawFrame(NamedTuple):
     """One CAN frame as captured; `t` in nanoseconds, None if there was no time; `flags` as in the frame table."""
 
     id: int
@@ -31,16 +31,16 @@ class Frame(NamedTuple):
         return f"{self.id:08X}" if self.flags & EXTENDED else f"{self.id:03X}"
 
     def flag(self, name: str) -> bool:
-        """`xtd`, `rtr` or `err`."""
+        """Return `xtd`, `rtr` or `err`."""
         return bool(self.flags & {"xtd": EXTENDED, "rtr": REMOTE, "err": ERROR}[name])
 
 
 if TYPE_CHECKING:
-    FrameData = Callable[[int], Frame | None]
+    FrameData = Callable[[int], RawFrame | None]
 
 
 class FrameWindow:
-    """Frames of the last few batches, by frame number from 0: `window.add(batch)`, then `window(number)`.
+    """Frames of the last few batches, by frame number from 0: `window.feed(batch)`, then `window(number)`.
 
     Transfers end in the batch they are listed in, but may begin in an earlier one. What is gone gives None.
     """
@@ -50,15 +50,15 @@ class FrameWindow:
         self._limit = batches
         self._open: tuple[int, list[tuple[int, bytes, int, int | None, int]]] = (0, [])
 
-    def add(self, batch: Batch) -> None:
-        """Keeps the batch's frames, and forgets those of the oldest batch when there are too many."""
+    def feed(self, batch: Batch) -> None:
+        """Keep the batch's frames, and forget those of the oldest batch when there are too many."""
         if len(batch.frames):
             self._batches[batch.first_frame] = batch.frames
         while len(self._batches) > self._limit:
             self._batches.popitem(last=False)
 
-    def __call__(self, number: int) -> Frame | None:
-        """The frame with this number."""
+    def __call__(self, number: int) -> RawFrame | None:
+        """Return the frame with this number."""
         first, rows = self._open
         if not first <= number < first + len(rows):
             start = max((k for k in self._batches if k <= number), default=None)
@@ -67,4 +67,4 @@ class FrameWindow:
             table, first = self._batches[start], start
             rows = list(zip(*(pylist(table.column(c)) for c in ("id", "data", "bus", "t", "flags")), strict=True))
             self._open = first, rows
-        return Frame(*rows[number - first])
+        return RawFrame(*rows[number - first])

@@ -11,7 +11,7 @@ from analyzer.views.terminal import PLAIN, Palette
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer.views.frames import Frame, FrameData
+    from analyzer.views.frames import FrameData, RawFrame
 
 PER_LINE = 16
 _CRC_BYTES = 2
@@ -27,8 +27,8 @@ class Cut(NamedTuple):
     tail: bytes
 
 
-def cut(frames: Sequence[Frame | None], padding: int = 0) -> list[Cut | None]:
-    """The bytes of a transfer's frames by role, None where a frame is gone.
+def cut(frames: Sequence[RawFrame | None], padding: int = 0) -> list[Cut | None]:
+    """Return the bytes of a transfer's frames by role, None where a frame is gone.
 
     `padding` is the number of bytes at the end of the last frame that only fill up a CAN FD frame.
     """
@@ -48,13 +48,13 @@ def cut(frames: Sequence[Frame | None], padding: int = 0) -> list[Cut | None]:
 
 
 def tail_words(tail: int) -> str:
-    """A tail byte, decoded (4.1.3)."""
+    """Return a tail byte, decoded (4.1.3)."""
     ends = [word for bit, word in ((0x80, "start"), (0x40, "end")) if tail & bit]
     return " ".join([*ends, f"toggle {tail >> 5 & 1}", f"ID {tail & 0x1F}"])
 
 
 def hexdump(numbers: Sequence[int], frame_data: FrameData, padding: int = 0, palette: Palette = PLAIN) -> Iterator[str]:
-    """Lines about the frames of one transfer, given by their numbers from 0.
+    """Give lines about the frames of one transfer, given by their numbers from 0.
 
     Args:
         numbers: the frames.
@@ -87,7 +87,7 @@ def hexdump(numbers: Sequence[int], frame_data: FrameData, padding: int = 0, pal
 
 
 def _wrapped(head: str, pieces: list[tuple[str, str, str]], words: str, palette: Palette) -> Iterator[str]:
-    """One line, or several for the long payloads of CAN FD."""
+    """Give one line, or several for the long payloads of CAN FD."""
     line, filled = head, 0
     for k, (label, role, text) in enumerate(pieces):
         line += " | " if k else ""

@@ -8,10 +8,10 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from analyzer.facts.names import short
-from analyzer.facts.traffic import SECOND
 from analyzer.tables import VERDICTS
 from analyzer.views.terminal import escape, fit
-from analyzer.views.times import Clock
+from analyzer.views.times import TimeFormat
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -27,7 +27,7 @@ _FOREIGN = VERDICTS[1]
 
 
 def render(facts: Facts, *, everything: bool = False) -> str:
-    """The summary as text; long lists are cut unless `everything` is wanted."""
+    """Write the summary as text; long lists are cut unless `everything` is wanted."""
     lines = [*_head(facts), *_buses(facts, everything), ""]
     lines += _nodes(facts, everything)
     lines += _unknown(facts, everything)
@@ -37,7 +37,7 @@ def render(facts: Facts, *, everything: bool = False) -> str:
 
 
 def render_json(facts: Facts) -> str:
-    """The summary as one JSON object; times are nanoseconds, what is not known is null."""
+    """Write the summary as one JSON object; times are nanoseconds, what is not known is null."""
     content = asdict(facts)
     if len(facts.files) == 1:
         content = asdict(facts.files[0]) | content
@@ -83,7 +83,7 @@ def _head(facts: Facts) -> Iterator[str]:
 
 
 def _sum(terms: Iterable[tuple[int, str]]) -> str:
-    """The first term always, the others when they are not zero."""
+    """Write the first term always, the others when they are not zero."""
     first, *rest = terms
     return " + ".join(f"{count} {name}" for count, name in [first, *(t for t in rest if t[0])])
 
@@ -95,16 +95,16 @@ def _span(facts: Facts) -> str:
         return "of several kinds, which cannot be compared"
     length = duration(facts.end - facts.start)
     if not facts.absolute:
-        clock = Clock("e", digits=6)
+        clock = TimeFormat("e", digits=6)
         return f"{clock.text(facts.start)} s to {clock.text(facts.end)} s (relative), {length}"
-    clock = Clock("ad", digits=6)
+    clock = TimeFormat("ad", digits=6)
     start, end = clock.text(facts.start)[:-3], clock.text(facts.end)[:-3]
     day, _, hour = end.partition(" ")
     return f"{start} to {hour if start.startswith(day) else end} (local), {length}"
 
 
 def duration(ns: int) -> str:
-    """A length of time in the two or three largest units that say something."""
+    """Write a length of time in the two or three largest units that say something."""
     seconds, rest = divmod(ns, SECOND)
     if seconds < 60:
         return f"{seconds}.{rest // 1_000_000:03d} s"
@@ -145,13 +145,18 @@ def _nodes(facts: Facts, everything: bool) -> Iterator[str]:
         hz = "-" if node.hz is None else f"{node.hz:.1f}"
         software = fit(escape(node.software or "-"), 9)
         yield (
-            f"{where}{node.node or 'anon':>4} {_channels(node):>3} {name:<{width}} {node.count:>{counts}} {hz:>7} "
+            f"{where}{_number(node):>4} {_channels(node):>3} {name:<{width}} {node.count:>{counts}} {hz:>7} "
             f"{node.bad:>4}  {software:<9} {_moment(node.first, facts):<8} {_moment(node.last, facts)}"
         )
     if len(known) > len(shown):
         yield f"and {len(known) - len(shown)} more (--all)"
     if facts.not_listed:
         yield f"and {facts.not_listed} transfers of further nodes and types"
+
+
+def _number(node: NodeFacts) -> str:
+    """Return the node ID; only a message can come from 0 and not be anonymous."""
+    return str(node.node) if node.node or node.kind == "message" else "anon"
 
 
 def _sends(node: NodeFacts) -> str:
@@ -173,11 +178,11 @@ def _moment(t: int | None, facts: Facts) -> str:
         return "start"
     if facts.end - t <= near:
         return "end"
-    return Clock("a", digits=6).text(t)[:8] if facts.absolute else f"{(t - facts.start) / SECOND:.1f} s"
+    return TimeFormat("a", digits=6).text(t)[:8] if facts.absolute else f"{(t - facts.start) / SECOND:.1f} s"
 
 
 def _unknown(facts: Facts, everything: bool) -> Iterator[str]:
-    """Types that no dissector knows, most frequent first."""
+    """Give types that no dissector knows, most frequent first."""
     found: dict[str, int] = {}
     for node in facts.nodes:
         if not node.known:
@@ -204,7 +209,7 @@ def _ranking(ranked: Iterable[tuple[str, int]], everything: bool) -> str:
 
 
 def _readings(facts: Facts) -> Iterator[str]:
-    """One line for each choice that some node makes."""
+    """Give one line for each choice that some node makes."""
     if facts.readings:
         yield ""
     groups: dict[tuple[str, str, str, str], list[Statement]] = {}

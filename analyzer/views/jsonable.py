@@ -9,20 +9,21 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from analyzer.facts.cells import pylist, step_into
+from analyzer.facts.json_number import number
 from analyzer.facts.meaning import meaning
-from dissectors.schema import Array, Compound, Primitive
+from dissectors.kit.cells import pylist, step_into
+from dissectors.schema import ArrayType, CompoundType, PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from fractions import Fraction
 
-    from analyzer.views.rows import Part
+    from analyzer.views.rows import MessagePart
     from dissectors.schema import Bits, Message, Note, Packet, Type
 
 
-def field_objects(part: Part, *, physical: bool) -> list[dict[str, Any]]:
-    """The fields of every row of a table; `physical` scales numbers and reads texts, as packets are shown."""
+def field_objects(part: MessagePart, *, physical: bool) -> list[dict[str, Any]]:
+    """Return the fields of every row of a table; `physical` scales numbers and reads texts, as packets are shown."""
     if part.of is None:
         reasons, data = pylist(part.table.column("reason")), pylist(part.table.column("data"))
         return [{"reason": r, "data": d.hex().upper()} for r, d in zip(reasons, data, strict=True)]
@@ -36,7 +37,7 @@ def field_objects(part: Part, *, physical: bool) -> list[dict[str, Any]]:
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def _field(part: Part, of: Message | Packet, name: str, kind: Type, *, physical: bool) -> list[Any]:
+def _field(part: MessagePart, of: Message | Packet, name: str, kind: Type, *, physical: bool) -> list[Any]:
     note = of.notes.get(name)
     values = pylist(part.table.column(part.own(name)))
     if note is not None and physical and note.text:
@@ -51,12 +52,12 @@ def _field(part: Part, of: Message | Packet, name: str, kind: Type, *, physical:
 
 
 def _column(kind: Type, raw: list[Any], shown: list[Any], name: str, of: Message | Packet) -> list[Any]:
-    """`raw` and `shown` are the same cells unless the field is scaled; what is nested never is."""
-    if isinstance(kind, Compound):
+    """Convert a column; `raw` and `shown` are the same cells unless the field is scaled; what is nested never is."""
+    if isinstance(kind, CompoundType):
         return _structures(kind, raw, name, of)
     note = None if "." in name else meaning(of, name).note  # nested types stay exactly as DSDL has them
-    if isinstance(kind, Array):
-        if isinstance(kind.element, Primitive) and kind.element.kind != "float" and not _named(note):
+    if isinstance(kind, ArrayType):
+        if isinstance(kind.element, PrimitiveType) and kind.element.kind != "float" and not _named(note):
             return shown
         pairs = zip(raw, shown, strict=True)
         return [None if r is None else _column(kind.element, r, s, name, of) for r, s in pairs]
@@ -66,7 +67,7 @@ def _column(kind: Type, raw: list[Any], shown: list[Any], name: str, of: Message
     return [number(cell) for cell in shown] if any(isinstance(cell, float) for cell in shown) else shown
 
 
-def _structures(kind: Compound, cells: list[Any], name: str, of: Message | Packet) -> list[Any]:
+def _structures(kind: CompoundType, cells: list[Any], name: str, of: Message | Packet) -> list[Any]:
     columns: dict[str, list[Any]] = {}
     for member in kind.fields:
         if member.name:
@@ -81,7 +82,7 @@ def _structures(kind: Compound, cells: list[Any], name: str, of: Message | Packe
 
 
 def _objects(raw: list[Any], note: Note) -> list[dict[str, Any] | None]:
-    """`raw`, then the bit parts, then `text`; a name is null when the value has none."""
+    """Return `raw`, then the bit parts, then `text`; a name is null when the value has none."""
     texts: Mapping[int, str] = {**note.enum, **note.special}
     out: list[dict[str, Any] | None] = []
     for cell in raw:
@@ -111,13 +112,13 @@ def _named(note: Note | None) -> bool:
 
 
 def _active(members: dict[str, Any]) -> dict[str, Any]:
-    """Of a union only the member that was sent."""
+    """Return of a union only the member that was sent."""
     return {name: value for name, value in members.items() if value is not None}
 
 
 def _unscaled(values: list[Any], kind: Type, scale: Fraction) -> list[Any]:
-    """Raw numbers of a column that holds raw * scale."""
-    whole = not (isinstance(kind, Primitive) and kind.kind == "float")
+    """Return raw numbers of a column that holds raw * scale."""
+    whole = not (isinstance(kind, PrimitiveType) and kind.kind == "float")
 
     def one(value: Any) -> Any:
         if isinstance(value, list):
@@ -128,10 +129,3 @@ def _unscaled(values: list[Any], kind: Type, scale: Fraction) -> list[Any]:
         return round(raw) if whole else raw
 
     return [one(value) for value in values]
-
-
-def number(value: Any) -> Any:
-    """A number as JSON can hold it: what is not finite becomes "NaN", "Infinity" or "-Infinity"."""
-    if value is None or math.isfinite(value):
-        return value
-    return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer.facts.names import type_name
-from analyzer.tables import KINDS, STATUSES, TRANSFER_ANOMALIES, numbers
+from analyzer.tables import KINDS, STATUSES, TRANSFER_ANOMALIES
 from analyzer.views.marks import Marks
 from analyzer.views.phrases import octets, phrases
-from analyzer.views.rows import Rows
+from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
 from analyzer.views.wording import LISTED, anomalies
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    import numpy.typing as npt
-
-    from analyzer.engine import Batch
-    from analyzer.views.marks import Mark
-    from analyzer.views.times import Clock
+    from analyzer.decode.engine import Batch
+    from analyzer.views.marks import ListMark
+    from analyzer.views.times import TimeFormat
     from dissectors import Registry
+    from dissectors.kit import Array
     from dissectors.schema import Message
 
 _OK, _UNCHECKED, _BAD_CRC, _, _TIMED_OUT, _TOO_SHORT, _OPEN = range(len(STATUSES))
@@ -44,7 +44,9 @@ class Listing:
         width: columns of the terminal, lines are cut there; None never cuts.
     """
 
-    def __init__(self, registry: Registry, clock: Clock, palette: Palette = PLAIN, width: int | None = None) -> None:
+    def __init__(
+        self, registry: Registry, clock: TimeFormat, palette: Palette = PLAIN, width: int | None = None
+    ) -> None:
         self._registry = registry
         self._clock = clock
         self._palette = palette
@@ -54,21 +56,21 @@ class Listing:
         self._buses = -1
         self._time = self._type = self._bus = 0
 
-    def lines(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[str]:
-        """The lines of `entries`, one after another."""
+    def lines(self, batch: Batch, picked: Array | None = None) -> Iterator[str]:
+        """Give the lines of `entries`, one after another."""
         for entry in self.entries(batch, picked):
             yield from entry
         yield from self.rest()
 
-    def entries(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[list[str]]:
-        """The lines of each picked transfer (all if not given), without line ends; the header comes with the first one.
+    def entries(self, batch: Batch, picked: Array | None = None) -> Iterator[list[str]]:
+        """Give the lines of each picked transfer (all if not given), without line ends; the header is in the first.
 
         The header is repeated when a second interface turns up, since its column is shown from then on.
         """
         self._clock.start(batch.frames)
-        self._marks.add(batch)
+        self._marks.feed(batch)
         self._names = batch.buses
-        rows = Rows(batch, self._registry, picked)
+        rows = TransferRows(batch, self._registry, picked)
         times = self._clock.column(rows.all_times(), rows.picked.tolist())
         if not len(rows):
             return
@@ -79,13 +81,13 @@ class Listing:
             head = []
 
     def rest(self) -> list[str]:
-        """The lines of error frames and losses behind the last transfer of the batches so far."""
+        """Give the lines of error frames and losses behind the last transfer of the batches so far."""
         waiting = list(self._marks.due(None))
         head = [self._header([self._clock.text(waiting[0].t)], [""])] if waiting and self._buses < 0 else []
         return [*head, *map(self._mark, waiting)]
 
-    def _mark(self, mark: Mark) -> str:
-        """A line without a frame number, source and transfer ID."""
+    def _mark(self, mark: ListMark) -> str:
+        """Write a line without a frame number, source and transfer ID."""
         names = list(map(escape, self._names))
         name = "" if mark.bus is None or not self._bus else fit(names[mark.bus], self._bus - 1)
         where = f"{self._clock.text(mark.t):>{self._time}}"
@@ -94,7 +96,7 @@ class Listing:
         line = f"!{'-':>8}  {where}{blank}{bus}{mark.kind:<{self._type}}     {escape(mark.text)}"
         return self._palette.paint("bad", self._cut(line))
 
-    def _identities(self, rows: Rows) -> Iterator[tuple[Message | None, int, int]]:
+    def _identities(self, rows: TransferRows) -> Iterator[tuple[Message | None, int, int]]:
         return zip(rows.messages, rows.column("kind"), rows.column("type_id"), strict=True)
 
     def _header(self, times: list[str], types: list[str]) -> str:
@@ -108,7 +110,7 @@ class Listing:
         text = f"    Frame  {self._clock.head:<{self._time}}{source}>Dst {bus}{'Type':<{self._type}} ID  Info"
         return self._palette.paint("head", self._cut(text))
 
-    def _body(self, rows: Rows, times: list[str], types: list[str]) -> Iterator[list[str]]:
+    def _body(self, rows: TransferRows, times: list[str], types: list[str]) -> Iterator[list[str]]:
         width, palette, shown = self._type, self._palette, max(_TIME_AND_SOURCE, self._time + 4)
         status, odd = rows.column("status"), rows.column("anomaly")
         buses = self._bus_texts(rows)
@@ -133,7 +135,7 @@ class Listing:
                 entry.append(palette.paint("note", self._cut(note)))
             yield entry
 
-    def _bus_texts(self, rows: Rows) -> Iterable[str]:
+    def _bus_texts(self, rows: TransferRows) -> Iterable[str]:
         if not self._bus:
             return [""] * len(rows)
         names = [escape(name) for name in rows.batch.buses]
@@ -146,8 +148,8 @@ class Listing:
         return line if self._width is None else fit(line, self._width)
 
 
-def _infos(rows: Rows) -> list[str]:
-    """What each transfer says."""
+def _infos(rows: TransferRows) -> list[str]:
+    """Return what each transfer says."""
     infos: list[str] = [""] * len(rows)
     for part in rows.typed:
         for at, text in zip(part.at, phrases(part), strict=True):
@@ -166,7 +168,7 @@ def _infos(rows: Rows) -> list[str]:
     return infos
 
 
-def _add_packets(rows: Rows, infos: list[str]) -> None:
+def _add_packets(rows: TransferRows, infos: list[str]) -> None:
     texts = {id(part): phrases(part) for part in rows.packets}
     sound = {id(part): part.table.column("packet_ok").to_pylist() for part in rows.packets if part.of is not None}
     for at, packets in rows.inner().items():
@@ -179,7 +181,7 @@ def _add_packets(rows: Rows, infos: list[str]) -> None:
         infos[at] = " | ".join(filter(None, [*said, infos[at]]))
 
 
-def _troubled(rows: Rows, at: int, info: str) -> str:
+def _troubled(rows: TransferRows, at: int, info: str) -> str:
     code = rows.column("status")[at]
     if code == _UNCHECKED:
         return octets(rows.column("payload")[at])
@@ -197,7 +199,7 @@ def _troubled(rows: Rows, at: int, info: str) -> str:
 
 
 def broken_words(status: int, frames: int, size: int, message: Message | None, *, gap: bool) -> str:
-    """How far a broken transfer came, of how many frames if its type has one length; `gap`: some are missing."""
+    """Say how far a broken transfer came, of how many frames if its type has one length; `gap`: some are missing."""
     total = _frames_of(message)
     if total is not None and frames < total:
         progress = f"{frames} of {total} frames"
@@ -213,7 +215,7 @@ def broken_words(status: int, frames: int, size: int, message: Message | None, *
 
 
 def _frames_of(message: Message | None) -> int | None:
-    """Frames of a classic CAN transfer, if the type has one length."""
+    """Return the frames of a classic CAN transfer, if the type has one length."""
     if message is None or message.min_bytes != message.max_bytes:
         return None
     return 1 if message.max_bytes <= 7 else -(-(message.max_bytes + 2) // 7)

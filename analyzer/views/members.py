@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from analyzer.facts.cells import pylist, step_into
 from analyzer.facts.meaning import meaning
+from dissectors.kit.cells import pylist, step_into
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import pyarrow as pa
 
-    from analyzer.views.rows import Part
+    from analyzer.views.rows import MessagePart
     from dissectors.schema import Bits
 
 
-def cells(part: Part, column: str) -> list[Any]:
-    """Values of a column; a member of a structure by its dotted name, physical like every column.
+def cells(part: MessagePart, column: str) -> list[Any]:
+    """Return values of a column; a member of a structure by its dotted name, physical like every column.
 
     Raises `KeyError` for a column that the table does not have.
     """
@@ -37,7 +37,7 @@ def cells(part: Part, column: str) -> list[Any]:
 
 
 def _type_of(table: pa.RecordBatch, column: str) -> Sequence[str] | None:
-    """Names of the members of a structure, or of the structures in a list."""
+    """Return names of the members of a structure, or of the structures in a list."""
     head, *steps = column.split(".")
     if head not in table.schema.names:
         return None
@@ -55,7 +55,7 @@ def _type_of(table: pa.RecordBatch, column: str) -> Sequence[str] | None:
 
 
 def _each(value: Any, bits: Bits) -> Any:
-    """A bit part of a word that is nested in a structure."""
+    """Return a bit part of a word that is nested in a structure."""
     if isinstance(value, list):
         return [_each(cell, bits) for cell in value]
     if value is None:

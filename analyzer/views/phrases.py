@@ -7,17 +7,17 @@ from functools import lru_cache
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
-from analyzer.facts.cells import pylist
 from analyzer.facts.meaning import Meaning, meaning
 from analyzer.views.members import cells
 from analyzer.views.terminal import escape
 from analyzer.views.wording import MISSING, formatter, plain, quantity
 from dissectors import template
+from dissectors.kit.cells import pylist
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from analyzer.views.rows import Part
+    from analyzer.views.rows import MessagePart
     from dissectors.schema import Message, Packet
 
 # Bounds of a line about a type without a template, and of bytes shown in a line.
@@ -28,8 +28,8 @@ BYTES_SHOWN = 64
 _slots = lru_cache(maxsize=1024)(template.parse)
 
 
-def phrases(part: Part) -> list[str]:
-    """A line for each row; rows that no packet claims show their bytes."""
+def phrases(part: MessagePart) -> list[str]:
+    """Write a line for each row; rows that no packet claims show their bytes."""
     if part.of is None:
         reasons, data = pylist(part.table.column("reason")), pylist(part.table.column("data"))
         return [f"{reason}: {octets(raw)}" for reason, raw in zip(reasons, data, strict=True)]
@@ -45,13 +45,13 @@ def phrases(part: Part) -> list[str]:
 
 
 def octets(data: bytes, limit: int = BYTES_SHOWN) -> str:
-    """Bytes in hexadecimal, at most `limit` of them."""
+    """Write bytes in hexadecimal, at most `limit` of them."""
     if not data:
         return "no data"
     return data[:limit].hex(" ").upper() + (f" ... {len(data)} bytes" if len(data) > limit else "")
 
 
-def _texts(part: Part, column: str, spec: str) -> list[str]:
+def _texts(part: MessagePart, column: str, spec: str) -> list[str]:
     about = meaning(part.of, column)
     if about.note is not None and about.note.text and f"{column}.text" in part.table.schema.names:
         return [escape(text or MISSING) for text in cells(part, f"{column}.text")]
@@ -75,14 +75,14 @@ def _floats(values: list[Any], spec: str) -> list[str]:
     return list(map(formatter(spec, {}), values))
 
 
-def _measured(part: Part, column: str, spec: str, about: Meaning) -> list[str]:
-    """A value whose unit follows another field; raw where the unit is not known."""
+def _measured(part: MessagePart, column: str, spec: str, about: Meaning) -> list[str]:
+    """Write a value whose unit follows another field; raw where the unit is not known."""
     show = formatter(spec, about.texts)
     cell = zip(*(cells(part, name) for name in (column, f"{column}.value", f"{column}.unit")), strict=True)
     return [show(raw) if value is None else quantity(show(value), unit or "") for raw, value, unit in cell]
 
 
-def _all_fields(part: Part, of: Message | Packet) -> list[str]:
+def _all_fields(part: MessagePart, of: Message | Packet) -> list[str]:
     columns = []
     for member in [m for m in of.layout.fields if m.name][:FIELDS_SHOWN]:
         texts = meaning(of, member.name).texts

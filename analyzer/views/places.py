@@ -1,4 +1,4 @@
-"""Where each value stood in the payload: the layout walked once more, with the lengths and tags that were decoded."""
+"""Places of values in the payload: the layout walked once more, with the lengths and tags that were decoded."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from analyzer.prefix import BYTE_PREFIX, TAIL
-from dissectors.schema import Array, Compound, Primitive
+from analyzer.decode.prefix import BYTE_PREFIX, TAIL
+from dissectors.schema import ArrayType, CompoundType, PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,7 +19,7 @@ _TAIL_ELEMENT_BITS = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class FieldPlace:
     """Some bits of a payload and what they are.
 
     `path` is like `cmd[3]` or `value.integer_value`. `role` is value, length (of the array `path`), tag (of the union
@@ -30,7 +30,7 @@ class Place:
     role: str
     start: int
     bits: int
-    type: Primitive | None = None
+    type: PrimitiveType | None = None
 
     @property
     def first_byte(self) -> int:
@@ -43,7 +43,7 @@ class Place:
         return (self.start + max(self.bits, 1) - 1) // 8
 
     def words(self) -> str:
-        """Bytes from 1, as the document counts them, and bits (7 is the first of a byte) where they are not whole."""
+        """Write bytes from 1, as the document counts them, and bits (7 is a byte's first) where they are not whole."""
         first, last = f"{self.first_byte + 1}", f"{self.last_byte + 1}"
         if self.start % 8 == 0 and self.bits % 8 == 0:
             return f"byte {first}" if first == last else f"bytes {first}-{last}"
@@ -53,8 +53,8 @@ class Place:
         return f"byte {first} bit {high} to byte {last} bit {low}"
 
 
-def places(layout: Type, values: Any, code: int = TAIL) -> list[Place]:
-    """Every bit of one value, in wire order and without overlap.
+def places(layout: Type, values: Any, code: int = TAIL) -> list[FieldPlace]:
+    """Give every bit of one value, in wire order and without overlap.
 
     Args:
         layout: of a whole message, or of anything in it (with `code` 1).
@@ -73,14 +73,14 @@ class _Walk:
     def __init__(self) -> None:
         self.at = 0
         self.lost = False
-        self.found: list[Place] = []
+        self.found: list[FieldPlace] = []
 
     def visit(self, kind: Type, value: Any, path: str, code: int) -> None:
         if self.lost:
             return
-        if isinstance(kind, Primitive):
+        if isinstance(kind, PrimitiveType):
             self._take(path, "padding" if kind.kind == "void" else "value", kind.bits, kind)
-        elif isinstance(kind, Array):
+        elif isinstance(kind, ArrayType):
             self._array(kind, value, path, code)
         elif kind.union:
             self._union(kind, value, path, code)
@@ -90,7 +90,7 @@ class _Walk:
                 last = member is kind.fields[-1]
                 self.visit(member.type, inner, _join(path, member.name), code if last else USUAL)
 
-    def _array(self, kind: Array, value: Any, path: str, code: int) -> None:
+    def _array(self, kind: ArrayType, value: Any, path: str, code: int) -> None:
         cells = value if isinstance(value, (list, tuple)) else []
         count, inner = kind.max, code
         if kind.dynamic:
@@ -102,7 +102,7 @@ class _Walk:
             cell = cells[k] if k < len(cells) else None
             self.visit(kind.element, cell, f"{path}[{k}]", inner if k == count - 1 else USUAL)
 
-    def _union(self, kind: Compound, value: Any, path: str, code: int) -> None:
+    def _union(self, kind: CompoundType, value: Any, path: str, code: int) -> None:
         self._take(path, "tag", kind.tag_bits, None)
         cells = value if isinstance(value, Mapping) else {}
         active = next((m for m in kind.fields if cells.get(m.name) is not None), None)
@@ -111,30 +111,30 @@ class _Walk:
         else:
             self.visit(active.type, cells[active.name], _join(path, active.name), code)
 
-    def _take(self, path: str, role: str, bits: int, kind: Primitive | None) -> None:
+    def _take(self, path: str, role: str, bits: int, kind: PrimitiveType | None) -> None:
         if bits:
-            self.found.append(Place(path, role, self.at, bits, kind))
+            self.found.append(FieldPlace(path, role, self.at, bits, kind))
         self.at += bits
 
 
-def below(found: list[Place], path: str) -> Iterator[Place]:
-    """The places of one field, whatever is nested in it."""
+def below(found: list[FieldPlace], path: str) -> Iterator[FieldPlace]:
+    """Return the places of one field, whatever is nested in it."""
     for place in found:
         if place.path == path or place.path.startswith((f"{path}.", f"{path}[")):
             yield place
 
 
-def span(found: list[Place], path: str, start: int = 0) -> Place | None:
-    """All bits of one field as one place, `start` bits further on; None if it has none."""
+def span(found: list[FieldPlace], path: str, start: int = 0) -> FieldPlace | None:
+    """Return all bits of one field as one place, `start` bits further on; None if it has none."""
     own = list(below(found, path))
     if not own:
         return None
     end = own[-1].start + own[-1].bits
-    return Place(path, "value", own[0].start + start, end - own[0].start, own[0].type if len(own) == 1 else None)
+    return FieldPlace(path, "value", own[0].start + start, end - own[0].start, own[0].type if len(own) == 1 else None)
 
 
-def raw_bits(payload: bytes, place: Place) -> int | None:
-    """The raw unsigned number at a place, as DroneCAN orders its bits; None if the payload ends before."""
+def raw_bits(payload: bytes, place: FieldPlace) -> int | None:
+    """Return the raw unsigned number at a place, as DroneCAN orders its bits; None if the payload ends before."""
     if place.start + place.bits > len(payload) * 8:
         return None
     word = int.from_bytes(payload[place.first_byte : place.last_byte + 1], "big")

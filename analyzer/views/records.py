@@ -10,18 +10,17 @@ import io
 import json
 from typing import TYPE_CHECKING, Any
 
-from analyzer.facts.cells import pylist
 from analyzer.tables import KINDS, STATUSES
 from analyzer.views.jsonable import field_objects
-from analyzer.views.rows import Rows
+from analyzer.views.rows import TransferRows
+from dissectors.kit.cells import pylist
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import numpy.typing as npt
-
-    from analyzer.engine import Batch
+    from analyzer.decode.engine import Batch
     from dissectors import Registry
+    from dissectors.kit import Array
 
 KEYS = (
     "frame", "frames", "t_ns", "bus", "kind", "type", "type_id", "src", "dst", "priority", "transfer_id", "status",
@@ -31,14 +30,14 @@ _DECODED = (STATUSES.index("ok"), STATUSES.index("bad crc"))
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
-def records(batch: Batch, registry: Registry, picked: npt.NDArray[Any] | None = None) -> Iterator[dict[str, Any]]:
-    """A record for each picked transfer (all if not given), with the keys of `KEYS` in that order.
+def records(batch: Batch, registry: Registry, picked: Array | None = None) -> Iterator[dict[str, Any]]:
+    """Give a record for each picked transfer (all if not given), with the keys of `KEYS` in that order.
 
     `frames` are numbers from 1. What is absent is None: the time of a capture without times, the destination of a
     broadcast, the type of an unknown ID, the fields of a transfer that is broken. `packets` is None for types that
     carry none.
     """
-    rows = Rows(batch, registry, picked)
+    rows = TransferRows(batch, registry, picked)
     fields, packets = _fields(rows), _packets(rows)
     numbers = [[frame + 1 for frame in frames] for frames in rows.column("frame")]
     columns = {
@@ -59,7 +58,7 @@ def records(batch: Batch, registry: Registry, picked: npt.NDArray[Any] | None = 
         yield dict(zip(KEYS, values, strict=True))
 
 
-def _fields(rows: Rows) -> list[dict[str, Any] | None]:
+def _fields(rows: TransferRows) -> list[dict[str, Any] | None]:
     found: list[dict[str, Any] | None] = [None] * len(rows)
     status = rows.column("status")
     for part in rows.typed:
@@ -68,7 +67,7 @@ def _fields(rows: Rows) -> list[dict[str, Any] | None]:
     return found
 
 
-def _packets(rows: Rows) -> list[list[dict[str, Any]] | None]:
+def _packets(rows: TransferRows) -> list[list[dict[str, Any]] | None]:
     found: list[list[dict[str, Any]] | None] = [None] * len(rows)
     status = rows.column("status")
     for part in rows.typed:
@@ -94,16 +93,16 @@ class JsonLines:
         self._registry = registry
 
     def begin(self) -> str:
-        """Nothing stands before the first line."""
+        """Write nothing: nothing stands before the first line."""
         return ""
 
-    def rows(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[str]:
-        """A line for each picked transfer."""
+    def rows(self, batch: Batch, picked: Array | None = None) -> Iterator[str]:
+        """Write a line for each picked transfer."""
         for record in records(batch, self._registry, picked):
             yield text_of(record) + "\n"
 
     def end(self) -> str:
-        """Nothing stands behind the last line."""
+        """Write nothing: nothing stands behind the last line."""
         return ""
 
 
@@ -115,17 +114,17 @@ class JsonArray:
         self._before = "\n"
 
     def begin(self) -> str:
-        """The bracket that opens the array."""
+        """Write the bracket that opens the array."""
         return "["
 
-    def rows(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[str]:
-        """An element for each picked transfer."""
+    def rows(self, batch: Batch, picked: Array | None = None) -> Iterator[str]:
+        """Write an element for each picked transfer."""
         for record in records(batch, self._registry, picked):
             yield self._before + text_of(record)
             self._before = ",\n"
 
     def end(self) -> str:
-        """The bracket that closes it."""
+        """Write the bracket that closes it."""
         return "\n]\n"
 
 
@@ -139,11 +138,11 @@ class Csv:
         self._registry = registry
 
     def begin(self) -> str:
-        """The header."""
+        """Write the header."""
         return ",".join(KEYS) + "\r\n"
 
-    def rows(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[str]:
-        """A line for each picked transfer."""
+    def rows(self, batch: Batch, picked: Array | None = None) -> Iterator[str]:
+        """Write a line for each picked transfer."""
         out = io.StringIO()
         writer = csv.writer(out)
         for record in records(batch, self._registry, picked):
@@ -156,12 +155,12 @@ class Csv:
             out.truncate()
 
     def end(self) -> str:
-        """Nothing stands behind the last line."""
+        """Write nothing: nothing stands behind the last line."""
         return ""
 
 
 def text_of(value: Any) -> str:
-    """JSON in ASCII: control characters and changes of writing direction are escapes."""
+    """Write JSON in ASCII: control characters and changes of writing direction are escapes."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False)
 
 

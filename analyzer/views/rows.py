@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from analyzer.facts.cells import pylist
-from analyzer.tables import numbers
+from dissectors.kit.cells import numbers, pylist
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from analyzer.engine import Batch
+    from analyzer.decode.engine import Batch
     from dissectors import Registry
+    from dissectors.kit import Array
     from dissectors.schema import Message, Packet
 
 UNRECOGNIZED = "unrecognized"
@@ -23,7 +21,7 @@ _MOST_PADDING = 15  # the largest step between two lengths that CAN FD has: 48 t
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class MessagePart:
     """Rows of one message or packet table that belong to picked transfers.
 
     `of` is their layout and meaning, None for the bytes that no packet claims. `at[k]` is the position, among the
@@ -36,12 +34,12 @@ class Part:
     at: list[int]
 
     def own(self, field: str) -> str:
-        """The column of a field: another one if it is called like a column that every message has."""
+        """Return the column of a field: another one if it is called like a column that every message has."""
         other = f"{field}.field"
         return other if other in self.table.schema.names else field
 
 
-class Rows:
+class TransferRows:
     """Some transfers of a batch, column by column.
 
     Args:
@@ -53,7 +51,7 @@ class Rows:
     occur, cut to the picked transfers; a broken transfer has a type, but no row in them.
     """
 
-    def __init__(self, batch: Batch, registry: Registry, picked: npt.NDArray[Any] | None = None) -> None:
+    def __init__(self, batch: Batch, registry: Registry, picked: Array | None = None) -> None:
         total = len(batch.transfers)
         self.batch = batch
         self.picked = np.arange(total) if picked is None else np.asarray(picked, np.int64)
@@ -67,29 +65,29 @@ class Rows:
         self.packets = [part for m in found if m.packets is not None for part in self._inside(m, registry)]
 
     def __len__(self) -> int:
-        """How many transfers were picked."""
+        """Return how many transfers were picked."""
         return len(self.picked)
 
     def column(self, name: str) -> list[Any]:
-        """A column of `TRANSFERS`; times and gaps as integer nanoseconds."""
+        """Return a column of `TRANSFERS`; times and gaps as integer nanoseconds."""
         if name not in self._columns:
             self._columns[name] = pylist(self._transfers.column(name))
         return self._columns[name]
 
-    def array(self, name: str) -> npt.NDArray[Any]:
-        """A column of numbers as numpy, null cells with an arbitrary value."""
+    def array(self, name: str) -> Array:
+        """Return a column of numbers as numpy, null cells with an arbitrary value."""
         return numbers(self._transfers.column(name))
 
     def all_times(self) -> list[int | None]:
-        """Times of every transfer of the batch, picked or not."""
+        """Return times of every transfer of the batch, picked or not."""
         return self.column("t") if self._whole else pylist(self.batch.transfers.column("t"))
 
     def first_frames(self) -> list[int]:
-        """Number of each transfer's first frame, from 1."""
+        """Return the number of each transfer's first frame, from 1."""
         return [frames[0] + 1 if frames else 0 for frames in self.column("frame")]
 
     def padding(self) -> list[int]:
-        """Bytes at the end of each payload that only fill up a CAN FD frame: zero, and behind the last field."""
+        """Count bytes at the end of each payload that only fill up a CAN FD frame: zero, and behind the last field."""
         found = [0] * len(self)
         fd, payload = self.column("fd"), self.column("payload")
         for part in self.typed:
@@ -101,12 +99,12 @@ class Rows:
         return found
 
     def unpadded(self) -> list[bytes]:
-        """The payloads without their CAN FD padding."""
+        """Return the payloads without their CAN FD padding."""
         return [data[: len(data) - count] for data, count in zip(self.column("payload"), self.padding(), strict=True)]
 
-    def inner(self) -> dict[int, list[tuple[int, Part, int]]]:
-        """The packets of each transfer that has some: (offset, part, row in it) in the order of their bytes."""
-        found: dict[int, list[tuple[int, Part, int]]] = {}
+    def inner(self) -> dict[int, list[tuple[int, MessagePart, int]]]:
+        """Return the packets of each transfer that has some: (offset, part, row in it) in the order of their bytes."""
+        found: dict[int, list[tuple[int, MessagePart, int]]] = {}
         for part in self.packets:
             for row, (at, offset) in enumerate(zip(part.at, pylist(part.table.column("offset")), strict=True)):
                 found.setdefault(at, []).append((offset, part, row))
@@ -122,18 +120,18 @@ class Rows:
         messages = {m.table: m for m in known if m is not None}
         return list(messages.values()), [known[k] for k in inverse.tolist()]
 
-    def _part(self, name: str, of: Message | Packet | None) -> list[Part]:
+    def _part(self, name: str, of: Message | Packet | None) -> list[MessagePart]:
         table = self.batch.messages.get(name)
         if table is None or not len(table):
             return []
         at = self._where[(numbers(table.column("transfer")) - np.uint64(self.batch.first_transfer)).astype(np.int64)]
         if self._whole:
-            return [Part(name, of, table, at.tolist())]
+            return [MessagePart(name, of, table, at.tolist())]
         rows = np.flatnonzero(at >= 0)
-        return [Part(name, of, table.take(pa.array(rows)), at[rows].tolist())] if rows.size else []
+        return [MessagePart(name, of, table.take(pa.array(rows)), at[rows].tolist())] if rows.size else []
 
-    def _inside(self, message: Message, registry: Registry) -> list[Part]:
-        """Packets of the message's own kinds, then those that belong in another message, then unclaimed bytes."""
+    def _inside(self, message: Message, registry: Registry) -> list[MessagePart]:
+        """Give packets of the message's own kinds, then those that belong in another message, then unclaimed bytes."""
         families = [m.packets for m in (message, *registry.carriers()) if m.packets is not None]
         kinds = {packet.name: packet for family in reversed(families) for packet in family.packets}
         parts = [self._part(f"{message.table}.{name}", packet) for name, packet in kinds.items()]

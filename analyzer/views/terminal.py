@@ -9,6 +9,8 @@ ELLIPSIS = "…"
 
 _STYLES = {
     "head": "1",
+    "good": "32",
+    "code": "36",
     "bad": "31",
     "note": "33",
     "dim": "2",
@@ -20,7 +22,7 @@ _STYLES = {
 
 
 def escape(text: str | bytes) -> str:
-    r"""`text` with everything that a terminal or a reader could be fooled by written as `\xNN` or `\uNNNN`.
+    r"""Return `text` with everything that could fool a terminal or a reader written as `\xNN` or `\uNNNN`.
 
     That is every character that is not printable: control characters, escape sequences, changes of writing direction,
     invisible and unassigned characters, all blanks but the plain one, and bytes that are not UTF-8.
@@ -41,14 +43,14 @@ def _escaped(code: int) -> str:
 
 
 def display_width(text: str) -> int:
-    """Terminal columns that printable text takes: wide characters count two, combining ones none."""
+    """Count terminal columns that printable text takes: wide characters count two, combining ones none."""
     if text.isascii():
         return len(text)
     return sum(_columns(c) for c in text)
 
 
 def fit(text: str, width: int) -> str:
-    """`text` in at most `width` columns, an ellipsis where it was cut."""
+    """Return `text` in at most `width` columns, an ellipsis where it was cut."""
     if display_width(text) <= width:
         return text
     if width <= 0:
@@ -75,7 +77,7 @@ class Palette:
     on: bool = False
 
     def paint(self, style: str, text: str) -> str:
-        """`text` in one of the styles head, bad, note, dim, crc, payload, padding, tail."""
+        """Paint `text` in one of the styles head, good, code, bad, note, dim, crc, payload, padding, tail."""
         return f"\x1b[{_STYLES[style]}m{text}\x1b[0m" if self.on and text else text
 
 

@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from analyzer.tables import raw_times
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
     Time = int | None
 
-SECOND = 1_000_000_000
 
 MODES = {
     "a": "time of day, local",
@@ -31,7 +31,7 @@ _DAY = {"a": "%H:%M:%S", "u": "%H:%M:%S", "ad": "%Y-%m-%d %H:%M:%S", "ud": "%Y-%
 _HEADS = {"a": "Time", "u": "UTC", "ad": "Date, time", "ud": "Date, time UTC", "d": "Delta [s]", "dd": "Delta [s]"}
 
 
-class Clock:
+class TimeFormat:
     """Writes times in one of `MODES`; keeps what the next batch needs.
 
     Args:
@@ -56,7 +56,7 @@ class Clock:
         return _HEADS.get(self.mode, "Time [s]")
 
     def start(self, frames: pa.RecordBatch) -> None:
-        """Settles the zero and the decimals by the first frames of a capture; later calls change nothing."""
+        """Settle the zero and the decimals by the first frames of a capture; later calls change nothing."""
         if self.zero is not None and self.digits is not None:
             return
         times = [t for t in raw_times(frames.column("t")) if t is not None]
@@ -68,7 +68,7 @@ class Clock:
             self.digits = 9 if any(t % 1000 for t in times) else 6
 
     def column(self, times: Sequence[Time], picked: Sequence[int] | None = None) -> list[str]:
-        """Texts of the `picked` rows (all if not given) among the `times` of a batch's rows; "" without a time."""
+        """Return texts of the `picked` rows (all if not given) among the `times` of a batch's rows; "" if unknown."""
         rows = range(len(times)) if picked is None else picked
         if self.mode == "d":
             return self._since_previous(times, rows)
@@ -77,7 +77,7 @@ class Clock:
         return [self.text(times[row]) for row in rows]
 
     def text(self, t: Time) -> str:
-        """One time; a delta mode gives the seconds of `t` itself."""
+        """Write one time; a delta mode gives the seconds of `t` itself."""
         if t is None:
             return ""
         if self.mode in _DAY:
@@ -88,7 +88,7 @@ class Clock:
         return self.seconds(t)
 
     def seconds(self, ns: int, *, signed: bool = False) -> str:
-        """Nanoseconds as decimal seconds, cut (never rounded up into the future) to the decimals in use."""
+        """Write nanoseconds as decimal seconds, cut (never rounded up into the future) to the decimals in use."""
         second, rest = divmod(abs(ns), SECOND)
         sign = "-" if ns < 0 else "+" if signed else ""
         return f"{sign}{second}.{self._decimals(rest)}"
@@ -113,6 +113,6 @@ class Clock:
 
 @lru_cache(maxsize=256)
 def _day(second: int, form: str, utc: bool) -> str:
-    """Whole seconds as day and time; neighbouring rows share them."""
+    """Write whole seconds as day and time; neighbouring rows share them."""
     moment = datetime.fromtimestamp(second, UTC)
     return (moment if utc else moment.astimezone()).strftime(form)

@@ -10,21 +10,20 @@ from analyzer.tables import KINDS, STATUSES
 from analyzer.views.branches import Branch, branches, word_bits
 from analyzer.views.members import cells
 from analyzer.views.phrases import octets
-from analyzer.views.places import USUAL, Place, places, span
-from analyzer.views.rows import Rows
+from analyzer.views.places import USUAL, FieldPlace, places, span
+from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import PLAIN, Palette, escape
-from analyzer.views.times import MODES, Clock
+from analyzer.views.times import MODES, TimeFormat
 from analyzer.views.wording import anomalies
 from dissectors.schema import Packet
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
-    import numpy.typing as npt
-
-    from analyzer.engine import Batch
-    from analyzer.views.rows import Part
+    from analyzer.decode.engine import Batch
+    from analyzer.views.rows import MessagePart
     from dissectors import Registry
+    from dissectors.kit import Array
     from dissectors.schema import Message
 
 _REQUEST = KINDS.index("request")
@@ -44,16 +43,18 @@ class Tree:
             types only the first line is shown, as tshark's `-O` does.
     """
 
-    def __init__(self, registry: Registry, clock: Clock, palette: Palette = PLAIN, only: Collection[str] = ()) -> None:
+    def __init__(
+        self, registry: Registry, clock: TimeFormat, palette: Palette = PLAIN, only: Collection[str] = ()
+    ) -> None:
         self._registry = registry
         self._clock = clock
         self._palette = palette
         self._only = frozenset(only)
 
-    def details(self, batch: Batch, picked: npt.NDArray[Any] | None = None) -> Iterator[list[str]]:
-        """The lines of each picked transfer (all if not given), in order."""
+    def details(self, batch: Batch, picked: Array | None = None) -> Iterator[list[str]]:
+        """Give the lines of each picked transfer (all if not given), in order."""
         self._clock.start(batch.frames)
-        rows = Rows(batch, self._registry, picked)
+        rows = TransferRows(batch, self._registry, picked)
         typed = {at: (part, k) for part in rows.typed for k, at in enumerate(part.at)}
         inner = rows.inner()
         values = _Values()
@@ -66,14 +67,14 @@ class Tree:
                 lines += self._content(rows, at, typed.get(at), inner.get(at, []), values)
             yield lines
 
-    def _title(self, rows: Rows, at: int) -> str:
+    def _title(self, rows: TransferRows, at: int) -> str:
         message, frames = rows.messages[at], rows.column("frame")[at]
         name = type_name(message, rows.column("kind")[at], rows.column("type_id")[at])
         bus = escape(rows.batch.buses[rows.column("bus")[at]])
         numbers = ", ".join(str(frame + 1) for frame in frames[:8]) + (", ..." if len(frames) > 8 else "")
         return f"{name} on {bus}, frame{'s' * (len(frames) != 1)} {numbers} ({len(frames)})"
 
-    def _transfer(self, rows: Rows, at: int) -> Iterator[str]:
+    def _transfer(self, rows: TransferRows, at: int) -> Iterator[str]:
         def get(name: str) -> Any:
             return rows.column(name)[at]
 
@@ -83,7 +84,7 @@ class Tree:
         if t is None:
             yield _STEP + "time: not recorded"
         else:
-            yield f"{_STEP}time: {Clock('ad', digits=9).text(t)} ({MODES['ad'].rpartition(', ')[2]})"
+            yield f"{_STEP}time: {TimeFormat('ad', digits=9).text(t)} ({MODES['ad'].rpartition(', ')[2]})"
             since = self._clock.seconds(t - (self._clock.zero or 0), signed=self._clock.signed)
             yield f"{_STEP}since {'zero' if self._clock.signed else 'first frame'}: {since} s"
         if t is not None and end is not None:
@@ -103,7 +104,12 @@ class Tree:
             yield self._palette.paint("note", f"{_STEP}! {word}")
 
     def _content(
-        self, rows: Rows, at: int, found: tuple[Part, int] | None, packets: list[tuple[int, Part, int]], values: _Values
+        self,
+        rows: TransferRows,
+        at: int,
+        found: tuple[MessagePart, int] | None,
+        packets: list[tuple[int, MessagePart, int]],
+        values: _Values,
     ) -> Iterator[str]:
         payload, message = rows.column("payload")[at], rows.messages[at]
         if found is None or message is None:
@@ -128,7 +134,7 @@ class _Values:
     def __init__(self) -> None:
         self._columns: dict[tuple[int, str], list[Any]] = {}
 
-    def cell(self, part: Part, row: int, column: str) -> Any:
+    def cell(self, part: MessagePart, row: int, column: str) -> Any:
         key = id(part), column
         if key not in self._columns:
             self._columns[key] = cells(part, column)
@@ -139,7 +145,7 @@ class _Values:
 class _Row:
     """One row of a message or packet table, and the payload it came from."""
 
-    part: Part
+    part: MessagePart
     row: int
     values: _Values
     payload: bytes
@@ -147,16 +153,16 @@ class _Row:
     def get(self, column: str) -> Any:
         return self.values.cell(self.part, self.row, column)
 
-    def places(self, of: Message | Packet, code: int) -> list[Place]:
+    def places(self, of: Message | Packet, code: int) -> list[FieldPlace]:
         return places(of.layout, {m.name: self.get(m.name) for m in of.layout.fields if m.name}, code)
 
-    def draw(self, of: Message | Packet, where: list[Place], pad: str) -> Iterator[str]:
+    def draw(self, of: Message | Packet, where: list[FieldPlace], pad: str) -> Iterator[str]:
         for branch in branches(of, self.get, where, self.payload):
             yield from _lines(branch, pad)
 
 
-def _identifier(rows: Rows, at: int) -> Iterator[str]:
-    """The identifier's fields (4.1.2), rebuilt from the transfer; an anonymous one has bits that are not kept."""
+def _identifier(rows: TransferRows, at: int) -> Iterator[str]:
+    """Return the identifier's fields (4.1.2), rebuilt from the transfer; an anonymous one has bits not kept."""
     kind, type_id = rows.column("kind")[at], rows.column("type_id")[at]
     src, dst, priority = rows.column("src")[at], rows.column("dst")[at], rows.column("priority")[at]
     name = type_name(rows.messages[at], kind, type_id)
@@ -181,14 +187,14 @@ def _identifier(rows: Rows, at: int) -> Iterator[str]:
         yield f"{_STEP}{word_bits(word, 29, low, high)} = {text}"
 
 
-def _packet(found: _Row, offset: int, data: Place | None) -> Iterator[str]:
-    """A packet from byte `offset` of the array whose bits are `data`."""
+def _packet(found: _Row, offset: int, data: FieldPlace | None) -> Iterator[str]:
+    """Return a packet from byte `offset` of the array whose bits are `data`."""
     get, of, pad = found.get, found.part.of, _STEP * 2
     start = offset * 8 + (data.start if data is not None else 0)
     if of is None:
         yield f"{pad}Unrecognised data from byte {start // 8 + 1}, {get('reason')}: {octets(get('data'), 255)}"
         return
-    where = [Place(p.path, p.role, p.start + start, p.bits, p.type) for p in found.places(of, USUAL)]
+    where = [FieldPlace(p.path, p.role, p.start + start, p.bits, p.type) for p in found.places(of, USUAL)]
     yield f"{pad}Packet {of.name}" + _aside(f"from byte {start // 8 + 1}", _clause(of.clause))
     verdicts = [
         "header of this direction" if get("header_ok") else "header of the OTHER direction",
@@ -207,7 +213,7 @@ def _packet(found: _Row, offset: int, data: Place | None) -> Iterator[str]:
 
 
 def _turned(payload: bytes, first: int, numbers: Sequence[tuple[int, int]]) -> bytes:
-    """The payload with the bytes of each number of the packet at `first` the other way round."""
+    """Return the payload with the bytes of each number of the packet at `first` the other way round."""
     out = bytearray(payload)
     for at, size in numbers:
         part = slice(first + at, first + at + size)

@@ -46,7 +46,7 @@ LISTED = sum(1 << bit for bit, name in enumerate(TRANSFER_ANOMALIES) if name not
 
 
 def anomalies(bits: int, step: int | None = None) -> list[str]:
-    """The anomalies of a transfer in words; `step` is its transfer ID distance."""
+    """Say the anomalies of a transfer in words; `step` is its transfer ID distance."""
     words = []
     for bit, name in enumerate(TRANSFER_ANOMALIES):
         if bits >> bit & 1:
@@ -56,7 +56,7 @@ def anomalies(bits: int, step: int | None = None) -> list[str]:
 
 
 def plain(value: Any) -> str:
-    """A value without a format: whole floats without point, others with up to 7 digits, lists joined by blanks."""
+    """Write a value without a format: whole floats without point, others with up to 7 digits, lists with blanks."""
     if isinstance(value, float):
         return _float(value)
     if isinstance(value, list):
@@ -78,7 +78,7 @@ def _float(value: float) -> str:
 
 
 def formatter(spec: str, texts: Mapping[float, str]) -> Callable[[Any], str]:
-    """A function that prints cells of one column; values that have a name print it, and it never fails."""
+    """Return what prints cells of one column; values that have a name print it, and it never fails."""
     whole = spec[-1:] in ("b", "d", "o", "x", "X")
 
     def one(value: Any) -> str:
@@ -97,5 +97,5 @@ def formatter(spec: str, texts: Mapping[float, str]) -> Callable[[Any], str]:
 
 
 def quantity(value: str, unit: str) -> str:
-    """A value and its unit."""
+    """Write a value and its unit."""
     return f"{value} {unit}" if unit and unit != "unspecified" and value != MISSING else value

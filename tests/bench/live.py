@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
 
-    Feed = Callable[[list[Piece]], object]
+    Feed = Callable[[list[FrameBatch]], object]
     Over = Callable[[], bool]
 
 BUS = "can0"
@@ -79,27 +79,27 @@ class Meter:
         return (time.process_time() - own) / (time.monotonic() - wall)
 
 
-def drained(bus: socket.socket, pause: float, over: Over) -> Iterator[list[Piece]]:
+def received(bus: socket.socket, pause: float, over: Over) -> Iterator[list[FrameBatch]]:
     """What has come, after each pause (s), and what is left when it is over."""
-    from analyzer._native import Drain  # noqa: PLC0415 - the sending process does without
+    from analyzer._native import SocketReceiver  # noqa: PLC0415 - the sending process does without
 
-    drain = Drain(bus.fileno(), BUS)
+    receiver = SocketReceiver(bus.fileno(), BUS)
     while not over():
         end = time.monotonic() + pause
         while (left := end - time.monotonic()) > 0:
-            drain.receive(round(left * 1000))
-        yield [drain.take()]
-    drain.finish()
-    yield [drain.take()]
+            receiver.receive(round(left * 1000))
+        yield [receiver.take()]
+    receiver.finish()
+    yield [receiver.take()]
 
 
-def one_by_one(bus: socket.socket, pause: float, over: Over) -> Iterator[list[Piece]]:
+def one_by_one(bus: socket.socket, pause: float, over: Over) -> Iterator[list[FrameBatch]]:
     """The same from an interface that has nothing better than python-can's way to receive."""
     from can.interfaces.socketcan import SocketcanBus  # noqa: PLC0415
 
-    from analyzer.live import buses  # noqa: PLC0415
-    from analyzer.live.filters import Filters  # noqa: PLC0415
-    from analyzer.live.interfaces import Interface  # noqa: PLC0415
+    from analyzer.live.interfaces import drivers as buses  # noqa: PLC0415
+    from analyzer.live.interfaces.filters import Filters  # noqa: PLC0415
+    from analyzer.live.interfaces.naming import Interface  # noqa: PLC0415
 
     class Standing(SocketcanBus):
         """On a socket that is open already."""
@@ -110,7 +110,7 @@ def one_by_one(bus: socket.socket, pause: float, over: Over) -> Iterator[list[Pi
 
     bus.setsockopt(socket.SOL_SOCKET, TIMESTAMPNS, 1)
     buses.open_bus = lambda _: Standing()
-    receiver = buses.Bus(Interface("socketcan", BUS), Filters())
+    receiver = buses.DriverReceiver(Interface("socketcan", BUS), Filters())
     while not over():
         end, pieces = time.monotonic() + pause, []
         while (left := end - time.monotonic()) > 0:
@@ -125,11 +125,11 @@ def nothing() -> Feed:
 
 
 def engine() -> Feed:
-    from analyzer.engine import Engine  # noqa: PLC0415
+    from analyzer.decode.engine import Engine  # noqa: PLC0415
 
     running = Engine()
 
-    def feed(pieces: list[Piece]) -> None:
+    def feed(pieces: list[FrameBatch]) -> None:
         for piece in pieces:
             for _ in running.feed(piece):
                 pass
@@ -139,14 +139,14 @@ def engine() -> Feed:
 
 
 def rules() -> Feed:
-    from analyzer.engine import Engine  # noqa: PLC0415
+    from analyzer.decode.engine import Engine  # noqa: PLC0415
     from analyzer.rules.checking import Check  # noqa: PLC0415
     from analyzer.rules.settings import Settings  # noqa: PLC0415
 
     running = Engine()
     check = Check(running.registry, Settings())
 
-    def feed(pieces: list[Piece]) -> None:
+    def feed(pieces: list[FrameBatch]) -> None:
         early = [batch for piece in pieces for batch in running.feed(piece)]
         for measured in check.measured([*early, running.flush()]):
             check.feed(measured)
@@ -159,7 +159,7 @@ class Row:
     """One line of the table."""
 
     name: str
-    receive: Callable[[socket.socket, float, Over], Iterator[list[Piece]]]
+    receive: Callable[[socket.socket, float, Over], Iterator[list[FrameBatch]]]
     use: Callable[[], Feed]
     shares: list[float] = field(default_factory=list)
 
@@ -193,9 +193,9 @@ def simulated(path: Path, seconds: float) -> Path:
 def measure(path: Path, flushes: float, runs: int) -> str:
     log = frames(path)
     rows = [
-        Row("drain", drained, nothing),
-        Row("drain, engine", drained, engine),
-        Row("drain, engine, rules", drained, rules),
+        Row("receive", received, nothing),
+        Row("receive, engine", received, engine),
+        Row("receive, engine, rules", received, rules),
         Row("python-can", one_by_one, nothing),
         Row("python-can, engine", one_by_one, engine),
     ]

@@ -22,7 +22,8 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import encode
+
+from kit import encode
 
 PERIOD = 64  # s
 START = 1_700_000_000  # s

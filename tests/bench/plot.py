@@ -59,7 +59,7 @@ def imported() -> float:
 def decoded(log: Path) -> tuple[Any, list[Any], int]:
     """The types, every batch of the log, and how many messages there are."""
     import dissectors  # noqa: PLC0415
-    from analyzer.engine import Engine  # noqa: PLC0415
+    from analyzer.decode.engine import Engine  # noqa: PLC0415
     from analyzer.sources.merge import Plan, open_captures  # noqa: PLC0415
 
     registry = dissectors.load()
@@ -76,8 +76,8 @@ def drawn(registry: Any, batches: list[Any], *, written: bool) -> float:
     def draw(send: Callable[[Any], None]) -> None:
         picture = Picture(send, registry)
         for batch in batches:
-            picture.look(batch)
-            picture.add(part(batch))
+            picture.note_start(batch)
+            picture.feed(part(batch))
         picture.close({})
 
     start = time.perf_counter()

@@ -15,12 +15,13 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-import mcaps
 from mcap.reader import NonSeekingReader
 
 from analyzer.sources import Source
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from kit import mcaps
 
 PACKAGE_MESSAGES = 50_000
 

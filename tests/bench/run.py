@@ -89,11 +89,11 @@ def core(log: Log) -> None:
     from analyzer import _native  # noqa: PLC0415
 
     registry = dissectors.load()
-    engine = _native.Engine(registry.signatures)
+    engine = _native.Pipeline(registry.signatures)
     plans = {}
     with log.path.open("rb", buffering=0) as source:
         while chunk := source.read(4 * CHUNK):
-            engine.feed_candump(chunk)
+            engine.feed(chunk)
             _, transfers, _, _, groups = engine.take()
             for service, type_id, variant, rows in groups:
                 key = service, type_id
@@ -107,7 +107,7 @@ def core(log: Log) -> None:
 
 def tables(log: Log) -> None:
     """Bytes to Arrow tables inside this process: the same, with packets, bit parts, units and derived values."""
-    from analyzer.engine import Engine  # noqa: PLC0415 - the other rows do not need it
+    from analyzer.decode.engine import Engine  # noqa: PLC0415 - the other rows do not need it
 
     engine = Engine()
     with log.path.open("rb", buffering=0) as source:

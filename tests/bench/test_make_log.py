@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import itertools
-import sys
 from collections import defaultdict
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-import encode
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-import make_log
+from bench import make_log
+from kit import encode
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+pytestmark = pytest.mark.slow
 
 FIRST, LAST = 165_000, 200_000  # lines around the first seam, at 30 and at 50 Hz
 

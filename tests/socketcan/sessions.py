@@ -12,9 +12,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from command import LAUNCH, LIMIT, environment, wait_until
-from live_pieces import Lost, Note, Row
-from recorded import EXTENDED, FD, REMOTE, RX, TX, Frame
+from kit.command import LAUNCH, LIMIT, environment, wait_until
+from kit.live import Lost, Note, Row
+from kit.rows import EXTENDED, FD, REMOTE, RX, TX, Frame
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -225,17 +225,15 @@ class Witness:
 
 
 class Paced:
-    """So many frames a second, no faster, on a machine that may be late."""
+    """So many frames a second, no faster; on a machine that is late fewer."""
 
     def __init__(self, rate: float, step: int = 1) -> None:
         self._start, self._rate, self._step, self._count = time.monotonic(), rate, step, 0
 
-    def wait(self) -> float:
-        """Until the next `step` frames are due; how many seconds it is too late for them."""
+    def wait(self) -> None:
+        """Wait until the next `step` frames are due."""
         self._count += self._step
-        early = self._start + self._count / self._rate - time.monotonic()
-        time.sleep(max(0.0, early))
-        return max(0.0, -early)
+        time.sleep(max(0.0, self._start + self._count / self._rate - time.monotonic()))
 
 
 def frames_of(rows: Iterable[Row]) -> list[Frame]:

@@ -6,7 +6,7 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any
 
-import encode
+from kit import encode
 
 
 class Float(float):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-import encode
+from kit import encode
 
 SECOND = 10**9
 KNOWN = {(kind.kind, kind.type_id): kind for kind in encode.TYPES.values()}

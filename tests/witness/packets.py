@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-import encode
+from kit import encode
 
 from witness.views import Message, messages, prefixed
 

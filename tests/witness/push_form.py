@@ -53,26 +53,32 @@ def wrong_unit(piece: Piece) -> bool:
 def counts(log: Log) -> Found:
     """PUSH-009: a count that does not follow on the last of its node, direction and unit.
 
-    Where more follow on when each frame ID counts for itself, those that then do not.
+    Where more of the node follow on with a count for each frame ID, for the node, or for each frame ID of the node,
+    those that then do not.
     """
-    rows: dict[tuple[int, str, int], list[Piece]] = defaultdict(list)
+    rows: dict[tuple[int, str], list[Piece]] = defaultdict(list)
     for piece in pieces(log):
         if piece.direction and piece.unit >= 0:
-            rows[piece.src, piece.direction, piece.unit].append(piece)
+            rows[piece.src, piece.direction].append(piece)
     found = []
     for row in rows.values():
-        apart: dict[int, list[Piece]] = defaultdict(list)
-        for piece in row:
-            apart[piece.frame_id].append(piece)
-        together, each = _steps([row]), _steps(list(apart.values()))
-        better = each if sum(step == 1 for step, _ in each) > sum(step == 1 for step, _ in together) else together
-        found += [piece.numbers for step, piece in better if step != 1]
+        readings = (
+            _steps(row, lambda piece: piece.unit),
+            _steps(row, lambda piece: (piece.unit, piece.frame_id)),
+            _steps(row, lambda _: 0),
+            _steps(row, lambda piece: piece.frame_id),
+        )
+        best = max(readings, key=lambda steps: sum(step == 1 for step, _ in steps))
+        found += [piece.numbers for step, piece in best if step != 1]
     return found
 
 
-def _steps(rows: list[list[Piece]]) -> list[tuple[int, Piece]]:
-    """How far the count went on, modulo 256, and the later packet of each two in a row."""
-    return [((piece.count - before.count) % 256, piece) for row in rows for before, piece in pairwise(row)]
+def _steps(row: list[Piece], shared: Callable[[Piece], object]) -> list[tuple[int, Piece]]:
+    """How far the count went on, modulo 256, and the later packet of each two that share it."""
+    apart: dict[object, list[Piece]] = defaultdict(list)
+    for piece in row:
+        apart[shared(piece)].append(piece)
+    return [((piece.count - before.count) % 256, piece) for own in apart.values() for before, piece in pairwise(own)]
 
 
 def near(a: float, b: float, share: float) -> bool:

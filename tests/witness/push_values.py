@@ -168,6 +168,7 @@ FINDERS: dict[str, Finder] = {
     "PUSH-407": backwards,
     "PUSH-408": _where(STATUS, at_limit),
     "PUSH-409": disagrees,
+    "PUSH-410": _where(STATUS, lambda values: values["fault"] != 0),
     "PUSH-501": _where(FEEDBACK, text),
     "PUSH-502": _where(FEEDBACK, feedback_range),
 }

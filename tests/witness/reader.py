@@ -12,7 +12,7 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import encode
+from kit import encode
 
 from witness.frame import SECOND, Frame, parse
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import encode
+from kit import encode
 
 from witness import trust
 from witness.fields import unpack

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import encode
+from kit import encode
 
 from witness.fields import Float
 from witness.views import Finder, Found, Message, by_node, everything, messages, prefixed, where

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-import encode
+from kit import encode
 
 from witness.fields import Fields, unpack
 from witness.reader import Log, Transfer

@@ -10,10 +10,10 @@ mod reader;
 use held::Held;
 
 use crate::buses::{Buses, MAX_BUSES};
+use crate::counts::Counts;
 use crate::events::{Event, EventKind, Events};
 use crate::frames::{Frames, ERROR, NO_TIME};
 use crate::line::{self, DropCount, Frame, Line, Reason};
-pub use crate::reader::Counts;
 use crate::simd::{self, Block, Template};
 use crate::stamp::{Kind, Stamps};
 
@@ -81,7 +81,7 @@ impl Candump {
             };
             self.keep(&text[..end]);
             text = &text[end + 1..];
-            self.last_line(frames, events);
+            self.finish_line(frames, events);
         }
         loop {
             text = self.fast_lines(text, frames);
@@ -94,10 +94,14 @@ impl Candump {
         }
     }
 
-    /// The input ends here: whatever is left is the last line, and nothing waits any longer.
+    /// The input ends here: a line without its end is cut, and nothing waits any longer.
     pub fn finish(&mut self, frames: &mut Frames, events: &mut Events) {
-        if self.too_long || !self.rest.is_empty() {
-            self.last_line(frames, events);
+        if self.too_long {
+            self.finish_line(frames, events);
+        } else if !self.rest.is_empty() {
+            self.counts.lines += 1;
+            let rest = std::mem::take(&mut self.rest);
+            self.unreadable(&cut_short(), &rest, frames, events);
         }
         self.settle(frames, events, true);
     }
@@ -128,7 +132,7 @@ impl Candump {
         }
     }
 
-    fn last_line(&mut self, frames: &mut Frames, events: &mut Events) {
+    fn finish_line(&mut self, frames: &mut Frames, events: &mut Events) {
         let mut rest = std::mem::take(&mut self.rest);
         self.line(&rest, frames, events);
         rest.clear();
@@ -162,7 +166,7 @@ impl Candump {
         let line = if too_long { &line[..START] } else { line };
         let plain = line::plain(line);
         let read = if too_long {
-            Err(format!("line longer than {MAX_LINE} bytes").into())
+            Err(beyond_limit())
         } else {
             line::read(&plain)
         };
@@ -188,11 +192,15 @@ impl Candump {
             Err(reason) => Err(reason),
         };
         if let Err(reason) = done {
-            self.counts.unreadable += 1;
-            let text = format!("{reason}: {}", line::escape(line.trim_ascii_end(), EXCERPT));
-            self.event(NO_TIME, EventKind::Unreadable, &text, frames, events);
+            self.unreadable(&reason, line, frames, events);
         }
         self.settle(frames, events, false);
+    }
+
+    fn unreadable(&mut self, reason: &Reason, line: &[u8], frames: &mut Frames, events: &mut Events) {
+        self.counts.unreadable += 1;
+        let text = excerpt(reason, line);
+        self.event(NO_TIME, EventKind::Unreadable, &text, frames, events);
     }
 
     fn frame(&mut self, frame: &Frame<'_>, frames: &mut Frames, events: &mut Events) -> Result<(), Reason> {
@@ -278,6 +286,23 @@ impl Candump {
         }
         Ok(bus)
     }
+}
+
+/// Why a line of more than [`MAX_LINE`] bytes is not read.
+pub(crate) fn beyond_limit() -> Reason {
+    format!("line longer than {MAX_LINE} bytes").into()
+}
+
+/// Why the last line of a text is not read when it has no end: what there is of it may look whole and is not.
+pub(crate) fn cut_short() -> Reason {
+    "the capture ends in the middle of this line".into()
+}
+
+/// Why a line is not read, and how it begins.
+pub(crate) fn excerpt(reason: &Reason, line: &[u8]) -> String {
+    let start = &line[..line.len().min(START)];
+    let line = if line.len() > MAX_LINE { start } else { line };
+    format!("{reason}: {}", line::escape(line.trim_ascii_end(), EXCERPT))
 }
 
 /// Where the first line ends. Looking at eight bytes at a time is what makes the readable path bearable.

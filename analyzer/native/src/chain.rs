@@ -1,6 +1,6 @@
 //! Transfers whose transfer ID counts up with every frame, where it must stay the same from start to end.
 //!
-//! Nothing else is wrong with them: start, toggles and end come and go as in legal transfers. In counters of other
+//! How many of them are a proof is said where they are judged, in [`crate::cadence`]. Nothing else is wrong with them: start, toggles and end come and go as in legal transfers. In counters of other
 //! protocols these bits, if they change at all, do not follow such a pattern while the five below count on.
 #![forbid(unsafe_code)]
 

@@ -1,13 +1,10 @@
 //! How transfers end: what is measured when one is complete, broken, or too old.
 #![forbid(unsafe_code)]
 
-use crate::session::{Known, Session};
+use crate::session::{come_around, Known, Session};
 use crate::slot::{elapsed, Frame, Overtaken, Slot, State, ABORT_NS, TIMEOUT_NS};
 use crate::transfers::{anomaly, when, Row, Status, Transfers, NO_GAP, NO_STEP, UNKNOWN};
 use crate::wire::{crc, priority, Kind, Tail};
-
-/// Half of all transfer IDs.
-const MANY: i64 = 16;
 
 impl Session {
     pub(crate) fn single(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8], out: &mut Transfers) {
@@ -168,11 +165,6 @@ impl Session {
             }
         }
     }
-}
-
-/// Whether so much time is enough for a transfer ID to come back by itself.
-pub(crate) fn come_around(gap: i64, period: i64) -> bool {
-    period > 0 && gap / period >= MANY
 }
 
 /// What the transfer ID says against the previous start of the session (clause 4.1.3). After the

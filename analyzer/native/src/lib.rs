@@ -1,23 +1,24 @@
 //! The core: bytes to frames, frames to transfers, payloads to columns.
 //!
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
-//! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`ending`] -> [`trust`] ->
+//! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`accept`], [`ending`] -> [`trust`] ->
 //! [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`plan`], [`bits`], [`unpack`] -> [`packets`];
-//! [`load`] is how long a frame takes. None of them knows Python or does I/O, but for `drain`, which empties a socket of
-//! Linux; `python` is the only file that knows Python, `simd` and `drain/system` are the only ones with `unsafe`.
+//! [`load`] is how long a frame takes. None of them knows Python or does I/O, but for `receive`, which empties a socket of
+//! Linux; `python` is the only file that knows Python, `simd` and `receive/system` are the only ones with `unsafe`.
 
+pub mod accept;
 pub mod binary;
 pub mod bits;
 pub mod buses;
 pub mod cadence;
 pub mod candump;
 pub mod chain;
+pub mod counts;
 pub mod dataflash;
-#[cfg(target_os = "linux")]
-pub mod drain;
 pub mod dronecan_log;
 pub mod ending;
 pub mod events;
+pub mod frame_batch;
 pub mod frames;
 pub mod line;
 pub mod link;
@@ -27,12 +28,13 @@ pub mod merge;
 pub mod packets;
 pub mod pcap;
 pub mod pcapng;
-pub mod piece;
 pub mod pipeline;
 pub mod plan;
 pub mod proto;
 pub mod reader;
 pub mod reassembly;
+#[cfg(target_os = "linux")]
+pub mod receive;
 pub mod session;
 pub mod sessions;
 pub mod simd;

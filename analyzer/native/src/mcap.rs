@@ -24,9 +24,10 @@ pub use layout::{Kind, Layout, Wire};
 pub use protobuf::Form;
 pub use role::Role;
 
+use crate::frame_batch::FrameBatch;
 use crate::frames::NO_TIME;
 use crate::line::Reason;
-use crate::reader::{Piece, Rows};
+use crate::reader::Rows;
 use crate::stamp::Stamps;
 use can::Row;
 use channel::Channel;
@@ -190,7 +191,7 @@ impl Walk {
         }
     }
 
-    pub fn take(&mut self) -> Piece {
+    pub fn take(&mut self) -> FrameBatch {
         self.rows.take()
     }
 

@@ -12,8 +12,8 @@ use std::collections::{BinaryHeap, VecDeque};
 
 use crate::buses::Buses;
 use crate::events::{Event, EventKind};
+use crate::frame_batch::FrameBatch;
 use crate::frames::NO_TIME;
-use crate::piece::Piece;
 use overlap::Overlaps;
 
 /// How one capture enters the sum.
@@ -30,16 +30,16 @@ struct Input {
     label: String,
     /// The merged index of its buses.
     bus: Vec<Option<u8>>,
-    pieces: VecDeque<Held>,
+    batches: VecDeque<Held>,
     /// Time of the last row that went out, and of the latest one that came in.
     out: i64,
     latest: i64,
     done: bool,
 }
 
-/// A piece of which some rows are still to go out.
+/// A batch of which some rows are still to go out.
 struct Held {
-    piece: Piece,
+    batch: FrameBatch,
     frame: usize,
     event: usize,
 }
@@ -50,7 +50,7 @@ pub struct Merger {
     same_bus: bool,
     buses: Buses,
     overlaps: Overlaps,
-    out: Piece,
+    out: FrameBatch,
     before: u64,
     /// What came up to the last `take_later` ends before this time.
     reached: i64,
@@ -62,7 +62,7 @@ impl Merger {
             entry,
             label: String::new(),
             bus: vec![],
-            pieces: VecDeque::new(),
+            batches: VecDeque::new(),
             out: NO_TIME,
             latest: NO_TIME,
             done: false,
@@ -72,7 +72,7 @@ impl Merger {
             same_bus,
             buses: Buses::default(),
             overlaps: Overlaps::default(),
-            out: Piece::default(),
+            out: FrameBatch::default(),
             before: 0,
             reached: NO_TIME,
         }
@@ -80,11 +80,11 @@ impl Merger {
 
     /// The next rows of capture `index`; `label` stands in front of the numbers of records that cannot be read, if
     /// it is not empty.
-    pub fn push(&mut self, index: usize, piece: Piece, label: &str) {
+    pub fn push(&mut self, index: usize, batch: FrameBatch, label: &str) {
         let Some(input) = self.inputs.get_mut(index) else {
             return;
         };
-        for name in piece.buses.names().iter().skip(input.bus.len()) {
+        for name in batch.buses.names().iter().skip(input.bus.len()) {
             let new = input
                 .entry
                 .names
@@ -101,13 +101,13 @@ impl Merger {
                 self.overlaps.recorded(bus, index);
             }
         }
-        for t in piece.frames.t.iter().chain(&piece.events.t).filter(|&&t| t != NO_TIME) {
+        for t in batch.frames.t.iter().chain(&batch.events.t).filter(|&&t| t != NO_TIME) {
             input.latest = input.latest.max(t.saturating_add(input.entry.offset));
         }
-        self.out.stamps.insert(piece.stamps);
+        self.out.stamps.insert(batch.stamps);
         label.clone_into(&mut input.label);
-        input.pieces.push_back(Held {
-            piece,
+        input.batches.push_back(Held {
+            batch,
             frame: 0,
             event: 0,
         });
@@ -127,7 +127,7 @@ impl Merger {
     }
 
     /// All rows that nothing can come before any more.
-    pub fn take(&mut self) -> Piece {
+    pub fn take(&mut self) -> FrameBatch {
         let waiting = self.inputs.iter().filter(|input| !input.done);
         let frontier = waiting.map(|input| input.latest).min();
         self.release(frontier)
@@ -135,7 +135,7 @@ impl Merger {
 
     /// For buses, which do not wait for each other: all rows up to the latest one that had come when this was called
     /// the last time. What another bus delivered late in between still finds its place.
-    pub fn take_later(&mut self) -> Piece {
+    pub fn take_later(&mut self) -> FrameBatch {
         let frontier = self.reached;
         let latest = self.inputs.iter().map(|input| input.latest).max();
         self.reached = latest.map_or(NO_TIME, |latest| latest.saturating_add(1));
@@ -143,7 +143,7 @@ impl Merger {
     }
 
     /// All rows before a time, all there are without one.
-    fn release(&mut self, frontier: Option<i64>) -> Piece {
+    fn release(&mut self, frontier: Option<i64>) -> FrameBatch {
         let mut heap: BinaryHeap<Reverse<(i64, usize)>> = BinaryHeap::new();
         for (index, input) in self.inputs.iter_mut().enumerate() {
             heap.extend(input.next_time(&mut self.out).map(|t| Reverse((t, index))));
@@ -172,16 +172,16 @@ impl Merger {
     fn emit(&mut self, index: usize, t: i64) {
         let input = &mut self.inputs[index];
         input.out = t;
-        let Some(held) = input.pieces.front_mut() else {
+        let Some(held) = input.batches.front_mut() else {
             return;
         };
         let line = self.before + self.out.counts.lines + 1;
         let bus_of = |bus: u8| input.bus.get(usize::from(bus)).copied().flatten();
-        let (piece, offset) = (&held.piece, input.entry.offset);
+        let (batch, offset) = (&held.batch, input.entry.offset);
         if held.frame_is_next() {
             let row = held.frame;
             held.frame += 1;
-            let frames = &piece.frames;
+            let frames = &batch.frames;
             let Some(bus) = bus_of(frames.bus[row]) else {
                 let text = "one interface too many";
                 self.out.counts.unreadable += 1;
@@ -197,12 +197,12 @@ impl Merger {
                 return;
             }
             let line = u32::try_from(line).unwrap_or(u32::MAX);
-            self.out.add_frame(piece, row, time, bus, line);
+            self.out.add_frame(batch, row, time, bus, line);
         } else {
             let row = held.event;
             held.event += 1;
-            let events = &piece.events;
-            self.out.count_event(piece, row);
+            let events = &batch.events;
+            self.out.count_event(batch, row);
             let first = self.out.events.len();
             let unreadable = events.kind[row] == EventKind::Unreadable as u8;
             if unreadable && !input.label.is_empty() {
@@ -224,20 +224,20 @@ impl Merger {
 }
 
 impl Input {
-    /// The time that the next row counts as; pieces without further rows are put away, what they counted goes to `out`.
-    fn next_time(&mut self, out: &mut Piece) -> Option<i64> {
-        while let Some(held) = self.pieces.front() {
+    /// The time that the next row counts as; batches without further rows are put away, what they counted goes to `out`.
+    fn next_time(&mut self, out: &mut FrameBatch) -> Option<i64> {
+        while let Some(held) = self.batches.front() {
             let (frame, event) = (held.frame, held.event);
             let own = if held.frame_is_next() {
-                held.piece.frames.t[frame]
-            } else if event < held.piece.events.len() {
-                held.piece.events.t[event]
+                held.batch.frames.t[frame]
+            } else if event < held.batch.events.len() {
+                held.batch.events.t[event]
             } else {
-                let counts = &held.piece.counts;
+                let counts = &held.batch.counts;
                 out.counts.blank += counts.blank;
                 out.counts.other += counts.other;
                 out.counts.lines += counts.blank + counts.other;
-                self.pieces.pop_front();
+                self.batches.pop_front();
                 continue;
             };
             return Some(shifted(own, self.entry.offset).max(self.out));
@@ -249,7 +249,7 @@ impl Input {
 impl Held {
     /// Whether the next row is a frame; frames and events are in the order of their records.
     fn frame_is_next(&self) -> bool {
-        let (frames, events) = (&self.piece.frames, &self.piece.events);
+        let (frames, events) = (&self.batch.frames, &self.batch.events);
         self.frame < frames.len() && (self.event >= events.len() || frames.line[self.frame] <= events.line[self.event])
     }
 }

@@ -1,18 +1,27 @@
 //! Candump text or the rows of any reader in, tables out: reading and reassembly behind one door, without any I/O.
 #![forbid(unsafe_code)]
 
-use crate::buses::Buses;
 use crate::candump::Candump;
+use crate::counts::Counts;
 use crate::events::{Event, EventKind, Events};
+use crate::frame_batch::FrameBatch;
 use crate::frames::{Frames, NO_TIME};
-use crate::reader::{Counts, Piece};
 use crate::reassembly::{Reassembler, Resolve, Results};
 use crate::stamp::Stamps;
 
 /// All interfaces silent for longer than this is a gap in the capture.
 const GAP_NS: i64 = 1_000_000_000;
-/// Text is worked through in pieces that stay in the cache between the two passes.
+/// Text is worked through in parts that stay in the cache between the two passes.
 const TEXT: usize = 128 << 10;
+
+/// What a capture is fed in: all of it in one form.
+#[derive(Clone, Copy, Debug)]
+pub enum Input<'a> {
+    /// Candump text; a line that is not finished waits for more.
+    Text(&'a [u8]),
+    /// Rows of a reader, records in ascending order, the same buses in each batch.
+    Rows(&'a FrameBatch),
+}
 
 /// One slice of every table.
 #[derive(Debug, Default)]
@@ -23,108 +32,86 @@ pub struct Batch {
 }
 
 pub struct Pipeline {
-    pub candump: Candump,
     pub reassembler: Reassembler,
-    frames: Frames,
+    candump: Candump,
+    /// The frames since the last [`Pipeline::take`], the events of this moment, and what holds for all of the capture.
+    read: FrameBatch,
+    /// The events since then, gaps among them.
     events: Events,
     latest: i64,
-    /// What came as rows instead of text.
-    counts: Counts,
-    stamps: Stamps,
-    buses: Buses,
 }
 
 impl Pipeline {
     pub fn new(resolve: Resolve) -> Self {
         Pipeline {
-            candump: Candump::new(),
             reassembler: Reassembler::new(resolve),
-            frames: Frames::default(),
+            candump: Candump::new(),
+            read: FrameBatch::default(),
             events: Events::default(),
             latest: NO_TIME,
-            counts: Counts::default(),
-            stamps: Stamps::default(),
-            buses: Buses::default(),
         }
     }
 
     /// Rows waiting to be taken: frames and events.
     pub fn waiting(&self) -> usize {
-        self.frames.len() + self.events.len()
+        self.read.frames.len() + self.events.len()
     }
 
-    /// Takes candump text; a line that is not finished waits for more.
-    pub fn feed_candump(&mut self, text: &[u8]) {
-        for piece in text.chunks(TEXT) {
-            let first = self.frames.len();
-            let mut events = Events::default();
-            self.candump.feed(piece, &mut self.frames, &mut events);
-            self.run(first, &events);
+    /// Takes what comes next, whatever it is.
+    pub fn feed(&mut self, input: Input<'_>) {
+        match input {
+            // Straight into the columns, which a batch in between would copy.
+            Input::Text(text) => text
+                .chunks(TEXT)
+                .for_each(|part| self.run(|pipeline| pipeline.candump.read(part, &mut pipeline.read))),
+            Input::Rows(batch) => self.run(|pipeline| pipeline.read.append(batch)),
         }
     }
 
-    /// Takes the rows of a reader, records in ascending order. A capture is either text or rows.
-    pub fn feed_rows(&mut self, piece: &Piece) {
-        let first = self.frames.len();
-        self.counts.add(&piece.counts);
-        self.stamps.insert(piece.stamps);
-        self.buses.clone_from(&piece.buses);
-        self.frames.extend(&piece.frames);
-        self.run(first, &piece.events);
-    }
-
     /// What became of every line and record so far.
-    pub fn counts(&self) -> Counts {
-        let mut counts = self.candump.counts();
-        counts.add(&self.counts);
-        counts
+    pub fn counts(&self) -> &Counts {
+        &self.read.counts
     }
 
     /// The kinds of time stamps seen so far.
     pub fn stamps(&self) -> Stamps {
-        let mut stamps = self.candump.stamps();
-        stamps.insert(self.stamps);
-        stamps
+        self.read.stamps
     }
 
     /// Interface names by the index in the `bus` columns.
     pub fn buses(&self) -> &[String] {
-        if self.buses.names().is_empty() {
-            self.candump.buses()
-        } else {
-            self.buses.names()
-        }
+        self.read.buses.names()
     }
 
     /// End of capture: the unfinished line and every open transfer are closed.
     pub fn finish(&mut self) {
-        let first = self.frames.len();
-        let mut events = Events::default();
-        self.candump.finish(&mut self.frames, &mut events);
-        self.run(first, &events);
+        self.run(|pipeline| pipeline.candump.close(&mut pipeline.read));
         self.reassembler.finish();
     }
 
     /// Hands over all rows so far. Frame numbers go on counting.
     pub fn take(&mut self) -> Batch {
         Batch {
-            frames: std::mem::take(&mut self.frames),
+            frames: std::mem::take(&mut self.read.frames),
             events: std::mem::take(&mut self.events),
             results: self.reassembler.take(),
         }
     }
 
-    /// Works through the frames from `first` on and the `events` that came with them.
-    fn run(&mut self, first: usize, events: &Events) {
-        self.add_events(first, events);
-        self.reassembler.feed(&self.frames, first);
+    /// Works through the rows that `read` appends.
+    fn run(&mut self, read: impl FnOnce(&mut Pipeline)) {
+        let first = self.read.frames.len();
+        read(self);
+        let events = std::mem::take(&mut self.read.events);
+        self.add_events(first, &events);
+        self.reassembler.feed(&self.read.frames, first);
     }
 
     /// Adds the events, and the gaps in front of frames, in the order of their lines.
     fn add_events(&mut self, first: usize, events: &Events) {
         let mut added = 0;
-        for row in first..self.frames.len() {
-            let (t, line) = (self.frames.t[row], self.frames.line[row]);
+        for row in first..self.read.frames.len() {
+            let (t, line) = (self.read.frames.t[row], self.read.frames.line[row]);
             if t == NO_TIME {
                 continue;
             }

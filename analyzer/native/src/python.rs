@@ -11,7 +11,7 @@ use pyo3::types::{PyBytes, PyDict};
 
 use crate::events::Events;
 use crate::frames::{Frames, NO_TIME};
-use crate::pipeline::Pipeline;
+use crate::pipeline::{self, Input};
 use crate::reassembly::{Resolve, Settled, TypeName};
 use crate::transfers::{Transfers, NO_GAP, NO_STEP};
 
@@ -45,28 +45,38 @@ macro_rules! columns {
 }
 
 mod decode;
-#[cfg(target_os = "linux")]
-mod drain;
 mod load;
 mod mcap;
 mod merge;
-mod pieces;
 mod proto;
+mod reader;
+#[cfg(target_os = "linux")]
+mod receive;
 mod write;
 
 fn timed(t: &[i64]) -> impl ExactSizeIterator<Item = bool> + '_ {
     t.iter().map(|&t| t != NO_TIME)
 }
 
+/// Bytes of text that are taken in one step.
+const STEP: usize = 4 << 20;
+
+/// What a capture is fed in.
+#[derive(FromPyObject)]
+enum Chunk<'py> {
+    Text(Bound<'py, PyBytes>),
+    Rows(Bound<'py, reader::FrameBatch>),
+}
+
 /// Frames to transfers, batch after batch; candump text never becomes an object a line.
 #[pyclass]
-struct Engine {
-    pipeline: Pipeline,
+struct Pipeline {
+    pipeline: pipeline::Pipeline,
     failure: Arc<Mutex<Option<PyErr>>>,
 }
 
 #[pymethods]
-impl Engine {
+impl Pipeline {
     /// `resolve(service, type_id)` gives the signatures of the types with this ID; asked once an ID.
     #[new]
     fn new(resolve: Py<PyAny>) -> Self {
@@ -81,22 +91,33 @@ impl Engine {
                 vec![]
             })
         });
-        Engine {
-            pipeline: Pipeline::new(ask),
+        Pipeline {
+            pipeline: pipeline::Pipeline::new(ask),
             failure,
         }
     }
 
-    /// Takes candump text, cut anywhere.
-    fn feed_candump(&mut self, py: Python<'_>, chunk: &[u8]) -> PyResult<()> {
-        py.detach(|| self.pipeline.feed_candump(chunk));
-        self.check()
-    }
-
-    /// Takes the rows of a reader; a capture is either text or rows.
-    fn feed_rows(&mut self, py: Python<'_>, piece: &pieces::Piece) -> PyResult<()> {
-        py.detach(|| self.pipeline.feed_rows(&piece.0));
-        self.check()
+    /// Takes the rows of a reader, or candump text, cut anywhere; a capture is one or the other. Of text it takes some
+    /// `STEP` bytes from `start` on, so that tables can be taken in between: the place to go on with, None at the end.
+    #[pyo3(signature = (chunk, start = 0))]
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn feed(&mut self, py: Python<'_>, chunk: Chunk<'_>, start: usize) -> PyResult<Option<usize>> {
+        let next = match &chunk {
+            Chunk::Text(text) => {
+                let text = text.as_bytes();
+                let end = text.len().min(start.saturating_add(STEP));
+                let part = text.get(start..end).unwrap_or_default();
+                py.detach(|| self.pipeline.feed(Input::Text(part)));
+                (end < text.len()).then_some(end)
+            }
+            Chunk::Rows(batch) => {
+                let batch = &batch.get().0;
+                py.detach(|| self.pipeline.feed(Input::Rows(batch)));
+                None
+            }
+        };
+        self.check()?;
+        Ok(next)
     }
 
     /// End of capture.
@@ -159,7 +180,7 @@ impl Engine {
     /// What became of the lines of the text, capture-wide.
     #[getter]
     fn lines<'py>(&self, py: Python<'py>) -> PyResult<Dict<'py>> {
-        pieces::lines(py, &self.pipeline.counts())
+        reader::lines(py, self.pipeline.counts())
     }
 
     /// Bits of the kinds of time stamps seen.
@@ -169,7 +190,7 @@ impl Engine {
     }
 }
 
-impl Engine {
+impl Pipeline {
     /// A failure of `resolve` surfaces here: it is a bug of a dissector, not of the capture.
     fn check(&self) -> PyResult<()> {
         let failure = self.failure.lock().ok().and_then(|mut slot| slot.take());
@@ -256,16 +277,17 @@ fn transfer_columns<'py>(py: Python<'py>, rows: &Transfers, types: &[TypeName]) 
 
 #[pymodule]
 fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add_class::<Engine>()?;
+    m.add_class::<Pipeline>()?;
     m.add_class::<merge::Merger>()?;
     m.add_class::<merge::Fingerprint>()?;
-    m.add_class::<pieces::Piece>()?;
-    m.add_class::<pieces::Rows>()?;
-    m.add_class::<pieces::Reader>()?;
+    m.add_class::<reader::FrameBatch>()?;
+    m.add_class::<reader::Rows>()?;
+    m.add_class::<reader::Reader>()?;
     m.add_class::<mcap::McapWalk>()?;
     #[cfg(target_os = "linux")]
-    m.add_class::<drain::Drain>()?;
+    m.add_class::<receive::SocketReceiver>()?;
     m.add_class::<write::Messages>()?;
+    m.add_class::<write::AsRecorded>()?;
     m.add_class::<write::Writer>()?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;
     m.add_function(wrap_pyfunction!(mcap::crc32, m)?)?;

@@ -4,6 +4,9 @@
 //! is DroneCAN at all is learnt late (see [`crate::trust`]): earlier frames of it are listed in [`Settled`].
 #![forbid(unsafe_code)]
 
+mod nameless;
+mod settling;
+
 use std::collections::HashMap;
 
 use crate::frames::{Frames, ERROR, EXTENDED, FD, NO_TIME, REMOTE};
@@ -11,15 +14,18 @@ use crate::session::{Candidates, Known, Session};
 use crate::sessions::Index;
 use crate::slot::Frame;
 use crate::transfers::Transfers;
-use crate::trust::{Judgement, Probation};
-use crate::verdict::{flaw, Outcome, Verdict, VERDICTS};
-use crate::wire::{crc_start, session_bits, Id, Kind};
+use crate::trust::Probation;
+use crate::verdict::{frame_anomaly, Outcome, Verdict, VERDICTS};
+use crate::wire::{crc_start, session_bits, Id};
 
 /// Open transfers are looked over for the timeout this often, in capture time.
 const SWEEP_NS: i64 = 500_000_000;
-
 /// Frames that all sessions on probation may hold back together.
 pub const MAX_HELD: usize = 1 << 18;
+
+/// In place of the node of an anonymous sender: the first number that no node has.
+const NOBODY: u8 = 128;
+const SPEAKERS: usize = NOBODY as usize + 1;
 
 /// Asks for the signatures of (is a service, data type ID), the preferred one first; none when the type is unknown.
 pub type Resolve = Box<dyn FnMut(bool, u16) -> Vec<u64> + Send + Sync>;
@@ -82,7 +88,7 @@ impl Reassembler {
             resolved: HashMap::new(),
             index: Index::default(),
             sessions: vec![],
-            speakers: vec![false; 256 * 128],
+            speakers: vec![false; 256 * SPEAKERS],
             results: Results::default(),
             next_frame: 0,
             counts: [0; VERDICTS],
@@ -128,32 +134,10 @@ impl Reassembler {
             } else {
                 Outcome::FOREIGN
             };
-            outcome.flaws |= late | (u16::from(frame.impossible_length()) * flaw::IMPOSSIBLE_LENGTH);
+            outcome.anomaly |= late | (u16::from(frame.impossible_length()) * frame_anomaly::IMPOSSIBLE_LENGTH);
             self.counts[outcome.verdict as usize] += 1;
             self.results.verdict.push(outcome.verdict as u8);
-            self.results.anomaly.push(outcome.flaws);
-        }
-    }
-
-    /// End of capture: what is still open becomes evidence too.
-    pub fn finish(&mut self) {
-        for at in 0..self.sessions.len() {
-            let speaks = self.speakers[self.speaker(at)];
-            let (standing, session) = &mut self.sessions[at];
-            match standing {
-                Standing::Trusted => session.finish(self.now, &mut self.results.transfers),
-                Standing::Foreign => {}
-                Standing::Probation(probation) => {
-                    session.finish(self.now, &mut probation.transfers);
-                    let judgement = probation.last_word(session, speaks);
-                    let note = probation.note_of_refusal();
-                    let last = probation.held.last().map(|held| held.frame);
-                    self.settle(at, judgement);
-                    if let (Judgement::Foreign, Some(frame), 1..) = (judgement, last, note) {
-                        self.report(frame, Outcome::flawed(Verdict::Foreign, note));
-                    }
-                }
-            }
+            self.results.anomaly.push(outcome.anomaly);
         }
     }
 
@@ -166,14 +150,14 @@ impl Reassembler {
         std::mem::replace(&mut self.results, next)
     }
 
-    /// Follows the capture time; the flaw of a frame that is earlier than its predecessor.
+    /// Follows the capture time; the anomaly of a frame that is earlier than its predecessor.
     #[inline]
     fn clock(&mut self, bus: u8, t: i64) -> u16 {
         if t == NO_TIME {
             return 0;
         }
         let last = &mut self.bus_time[usize::from(bus)];
-        let late = u16::from(t < *last) * flaw::BACKWARDS;
+        let late = u16::from(t < *last) * frame_anomaly::BACKWARDS;
         *last = t;
         self.now = t;
         self.since_sweep += 1;
@@ -201,10 +185,18 @@ impl Reassembler {
 
     #[inline]
     fn extended(&mut self, bus: u8, frame: &Frame<'_>, remote: bool) -> Outcome {
-        let key = (u64::from(bus) << 32) | u64::from(session_bits(frame.id));
-        let found = self.index.find(key);
-        let Some(at) = found.or_else(|| self.open_session(key, bus, frame.id)) else {
-            return Outcome::flawed(Verdict::Foreign, flaw::LIMIT);
+        if frame.id as u8 == 0 {
+            let bits = self.bits_without_source(bus, frame);
+            return self.follow(bus, bits, frame, remote);
+        }
+        self.follow(bus, session_bits(frame.id), frame, remote)
+    }
+
+    #[inline]
+    fn follow(&mut self, bus: u8, bits: u32, frame: &Frame<'_>, remote: bool) -> Outcome {
+        let found = self.index.find(key(bus, bits));
+        let Some(at) = found.or_else(|| self.open_session(bus, bits)) else {
+            return Outcome::with(Verdict::Foreign, frame_anomaly::LIMIT);
         };
         let (standing, session) = &mut self.sessions[at];
         match standing {
@@ -216,10 +208,10 @@ impl Reassembler {
     }
 
     #[cold]
-    fn open_session(&mut self, key: u64, bus: u8, id: u32) -> Option<usize> {
-        let id = Id::parse(id);
+    fn open_session(&mut self, bus: u8, bits: u32) -> Option<usize> {
+        let id = Id::of_session(bits);
         let known = self.known(id);
-        let at = self.index.insert(key)?;
+        let at = self.index.insert(key(bus, bits))?;
         let probation = Standing::Probation(Box::default());
         self.sessions.push((probation, Session::new(id, bus, known)));
         Some(at)
@@ -242,106 +234,11 @@ impl Reassembler {
         self.resolved.insert((service, type_id), known.clone());
         known
     }
-
-    /// A frame of a session that has not proven itself.
-    #[cold]
-    fn probe(&mut self, at: usize, frame: &Frame<'_>, remote: bool) -> Outcome {
-        let speaks = self.speakers[self.speaker(at)];
-        let (standing, session) = &mut self.sessions[at];
-        let Standing::Probation(probation) = standing else {
-            return Outcome::FOREIGN;
-        };
-        let outcome = if remote {
-            REMOTE_FRAME
-        } else {
-            session.accept(frame, &mut probation.transfers)
-        };
-        let tail = if remote { None } else { frame.data.last().copied() };
-        let reported = probation.note(frame.number, outcome, tail, session.is_known());
-        let mut judgement = probation.judge(session, speaks);
-        self.held += 1;
-        let full = self.held > MAX_HELD && judgement == Judgement::Wait;
-        if full {
-            judgement = Judgement::Foreign;
-        }
-        if judgement == Judgement::Wait {
-            return Outcome {
-                verdict: reported,
-                flaws: if reported == outcome.verdict { outcome.flaws } else { 0 },
-            };
-        }
-        // The frame at hand is reported by the caller, all others are settled.
-        probation.held.pop();
-        self.held -= 1;
-        let note = probation.note_of_refusal() | (u16::from(full) * flaw::LIMIT);
-        self.settle(at, judgement);
-        if judgement == Judgement::Believe {
-            outcome
-        } else {
-            Outcome::flawed(Verdict::Foreign, note)
-        }
-    }
-
-    /// Ends a probation: hands on what was held back, or forgets it.
-    fn settle(&mut self, at: usize, judgement: Judgement) {
-        let believed = judgement == Judgement::Believe;
-        let speaker = self.speaker(at);
-        let (standing, session) = &mut self.sessions[at];
-        let Standing::Probation(probation) = std::mem::replace(standing, Standing::Foreign) else {
-            return;
-        };
-        if believed {
-            self.speakers[speaker] = true;
-            *standing = Standing::Trusted;
-        } else {
-            if session.is_known() {
-                // It may still turn up where another protocol used its identifier before.
-                *standing = Standing::Probation(Box::new(Probation::strict(&probation)));
-            }
-            *session = Session::new(session.id, session.bus, session.known.clone());
-        }
-        self.held -= probation.held.len();
-        for held in &probation.held {
-            let outcome = if believed { held.outcome } else { Outcome::FOREIGN };
-            self.correct(held.frame, held.reported, outcome);
-        }
-        if believed {
-            self.results.transfers.append(probation.transfers);
-        }
-    }
-
-    fn correct(&mut self, frame: u64, reported: Verdict, outcome: Outcome) {
-        if reported == outcome.verdict {
-            return;
-        }
-        self.counts[reported as usize] -= 1;
-        self.counts[outcome.verdict as usize] += 1;
-        self.report(frame, outcome);
-    }
-
-    /// The last word on a frame: in its row, or if that is gone, among the settled.
-    fn report(&mut self, frame: u64, outcome: Outcome) {
-        let results = &mut self.results;
-        if let Some(row) = frame.checked_sub(results.first_frame) {
-            results.verdict[row as usize] = outcome.verdict as u8;
-            results.anomaly[row as usize] |= outcome.flaws;
-        } else {
-            results.settled.frame.push(frame);
-            results.settled.verdict.push(outcome.verdict as u8);
-            results.settled.anomaly.push(outcome.flaws);
-        }
-    }
-
-    /// Place of the session's source node in `speakers`; of an anonymous one that of nobody.
-    fn speaker(&self, at: usize) -> usize {
-        let session = &self.sessions[at].1;
-        let node = match session.id.kind {
-            Kind::Anonymous => 0,
-            _ if session.id.src == 0 => session.id.dst,
-            _ => session.id.src,
-        };
-        usize::from(session.bus) * 128 + usize::from(node)
-    }
 }
 
-const REMOTE_FRAME: Outcome = Outcome::flawed(Verdict::NoTail, flaw::REMOTE);
+/// A session in [`Index`].
+fn key(bus: u8, bits: u32) -> u64 {
+    u64::from(bus) << 32 | u64::from(bits)
+}
+
+const REMOTE_FRAME: Outcome = Outcome::with(Verdict::NoTail, frame_anomaly::REMOTE);

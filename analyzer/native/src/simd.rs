@@ -2,7 +2,7 @@
 //!
 //! `(1436509052.249713) vcan0 1F040A05#2A366C2BBA` with 6 or 9 digits of fraction, ending in `\n`, `\r\n`, ` R\n` or
 //! ` T\n`. It takes lines as long as they look like this and says how far it came; every other line is the readable
-//! path's. Beside `drain/system.rs` it is the only file of the core with `unsafe`: unaligned loads from arrays, and the
+//! path's. Beside `receive/system.rs` it is the only file of the core with `unsafe`: unaligned loads from arrays, and the
 //! call of code for processor features that were checked. Advice to those who change it: `twin.rs` must change in the
 //! same way.
 #![deny(unsafe_op_in_unsafe_fn)]

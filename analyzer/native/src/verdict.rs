@@ -21,7 +21,7 @@ pub enum Verdict {
 pub const VERDICTS: usize = 8;
 
 /// Bits of the `anomaly` column of a frame. The number in brackets is the rule that reads it.
-pub mod flaw {
+pub mod frame_anomaly {
     pub const REMOTE: u16 = 1 << 0; // CAN-002
     pub const NO_TAIL: u16 = 1 << 1; // CAN-005
     pub const IMPOSSIBLE_LENGTH: u16 = 1 << 2; // CAN-019
@@ -36,7 +36,8 @@ pub mod flaw {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outcome {
     pub verdict: Verdict,
-    pub flaws: u16,
+    /// Bits of [`frame_anomaly`].
+    pub anomaly: u16,
 }
 
 impl Outcome {
@@ -44,10 +45,10 @@ impl Outcome {
     pub const FOREIGN: Outcome = Outcome::of(Verdict::Foreign);
 
     pub const fn of(verdict: Verdict) -> Self {
-        Outcome { verdict, flaws: 0 }
+        Outcome { verdict, anomaly: 0 }
     }
 
-    pub const fn flawed(verdict: Verdict, flaws: u16) -> Self {
-        Outcome { verdict, flaws }
+    pub const fn with(verdict: Verdict, anomaly: u16) -> Self {
+        Outcome { verdict, anomaly }
     }
 }

@@ -30,6 +30,22 @@ pub struct Id {
 }
 
 impl Id {
+    /// A message of a sender without a node ID, which names its type in full: source 0 and more than the 2 bits that an
+    /// anonymous message has for it.
+    pub fn is_nameless(self) -> bool {
+        self.kind == Kind::Message && self.src == 0
+    }
+
+    /// What [`session_bits`] and [`nameless_bits`] stand for.
+    pub fn of_session(bits: u32) -> Self {
+        let id = Id::parse(bits);
+        if id.kind == Kind::Anonymous && bits > ANONYMOUS_TYPE {
+            let (kind, type_id) = (Kind::Message, (bits >> 8) as u16);
+            return Id { kind, type_id, ..id };
+        }
+        id
+    }
+
     pub fn parse(raw: u32) -> Self {
         let src = (raw & 0x7F) as u8;
         if raw & 0x80 != 0 {
@@ -66,14 +82,24 @@ impl Id {
     }
 }
 
+/// The bits of the type in the identifier of an anonymous message.
+const ANONYMOUS_TYPE: u32 = 0x300;
+
 /// The bits of an identifier that tell one session from another: all but the priority, and of an
 /// anonymous frame not its random discriminator.
 pub fn session_bits(raw: u32) -> u32 {
     if (raw as u8) == 0 {
-        raw & 0x300
+        raw & ANONYMOUS_TYPE
     } else {
         raw & 0xFF_FFFF
     }
+}
+
+/// The same of an identifier without a source if all that stands above it is the type; none if it is no larger than an
+/// anonymous message has room for.
+pub fn nameless_bits(raw: u32) -> Option<u32> {
+    let bits = raw & 0xFF_FFFF;
+    (bits as u8 == 0 && bits > ANONYMOUS_TYPE).then_some(bits)
 }
 
 pub fn priority(raw: u32) -> u8 {
@@ -282,6 +308,15 @@ mod tests {
                 dst: 0
             }
         );
+        assert_eq!(nameless_bits(0x1F04_0A00), Some(0x04_0A00));
+        let nameless = Id::of_session(0x04_0A00);
+        assert_eq!((nameless.kind, nameless.type_id), (Kind::Message, 1034));
+        assert!(nameless.is_nameless() && !message.is_nameless() && !anonymous.is_nameless());
+        assert_eq!(Id::of_session(session_bits(0x1E21_4500)), anonymous);
+        assert_eq!(Id::of_session(session_bits(0x1F04_0A05)), message);
+        for raw in [0x1F04_0A05, 0x1F04_0A80, 0x1F00_0300] {
+            assert_eq!(nameless_bits(raw), None);
+        }
         assert_eq!(session_bits(0x1E21_4500), session_bits(0x1FFF_FD00));
         assert_ne!(session_bits(0x1F04_0A05), session_bits(0x1F04_0A06));
         assert_eq!(session_bits(0x1F04_0A05), session_bits(0x0004_0A05));

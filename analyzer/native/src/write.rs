@@ -6,29 +6,30 @@
 pub mod candump;
 pub mod mcap;
 pub mod pcapng;
+pub mod recorded;
 pub mod records;
 
 use crate::events::{EventKind, Events};
+use crate::frame_batch::FrameBatch;
 use crate::frames::NO_TIME;
-use crate::piece::Piece;
 
 /// A format that is written row by row.
 pub trait Writer: Send + Sync {
     /// Appends what stands before all rows.
     fn start(&self, _out: &mut Vec<u8>) {}
-    /// Looks at a piece before its rows are written; returns the bytes of a row without its data, about.
-    fn look_ahead(&mut self, piece: &Piece) -> usize;
+    /// Looks at a batch before its rows are written; returns the bytes of a row without its data, about.
+    fn look_ahead(&mut self, batch: &FrameBatch) -> usize;
     /// Appends a frame.
-    fn frame(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>);
+    fn frame(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>);
     /// Appends an event.
-    fn event(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>);
-    /// Appends the rows of a piece.
-    fn write(&mut self, piece: &Piece, out: &mut Vec<u8>) {
-        out.reserve(self.look_ahead(piece) * piece.frames.len() + piece.frames.data.len());
-        for row in InOrder::new(piece) {
+    fn event(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>);
+    /// Appends the rows of a batch.
+    fn write(&mut self, batch: &FrameBatch, out: &mut Vec<u8>) {
+        out.reserve(self.look_ahead(batch) * batch.frames.len() + batch.frames.data.len());
+        for row in InOrder::new(batch) {
             match row {
-                Row::Frame(row) => self.frame(piece, row, out),
-                Row::Event(row) => self.event(piece, row, out),
+                Row::Frame(row) => self.frame(batch, row, out),
+                Row::Event(row) => self.event(batch, row, out),
             }
         }
     }
@@ -89,10 +90,10 @@ impl Stamper {
         t >= 0
     }
 
-    /// In front of the first time that one is used, if the piece has any.
-    fn look_ahead(&mut self, piece: &Piece) {
+    /// In front of the first time that one is used, if the batch has any.
+    fn look_ahead(&mut self, batch: &FrameBatch) {
         if self.last.is_none() {
-            let mut times = piece.frames.t.iter().chain(&piece.events.t);
+            let mut times = batch.frames.t.iter().chain(&batch.events.t);
             self.last = times.find_map(|&t| u64::try_from(t).ok());
         }
     }
@@ -114,24 +115,24 @@ impl Stamper {
     }
 }
 
-/// A row number in one of the two tables of a piece.
+/// A row number in one of the two tables of a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Row {
     Frame(usize),
     Event(usize),
 }
 
-/// Walks the rows of a piece in the order of their records.
+/// Walks the rows of a batch in the order of their records.
 pub struct InOrder<'a> {
-    piece: &'a Piece,
+    batch: &'a FrameBatch,
     frame: usize,
     event: usize,
 }
 
 impl<'a> InOrder<'a> {
-    pub fn new(piece: &'a Piece) -> Self {
+    pub fn new(batch: &'a FrameBatch) -> Self {
         InOrder {
-            piece,
+            batch,
             frame: 0,
             event: 0,
         }
@@ -142,8 +143,8 @@ impl Iterator for InOrder<'_> {
     type Item = Row;
 
     fn next(&mut self) -> Option<Row> {
-        let frame = self.piece.frames.line.get(self.frame);
-        let event_first = match (self.piece.events.line.get(self.event), frame) {
+        let frame = self.batch.frames.line.get(self.frame);
+        let event_first = match (self.batch.events.line.get(self.event), frame) {
             (None, None) => return None,
             (None, Some(_)) => false,
             (Some(_), None) => true,
@@ -161,8 +162,8 @@ impl Iterator for InOrder<'_> {
 }
 
 /// The name by the index in a `bus` column.
-fn name(piece: &Piece, bus: u8) -> &str {
-    piece.buses.names().get(usize::from(bus)).map_or("", String::as_str)
+fn name(batch: &FrameBatch, bus: u8) -> &str {
+    batch.buses.names().get(usize::from(bus)).map_or("", String::as_str)
 }
 
 /// The interface of an event, if it has one.

@@ -1,1 +1,1 @@
-"""What can go wrong on any DroneCAN bus, one file a kind, and how it is asked for."""
+"""Faults of any DroneCAN bus, one file a kind, and how they are asked for."""

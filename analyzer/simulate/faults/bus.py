@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.simulate.faults.aid import LOG, inject, nanoseconds, number, repeat, same, sender, text, transmit
-from dissectors.traffic import MILLISECOND, SECOND, Fault, Frame, Step, next_id
+from analyzer.simulate.faults.helpers import LOG, inject, nanoseconds, number, repeat, same, sender, text, transmit
+from dissectors.times import MILLISECOND, SECOND
+from dissectors.traffic import Fault, SimulatedFrame, Step, next_id
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Sending
 
 _STATUS = "uavcan.protocol.NodeStatus"
 _TIME = "uavcan.protocol.GlobalTimeSync"
+_COMPASS = "uavcan.equipment.ahrs.MagneticFieldStrength"
 _ALLOCATION = "uavcan.protocol.dynamic_node_id.Allocation"
 _FLOOD_PERIOD = 10 * MILLISECOND
 # Nominal bits of a full frame of 8 bytes with an extended identifier.
@@ -19,11 +21,13 @@ _FULL = 131
 _ERROR_PERIOD = 20 * MILLISECOND
 # After this without NodeStatus a node counts as offline.
 _OFFLINE = 3 * SECOND
+_COVARIANCE = "magnetic_field_covariance"
+_COMPASS_PERIOD, _COMPASS_TIMES, _COMPASS_AGAIN = 100 * MILLISECOND, 25, 4
 _CONFLICT_EVERY = 50 * MILLISECOND
 
 
 def _flood(case: Case) -> None:
-    """A bootloader's dump of its memory, as debugging text, on top of everything else."""
+    """Send a bootloader's dump of its memory, as debugging text, on top of everything else."""
     node = sender(case)
     share, times = float(case.options["share"]), nanoseconds(case, "seconds") // _FLOOD_PERIOD
     lines = max(1, round(share * case.world.bit_rate * _FLOOD_PERIOD / SECOND / _FULL / 13))
@@ -37,18 +41,18 @@ def _flood(case: Case) -> None:
 
 
 def _errors(case: Case) -> None:
-    """A bad connection: error frames in a row while the error counter goes up."""
+    """Play a bad connection: error frames in a row while the error counter goes up."""
     times = number(case, "count_of")
 
     def report(turn: int) -> None:
-        inject(case, [Frame(0x88, bytes((0, 0, 0x04, 0x0A, 0, 0, 0, min(8 * (turn + 1), 127))), error=True)])
+        inject(case, [SimulatedFrame(0x88, bytes((0, 0, 0x04, 0x0A, 0, 0, 0, min(8 * (turn + 1), 127))), error=True)])
 
     case.say(f"{times} error frames, one every 20 ms")
     repeat(case, _ERROR_PERIOD, times, report)
 
 
 def _twin(case: Case) -> None:
-    """A second device under the number of the first one sends what that one sends, with counters of its own."""
+    """Let a second device under the number of the first one send the same, with counters of its own."""
     node = sender(case)
     twin = case.world.device(0, "org.example.twin", silent=False)
     twin.number = node.number
@@ -71,7 +75,7 @@ def _twin(case: Case) -> None:
 
 
 def _mute(case: Case) -> None:
-    """No NodeStatus of one node between two of them, though the node goes on with its other work."""
+    """Leave out NodeStatus of one node between two of them, though the node goes on with its other work."""
     node, span, last = sender(case), nanoseconds(case, "seconds"), [-1]
 
     def hold(_: Case, sending: Sending) -> Step:
@@ -91,6 +95,20 @@ def _mute(case: Case) -> None:
 
     case.say(f"node {node.number} sends no NodeStatus for {float(case.options['seconds']):g} s")
     case.touch("frames", hold)
+
+
+def _stop(case: Case) -> None:
+    """Let a node send what its compass measures, and stop for some time."""
+    node, span = sender(case), nanoseconds(case, "seconds")
+
+    def measure(_: int) -> None:
+        values = {"magnetic_field_ga": [case.random.uniform(-0.5, 0.5) for _ in range(3)], _COVARIANCE: []}
+        transmit(case, node, _COMPASS, values, transfer_id=next_id(node, _COMPASS))
+
+    repeat(case, _COMPASS_PERIOD, _COMPASS_TIMES, measure)
+    again = case.world.now + (_COMPASS_TIMES - 1) * _COMPASS_PERIOD + span
+    case.world.at(again, lambda: repeat(case, _COMPASS_PERIOD, _COMPASS_AGAIN, measure))
+    case.say(f"node {node.number} sends no {_COMPASS} for {float(case.options['seconds']):g} s")
 
 
 def _restart(case: Case) -> None:
@@ -127,7 +145,7 @@ def _ill(case: Case) -> None:
 
 
 def _conflict(case: Case) -> None:
-    """An allocator that forgot what it granted: one unique ID is given two node IDs."""
+    """Play an allocator that forgot what it granted: one unique ID is given two node IDs."""
     server = sender(case)
     unique = bytes(case.random.randrange(256) for _ in range(16))
     for turn, given in enumerate((100, 101)):
@@ -140,7 +158,7 @@ def _conflict(case: Case) -> None:
 
 
 def _masters(case: Case) -> None:
-    """Two nodes say what time it is."""
+    """Let two nodes say what time it is."""
     first, second = case.random.sample([esc.node for esc in case.vehicle.escs], 2)
     times = max(2, nanoseconds(case, "seconds") // (500 * MILLISECOND))
     before = {first.number: 0, second.number: 0}
@@ -193,6 +211,14 @@ FAULTS: tuple[Fault, ...] = (
         limits={"seconds": (3.1, 3600)},
         lasts=_OFFLINE + 2050 * MILLISECOND,
         exact=True,
+    ),
+    Fault(
+        "BUS-035",
+        "a node stops sending what it measures",
+        start=_stop,
+        options={"seconds": 1.2},
+        limits={"seconds": (0.6, 3600)},
+        lasts=_COMPASS_TIMES * _COMPASS_PERIOD + 1700 * MILLISECOND,
     ),
     Fault(
         "BUS-021",

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import dissectors
 from analyzer.simulate import scenarios
 from analyzer.simulate.faults import bus, frames, lengths, recording, transfers, values
-from analyzer.simulate.faults.desk import Order
+from analyzer.simulate.faults.context import FaultOrder
+from dissectors.times import MICROSECOND, MILLISECOND, SECOND
 from dissectors.tmotor import traffic
-from dissectors.traffic import MICROSECOND, MILLISECOND, SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -46,7 +46,7 @@ _LONGEST = 86_400 * SECOND
 
 @cache
 def faults() -> dict[str, Fault]:
-    """By rule, in the order of the catalogue."""
+    """Return every fault by its rule, in the order of the catalogue."""
     every = (
         *frames.FAULTS, *transfers.FAULTS, *lengths.FAULTS, *values.FAULTS, *bus.FAULTS, *recording.FAULTS,
         *traffic.FAULTS,
@@ -56,30 +56,30 @@ def faults() -> dict[str, Fault]:
 
 @cache
 def stories() -> dict[str, Scenario]:
-    """By name."""
+    """Return every scenario by its name."""
     return {story.name: story for story in (*traffic.SCENARIOS, *scenarios.SCENARIOS)}
 
 
 def scenario(name: str) -> Scenario:
-    """The scenario of a name. Raises `ValueError` with what comes near."""
+    """Return the scenario of a name. Raises `ValueError` with what comes near."""
     found = stories().get(name)
     if found is None:
         raise ValueError(f"no scenario is called {name!r}{_near(name, stories())}")
     return found
 
 
-def order(text: str) -> Order:
-    """`TRF-003@2.5:node=11:count=3` as an order. Raises `ValueError` with the reason."""
+def order(text: str) -> FaultOrder:
+    """Read `TRF-003@2.5:node=11:count=3` as an order. Raises `ValueError` with the reason."""
     head, *settings = text.split(":")
     rule, at, time = head.partition("@")
     fault = _fault(rule)
     if at and fault.early:
         raise ValueError(f"{fault.rule}: holds from the start of the capture, it takes no time")
-    return Order(fault, nanoseconds(time) if at else None, _settings(fault, settings), text=text)
+    return FaultOrder(fault, nanoseconds(time) if at else None, _settings(fault, settings), text=text)
 
 
-def rate(text: str) -> Order:
-    """`TRF-003=0.01` as an order. Raises `ValueError` with the reason."""
+def rate(text: str) -> FaultOrder:
+    """Read `TRF-003=0.01` as an order. Raises `ValueError` with the reason."""
     rule, equals, share = text.partition("=")
     fault = _fault(rule)
     try:
@@ -88,11 +88,11 @@ def rate(text: str) -> Order:
         value = -1.0
     if not equals or not 0 <= value <= 1:
         raise ValueError(f"{text!r} is not RULE=P with a probability from 0 to 1")
-    return Order(fault, None, _settings(fault, []), rate=value, text=text)
+    return FaultOrder(fault, None, _settings(fault, []), rate=value, text=text)
 
 
 def nanoseconds(text: str) -> int:
-    """A time or a duration: `2.5`, `2.5s`, `300ms`, `40us`, `10min`, `24h`. Raises `ValueError`."""
+    """Read a time or a duration: `2.5`, `2.5s`, `300ms`, `40us`, `10min`, `24h`. Raises `ValueError`."""
     unit = next((unit for unit in ("min", "ms", "us", "s", "h") if text.endswith(unit)), "")
     digits = text.removesuffix(unit)
     if not digits or not digits.replace(".", "", 1).isdecimal() or not digits.isascii():

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.simulate.faults.aid import copied, number, same, sender, telemetry
-from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
+from analyzer.simulate.faults.helpers import copied, number, same, sender, telemetry
+from dissectors.times import MILLISECOND, SECOND
+from dissectors.traffic import Fault, Step
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Sending
@@ -17,7 +18,7 @@ _IN_ORDER = 4 * MILLISECOND
 
 
 def _gap(case: Case, sending: Sending) -> Step:
-    """Transfers of one session are lost; the next one shows it."""
+    """Lose transfers of one session; the next one shows it."""
     session, lost = same(sending), number(case, "lost")
     if "session" not in case.state:
         last = case.state.setdefault("last", {})
@@ -42,7 +43,7 @@ def _gap(case: Case, sending: Sending) -> Step:
 
 
 def _shows(sending: Sending, lost: int, period: int) -> bool:
-    """Whether the next transfer tells: it comes in time, its ID is neither the one before nor the next, and not 0."""
+    """Return if the next transfer tells: it comes in time, its ID is neither the one before nor the next, and not 0."""
     return (lost + 1) * period < _FORGOTTEN and lost % 32 not in {0, 31} and (sending.transfer_id + lost) % 32 != 0
 
 
@@ -54,7 +55,7 @@ def _again(case: Case, sending: Sending) -> Step:
 
 
 def _stuck(case: Case, sending: Sending) -> Step:
-    """The counter stands still once, behind a transfer with another payload."""
+    """Let the counter stand still once, behind a transfer with another payload."""
     payloads = case.state.setdefault("payloads", {})
     before = payloads.get(same(sending))
     payloads[same(sending)] = sending.payload
@@ -68,7 +69,7 @@ def _stuck(case: Case, sending: Sending) -> Step:
 
 
 def _restarted(case: Case, sending: Sending) -> Step:
-    """All counters of the node; but from 1 to 0 a counter would seem to stand still."""
+    """Restart all counters of the node; but from 1 to 0 a counter would seem to stand still."""
     node = case.world.node(sending.node)
     if node is None or sending.transfer_id < 2:
         return Step.SKIP
@@ -91,7 +92,7 @@ def _restarted(case: Case, sending: Sending) -> Step:
 
 
 def _shared(case: Case) -> None:
-    """Until the end: a driver that counts so does it always."""
+    """Use one counter until the end: a driver that counts so does it always."""
     node = sender(case)
     last: list[Sending] = []
     case.say(f"from now on node {node.number} has one transfer ID counter for all its messages")
@@ -105,7 +106,7 @@ def _shared(case: Case) -> None:
         return Step.MORE
 
     def queue(_: Case, sending: Sending) -> Step:
-        """Behind the one before, which a lower identifier would else overtake on the bus."""
+        """Delay it behind the one before, which a lower identifier would else overtake on the bus."""
         if sending.node == node.number and sending.message.kind == "message":
             if last and last[0].frames and last[0].frames[-1].t < 0:
                 wait = max(0, last[0].t + last[0].frames[-1].delay + _IN_ORDER - sending.t)

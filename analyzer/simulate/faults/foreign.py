@@ -5,8 +5,9 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from analyzer.simulate.faults.aid import inject, nanoseconds, number, repeat
-from dissectors.traffic import MILLISECOND, Fault, Frame
+from analyzer.simulate.faults.helpers import inject, nanoseconds, number, repeat
+from dissectors.times import MILLISECOND
+from dissectors.traffic import Fault, SimulatedFrame
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case
@@ -30,7 +31,7 @@ def _battery(case: Case) -> None:
             struct.pack("<HHH", (charge - turn) // 100, 99, charge - turn),
             struct.pack("<hhh", volts, -case.random.randrange(380, 420), 287),
         )
-        inject(case, [Frame(*both, extended=False) for both in zip(_BATTERY, data, strict=True)])
+        inject(case, [SimulatedFrame(*both, extended=False) for both in zip(_BATTERY, data, strict=True)])
 
     identifiers = ", ".join(f"{number:03X}" for number in _BATTERY)
     case.say(f"a battery sends the 11-bit identifiers {identifiers}, each {times} times, every 100 ms")
@@ -43,10 +44,12 @@ def _engine(case: Case) -> None:
 
     def report(turn: int) -> None:
         speed = 8 * (start + case.random.randrange(-12, 12))
-        frames = [Frame(_ENGINE, struct.pack("<BBBHBBB", 0xF1, 125 + 40, 125 + 38, speed, 0, 0xF3, 125))]
+        frames = [SimulatedFrame(_ENGINE, struct.pack("<BBBHBBB", 0xF1, 125 + 40, 125 + 38, speed, 0, 0xF3, 125))]
         if turn % _EVERY == 0:
-            frames.append(Frame(_TEMPERATURES, struct.pack("<BBHHBB", 40 + 82, 40 + 31, 0x2D40, 0xFFFF, 0xFF, 0)))
-            frames.append(Frame(_VOLTAGES, struct.pack("<BBHHH", 0xFF, 0x14, 0xFFFF, 20 * 28, 20 * 28)))
+            frames.append(
+                SimulatedFrame(_TEMPERATURES, struct.pack("<BBHHBB", 40 + 82, 40 + 31, 0x2D40, 0xFFFF, 0xFF, 0))
+            )
+            frames.append(SimulatedFrame(_VOLTAGES, struct.pack("<BBHHH", 0xFF, 0x14, 0xFFFF, 20 * 28, 20 * 28)))
         inject(case, frames)
 
     case.say(
@@ -57,9 +60,9 @@ def _engine(case: Case) -> None:
 
 
 def _error(case: Case) -> None:
-    """SocketCAN's error frame: class bits as identifier; violation, place and counters as data."""
+    """Send SocketCAN's error frame: class bits as identifier; violation, place and counters as data."""
     kind, sent, received = number(case, "class"), number(case, "tx"), number(case, "rx")
-    frame = Frame(kind, bytes((0, 0, 0x04, 0x0A, 0, 0, sent & 0xFF, received & 0xFF)), error=True)
+    frame = SimulatedFrame(kind, bytes((0, 0, 0x04, 0x0A, 0, 0, sent & 0xFF, received & 0xFF)), error=True)
     case.say(f"an error frame of class {kind:03X}, error counters {sent} (sending) and {received} (receiving)")
     inject(case, [frame])
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from analyzer.simulate import wire
 from analyzer.simulate.faults import foreign, identifiers
-from analyzer.simulate.faults.aid import number, telemetry
-from dissectors.traffic import Fault, Frame, Step
+from analyzer.simulate.faults.helpers import number, telemetry
+from dissectors.traffic import Fault, SimulatedFrame, Step
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Sending
@@ -17,7 +17,7 @@ _PRIORITY = 24
 
 
 def flexible(sending: Sending) -> bool:
-    """Cuts a transfer into CAN FD frames; not what has another layout there, a length before its last array."""
+    """Cut a transfer into CAN FD frames; not what has another layout there, a length before its last array."""
     message = sending.message
     if message.max_bytes != message.max_bytes_with_length:
         return False
@@ -26,8 +26,8 @@ def flexible(sending: Sending) -> bool:
     return True
 
 
-def _behind(case: Case, sending: Sending, frame: Frame) -> Step:
-    """One more frame behind the transfer, with its identifier."""
+def _behind(case: Case, sending: Sending, frame: SimulatedFrame) -> Step:
+    """Send one more frame behind the transfer, with its identifier."""
     frame.sending = sending
     sending.frames.append(frame)
     case.mark(frame)
@@ -36,12 +36,12 @@ def _behind(case: Case, sending: Sending, frame: Frame) -> Step:
 
 def _remote(case: Case, sending: Sending) -> Step:
     case.say(f"a remote frame that asks for {number(case, 'dlc')} bytes, with the identifier of the transfer before it")
-    return _behind(case, sending, Frame(sending.frames[0].id, b"", remote=True, dlc=number(case, "dlc")))
+    return _behind(case, sending, SimulatedFrame(sending.frames[0].id, b"", remote=True, dlc=number(case, "dlc")))
 
 
 def _empty(case: Case, sending: Sending) -> Step:
     case.say("a data frame without data behind a transfer, with its identifier")
-    return _behind(case, sending, Frame(sending.frames[0].id, b""))
+    return _behind(case, sending, SimulatedFrame(sending.frames[0].id, b""))
 
 
 def _fd(case: Case, sending: Sending) -> Step:
@@ -54,7 +54,7 @@ def _fd(case: Case, sending: Sending) -> Step:
 
 
 def _impossible(case: Case, sending: Sending) -> Step:
-    """A CAN FD frame without the padding that would fill it."""
+    """Send a CAN FD frame without the padding that would fill it."""
     if len(sending.payload) in {*range(8), 11, 15, 19, 23, 31, 47} or len(sending.payload) > 63:
         return Step.SKIP
     if not flexible(sending):
@@ -66,7 +66,7 @@ def _impossible(case: Case, sending: Sending) -> Step:
 
 
 def _priority(case: Case, sending: Sending) -> Step:
-    """The more urgent frames must come first, or arbitration would change their order."""
+    """Make the first frame more urgent than the rest: else arbitration would change their order."""
     frames, priority = sending.frames, sending.priority
     if len(frames) < 2:
         return Step.SKIP

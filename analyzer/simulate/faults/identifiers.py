@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analyzer.simulate import wire
-from analyzer.simulate.faults.aid import (
+from analyzer.simulate.faults.helpers import (
     device,
     dispatch,
     nanoseconds,
@@ -15,12 +15,13 @@ from analyzer.simulate.faults.aid import (
     transmit,
     unknown,
 )
-from dissectors.traffic import LOWEST, MILLISECOND, SECOND, Fault, Sending
+from dissectors.times import MILLISECOND, SECOND
+from dissectors.traffic import LOWEST, Fault, Sending
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dissectors.traffic import Case, Node
+    from dissectors.traffic import BusNode, Case
 
 _READ = "uavcan.protocol.file.Read.Request"
 _ALLOCATION = "uavcan.protocol.dynamic_node_id.Allocation"
@@ -32,8 +33,8 @@ _SERVO = "com.himark.servo.ServoInfo"
 _UNKNOWN = unknown(20813, 0x5A17C0DE0B5E55ED)
 
 
-def _read(case: Case, node: Node, dst: int, shape: Callable[[Sending], None] | None = None) -> None:
-    """A request in several frames, so that its CRC proves whose traffic it is."""
+def _read(case: Case, node: BusNode, dst: int, shape: Callable[[Sending], None] | None = None) -> None:
+    """Send a request in several frames, so that its CRC proves whose traffic it is."""
     transmit(case, node, _READ, {"offset": 0, "path": {"path": b"/log/17.bin"}}, shape, dst=dst)
 
 
@@ -44,7 +45,7 @@ def _to_nobody(case: Case) -> None:
 
 
 def _from_nobody(case: Case) -> None:
-    server: Node = case.vehicle.autopilot
+    server: BusNode = case.vehicle.autopilot
     node = sender(case, case.vehicle.ground)
 
     def shape(sending: Sending) -> None:
@@ -76,7 +77,7 @@ def _asks(case: Case) -> None:
 
 
 def _asks_at_length(case: Case) -> None:
-    """The legal requests that follow say that DroneCAN is spoken here."""
+    """Ask with the whole unique ID at once; the legal requests that follow say that DroneCAN is spoken here."""
     own = case.random.randbytes(16)
     case.say("an anonymous node sends its whole 16-byte unique ID at once, in 3 frames; then 4 times 6 bytes of it")
     repeat(case, 60 * MILLISECOND, 5, lambda turn: _anonymous(case, own[:6] if turn else own, turn))
@@ -97,7 +98,7 @@ def _throws_dice(case: Case) -> None:
 
 def _reserved(case: Case) -> None:
     tool = device(case, number(case, "id"), "org.example.tool")
-    client: Node = case.vehicle.autopilot
+    client: BusNode = case.vehicle.autopilot
     case.answer.node, case.answer.type = tool.number, "uavcan.protocol.GetNodeInfo.Response"
     case.say(f"node {tool.number}, a number kept for tools, answers a GetNodeInfo request of node {client.number}")
     dst = client.number

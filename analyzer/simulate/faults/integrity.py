@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from analyzer.simulate import wire
 from analyzer.simulate.bits import FD_LENGTHS
-from analyzer.simulate.faults.aid import nanoseconds, number, repeat, sender, telemetry, transmit, unknown
-from dissectors.traffic import MILLISECOND, Fault, Step
+from analyzer.simulate.faults.helpers import nanoseconds, number, repeat, sender, telemetry, transmit, unknown
+from dissectors.times import MILLISECOND
+from dissectors.traffic import Fault, Step
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,7 +21,7 @@ _SEVERAL = unknown(20815, 0x7E1E3E7A5EA7BEEF)
 
 
 def _bit(case: Case, sending: Sending) -> Step:
-    """Behind the CRC, so that only the payload differs."""
+    """Flip a bit behind the CRC, so that only the payload differs."""
     frames = sending.frames
     if len(frames) < 2:
         return Step.SKIP
@@ -80,7 +81,7 @@ def _mistaken(case: Case, sending: Sending) -> Step:
 
 
 def _fd_padding(case: Case, sending: Sending) -> Step:
-    """A single CAN FD frame between whose payload and tail there is room."""
+    """Send a single CAN FD frame between whose payload and tail there is room."""
     message, size = sending.message, len(sending.payload)
     fitting = [length for length in FD_LENGTHS if length > size]
     if message.max_bytes != message.max_bytes_with_length or len(fitting) < 2:
@@ -99,7 +100,7 @@ def _fd_padding(case: Case, sending: Sending) -> Step:
 
 
 def _long(case: Case) -> None:
-    """First three short transfers, so that everybody believes the type."""
+    """Send three short transfers first, so that everybody believes the type."""
     node, size = sender(case), number(case, "bytes")
     if size <= 1023:
         return
@@ -113,7 +114,7 @@ def _long(case: Case) -> None:
 
 
 def _consistent(case: Case) -> None:
-    """A transfer that does not fit in with the others is the last but one."""
+    """Send transfers whose CRCs start from one value; one that does not fit in is the last but one."""
     node, times, wrong = sender(case), number(case, "times"), number(case, "outliers")
     start = wire.seed(_SEVERAL.signature)
     if times - wrong < 2:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.simulate.faults.aid import telemetry
-from dissectors.layout import Array, Primitive, wire_bits
+from analyzer.simulate.faults.helpers import telemetry
+from dissectors.layout import ArrayType, PrimitiveType, wire_bits
 from dissectors.traffic import Case, Fault, Sending, Step
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ _MOST = 1000
 
 
 def spare(sending: Sending) -> int:
-    """Bits of the last byte that belong to no field, 0 as well for a layout whose size depends on its values."""
+    """Count bits of the last byte that belong to no field, 0 too for a layout whose size depends on its values."""
     low, high = wire_bits(sending.message.layout, tail=True)
     found = tail(sending.message)
     if found is None:
@@ -27,10 +27,10 @@ def spare(sending: Sending) -> int:
     return -(head + len(sending.values[name]) * array.element.max_bits) % 8
 
 
-def tail(message: Message) -> tuple[int, str, Array] | None:
-    """Bits in front, name and type of the array that ends a payload without a length field."""
+def tail(message: Message) -> tuple[int, str, ArrayType] | None:
+    """Return bits in front, name and type of the array that ends a payload without a length field."""
     *front, last = message.layout.fields or (None,)
-    if message.layout.union or last is None or not isinstance(last.type, Array) or not last.type.dynamic:
+    if message.layout.union or last is None or not isinstance(last.type, ArrayType) or not last.type.dynamic:
         return None
     sizes = [(member.type.min_bits, member.type.max_bits) for member in front if member is not None]
     element = last.type.element
@@ -108,9 +108,9 @@ def _crowded(case: Case, sending: Sending) -> Step:
     _, name, array = found
     elements = list(sending.values[name])
     count, more = len(elements), int(case.options["more"])
-    if not 1 <= more <= _MOST or not (elements or isinstance(array.element, Primitive)):
+    if not 1 <= more <= _MOST or not (elements or isinstance(array.element, PrimitiveType)):
         return Step.SKIP
-    filler = 0 if isinstance(array.element, Primitive) else elements[-1]
+    filler = 0 if isinstance(array.element, PrimitiveType) else elements[-1]
     wanted = array.max + more
     sending.values = {**sending.values, name: elements + [filler] * (wanted - count)}
     sending.damaged = True

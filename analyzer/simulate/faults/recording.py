@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.simulate.faults.aid import nanoseconds, number
-from dissectors.traffic import MILLISECOND, SECOND, Fault, Frame, Step
+from analyzer.simulate.faults.helpers import nanoseconds, number
+from dissectors.times import MILLISECOND, SECOND
+from dissectors.traffic import Fault, SimulatedFrame, Step
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Sending
@@ -23,9 +24,9 @@ def _backward(case: Case, sending: Sending) -> Step:
 
 
 def _silence(case: Case) -> None:
-    """The bus stands still from a frame on, and nobody has anything left to say about the time before."""
+    """Stop the bus from a frame on; nobody has anything left to say about the time before."""
     world, span = case.world, nanoseconds(case, "seconds")
-    last: list[Frame] = []
+    last: list[SimulatedFrame] = []
     until = 0
 
     def take(case: Case, sending: Sending) -> Step:
@@ -63,14 +64,14 @@ def _cut(case: Case, sending: Sending) -> Step:
 
 
 def _lose(case: Case, sending: Sending) -> Step:
-    """The receive buffer was too small: some frames are gone, and the controller says so."""
+    """Lose some frames as a receive buffer that is too small does, and let the controller say so."""
     lost = number(case, "lost")
     for frame in sending.frames:
         frame.lost = True
     gone = case.state["gone"] = case.state.get("gone", 0) + len(sending.frames)
     if gone < lost:
         return Step.MORE
-    error = Frame(_CONTROLLER, _OVERFLOW, error=True)
+    error = SimulatedFrame(_CONTROLLER, _OVERFLOW, error=True)
     case.mark(error)
     case.world.put([error])
     case.say(f"the recorder's receive buffer ran over, {gone} frames are lost")

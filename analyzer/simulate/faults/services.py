@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.simulate.faults.aid import nanoseconds, number, sender, transmit
-from dissectors.traffic import LOWEST, MICROSECOND, MILLISECOND, SECOND, Fault
+from analyzer.simulate.faults.helpers import nanoseconds, number, sender, transmit
+from dissectors.times import MICROSECOND, MILLISECOND, SECOND
+from dissectors.traffic import LOWEST, Fault
 
 if TYPE_CHECKING:
-    from dissectors.traffic import Case, Node, Sending, Values
+    from dissectors.traffic import BusNode, Case, Sending, Values
 
 _REQUEST = "uavcan.protocol.GetNodeInfo.Request"
 _RESPONSE = "uavcan.protocol.GetNodeInfo.Response"
@@ -18,21 +19,21 @@ _THINKING = 300 * MICROSECOND
 _SLOW, _UNANSWERED = 500 * MILLISECOND, SECOND
 
 
-def _client(case: Case, server: Node) -> Node:
-    """The ground station; if that is the server, the autopilot."""
-    ground: Node = case.vehicle.ground
-    autopilot: Node = case.vehicle.autopilot
+def _client(case: Case, server: BusNode) -> BusNode:
+    """Return the ground station; if that is the server, the autopilot."""
+    ground: BusNode = case.vehicle.ground
+    autopilot: BusNode = case.vehicle.autopilot
     return ground if ground.number != server.number else autopilot
 
 
-def _ask(case: Case, server: Node) -> Sending:
-    """A request, which the fault alone answers."""
+def _ask(case: Case, server: BusNode) -> Sending:
+    """Send a request, which the fault alone answers."""
     return transmit(case, _client(case, server), _REQUEST, {}, dst=server.number)
 
 
 def _answer(
     case: Case,
-    server: Node,
+    server: BusNode,
     request: Sending,
     after: int = _THINKING,
     priority: int = LOWEST,

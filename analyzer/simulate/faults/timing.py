@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from analyzer.simulate.faults.aid import LOG, nanoseconds, same, sender, telemetry, text, transmit, unshown
-from dissectors.traffic import MICROSECOND, MILLISECOND, SECOND, Fault, Frame, Step
+from analyzer.simulate.faults.helpers import LOG, nanoseconds, same, sender, telemetry, text, transmit, unshown
+from dissectors.times import MICROSECOND, MILLISECOND, SECOND
+from dissectors.traffic import Fault, SimulatedFrame, Step
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Sending
@@ -22,7 +23,7 @@ _LONG, _ABORTED, _TIMEOUT = 100 * MILLISECOND, SECOND, 2 * SECOND
 
 
 def _pause(case: Case) -> None:
-    """In a session where no other transfer comes between its frames, behind a whole one that proves whose it is."""
+    """Pause where no other transfer of the session comes in between, behind a whole one that proves whose it is."""
     node, pause = sender(case), nanoseconds(case, "pause")
     long, rule = pause > _ABORTED, case.answer.rule
     if pause <= (_ABORTED if rule == "TRF-007" else _LONG):
@@ -40,12 +41,12 @@ def _pause(case: Case) -> None:
 
 
 def _shows(case: Case, sending: Sending) -> bool:
-    """Whether a transfer of several frames, of the node that the settings name, is there to be changed."""
+    """Return if a transfer of several frames, of the node that the settings name, is there to be changed."""
     return not sending.changed and telemetry(sending) and case.options.get("node") in (None, sending.node)
 
 
 def _cut(case: Case) -> None:
-    """The recording ends inside the next transfer that can show it."""
+    """End the recording inside the next transfer that can show it."""
     world = case.world
 
     def last(case: Case, sending: Sending) -> Step:
@@ -60,7 +61,7 @@ def _cut(case: Case) -> None:
 
 
 def _interleave(case: Case, sending: Sending) -> Step:
-    """The transfer waits for the next one of its session, then their frames take turns."""
+    """Hold the transfer for the next one of its session, then let their frames take turns."""
     session = same(sending)
     if len(sending.frames) < 2 or case.state.setdefault("session", session) != session:
         return Step.SKIP
@@ -81,11 +82,11 @@ def _interleave(case: Case, sending: Sending) -> Step:
 
 
 def _second(case: Case) -> None:
-    """All traffic is on both interfaces from now on, but for one transfer."""
+    """Record all traffic on both interfaces from now on, but for one transfer."""
     world, begin = case.world, case.world.now
     missing: list[Sending] = []
 
-    def twin(frame: Frame) -> Frame | None:
+    def twin(frame: SimulatedFrame) -> SimulatedFrame | None:
         sending = frame.sending
         if frame.bus or (sending is not None and (sending.t < begin or sending in missing)):
             return None

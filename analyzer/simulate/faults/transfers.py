@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.simulate import wire
 from analyzer.simulate.faults import counters, integrity, services, timing
-from analyzer.simulate.faults.aid import LOG, beacon, copied, number, sender, telemetry, text, transmit, unshown
+from analyzer.simulate.faults.helpers import LOG, beacon, copied, number, sender, telemetry, text, transmit, unshown
 from analyzer.simulate.wire import TOGGLE, retail
 from dissectors.traffic import Fault, Step
 
@@ -35,7 +35,7 @@ def _first_toggle(case: Case, sending: Sending) -> Step:
 
 
 def _toggle(case: Case, sending: Sending) -> Step:
-    """In the middle of the transfer, so that both neighbours show it."""
+    """Flip a toggle in the middle of the transfer, so that both neighbours show it."""
     frames, how = sending.frames, case.options["how"]
     count = len(frames)
     if count < 3:
@@ -95,7 +95,7 @@ def _renumber(case: Case, sending: Sending) -> Step:
 
 
 def recut(sending: Sending, *sizes: int) -> list[bytes]:
-    """Cuts the bytes of a transfer into frames that hold `sizes` bytes, the rest of them 7; gives the parts."""
+    """Cut the bytes of a transfer into frames that hold `sizes` bytes, the rest of them 7; return the parts."""
     body = wire.checked(sending.payload, sending.signature)
     parts = []
     for size in (*sizes, *[7] * len(body)):
@@ -124,7 +124,7 @@ def _crc_alone(case: Case, sending: Sending) -> Step:
 
 
 def _needless(case: Case, sending: Sending) -> Step:
-    """Not what needs no second frame even with a CRC: one of them would not be full."""
+    """Send two frames where one is enough; below 6 bytes the CRC would not fill the first one."""
     if len(sending.frames) != 1 or len(sending.payload) < 6:
         return Step.SKIP
     recut(sending)
@@ -133,7 +133,7 @@ def _needless(case: Case, sending: Sending) -> Step:
 
 
 def _nothing_left(case: Case) -> None:
-    """A text of which nothing is left for the last frame: with its CRC it fills two."""
+    """Send a text of which nothing is left for the last frame: with its CRC it fills two."""
 
     def shape(sending: Sending) -> None:
         sending.frames = wire.chain(wire.can_id(sending), [*recut(sending), b""], sending.transfer_id)

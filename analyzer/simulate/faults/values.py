@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeVar
 
-from dissectors.layout import Compound, Primitive
+from dissectors.layout import CompoundType, PrimitiveType
 from dissectors.traffic import Case, Code, Fault, Sending, Step, change
 
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from dissectors.schema import Message
     from dissectors.traffic import Touch
 
-_Kind = TypeVar("_Kind", Compound, Primitive)
+_Kind = TypeVar("_Kind", CompoundType, PrimitiveType)
 # Width of a float's mantissa.
 _MANTISSA = {16: 10, 32: 23, 64: 52}
 # Standard DroneCAN: a union and void bits, and every device may be asked.
@@ -21,17 +21,17 @@ _ANSWER = "uavcan.protocol.param.GetSet.Response"
 
 
 def _floats(message: Message) -> dict[str, int]:
-    """Width of every float that is a field of its own."""
+    """Return the width of every float that is a field of its own."""
     fields = message.layout.fields
     return {
         member.name: member.type.bits
         for member in fields
-        if isinstance(member.type, Primitive) and member.type.kind == "float"
+        if isinstance(member.type, PrimitiveType) and member.type.kind == "float"
     }
 
 
 def _float(case: Case, sending: Sending, *, number: bool, negative: bool = False) -> Step:
-    """Replaces a float, the last one unless another is named, by infinity or, if not a `number`, by NaN."""
+    """Replace a float, the last one unless another is named, by infinity or, if not a `number`, by NaN."""
     floats = _floats(sending.message)
     name = str(case.options["field"]) or next(reversed(floats), "")
     if name not in floats:
@@ -59,7 +59,7 @@ def _has_float(sending: Sending) -> bool:
 
 
 def _first(message: Message, kind: type[_Kind], wanted: Callable[[_Kind], bool]) -> tuple[int, _Kind] | None:
-    """The first field of a kind and the bits in front of it; None behind what has no fixed size."""
+    """Return the first field of a kind and the bits in front of it; None behind what has no fixed size."""
     bits = 0
     for member in message.layout.fields:
         if isinstance(member.type, kind) and wanted(member.type):
@@ -71,15 +71,15 @@ def _first(message: Message, kind: type[_Kind], wanted: Callable[[_Kind], bool])
 
 
 def _write(payload: bytes, at: int, width: int, value: int) -> bytes:
-    """The payload with `width` bits from bit `at` replaced; bit 0 is the highest of the first byte."""
+    """Return the payload with `width` bits from bit `at` replaced; bit 0 is the highest of the first byte."""
     shift = 8 * len(payload) - at - width
     number = int.from_bytes(payload, "big") & ~((1 << width) - 1 << shift) | value << shift
     return number.to_bytes(len(payload), "big")
 
 
 def _tag(case: Case, sending: Sending) -> Step:
-    """Gives a union the tag of no field."""
-    found = _first(sending.message, Compound, lambda inner: inner.union)
+    """Give a union the tag of no field."""
+    found = _first(sending.message, CompoundType, lambda inner: inner.union)
     if found is None:
         return Step.SKIP
     at, union = found
@@ -94,8 +94,8 @@ def _tag(case: Case, sending: Sending) -> Step:
 
 
 def _void(case: Case, sending: Sending) -> Step:
-    """Fills the first void of a payload."""
-    found = _first(sending.message, Primitive, lambda inner: inner.kind == "void")
+    """Fill the first void of a payload."""
+    found = _first(sending.message, PrimitiveType, lambda inner: inner.kind == "void")
     if found is None:
         return Step.SKIP
     at, width = found[0], found[1].bits
@@ -106,7 +106,7 @@ def _void(case: Case, sending: Sending) -> Step:
 
 
 def _in_answer(case: Case, do: Touch) -> None:
-    """Lets `do` change what a device answers when it is asked for a parameter, or the next transfer of another type."""
+    """Let `do` change the answer of a device that is asked for a parameter, or the next transfer of another type."""
     vehicle, node, name = case.vehicle, case.options.get("node"), case.options.get("type", _ANSWER)
     numbers: list[int] = [esc.node.number for esc in vehicle.escs]
     if name == _ANSWER and node not in numbers:

@@ -9,12 +9,12 @@ from analyzer.sources.mcap.reader import Reader
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
     from analyzer.sources import Source
 
 
-def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-    """Pieces of rows; a record is a message, or something damaged."""
+def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
+    """Batches of rows; a record is a message, or something damaged."""
     reader = Reader(source)
     try:
         for chunk in chunks:

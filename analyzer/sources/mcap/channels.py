@@ -55,11 +55,11 @@ class Channels:
         self.headers = self.others = 0  # channels with a header.stamp, with a stamp of another name
 
     def schema(self, schema: Schema) -> None:
-        """Takes a schema; the first of an ID counts."""
+        """Take a schema; the first of an ID counts."""
         self._schemas.setdefault(schema.id, schema)
 
     def channel(self, channel: Channel) -> None:
-        """Takes a channel; repeated ones change nothing, the last one counts."""
+        """Take a channel; repeated ones change nothing, the last one counts."""
         if self.known.get(channel.id) == channel:
             return
         self.known[channel.id] = channel
@@ -69,7 +69,7 @@ class Channels:
             self.settle(channel.id, b"")
 
     def take(self, definitions: Iterable[Schema | Channel], *, only_new: bool = False) -> None:
-        """Takes what a chunk or a summary defines; `only_new` keeps what is known."""
+        """Take what a chunk or a summary defines; `only_new` keeps what is known."""
         for one in definitions:
             if isinstance(one, Schema):
                 self.schema(one)
@@ -136,7 +136,7 @@ class Channels:
         return self._parsed[schema.id]
 
     def _layout(self, channel: Channel, schema: Schema | None) -> tuple[tuple[str, Any] | None, str]:
-        """The layout, or what is to be said of a channel without."""
+        """Return the layout, or what is to be said of a channel without."""
         if schema is None:
             return None, ""
         key = schema.id, channel.message_encoding, _named(channel, schema)
@@ -190,7 +190,7 @@ class Channels:
             self.notes.append(text)
 
     def summary(self, header_times: int, log_times: int) -> list[str]:
-        """What is to be said of the channels and of the times of their frames, in short clauses."""
+        """Return what is to be said of the channels and of the times of their frames, in short clauses."""
         for number, said in self._said.items():
             if said:
                 self._note(f"{self._title(self.known[number])} {said}")
@@ -220,5 +220,5 @@ def _layout(schema: Schema, form: str, named: bool) -> tuple[tuple[str, Any] | N
 
 
 def _named(channel: Channel, schema: Schema | None) -> bool:
-    """Whether the topic or the type says CAN."""
+    """Return whether the topic or the type says CAN."""
     return topics.says_can(channel.topic) or (schema is not None and topics.says_can(schema.name))

@@ -36,7 +36,7 @@ class Chunk:
 
     @classmethod
     def read(cls, data: bytes, at: int) -> Chunk:
-        """Reads the body at `at`, whose lengths are known to fit."""
+        """Read the body at `at`, whose lengths are known to fit."""
         *_, size, crc, name = _FIELDS.unpack_from(data, at)
         start = at + _FIELDS.size + name
         return cls(size, crc, data[start - name : start].decode(errors="backslashreplace"), start + 8)
@@ -50,7 +50,7 @@ class Chunk:
         return ""
 
     def records(self, stored: bytes, stopped: Callable[[], bool]) -> tuple[bytes, str]:
-        """The records, never more than declared, and what is wrong with them in words; no matter what once stopped."""
+        """Return the records, never more than declared, and what is wrong with them; no matter what once stopped."""
         unpack, steps = _UNPACK[self.compression]
         data = None
         if self.size <= _AT_ONCE or not self.compression:
@@ -67,14 +67,14 @@ class Chunk:
         return data, ""
 
     def beginning(self, stored: bytes, stopped: Callable[[], bool]) -> tuple[bytes, str]:
-        """The same for a chunk whose end is missing: the checksum counts if nothing of the records is."""
+        """Return them of a chunk whose end is missing: the checksum counts if nothing of the records is."""
         data, _ = _joined(_UNPACK[self.compression][1](stored, self.size), stopped)
         whole = len(data) == self.size
         return data, "checksum wrong" if whole and self.crc and crc32(data) != self.crc else ""
 
 
 def _joined(parts: Iterable[bytes], stopped: Callable[[], bool]) -> tuple[bytes, bool]:
-    """What the steps give, and whether all of them are sound; less once stopped."""
+    """Return what the steps give, and whether all of them are sound; less once stopped."""
     out = BytesIO()
     try:
         for part in parts:

@@ -1,8 +1,7 @@
-"""What the records of an MCAP file hold: definitions, messages, and chunks of both."""
+"""The records of an MCAP file: definitions, messages, and chunks of both."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mcap.opcode import Opcode
@@ -29,11 +28,11 @@ if TYPE_CHECKING:
 
     from mcap.records import Channel
 
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
     from analyzer.sources import Source
     from analyzer.sources.mcap.chunks import Chunk
 
-# Rows that make a piece.
+# Rows that make a batch.
 _ROWS = 1 << 17
 # Why the native walk stopped.
 _END, _FULL, _UNKNOWN = 0, 4, 5
@@ -62,12 +61,12 @@ class Contents:
 
     @property
     def ended(self) -> bool:
-        """Whether the reading was stopped on purpose, and what comes no longer matters."""
+        """True once the reading was stopped on purpose, and what comes no longer matters."""
         return self._source.stopped and not self._source.live
 
     @property
     def counts(self) -> Counts:
-        """What was found, up to the last piece."""
+        """The findings up to the last batch."""
         return Counts(self._records - self._extra, self._chunks)
 
     def unreadable(self, text: str) -> None:
@@ -76,21 +75,21 @@ class Contents:
         self._extra += 1
         self.walk.unreadable(text)
 
-    def take(self) -> Piece:
-        """All rows since the last piece."""
-        piece = self.walk.take()
-        self._records += piece.lines["lines"]
-        return piece
+    def take(self) -> FrameBatch:
+        """All rows since the last batch."""
+        batch = self.walk.take()
+        self._records += batch.lines["lines"]
+        return batch
 
     def define(self, name: str, opcode: int, body: bytes) -> None:
-        """Takes a schema or a channel."""
+        """Take a schema or a channel."""
         if (found := definition(opcode, body)) is None:
             self.unreadable(f"{name}: damaged {'schema' if opcode == Opcode.SCHEMA else 'channel'}, skipped")
         elif not self._define([found]):
             self.unreadable(f"{name}: {_ABSURD}, skipped")
 
     def _define(self, found: Iterable[Schema | Channel], *, only_new: bool = False) -> bool:
-        """Takes definitions; false if they are more work than there may be.
+        """Take definitions; false if they are more work than there may be.
 
         The first channel of a schema makes it be read.
         """
@@ -104,8 +103,10 @@ class Contents:
             self.channels.take([one], only_new=only_new)
         return True
 
-    def messages(self, data: bytes, at: int, *, limited: bool = False) -> Generator[Piece, None, tuple[int, int, int]]:
-        """Takes messages up to something else. Gives where that stands, the last message, why it stopped.
+    def messages(
+        self, data: bytes, at: int, *, limited: bool = False
+    ) -> Generator[FrameBatch, None, tuple[int, int, int]]:
+        """Take messages up to something else. Return where that stands, the last message, why it stopped.
 
         Where `limited`, a message of no known channel stops it when nothing more of the effort is left.
         """
@@ -124,7 +125,7 @@ class Contents:
                 at, last = self._unknown(data, at), at
 
     def _unknown(self, data: bytes, at: int) -> int:
-        """A message of a channel that is not announced: once it is, its messages are taken natively."""
+        """Announce the channel of a message if it is not yet: once it is, its messages are taken natively."""
         _, length = HEAD.unpack_from(data, at)
         end: int = at + PREFIX + length
         start = at + PREFIX
@@ -145,15 +146,15 @@ class Contents:
     def recall(self) -> None:
         """Definitions are lost: a file on disk repeats them at its end."""
         source = self._source
-        if not (self._recalled or source.live or source.packing or source.name == "-"):
+        if not (self._recalled or source.live or source.packing or not source.repeatable):
             self._recalled = True
-            self._define(summary.read(Path(source.name), self._goes_on), only_new=True)
+            self._define(summary.read(source, self._goes_on), only_new=True)
 
     def _goes_on(self) -> bool:
         return not self.ended and self.effort.spend(_RECORD)
 
-    def chunk(self, name: str, chunk: Chunk, stored: bytes, *, unfinished: bool = False) -> Iterator[Piece]:
-        """Takes the records of a chunk, none if it is damaged; if it is unfinished, those that are there."""
+    def chunk(self, name: str, chunk: Chunk, stored: bytes, *, unfinished: bool = False) -> Iterator[FrameBatch]:
+        """Take the records of a chunk, none if it is damaged; if it is unfinished, those that are there."""
         self._chunks += 1
         data, wrong = b"", chunk.refused()
         if not wrong and chunk.compression and not self.effort.unpack(chunk.size):
@@ -168,8 +169,8 @@ class Contents:
             self.recall()
             self._define(definitions(data, self._goes_on), only_new=True)
 
-    def _inside(self, name: str, data: bytes, *, unfinished: bool) -> Iterator[Piece]:
-        """Takes the records of a chunk that is unpacked."""
+    def _inside(self, name: str, data: bytes, *, unfinished: bool) -> Iterator[FrameBatch]:
+        """Take the records of a chunk that is unpacked."""
         at = 0
         while not self.ended:
             at, _, stop = yield from self.messages(data, at, limited=True)
@@ -196,7 +197,7 @@ class Contents:
             at = after
 
     def _search(self, data: bytes, at: int) -> Found:
-        """The next record in a chunk; `Result.ONWARD` if that was given up."""
+        """Return the next record in a chunk; `Result.ONWARD` if that was given up."""
         while True:
             found = find(data, at, self.channels.known, final=True)
             worth = self.effort.spend(_ROUND + found.places + (found.at - at) // _SEARCHED)
@@ -205,5 +206,5 @@ class Contents:
             at = found.at
 
     def notes(self) -> list[str]:
-        """What is to be said of the channels and of times."""
+        """Return what is to be said of the channels and of times."""
         return self.channels.summary(self.walk.header_times, self.walk.log_times)

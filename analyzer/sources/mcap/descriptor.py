@@ -43,7 +43,7 @@ class Field:
 
 
 def messages(data: bytes) -> dict[str, list[Field]]:
-    """The fields of every message by its full name; raises `ValueError` if the bytes are no set of descriptors."""
+    """Return the fields of every message by its full name. Raises `ValueError` for no set of descriptors."""
     if len(data) > _LARGEST:
         raise ValueError("too large")
     return _Parser().set(data)
@@ -57,7 +57,7 @@ class _Parser:
         self._left = _MOST
 
     def set(self, data: bytes) -> dict[str, list[Field]]:
-        """Takes a `FileDescriptorSet`."""
+        """Take a `FileDescriptorSet`."""
         for number, file in self._fields(data):
             if number != 1 or not isinstance(file, bytes):
                 continue
@@ -72,7 +72,7 @@ class _Parser:
         return self._found
 
     def _message(self, data: bytes, prefix: str, depth: int) -> None:
-        """A `DescriptorProto`; of fields with the same number, which must not be, the first counts."""
+        """Take a `DescriptorProto`; of fields with the same number, which must not be, the first counts."""
         if depth == _DEEPEST:
             raise ValueError("nested too deep")
         name, fields, nested = "", dict[int, Field](), list[bytes]()
@@ -92,7 +92,7 @@ class _Parser:
             self._message(inner, full, depth + 1)
 
     def _field(self, data: bytes) -> Field:
-        """A `FieldDescriptorProto`."""
+        """Take a `FieldDescriptorProto`."""
         out = Field()
         for number, value in self._fields(data):
             if isinstance(value, bytes):

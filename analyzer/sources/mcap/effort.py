@@ -13,20 +13,20 @@ _STEPS, _PER_BYTE = 1 << 19, 0.5
 
 
 class Effort:
-    """What was spent on chunks and definitions so far; `read` are the bytes of the file up to the record at hand."""
+    """The work spent on chunks and definitions so far; `read` are the bytes of the file up to the record at hand."""
 
     def __init__(self) -> None:
         self.read = 0
         self._unpacked = self._spent = 0
 
     def unpack(self, size: int) -> bool:
-        """Whether so many more bytes may be unpacked."""
+        """Return whether so many more bytes may be unpacked."""
         if self._unpacked + size > LIMIT + _RATIO * self.read:
             return False
         self._unpacked += size
         return True
 
     def spend(self, steps: int) -> bool:
-        """Counts steps; whether there may be so many."""
+        """Count steps; return whether there may be so many."""
         self._spent += steps
         return self._spent <= _STEPS + _PER_BYTE * self.read

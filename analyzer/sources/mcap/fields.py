@@ -58,7 +58,7 @@ class Picked:
 
 
 def pick(nodes: Sequence[Node], *, named: bool) -> list[Picked] | None:
-    """The fields of a frame: identifier and data side by side, perhaps deeper; the rest there or further out.
+    """Return the fields of a frame: identifier and data side by side, perhaps deeper; the rest there or further out.
 
     Identifiers and data are in many messages: either something about these is CAN's own, or `named` says that it is.
     """
@@ -66,7 +66,7 @@ def pick(nodes: Sequence[Node], *, named: bool) -> list[Picked] | None:
 
 
 def hint(nodes: Sequence[Node], *, named: bool) -> str:
-    """What is to be said of a message in which no frame was found, empty for nothing."""
+    """Return what is to be said of a message in which no frame was found, empty for nothing."""
     if pick(nodes, named=True):
         return VAGUE
     return LISTS if _lists(nodes, named=named) else ""
@@ -81,7 +81,7 @@ def _lists(nodes: Sequence[Node], *, named: bool) -> bool:
 
 
 def _own(found: Sequence[Picked]) -> bool:
-    """Whether fields have names, or roles, that other messages than those of CAN do not have."""
+    """Return whether fields have names, or roles, that other messages than those of CAN do not have."""
     return any(
         (one.role in _FRAME and _plain(one.node.name) not in names.ANYWHERE)
         or (one.role in names.OWN and _plain(one.node.name) not in names.VAGUE)
@@ -127,7 +127,7 @@ def _level(nodes: Sequence[Node], path: tuple[Any, ...]) -> list[Picked]:
 
 
 def _stamp(named: dict[str, list[Node]], path: tuple[Any, ...]) -> list[Picked]:
-    """A time stamp of seconds, or of seconds and nanoseconds; whole numbers of an unknown unit are none."""
+    """Return a time stamp of seconds, or of seconds and nanoseconds; whole numbers of an unknown unit are none."""
     node = _first(named, names.STAMP, ("object", "float"))
     if node is None:
         return []

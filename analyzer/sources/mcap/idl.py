@@ -28,7 +28,7 @@ _PLAIN = {
 
 
 def structs(text: str) -> dict[str, list[tuple[str, str]]]:
-    """The fields of every struct by its full name (`a::b::C`), as (type, name); types as a `.msg` file writes them.
+    """Return the fields of every struct by its full name (`a::b::C`): type, as a `.msg` file writes it, and name.
 
     What is not understood is left out: a struct with such a field lacks it.
     """

@@ -15,7 +15,7 @@ Layout = tuple[str, list[tuple[str, tuple[Any, ...]]]]
 
 
 def parsed(text: bytes) -> Any:
-    """The value of a JSON text; raises `ValueError` if it is none or too long."""
+    """Return the value of a JSON text; raises `ValueError` if it is none or too long."""
     if len(text) > LONGEST:
         raise ValueError("too long")
     try:
@@ -25,7 +25,7 @@ def parsed(text: bytes) -> Any:
 
 
 def layout_of(schema: Any, message: Any, *, named: bool) -> tuple[Layout | None, str]:
-    """The layout, for the native walk, or what is to be said if there is none.
+    """Return the layout, for the native walk, or what is to be said if there is none.
 
     `schema` and `message` are parsed, None for what is not there; `named`: names outside say that these are CAN frames.
     """
@@ -38,12 +38,12 @@ def layout_of(schema: Any, message: Any, *, named: bool) -> tuple[Layout | None,
 
 
 def describes(schema: Any) -> bool:
-    """Whether a parsed schema names fields at all."""
+    """Return whether a parsed schema names fields at all."""
     return bool(_described(schema, schema, 0, [MOST]))
 
 
 def _merge(described: tuple[Node, ...], held: dict[str, Node]) -> tuple[Node, ...]:
-    """Described fields with what a message shows of them, then those it has beside."""
+    """Return the described fields with what a message shows of them, then those it has beside."""
     names = {node.name for node in described}
     return (
         *(_merged(node, held.get(node.name)) for node in described),
@@ -83,7 +83,7 @@ def _described(schema: Any, root: Any, depth: int, left: list[int]) -> tuple[Nod
 
 
 def _referred(schema: Any, root: Any) -> Any:
-    """What a reference inside the same schema stands for."""
+    """Return what a reference inside the same schema stands for."""
     reference = schema.get("$ref") if isinstance(schema, dict) else None
     if not isinstance(reference, str) or not reference.startswith("#/"):
         return schema

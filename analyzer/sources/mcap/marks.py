@@ -1,4 +1,4 @@
-"""What our own files say of all frames of a channel, in its metadata: what its messages cannot say."""
+"""The metadata of channels in our own files: what holds for all frames, and their messages cannot say."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CODES = {str(code): code << _CODE for code in range(9, 16)}
 
 
 def flags(about: Mapping[str, str]) -> int:
-    """The flag bits that all frames have; words that mean nothing here are passed over."""
+    """Return the flag bits that all frames have; words that mean nothing here are passed over."""
     if about.get("frames") != "CAN FD":
         return _CODES.get(about.get("length code", ""), 0)
     return _FD | sum({_BITS.get(word, 0) for word in about.get("flags", "").split(", ")})

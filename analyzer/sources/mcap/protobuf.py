@@ -15,7 +15,7 @@ Layout = tuple[str, list[tuple[str, tuple[Any, ...], str]]]
 
 
 def layout_of(name: str, descriptors: bytes, *, named: bool) -> tuple[Layout | None, str]:
-    """The layout, for the native walk, or what is to be said if there is none; `named`: names outside say CAN."""
+    """Return the layout for the native walk, or what to say if there is none; `named`: names outside say CAN."""
     try:
         found = messages(descriptors)
     except ValueError:
@@ -30,7 +30,7 @@ def layout_of(name: str, descriptors: bytes, *, named: bool) -> tuple[Layout | N
 def _nodes(
     found: dict[str, list[Field]], name: str, depth: int, left: list[int], *, lists: bool = False
 ) -> tuple[Node, ...]:
-    """The fields of a message; with `lists` repeated messages are among them."""
+    """Return the fields of a message; with `lists` repeated messages are among them."""
     if depth == _DEEPEST:
         return ()
     out = []

@@ -17,7 +17,7 @@ from analyzer.sources.mcap.summary import counts
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
 
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
     from analyzer.sources import Source
 
 # Opcodes that the format does not define yet, and those that it leaves to applications.
@@ -49,15 +49,15 @@ class Reader:
         self._lost: int | None = None
         self._private = 0
 
-    def feed(self, piece: bytes) -> Iterator[Piece]:
-        """Takes the next bytes."""
-        if self._stream.push(piece):
+    def feed(self, batch: bytes) -> Iterator[FrameBatch]:
+        """Take the next bytes."""
+        if self._stream.push(batch):
             yield from self._run(final=False)
             if self._contents.walk.waiting:
                 yield self._contents.take()
 
-    def finish(self) -> Iterator[Piece]:
-        """The input ends here."""
+    def finish(self) -> Iterator[FrameBatch]:
+        """End the input."""
         self._stream.need(0)
         self._stream.push(b"")
         yield from self._run(final=True)
@@ -65,10 +65,10 @@ class Reader:
         yield self._contents.take()
 
     def notes(self) -> list[str]:
-        """What is to be said of the file, in short clauses."""
+        """Return what is to be said of the file, in short clauses."""
         return self._contents.notes() + ([f"private records skipped: {self._private}"] if self._private else [])
 
-    def _run(self, *, final: bool) -> Iterator[Piece]:
+    def _run(self, *, final: bool) -> Iterator[FrameBatch]:
         stream, going = self._stream, True
         while going and self._part is not _Part.OVER and not self._contents.ended:
             if stream.at > len(stream.data):  # inside a record that is skipped
@@ -87,7 +87,7 @@ class Reader:
             stream.at = stream.kept = len(stream.data)
 
     def _over(self, place: int, reason: str) -> bool:
-        """Reading ends here, early."""
+        """End the reading here, early."""
         unpacked = " of the unpacked data" if self._source.packing else ""
         self._source.damaged(f"byte {place}{unpacked}", reason)
         self._part = _Part.OVER
@@ -102,7 +102,7 @@ class Reader:
         return self._over(self._stream.size, f"MCAP data ends early{f', {_SOUND}' if behind else ''}")
 
     def _magic(self, *, final: bool) -> bool:
-        """The mark at the start and at the end of the file."""
+        """Read the mark at the start and at the end of the file."""
         stream = self._stream
         left = len(stream.data) - stream.at
         if left < len(MAGIC):
@@ -118,7 +118,7 @@ class Reader:
         stream.skip(len(MAGIC))
         return True
 
-    def _record(self, *, final: bool) -> Generator[Piece, None, bool]:
+    def _record(self, *, final: bool) -> Generator[FrameBatch, None, bool]:
         """One record that is no message, or a message that is not there as a whole; whether there is more to do."""
         stream = self._stream
         left = len(stream.data) - stream.at
@@ -150,14 +150,14 @@ class Reader:
         return True
 
     def _count(self) -> None:
-        """Compares what was found with what the file says of itself."""
+        """Compare what was found with what the file says of itself."""
         stream = self._stream
         differs = counts(stream.data, stream.at + PREFIX).differs(self._contents.counts)
         if differs and not self._contents.hurt:
             self._source.damaged(f"byte {stream.place}", differs)
 
     def _take(self, opcode: int, end: int) -> None:
-        """A record that is no chunk."""
+        """Take a record that is no chunk."""
         stream = self._stream
         place, body = stream.place, stream.at + PREFIX
         if self._part is _Part.SUMMARY and opcode != Opcode.FOOTER:
@@ -178,7 +178,7 @@ class Reader:
             what = "a chunk too long" if opcode == Opcode.CHUNK else f"kind {opcode:#04x} not known"
             self._contents.unreadable(f"record at byte {place}, {end} bytes: {what}, skipped")
 
-    def _chunk(self, end: int, *, unfinished: bool = False) -> Iterator[Piece]:
+    def _chunk(self, end: int, *, unfinished: bool = False) -> Iterator[FrameBatch]:
         stream = self._stream
         name = f"chunk at byte {stream.place}, {end} bytes"
         chunk = Chunk.read(stream.data, stream.at + PREFIX)
@@ -186,7 +186,7 @@ class Reader:
         yield from self._contents.chunk(name, chunk, stored, unfinished=unfinished)
 
     def _broken(self) -> bool:
-        """What stands here is no record: the search begins, inside the message before, whose length may be wrong."""
+        """Begin to search, as no record stands here: inside the message before, whose length may be wrong."""
         stream = self._stream
         if self._part is _Part.SUMMARY:
             return self._over(stream.place, f"the MCAP summary is damaged, {_SOUND}")
@@ -195,7 +195,7 @@ class Reader:
         return True
 
     def _cut(self) -> bool:
-        """The last record is not whole: the file ends early, or the length of the record is wrong."""
+        """End the reading at a record that is not whole: the file ends early, or the length is wrong."""
         stream = self._stream
         if self._part is _Part.DATA:
             at, result, known = min(stream.kept, stream.at) + 1, Result.ONWARD, self._contents.channels.known

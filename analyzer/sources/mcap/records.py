@@ -99,7 +99,7 @@ class _Whole(ReadDataStream):
 
 
 def definition(opcode: int, body: bytes) -> Schema | Channel | None:
-    """A schema or a channel, None if the record is damaged."""
+    """Return a schema or a channel, None if the record is damaged."""
     kind = Schema if opcode == Opcode.SCHEMA else Channel
     try:
         found: Schema | Channel = kind.read(_Whole(body))

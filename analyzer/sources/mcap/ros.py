@@ -38,7 +38,7 @@ _NAMES = {
 
 
 def layout_of(name: str, encoding: str, definition: bytes, flavour: str) -> str | None:
-    """The layout whose fields a message has; `flavour` is `ros2` (CDR) or `ros1`, `encoding` that of the definition."""
+    """Return the layout of a message; `flavour` is `ros2` (CDR) or `ros1`, `encoding` that of the definition."""
     short = _short(name)
     if not definition.strip():
         return _NAMES.get(short)
@@ -52,7 +52,7 @@ def layout_of(name: str, encoding: str, definition: bytes, flavour: str) -> str 
 
 
 def can_name(name: str) -> bool:
-    """Whether the name is that of a known layout."""
+    """Return whether the name is that of a known layout."""
     return _short(name) in _NAMES
 
 
@@ -61,7 +61,7 @@ def _short(name: str) -> str:
 
 
 def _messages(name: str, text: str) -> dict[str, Fields]:
-    """The message definitions of a `ros1msg` or `ros2msg` schema; the first has no title of its own."""
+    """Return the message definitions of a `ros1msg` or `ros2msg` schema; the first has no title of its own."""
     types: dict[str, Fields] = {}
     for section in _RULE.split(text):
         title = _TITLE.match(section)
@@ -84,7 +84,7 @@ def _structs(text: str) -> dict[str, Fields]:
 def _flat(
     types: dict[str, Fields], name: str, prefix: str, depth: int, left: list[int]
 ) -> list[tuple[str, str]] | None:
-    """The fields with everything nested in place; None if a type is unknown or the nesting too deep."""
+    """Return the fields with everything nested in place; None if a type is unknown or the nesting too deep."""
     if name not in types or depth == _DEEPEST:
         return None
     flat: list[tuple[str, str]] = []

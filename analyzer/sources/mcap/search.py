@@ -22,7 +22,7 @@ ROUND, PLACES = 1 << 20, 1 << 12
 
 
 class Result(Enum):
-    """What a round came to: a record; nothing yet; nothing before more bytes are there."""
+    """The result of a round: a record; nothing yet; nothing before more bytes are there."""
 
     FOUND = 1
     ONWARD = 2
@@ -38,7 +38,7 @@ class Found(NamedTuple):
 
 
 def follows(data: bytes, at: int, opcode: int, *, final: bool) -> bool | None:
-    """Whether a record that fits, or the end of the input, stands at `at`; None: more bytes are needed to know.
+    """Return whether a record that fits, or the end of the input, stands at `at`; None: more bytes are needed to know.
 
     Behind a record of another length than known, one more of the same kind will do.
     """

@@ -38,7 +38,7 @@ class Stream:
         self.kept = self.at
 
     def push(self, piece: bytes) -> bool:
-        """Takes the next bytes; whether all are there that were needed."""
+        """Take the next bytes; return whether all are there that were needed."""
         self._pending.append(piece)
         self._size += len(piece)
         if self._size < self._wanted and self.at <= len(self.data):
@@ -56,7 +56,7 @@ class Stream:
         return self._size >= self._wanted
 
     def crc(self) -> int:
-        """The checksum of all bytes in front of `at`."""
+        """Return the checksum of all bytes in front of `at`."""
         return crc32(self.data, self._crc, 0, self.at)
 
     def _drop(self) -> None:

@@ -1,19 +1,24 @@
-"""What an MCAP file says of itself at its end: its definitions once more, and how much it holds."""
+"""An MCAP file in its own words at its end: its definitions once more, and how much it holds."""
 
 from __future__ import annotations
 
 import struct
+from contextlib import closing
 from typing import TYPE_CHECKING, NamedTuple
 
 from mcap.opcode import Opcode
 
+from analyzer.sources.errors import CaptureError
 from analyzer.sources.mcap.records import HEAD, MAGIC, PREFIX, definitions
+from analyzer.sources.stored import CHUNK
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from mcap.records import Channel, Schema
+
+    from analyzer.sources.origin import Opened
+    from analyzer.sources.stored import Stored
 
 _FOOTER = 20
 # No summary that is read is larger.
@@ -36,24 +41,27 @@ class Counts(NamedTuple):
 
 
 def counts(data: bytes, at: int) -> Counts:
-    """Reads the body of a statistics record, whose fields are there."""
+    """Read the body of a statistics record, whose fields are there."""
     messages, _, _, _, _, chunks = _STATISTICS.unpack_from(data, at)
     return Counts(messages, chunks)
 
 
-def read(path: Path, goes_on: Callable[[], bool]) -> list[Schema | Channel]:
-    """Schemas and channels as long as `goes_on` says so, none if the end of the file is not as it should be."""
+def read(source: Stored, goes_on: Callable[[], bool]) -> list[Schema | Channel]:
+    """Return schemas and channels as long as `goes_on` says so, none if the end of the file is not as it should be."""
     try:
-        with path.open("rb") as file:
+        with closing(source.opened()) as file:
             size = file.seek(0, 2)
-            file.seek(max(0, size - PREFIX - _FOOTER - len(MAGIC)))
-            tail = file.read()
+            tail = _rest(file, max(0, size - PREFIX - _FOOTER - len(MAGIC)))
             if len(tail) < PREFIX + 8 or HEAD.unpack_from(tail) != (Opcode.FOOTER, _FOOTER) or not tail.endswith(MAGIC):
                 return []
             start = int.from_bytes(tail[PREFIX : PREFIX + 8], "little")
             if not max(len(MAGIC), size - _LARGEST) <= start < size:
                 return []
-            file.seek(start)
-            return list(definitions(file.read(), goes_on))
-    except OSError:
+            return list(definitions(_rest(file, start), goes_on))
+    except (OSError, CaptureError):
         return []
+
+
+def _rest(file: Opened, start: int) -> bytes:
+    file.seek(start)
+    return b"".join(iter(lambda: file.read(CHUNK) or b"", b""))

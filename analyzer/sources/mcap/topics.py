@@ -1,4 +1,4 @@
-"""What a topic says of a channel's frames: the bus, and whether they were sent or received."""
+"""A topic as it describes the frames of a channel: the bus, and whether they were sent or received."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _LONGEST = 1 << 10
 
 
 def says_can(name: str) -> bool:
-    """Whether a word of a name, of a topic, a type or a field, is about CAN."""
+    """Return whether a word of a name, of a topic, a type or a field, is about CAN."""
     name = name[:_LONGEST]
     words = {*_WORD.findall(name.lower()), *_WORD.findall(_HUMP.sub(" ", name).lower())}
     return any(_CAN.fullmatch(word) for word in words)
 
 
 def direction(topic: str) -> int:
-    """The flag bit that the last part of the topic stands for, else 0."""
+    """Return the flag bit that the last part of the topic stands for, else 0."""
     last = _parts(topic)[-1:]
     return TX if _SENT.intersection(last) else RX if _RECEIVED.intersection(last) else 0
 
@@ -47,7 +47,7 @@ class Names:
         self._taken: dict[str, tuple[str, ...]] = {}
 
     def bus(self, topic: str) -> str:
-        """The name for a channel."""
+        """Return the name for a channel."""
         parts = _parts(topic)
         own = tuple(part for part in parts if part.lower() not in _DIRECTIONS)
         name = "/".join(part for part in own if part.lower() not in _GENERIC) or FALLBACK

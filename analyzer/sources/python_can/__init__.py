@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
     from analyzer.sources import Source
 
 _READERS = {
@@ -28,7 +28,7 @@ _READERS = {
 logging.getLogger("can").addHandler(logging.NullHandler())
 
 
-def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-    """The pieces of a capture in one of these formats."""
+def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
+    """Return the batches of a capture in one of these formats."""
     module: Any = import_module(f"analyzer.sources.python_can.{_READERS[source.format.name]}")
     yield from module.read(source, chunks)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from can.io.asc import ASCReader
 from can.util import len2dlc
 
-from analyzer.can_rows import (
+from analyzer.sources.can_rows import (
     DELTA,
     FROM_START,
     MICROSECONDS,
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from can import Message
 
-    from analyzer._native import Piece, Rows
+    from analyzer._native import FrameBatch, Rows
     from analyzer.sources import Source
 
 _BASE = re.compile(r"base\s+(hex|dec)(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
@@ -50,8 +50,8 @@ _OTHER = re.compile(
 _HEADER_END = "internal events logged"
 
 
-def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-    """The pieces of an ASC capture."""
+def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
+    """Return the batches of an ASC capture."""
     source.notes.append("ASC keeps no bus names (channel 1 is can0) and no kinds of error frames")
     yield from lines.read(_Asc(source.notes), chunks)
 
@@ -114,14 +114,14 @@ class _Asc:
 
 
 def _kind(message: Message) -> tuple[bool, bool]:
-    """Whether it is CAN FD, and a remote frame; to python-can an empty CAN FD frame is both, and no bus has those."""
+    """Return whether it is CAN FD, and a remote frame; to python-can an empty CAN FD frame is both, which none is."""
     if message.is_fd and message.is_remote_frame:
         return message.dlc == 0, message.dlc != 0
     return message.is_fd, message.is_remote_frame
 
 
 def _data(cells: list[str]) -> list[str]:
-    """The cells from the first data byte on."""
+    """Return the cells from the first data byte on."""
     if cells[1].upper() != "CANFD":
         return cells[6:]
     return cells[9 if cells[5].isdigit() else 10 :]

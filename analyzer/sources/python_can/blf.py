@@ -12,7 +12,7 @@ from can.io import blf as library
 from can.util import len2dlc
 
 from analyzer._native import Rows
-from analyzer.can_rows import (
+from analyzer.sources.can_rows import (
     ABSOLUTE,
     BUS_ERROR,
     DATE,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from can import Message
 
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
     from analyzer.sources import Source
 
 _EARLY = "BLF data ends early"
@@ -70,8 +70,8 @@ _REQUESTED = 2
 _WRITER = (5, 0, 0, 0, 2, 6, 8, 1)
 
 
-def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-    """A piece of rows for each chunk. Raises `CaptureError` when the header of the file is not whole."""
+def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
+    """Return a batch of rows for each chunk. Raises `CaptureError` when the header of the file is not whole."""
     head = b""
     for chunk in chunks:
         head += chunk
@@ -110,8 +110,8 @@ class _Blf:
         if self._by_python_can and self._start:
             source.notes.append("times rounded to the microsecond that python-can's floats hold")
 
-    def read(self, rest: bytes, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-        """A piece of rows for each container, and for each step of one."""
+    def read(self, rest: bytes, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
+        """Return a batch of rows for each container, and for each step of one."""
         for chunk in chain([rest], chunks):
             self._size += len(chunk)
             for found in self._packed.feed(chunk):
@@ -131,8 +131,8 @@ class _Blf:
             unpacked = " of the unpacked data" if self._source.packing else ""
             self._source.damaged(f"byte {self._size}{unpacked}", _EARLY)
 
-    def _unpack(self, found: Object | Gap, *, cut: bool = False) -> Iterator[Piece]:
-        """Adds what a container holds, as far as it goes if the file ends in it; or the object itself."""
+    def _unpack(self, found: Object | Gap, *, cut: bool = False) -> Iterator[FrameBatch]:
+        """Add what a container holds, as far as it goes if the file ends in it; or the object itself."""
         if isinstance(found, Gap) or found.kind != library.LOG_CONTAINER:
             self._add([found])
             return
@@ -184,7 +184,7 @@ class _Blf:
 
 
 def _unpacked(container: bytes, *, cut: bool) -> Iterator[bytes]:
-    """What is in a container, in steps of at most 1 MiB. Raises `Unreadable` behind all that is sound."""
+    """Return what is in a container, in steps of at most 1 MiB. Raises `Unreadable` behind all that is sound."""
     method = int.from_bytes(container[_BODY : _BODY + 2], "little")
     packed = container[_BODY + _CONTAINER_HEADER :]
     if method == library.NO_COMPRESSION:
@@ -211,7 +211,7 @@ def _unpacked(container: bytes, *, cut: bool) -> Iterator[bytes]:
 
 
 def _salvage(unpack: zlib._Decompress, packed: bytes) -> Iterator[bytes]:
-    """What a step that failed would have given up to the bad byte, or nearly."""
+    """Return what a step that failed would have given up to the bad byte, or nearly."""
     for at in range(0, len(packed), _SALVAGE):
         try:
             yield unpack.decompress(packed[at : at + _SALVAGE])
@@ -220,7 +220,7 @@ def _salvage(unpack: zlib._Decompress, packed: bytes) -> Iterator[bytes]:
 
 
 def _sort(item: Object | Gap) -> Sort | str:
-    """What an object is, or why it cannot be read."""
+    """Return what an object is, or why it cannot be read."""
     if isinstance(item, Gap):
         return f"no object at byte {item.at} of the data in the containers"
     need = _NEEDS.get(item.kind) or (_ERRORS[item.kind].size if item.kind in _ERRORS else None)
@@ -258,7 +258,7 @@ def _messages(objects: list[bytes]) -> Iterator[Message | str]:
 
 
 def _file(objects: bytes) -> bytes:
-    """A BLF file with one container that is not compressed. Its start time does not matter."""
+    """Return a BLF file with one container that is not compressed. Its start time does not matter."""
     head = b"LOGG" + library.FILE_HEADER_STRUCT.size.to_bytes(4, "little")
     size = _BODY + _CONTAINER_HEADER + len(objects)
     container = library.OBJ_HEADER_BASE_STRUCT.pack(SIGNATURE, _BODY, 1, size, library.LOG_CONTAINER)

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 
 from can.io.csv import CSVReader
 
-from analyzer.can_rows import (
+from analyzer.sources.can_rows import (
     ABSOLUTE,
     BUS_ERROR,
     FROM_START,
     MICROSECONDS,
     NANOSECONDS,
-    SECOND,
     Unreadable,
     significant,
     store,
@@ -22,13 +21,14 @@ from analyzer.can_rows import (
 from analyzer.sources.python_can import lines
 from analyzer.sources.python_can.lines import Sort
 from analyzer.sources.python_can.messages import nanoseconds
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from can import Message
 
-    from analyzer._native import Piece, Rows
+    from analyzer._native import FrameBatch, Rows
     from analyzer.sources import Source
 
 _NAMES = "timestamp,arbitration_id,extended,remote,error,dlc,data"
@@ -37,8 +37,8 @@ _ROW = re.compile(r"([-+.e\d]+),0x[0-9a-f]+,[01],[01],[01],\d{1,2},[A-Za-z0-9+/]
 _RELATIVE_BELOW = 100_000_000 * SECOND
 
 
-def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-    """The pieces of a CSV capture."""
+def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
+    """Return the batches of a CSV capture."""
     source.notes.append("CSV keeps no bus (all is can0), no direction, no CAN FD flags (more than 8 bytes are CAN FD)")
     yield from lines.read(_Csv(), chunks)
 

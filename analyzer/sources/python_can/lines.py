@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Protocol
 from can import Message
 
 from analyzer._native import Rows
-from analyzer.can_rows import Unreadable
-from analyzer.sources.formats import UTF8_MARK
+from analyzer.sources.can_rows import Unreadable
 from analyzer.sources.python_can.messages import quoted, words
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
 
 # Longer than any frame is in any of these formats.
 LONGEST = 1 << 14
@@ -24,7 +23,7 @@ _SKIPPED = "python-can skips it"
 
 
 class Sort(Enum):
-    """What a line is before python-can sees it."""
+    """The kinds of lines, before python-can sees them."""
 
     MESSAGE = 0
     BLANK = 1
@@ -41,30 +40,29 @@ class Grammar(Protocol):
     """The lines that make a new reader of python-can understand the next lines."""
 
     def sort(self, line: str) -> tuple[Sort, int]:
-        """What it is, and its time in nanoseconds if it is a message; raises `Unreadable` when it is damaged."""
+        """Return what it is, and its time in nanoseconds if it is a message; raises `Unreadable` when it is damaged."""
 
     def reader(self, file: Lines) -> Iterable[Message]:
         """python-can's reader."""
 
     def store(self, rows: Rows, line: str, message: Message, t: int) -> None:
-        """Adds the row; raises `Unreadable` when the message is not what the line says."""
+        """Add the row; raises `Unreadable` when the message is not what the line says."""
 
 
-def read(grammar: Grammar, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-    """A piece of rows for each chunk that ends a line."""
+def read(grammar: Grammar, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
+    """Return a batch of rows for each chunk that ends a line."""
     rows, cut = Rows(), _Cutter()
-    first = True
     for chunk in chunks:
         if not chunk:
             yield b""
-            continue
-        text = chunk.removeprefix(UTF8_MARK) if first else chunk
-        first = False
-        if found := cut.feed(text):
+        elif found := cut.feed(chunk):
             _add(grammar, rows, found)
             yield rows.take()
-    if rest := cut.end():
-        _add(grammar, rows, [rest])
+    if cut.rest:
+        if len(cut.rest) > LONGEST:
+            _add(grammar, rows, [_text(cut.rest)])
+        else:
+            rows.cut_short(cut.rest)
         yield rows.take()
 
 
@@ -81,7 +79,7 @@ class Lines:
         return self
 
     def __next__(self) -> str:
-        """The next line."""
+        """Return the next line."""
         for line in self._header:
             return line + "\n"
         if self.at == len(self._lines):
@@ -94,21 +92,18 @@ class Lines:
 
 
 class _Cutter:
-    """Cuts chunks into lines. Of a line that is too long only the start is kept."""
+    """Cuts chunks into lines; `rest` has no end yet. Of a line that is too long only the start is kept."""
 
     def __init__(self) -> None:
-        self._rest = b""
+        self.rest = b""
 
     def feed(self, chunk: bytes) -> list[str]:
         *lines, rest = chunk.split(b"\n")
         if lines:
-            lines[0] = self._rest + lines[0]
-            self._rest = b""
-        self._rest = (self._rest + rest)[: LONGEST + 1]
+            lines[0] = self.rest + lines[0]
+            self.rest = b""
+        self.rest = (self.rest + rest)[: LONGEST + 1]
         return [_text(line[: LONGEST + 1]) for line in lines]
-
-    def end(self) -> str:
-        return _text(self._rest)
 
 
 def _text(line: bytes) -> str:

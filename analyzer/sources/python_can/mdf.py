@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from can.io import mf4 as library
 
 from analyzer._native import Rows
-from analyzer.can_rows import ABSOLUTE, MICROSECONDS, RX, TX, Unreadable, from_float, store, store_error
+from analyzer.sources.can_rows import ABSOLUTE, MICROSECONDS, RX, TX, Unreadable, from_float, store, store_error
 from analyzer.sources.errors import CaptureError
 from analyzer.sources.python_can.messages import channel
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from can import Message
 
-    from analyzer._native import Piece
+    from analyzer._native import FrameBatch
     from analyzer.sources import Source
 
 _PIECE = 10_000
@@ -32,8 +32,8 @@ _MISSING = "reading MDF 4 needs asammdf: pip install 'tailbyte[mf4]'"
 _NOT_READ = "damaged, or not of the kinds of MDF 4 that asammdf reads"
 
 
-def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-    """The pieces of an MDF 4 capture, by way of a temporary file: asammdf needs all of it.
+def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
+    """Return the batches of an MDF 4 capture, by way of a temporary file: asammdf needs all of it.
 
     Raises `CaptureError` when asammdf is missing or cannot make anything of the file, when there is no room for the
     temporary file, or when that would be larger than 4 GiB.
@@ -66,7 +66,7 @@ def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
             _release(error)
             raise source.damage or CaptureError(source.name, "", _NOT_READ) from None
         with reader:
-            yield from _pieces(source, iter(reader))
+            yield from _batches(source, iter(reader))
 
 
 @contextmanager
@@ -80,7 +80,7 @@ def _room(source: Source, name: str) -> Iterator[None]:
 
 
 def _release(error: BaseException) -> None:
-    """Closes what a failed opening left behind: asammdf itself would fail once more, and show it on the terminal."""
+    """Close what a failed opening left behind: asammdf itself would fail once more, and show it on the terminal."""
     trace = error.__traceback__
     while trace is not None:
         here = trace.tb_frame
@@ -99,7 +99,7 @@ def _release(error: BaseException) -> None:
         trace = trace.tb_next
 
 
-def _pieces(source: Source, messages: Iterator[Message]) -> Iterator[Piece]:
+def _batches(source: Source, messages: Iterator[Message]) -> Iterator[FrameBatch]:
     rows = Rows()
     count = 0
     while True:

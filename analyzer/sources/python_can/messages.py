@@ -1,11 +1,12 @@
-"""What the formats of python-can say in their own ways: numbers of channels, times in decimal, reasons in words."""
+"""The formats of python-can in their own ways: numbers of channels, times in decimal, reasons in words."""
 
 from __future__ import annotations
 
 from decimal import Decimal, InvalidOperation
 from typing import TYPE_CHECKING
 
-from analyzer.can_rows import SECOND, Unreadable, in_range
+from analyzer.sources.can_rows import Unreadable, in_range
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from can import Message
@@ -14,12 +15,12 @@ _EXCERPT = 80
 
 
 def bus_name(number: int) -> str:
-    """The bus of a channel that is numbered from 1: the first is can0, as everywhere else; 0 stays apart."""
+    """Return the bus of a channel that is numbered from 1: the first is can0, as everywhere else; 0 stays apart."""
     return f"can{number - 1}" if number > 0 else "ch0"
 
 
 def channel(message: Message, default: int) -> int:
-    """The number of the channel as python-can has it. Raises `Unreadable` for one that is not a number."""
+    """Return the number of the channel as python-can has it. Raises `Unreadable` for one that is not a number."""
     if message.channel is None:
         return default
     if not isinstance(message.channel, int):
@@ -28,7 +29,7 @@ def channel(message: Message, default: int) -> int:
 
 
 def nanoseconds(text: str, scale: int = SECOND, start: int = 0) -> int:
-    """The time that a decimal number says, exactly, in nanoseconds; `scale` is that of its unit.
+    """Return the time that a decimal number says, exactly, in nanoseconds; `scale` is that of its unit.
 
     Raises `Unreadable` for anything else and for times beyond 64 bits.
     """
@@ -48,7 +49,7 @@ def quoted(text: str, limit: int = _EXCERPT) -> str:
 
 
 def words(error: Exception) -> str:
-    """What an exception of a library says, in one short printable line."""
+    """Return what an exception of a library says, in one short printable line."""
     if isinstance(error, Unreadable):
         return str(error)
     lines = str(error).strip().splitlines() or [type(error).__name__]

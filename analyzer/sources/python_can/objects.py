@@ -50,12 +50,12 @@ class Objects:
         self._lost = False
 
     def feed(self, data: bytes) -> Iterator[Object | Gap]:
-        """The objects that are whole by now."""
+        """Return the objects that are whole by now."""
         self._held += data
         yield from self._cut(final=False)
 
     def finish(self) -> Iterator[Object | Gap]:
-        """The objects that waited for one behind them."""
+        """Return the objects that waited for one behind them."""
         yield from self._cut(final=True)
 
     @property
@@ -76,7 +76,7 @@ class Objects:
         self._at += at
 
     def _step(self, at: int, *, final: bool) -> tuple[Object | Gap | None, int] | None:
-        """What stands next and where to go on; None when more bytes are needed."""
+        """Return what stands next and where to go on; None when more bytes are needed."""
         start = self._held.find(SIGNATURE, at, at + _NEXT)
         if start < 0:
             return self._search(at)

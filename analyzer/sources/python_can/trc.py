@@ -8,18 +8,29 @@ from typing import TYPE_CHECKING
 from can.io.trc import TRCReader
 from can.util import dlc2len
 
-from analyzer.can_rows import DATE, FROM_START, MICROSECONDS, NANOSECONDS, RX, TX, Unreadable, store, store_error
+from analyzer.sources.can_rows import (
+    DATE,
+    FROM_START,
+    MICROSECONDS,
+    NANOSECONDS,
+    RX,
+    TX,
+    Unreadable,
+    store,
+    store_error,
+)
 from analyzer.sources.errors import CaptureError
 from analyzer.sources.python_can import lines
 from analyzer.sources.python_can.lines import Sort
 from analyzer.sources.python_can.messages import bus_name, channel, nanoseconds, quoted
+from dissectors.times import MILLISECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from can import Message
 
-    from analyzer._native import Piece, Rows
+    from analyzer._native import FrameBatch, Rows
     from analyzer.sources import Source
 
 # The columns of the versions that do not state theirs, in the letters of those that do.
@@ -29,13 +40,12 @@ _FRAMES = {"Rx", "Tx", "DT", "FD", "FB", "FE", "BI", "RR"}
 _ERRORS = {"Error", "ER"}
 _OTHER = {"Warng", "ST", "EC", "EV"}
 _BUS_STATE = "FFFFFFFF"
-_MILLISECOND = 10**6
 _EPOCH_DAY = 25569
 _DAY_US = 86_400 * 10**6
 
 
-def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | Piece]:
-    """The pieces of a TRC capture. Raises `CaptureError` for a version that python-can does not read."""
+def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
+    """Return the batches of a TRC capture. Raises `CaptureError` for a version that python-can does not read."""
     source.notes.append("TRC keeps no bus names (bus 1 is can0) and no kinds of error frames")
     yield from lines.read(_Trc(source), chunks)
 
@@ -65,7 +75,7 @@ class _Trc:
             return Sort.OTHER, 0
         if kind not in _FRAMES | _ERRORS:
             raise Unreadable("unknown type of message")
-        t = nanoseconds(cells["O"], _MILLISECOND, self._start or 0)
+        t = nanoseconds(cells["O"], MILLISECOND, self._start or 0)
         return Sort.ERROR_FRAME if kind in _ERRORS else Sort.MESSAGE, t
 
     def store(self, rows: Rows, line: str, message: Message, t: int) -> None:
@@ -85,7 +95,7 @@ class _Trc:
         store(rows, message, t, bus, code=code, size=size, directed=self._version != "1.0")
 
     def _cells(self, line: str) -> dict[str, str]:
-        """The cells by the letters of their columns; the data of all versions but 1.0 to 1.3 is one cell."""
+        """Return the cells by the letters of their columns; the data of all versions but 1.0 to 1.3 is one cell."""
         if not self._columns:
             raise Unreadable("the columns are not stated")
         cells = dict(zip(self._columns, line.split(maxsplit=len(self._columns) - 1), strict=False))

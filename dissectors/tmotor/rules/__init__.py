@@ -1,41 +1,9 @@
-"""Conformance rules that join T-Motor's tables; what they say stands in `rules.toml` beside this folder."""
+"""Conformance rules that join T-Motor's tables; what each says stands in the TOML file beside its module."""
 
 from __future__ import annotations
 
-from dissectors.conformance import Conformance
-from dissectors.tmotor.rules import (
-    bus_rates,
-    commands,
-    habits,
-    identity,
-    motors,
-    packet_agreement,
-    packet_counts,
-    packet_dialogue,
-    packet_form,
-    packet_life,
-    packet_reading,
-    packet_values,
-    parameters,
-    parameters_dialogue,
-    positions,
-    rates,
-    report_rates,
-    reports,
-    sequence,
-    throttle_loss,
-    unit_map,
-    vehicle,
-)
+from dissectors.kit import Conformance, rules_of
+from dissectors.tmotor.rules.unit_map import UnitMap
+from dissectors.tmotor.rules.vehicle import VehicleExercise, labels
 
-_MODULES = (
-    commands, parameters, identity, reports, habits, sequence, packet_form, packet_counts, packet_reading,
-    packet_values, packet_life, packet_dialogue, packet_agreement, rates,
-    report_rates, bus_rates, vehicle, motors, positions, throttle_loss, parameters_dialogue,
-)  # fmt: skip
-
-CONFORMANCE = Conformance(
-    watchers=tuple(watcher for module in _MODULES for watcher in module.WATCHERS),
-    exercises=(*vehicle.EXERCISES, *unit_map.EXERCISES),
-    labels=vehicle.labels,
-)
+CONFORMANCE = Conformance(rules=rules_of(__name__), exercises=(VehicleExercise, UnitMap), labels=labels)

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.tmotor.rules.packets import FIRST_UNIT, LAST_UNIT
-from dissectors.tmotor.rules.rows import sound
+from dissectors.kit import sound
+from dissectors.tmotor.rules.packets.carried import FIRST_UNIT, LAST_UNIT
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from dissectors.conformance import Exercise, View
+    from dissectors.kit import Exercise, View
 
 
 class UnitMap:
@@ -21,8 +21,8 @@ class UnitMap:
     def __init__(self) -> None:
         self._nodes: dict[int, set[int]] = {}
 
-    def look(self, view: View) -> None:
-        """The next batch."""
+    def feed(self, view: View) -> None:
+        """Add the next batch."""
         packets = view.table("PUSHCAN.MotorStatus")
         if packets is None:
             return
@@ -32,11 +32,11 @@ class UnitMap:
                 self._nodes.setdefault(pair & 0xFF, set()).add(pair >> 8)
 
     def words(self) -> Iterable[str]:
-        """None of its own."""
+        """Return no words."""
         return ()
 
     def facts(self) -> dict[str, float]:
-        """Node IDs by `unit N`."""
+        """Return node IDs by `unit N`."""
         return {f"unit {unit}": min(nodes) for unit, nodes in self._nodes.items() if len(nodes) == 1}
 
 

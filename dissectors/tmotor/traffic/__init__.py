@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from dissectors.tmotor.traffic.faults import FAULTS
 from dissectors.tmotor.traffic.rates import BUS_RATES
+from dissectors.tmotor.traffic.requests import plan_requests
 from dissectors.tmotor.traffic.scenarios import SCENARIOS
-from dissectors.tmotor.traffic.vehicle import PROFILES, Vehicle, Wishes, build
+from dissectors.tmotor.traffic.vehicle import FLIGHT_PLANS, SimulatedVehicle, VehicleRequest
 
-__all__ = ["BUS_RATES", "FAULTS", "PROFILES", "SCENARIOS", "Vehicle", "Wishes", "build"]
+if TYPE_CHECKING:
+    from dissectors.traffic import World
+
+__all__ = ["BUS_RATES", "FAULTS", "FLIGHT_PLANS", "SCENARIOS", "SimulatedVehicle", "VehicleRequest", "build"]
+
+
+def build(world: World, request: VehicleRequest) -> SimulatedVehicle:
+    """Return the vehicle that is wanted, on the bus of `world`."""
+    return SimulatedVehicle(world, request, plan_requests)

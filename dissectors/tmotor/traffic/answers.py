@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.packets import EVERY_UNIT, sound, split
 from dissectors.tmotor.traffic.parameters import ANY_UUID, configure, configure_foc, feedback
-from dissectors.traffic import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
     from dissectors.tmotor.traffic.esc import Esc

@@ -6,14 +6,14 @@ from math import exp
 from random import Random
 from typing import TYPE_CHECKING
 
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.throttle import FULL
-from dissectors.traffic import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from dissectors.tmotor.traffic.rates import Rates
-    from dissectors.traffic import Node, Sending, World
+    from dissectors.traffic import BusNode, Sending, World
 
 # Its output stage follows the control loop this slowly (s), and shakes with the frame by this share.
 _SMOOTH, _SHAKE = 0.012, 0.004
@@ -29,7 +29,7 @@ class Autopilot:
     While `commanding` is off it sends no RawCommand. `hook` changes the commands before they are sent.
     """
 
-    def __init__(self, world: World, node: Node, motors: int, rates: Rates, *, stock: bool) -> None:
+    def __init__(self, world: World, node: BusNode, motors: int, rates: Rates, *, stock: bool) -> None:
         self.node = node
         self.commanding = True
         self.hook: Callable[[list[int]], list[int]] | None = None
@@ -47,7 +47,7 @@ class Autopilot:
         world.hear("uavcan.protocol.NodeStatus", self._noticed)
 
     def start(self) -> None:
-        """RawCommand from now on."""
+        """Send RawCommand from now on."""
         self._world.every(self._period, self._command, self._world.now)
 
     def _command(self) -> None:
@@ -72,7 +72,7 @@ class Autopilot:
 
 
 def _commands(throttles: list[float], random: Random) -> list[int]:
-    """The throttles as 4.4.1 has them, 0 to 8191, with the shaking of the airframe once it flies."""
+    """Return the throttles as 4.4.1 has them, 0 to 8191, with the shaking of the airframe once it flies."""
     dice = random.random
     return [
         min(FULL, int(FULL * (value + _SHAKE * value * (dice() - 0.5)) + 0.5))

@@ -44,7 +44,7 @@ class Bench:
         return self.stop + min(2.5, 0.12 * self.duration)
 
     def throttles(self, seconds: float, _step: float, _thrust: float) -> list[float]:
-        """Throttles from 0 to 1 for the time `seconds`."""
+        """Return throttles from 0 to 1 for the time `seconds`."""
         start = ground_time(self.duration)
         throttles = [0.0] * self.motors
         if start <= seconds < self.stop:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from dissectors.tmotor.traffic.motor import DRAG, RPM, TORQUE, Drive
+from dissectors.tmotor.traffic.physics.motor import DRAG, RPM, TORQUE, Drive
 
 if TYPE_CHECKING:
-    from dissectors.tmotor.traffic.motor import Motor
+    from dissectors.tmotor.traffic.physics.motor import Motor
 
 QUERY, FORWARD_FOLD, REVERSE_FOLD, LOCK, FREE = 0x00, 0xEE, 0x22, 0x88, 0x66
 DUTY, REVERSE_DUTY, CURRENT, REVERSE_CURRENT = 0x55, 0x5A, 0x44, 0x4A
@@ -30,14 +30,14 @@ _FOLDING = 90.0
 
 
 @dataclass(slots=True)
-class Control:
+class MotorControl:
     """The control mode in force; `set_point` is raw, in the unit of its mode."""
 
     mode: int = QUERY
     set_point: int = 0
 
     def take(self, mode: int, set_point: int, motor: Motor) -> None:
-        """A new command. What is unknown or out of its range changes nothing."""
+        """Take a new command. What is unknown or out of its range changes nothing."""
         if mode not in MODES or set_point > LIMITS.get(mode, 0xFFFF):
             return
         self.mode, self.set_point = mode, set_point
@@ -49,16 +49,16 @@ class Control:
 
     @property
     def active(self) -> bool:
-        """Whether it drives the motor."""
+        """It drives the motor."""
         return self.mode != QUERY
 
     @property
     def locked(self) -> bool:
-        """Whether the rotor is held at its place."""
+        """The rotor is held at its place."""
         return self.mode == LOCK
 
     def drive(self, motor: Motor) -> None:
-        """Has the motor do so."""
+        """Have the motor do so."""
         if self.mode in {LOCK, POSITION, REVERSE_POSITION}:
             motor.drive = Drive.ANGLE
         elif self.mode == FREE:
@@ -71,7 +71,7 @@ class Control:
             motor.set_point = -speed if self.mode in _REVERSE else speed
 
     def _speed(self, motor: Motor) -> float:
-        """The speed in rad/s where the loop settles."""
+        """Return the speed in rad/s where the loop settles."""
         if self.mode in {FORWARD_FOLD, REVERSE_FOLD}:
             return _FOLDING / RPM
         if self.mode in {DUTY, REVERSE_DUTY}:

@@ -29,18 +29,18 @@ class Leg:
 
 
 def ground_time(duration: float) -> float:
-    """Seconds before the motors start: 2, less in a short simulation."""
+    """Return seconds before the motors start: 2, less in a short simulation."""
     return min(2.0, 0.2 * duration)
 
 
 def take_off(duration: float, height: float) -> list[Leg]:
-    """Off, armed, then up."""
+    """Return the legs off, armed, then up."""
     ground = ground_time(duration)
     return [Leg(0.0), Leg(ground, "idle"), Leg(ground + min(1.0, 0.07 * duration), "fly", height)]
 
 
 def landing(duration: float, height: float) -> list[Leg]:
-    """Down and off, if there is the time for it: the last fifth of 20 s or more, but not sooner than it takes."""
+    """Return the legs down and off, if there is time: the last fifth of 20 s or more, not sooner than it takes."""
     if duration < 20:
         return []
     down = height / 0.8 + 1.5
@@ -48,13 +48,13 @@ def landing(duration: float, height: float) -> list[Leg]:
 
 
 def hover(duration: float) -> list[Leg]:
-    """Up, stay, and land."""
+    """Return the legs up, stay, and land."""
     height = 2.0
     return [*take_off(duration, height), *landing(duration, height)]
 
 
 def mission(duration: float, random: Random) -> list[Leg]:
-    """Up, legs and turns between changes of height, and land."""
+    """Return the legs of a mission: up, turns between changes of height, and land."""
     legs = take_off(duration, 4.0)
     down = landing(duration, 6.0)
     end = down[0].start if down else duration

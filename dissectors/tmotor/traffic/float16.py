@@ -11,7 +11,7 @@ _MASK = ~0xFFFF & 0xFFFF_FFFF
 
 
 def printed(value: float) -> float:
-    """The number that the printed encoder makes of `value`, itself exact in float16: up to 0.78 % too large."""
+    """Return what the printed encoder makes of `value`, itself exact in float16: up to 0.78 % too large."""
     (bits,) = struct.unpack("<I", struct.pack("<f", value))
     sign = bits & _SIGN
     bits ^= sign

@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
     from dissectors.tmotor.traffic.esc import Esc
     from dissectors.tmotor.traffic.packets import Raw
-    from dissectors.traffic import Node, Sending, World
+    from dissectors.traffic import BusNode, Sending, World
 
 
 class Ground:
-    """What the ground station can send. It knows an ESC's UUID once it has seen its ParamGet."""
+    """The ground station and all that it can send. It knows an ESC's UUID once it has seen its ParamGet."""
 
-    def __init__(self, world: World, node: Node, escs: Sequence[Esc]) -> None:
+    def __init__(self, world: World, node: BusNode, escs: Sequence[Esc]) -> None:
         self.node = node
         self.known: dict[int, int] = {}
         self.data_sequence = 0
@@ -27,11 +27,11 @@ class Ground:
         world.hear("ParamGet", self._reported)
 
     def query(self) -> Sending:
-        """Asks every ESC for its parameters: 27 bytes 0xFF (4.4.2 explanation 2)."""
+        """Ask every ESC for its parameters: 27 bytes 0xFF (4.4.2 explanation 2)."""
         return self.node.send("ParamCfg", dict(QUERY))
 
     def configure(self, index: int, **changes: Any) -> Sending:
-        """Sets parameters of one ESC by the names of ParamCfg, for now; without any it only asks for them.
+        """Set parameters of one ESC by the names of ParamCfg, for now; without any only ask for them.
 
         The ESC is addressed by its UUID and index, or by its index alone while the UUID is not known.
         """
@@ -39,7 +39,7 @@ class Ground:
         return self.node.send("ParamCfg", {**QUERY, "esc_save_option": TEMPORARY, **address, **changes})
 
     def push(self, name: str, unit: int, *, sum_end: int | None = None, **values: Raw) -> Sending:
-        """Sends a packet to a unit (0xA1 to 0xA9, or 0xFF for all); what FocParameters leaves out is not changed."""
+        """Send a packet to a unit (0xA1 to 0xA9, or 0xFF for all); what FocParameters leaves out is not changed."""
         count = self._counts.get(unit, 0)
         self._counts[unit] = (count + 1) % 256
         if name == "FocParameters":
@@ -51,11 +51,11 @@ class Ground:
         return sending
 
     def shift_frame_count(self, unit: int, by: int) -> None:
-        """The frame count of the next packet to a unit is off by so many."""
+        """Shift the frame count of the next packet to a unit by so many."""
         self._counts[unit] = (self._counts.get(unit, 0) + by) % 256
 
     def ask_all(self) -> Sending:
-        """Asks every unit for its FOC parameters (4.4.4 table 3)."""
+        """Ask every unit for its FOC parameters (4.4.4 table 3)."""
         return self.push("FocQuery", EVERY_UNIT)
 
     def _reported(self, sending: Sending) -> None:

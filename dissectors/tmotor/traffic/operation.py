@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dissectors.tmotor.traffic import control
-from dissectors.tmotor.traffic.motor import TORQUE, Drive
+from dissectors.tmotor.traffic.physics.motor import TORQUE, Drive
 
 if TYPE_CHECKING:
-    from dissectors.tmotor.traffic.control import Control
-    from dissectors.tmotor.traffic.motor import Motor
+    from dissectors.tmotor.traffic.control import MotorControl
+    from dissectors.tmotor.traffic.physics.motor import Motor
 
 OFF, IDLE, SOFT_START, OPERATING, COAST_DOWN, ERROR, FORWARD_FOLD, REVERSE_FOLD = range(1, 9)
 # A soft start raises the duty cycle so fast (1/s), and takes this long at least (s).
@@ -26,7 +26,7 @@ class Operation:
     _lasted: float = 0.0
 
     def follow(self, throttle: float, motor: Motor, step: float) -> None:
-        """A throttle from 0 to 1, `step` seconds after the last one."""
+        """Follow a throttle from 0 to 1, `step` seconds after the last one."""
         if throttle <= 0:
             self.release(motor)
             return
@@ -43,13 +43,13 @@ class Operation:
         motor.drive, motor.set_point = Drive.DUTY, self.duty
 
     def release(self, motor: Motor) -> None:
-        """No throttle: the motor runs out, then the ESC is idle."""
+        """Take the throttle away: the motor runs out, then the ESC is idle."""
         self.duty = 0.0
         self.mode = COAST_DOWN if motor.speed else IDLE
         motor.drive = Drive.FREE
 
-    def obey(self, order: Control, motor: Motor) -> None:
-        """A control mode of OutputControl drives the motor."""
+    def obey(self, order: MotorControl, motor: Motor) -> None:
+        """Let a control mode of OutputControl drive the motor."""
         order.drive(motor)
         self.duty = min(1.0, abs(motor.speed) * TORQUE / max(motor.voltage, 1.0))
         if order.mode == control.FORWARD_FOLD:
@@ -62,6 +62,6 @@ class Operation:
             self.mode = OPERATING
 
     def fail(self, motor: Motor) -> None:
-        """An ESC in error lets its motor run out."""
+        """Let the motor run out, as an ESC in error does."""
         self.mode, self.duty = ERROR, 0.0
         motor.drive = Drive.FREE

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dissectors.profile import Profile
-from dissectors.schema import Array, Primitive
+from dissectors.schema import ArrayType, PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from dissectors.schema import Compound, Packet, PacketFamily
+    from dissectors.schema import CompoundType, Packet, PacketFamily
 
 # The raw value of a field: a number, or the bytes of an array.
 Raw = int | bytes
@@ -39,7 +39,7 @@ class Form:
     big: struct.Struct
 
     def pack(self, values: Mapping[str, Raw], *, big_endian: bool) -> bytes:
-        """Every field in order; what `values` leaves out is zero."""
+        """Pack every field in order; what `values` leaves out is zero."""
         if unknown := values.keys() - set(self.names):
             raise KeyError(*sorted(unknown))
         order = self.big if big_endian else self.little
@@ -48,7 +48,7 @@ class Form:
     @property
     def parts(self) -> tuple[bool, ...]:
         """Which fields are arrays."""
-        return tuple(isinstance(member.type, Array) for member in self.packet.layout.fields)
+        return tuple(isinstance(member.type, ArrayType) for member in self.packet.layout.fields)
 
 
 def packet(
@@ -60,7 +60,7 @@ def packet(
     sum_end: int | None = None,
     big_endian: bool = False,
 ) -> bytes:
-    """One packet, header and checksum included.
+    """Return one packet, header and checksum included.
 
     `name` is MotorStatus, FocFeedback, SetZero, FocParameters, FocQuery or OutputControl; `unit` is 0xA1 to 0xA9, or
     `EVERY_UNIT`. Fields that `values` leaves out are zero. The checksum covers bytes 1 to `sum_end`, by default all
@@ -78,7 +78,7 @@ def packet(
 
 
 def split(data: bytes, *, big_endian: bool = False) -> tuple[str, dict[str, Raw]]:
-    """Name and raw values of the one packet in `data`.
+    """Return name and raw values of the one packet in `data`.
 
     Raises `ValueError` if it is none of the document's: header, frame ID or size is another.
     """
@@ -95,7 +95,7 @@ def change(
     big_endian: bool = False,
     **changes: Raw,
 ) -> bytes:
-    """The packet with other raw values, of its header too (`header`, `frame_id`, `frame_count`, `unit_id`, `length`).
+    """Return the packet with other raw values, of its header too (`header`, `frame_id`, `frame_count` ...).
 
     The checksum is made anew over bytes 1 to `sum_end` (by default all before it) unless `resum` is off or `checksum`
     is among the changes. Raises `ValueError` like `split`, and `KeyError` for a name that the packet has not.
@@ -107,7 +107,7 @@ def change(
 
 
 def sound(data: bytes) -> bool:
-    """Whether length byte and checksum are right; a packet of two possible ranges may use either.
+    """Return if length byte and checksum are right; a packet of two possible ranges may use either.
 
     Raises `ValueError` like `split`.
     """
@@ -121,7 +121,7 @@ def _summed(data: bytes, end: int | None) -> bytes:
 
 
 def _fitting(value: Raw, array: bool) -> Raw:
-    """An array that is left out is empty; the format fills it with zeros."""
+    """Return the value, or an empty array for one left out: the format fills it with zeros."""
     return b"" if array and isinstance(value, int) else value
 
 
@@ -149,13 +149,13 @@ def _form(packet: Packet, family: PacketFamily) -> Form:
     return Form(packet, family, names, struct.Struct("<" + codes), struct.Struct(">" + codes))
 
 
-def _format(layout: Compound) -> str:
-    """The layout in the letters of `struct`; byte arrays are strings of bytes."""
+def _format(layout: CompoundType) -> str:
+    """Return the layout in the letters of `struct`; byte arrays are strings of bytes."""
     codes = []
     for member in layout.fields:
         kind = member.type
-        if isinstance(kind, Array):
+        if isinstance(kind, ArrayType):
             codes.append(f"{kind.max}s")
-        elif isinstance(kind, Primitive):
+        elif isinstance(kind, PrimitiveType):
             codes.append(_CODES[kind.kind, kind.bits])
     return "".join(codes)

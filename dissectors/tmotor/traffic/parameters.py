@@ -1,4 +1,4 @@
-"""What can be set in an ESC, by ParamCfg (4.4.2) or a FocParameters packet (4.4.4 table 2), and how it reports it."""
+"""Parameters of an ESC, set by ParamCfg (4.4.2) or a FocParameters packet (4.4.4 table 2), and their reports."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ _RANGES = {
 
 
 def led(*, enable: int = 0b111, flash: bool = False, hertz: float = 0.0) -> int:
-    """The LED word (4.4.2 no 22-23)."""
+    """Return the LED word (4.4.2 no 22-23)."""
     return enable | flash << 3 | round(hertz * 10) << 4
 
 
 def factory(random: Random, *, index: int, uuid: int, rate: int, bus: int) -> dict[str, Any]:
-    """The parameters of an ESC as it comes out of its box, by the names of ParamGet (4.4.6).
+    """Return the parameters of an ESC as it comes out of its box, by the names of ParamGet (4.4.6).
 
     Rates and identity are those of its place; thresholds are in V, A and degC, which the document leaves open.
     """
@@ -97,7 +97,7 @@ def factory(random: Random, *, index: int, uuid: int, rate: int, bus: int) -> di
 
 
 def configure(parameters: dict[str, Any], values: Mapping[str, Any]) -> None:
-    """Takes over what a ParamCfg sets. Values out of the document's ranges are refused."""
+    """Take over what a ParamCfg sets. Values out of the document's ranges are refused."""
     for name, value in values.items():
         low, high = _RANGES.get(name, (0, 0xFFFE))
         if value == QUERY[name] or name in {"esc_index", "esc_uuid"} or not low <= value <= high:
@@ -106,7 +106,7 @@ def configure(parameters: dict[str, Any], values: Mapping[str, Any]) -> None:
 
 
 def configure_foc(parameters: dict[str, Any], position_loop: int, values: Mapping[str, Any]) -> int:
-    """The same for a FocParameters packet; gives the position loop, which only such packets know (byte 24)."""
+    """Take over what a FocParameters packet sets; return the position loop, which only such packets know (byte 24)."""
     priority = values["throttle_priority"]
     known = {_SHARED[name]: value for name, value in values.items() if name in _SHARED}
     if known["esc_rotate_dir"] == NO_CHANGE_16:
@@ -119,7 +119,7 @@ def configure_foc(parameters: dict[str, Any], position_loop: int, values: Mappin
 
 
 def feedback(parameters: Mapping[str, Any], position_loop: int) -> dict[str, Any]:
-    """The fields of a FocFeedback packet that parameters fill (4.4.5 table 2)."""
+    """Return the fields of a FocFeedback packet that parameters fill (4.4.5 table 2)."""
     return {
         "acceleration_limit": parameters["esc_acc_threshold"],
         "deceleration_limit": parameters["esc_dacc_threshold"],

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.tmotor.traffic.airframe import GRAVITY, LOAD, Airframe, Wind, arms, duty_for
 from dissectors.tmotor.traffic.flights import IDLE_THROTTLE, Leg
+from dissectors.tmotor.traffic.physics.airframe import GRAVITY, LOAD, Airframe, Wind, arms, duty_for
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +28,7 @@ class Pilot:
         self._goal = self._sum = 0.0
 
     def throttles(self, seconds: float, step: float, thrust: float) -> list[float]:
-        """Throttles from 0 to 1 for the time `seconds`; `thrust` (N) is what all motors gave in the last `step`."""
+        """Return throttles (0 to 1) for the time `seconds`; `thrust` (N) is what all motors gave in the last `step`."""
         legs = self._legs
         while self._at + 1 < len(legs) and legs[self._at + 1].start <= seconds:
             self._at += 1
@@ -45,7 +45,7 @@ class Pilot:
         return [min(max(base * part, _LEAST), _MOST) for part in mixed]
 
     def _lift(self, leg: Leg, step: float) -> float:
-        """Thrust in N of one motor that follows the height of the leg."""
+        """Return the thrust in N of one motor that follows the height of the leg."""
         way = min(max(leg.height - self._goal, -leg.climb * step), leg.climb * step)
         self._goal += way
         error = self._goal - self.airframe.height

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dissectors.traffic import MILLISECOND, SECOND
+from dissectors.times import MILLISECOND, SECOND
 
 # Bit rates by their code (4.4.2 no 24).
 BUS_RATES = (1_000_000, 500_000, 250_000, 125_000, 100_000, 50_000)
@@ -48,7 +48,7 @@ class Rates:
 
 
 def rates(bit_rate: int, escs: int, wanted: int | None) -> Rates:
-    """The rates of a vehicle; `wanted` is the rate of ESCStatus in Hz that somebody asked for."""
+    """Return the rates of a vehicle; `wanted` is the rate of ESCStatus in Hz that somebody asked for."""
     slow = max(1.0, _FULL / bit_rate)
     room = _PLANNED * _LIMIT / slow
     period = _PERIODS[0]
@@ -68,11 +68,11 @@ def rates(bit_rate: int, escs: int, wanted: int | None) -> Rates:
 
 
 def _commands(escs: int, period: float) -> float:
-    """Frames of RawCommand a second: 14 bits a channel, in several frames with a CRC."""
+    """Count frames of RawCommand a second: 14 bits a channel, in several frames with a CRC."""
     size = -(-14 * escs // 8)
     return (1 if size <= 7 else -(-(size + 2) // 7)) * 1000 / period
 
 
 def _frames(escs: int, period: float) -> float:
-    """Frames a second with this time between two RawCommand, everything else slowed down alike."""
+    """Count frames a second with this time between two RawCommand, everything else slowed down alike."""
     return _commands(escs, period) + escs * _REPORTS * _PERIODS[0] / period

@@ -1,16 +1,16 @@
-"""What an ESC sends of its own accord: ESCStatus at its rate, MotorStatus now and then, and other PUSHCAN packets."""
+"""Reports of an ESC: ESCStatus at its rate, MotorStatus now and then, and other PUSHCAN packets."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.float16 import printed
 from dissectors.tmotor.traffic.packets import packet
 from dissectors.tmotor.traffic.sample import KELVIN
-from dissectors.traffic import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
-    from dissectors.tmotor.traffic.esc import Esc
+    from dissectors.tmotor.traffic.motor_controller import MotorController
     from dissectors.tmotor.traffic.packets import Raw
     from dissectors.tmotor.traffic.rates import Rates
     from dissectors.tmotor.traffic.sample import Sample
@@ -24,7 +24,7 @@ _DRIFT = 20e-6
 class Reports:
     """The senders of one ESC. A MotorStatus goes out with an ESCStatus, of one and the same sample."""
 
-    def __init__(self, esc: Esc, rates: Rates) -> None:
+    def __init__(self, esc: MotorController, rates: Rates) -> None:
         self.frame_count = 0
         self.data_sequence = 0
         self.errors = 0
@@ -37,27 +37,27 @@ class Reports:
         self._hushed: dict[str, int] = {}
 
     def start(self, first: int) -> None:
-        """Reports from time `first` on."""
+        """Report from time `first` on."""
         self._tick_at = self._push_at = first
         self._world.at(first, self._tick)
 
     def restart(self) -> None:
-        """Power cycle: numbers start from zero."""
+        """Cycle the power: numbers start from zero."""
         self.frame_count = self.data_sequence = self.errors = 0
 
     def motor_status(self) -> None:
-        """Somebody wants a MotorStatus."""
+        """Send a MotorStatus soon: somebody wants one."""
         if self._tick_at <= self._world.now + _PATIENCE:
             self._push_at = self._world.now
         else:
             self._world.at(self._world.now + _PATIENCE // 4, lambda: self._push_status(self._esc.sample()))
 
     def hush(self, name: str, until: int) -> None:
-        """Sends no packets of this name before time `until`, nor later what was due by then."""
+        """Send no packets of this name before time `until`, nor later what was due by then."""
         self._hushed[name] = until
 
     def push(self, name: str, values: dict[str, Raw]) -> None:
-        """Sends a packet in a PUSHCAN, with the next numbers."""
+        """Send a packet in a PUSHCAN, with the next numbers."""
         esc = self._esc
         if esc.unit is None or esc.node.silent or self._world.now < self._hushed.get(name, 0):
             return

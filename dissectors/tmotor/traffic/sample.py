@@ -1,4 +1,4 @@
-"""What an ESC measures at one instant, in whole units of the packet that has the coarser ones (4.4.5 table 1).
+"""Measurements of an ESC at one instant, in units of the packet that has the coarser ones (4.4.5 table 1).
 
 ESCStatus and MotorStatus are made of the same sample, so that they agree to the last digit.
 """
@@ -35,7 +35,7 @@ class Sample:
     locked: bool
 
     def status(self, index: int) -> dict[str, Any]:
-        """The fields of ESCStatus (4.4.3)."""
+        """Return the fields of ESCStatus (4.4.3)."""
         return {
             "error_count": self.faults | self.mode << 12 | self.encoder << 16,
             "voltage": self.voltage / 100,
@@ -47,7 +47,7 @@ class Sample:
         }
 
     def motor_status(self) -> dict[str, Raw]:
-        """The measured fields of MotorStatus (4.4.5 table 1)."""
+        """Return the measured fields of MotorStatus (4.4.5 table 1)."""
         return {
             "system_status": 0xCC if self.mode == 6 else 0x11 if self.locked else 0x00,
             "position": self.encoder * 36_000 // 16_384,

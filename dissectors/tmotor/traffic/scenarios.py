@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.faults.status import STATUS
-from dissectors.tmotor.traffic.motor import HEAT_CAPACITY
 from dissectors.tmotor.traffic.operation import ERROR
+from dissectors.tmotor.traffic.physics.motor import HEAT_CAPACITY
 from dissectors.tmotor.traffic.throttle import FULL
-from dissectors.traffic import MILLISECOND, SECOND, Scenario, Step, change
+from dissectors.traffic import Scenario, Step, change
 
 if TYPE_CHECKING:
-    from dissectors.traffic import Case, Plot, Sending
+    from dissectors.traffic import Case, Sending, Story
 
 _UNDER_VOLTAGE, _THROTTLE_LOSS, _OVER_TEMPERATURE = 1, 3, 5
 _LOOK = 20 * MILLISECOND
@@ -28,66 +29,66 @@ _MIXED = 0.15
 
 
 def _shows(case: Case, node: int, bit: int) -> None:
-    """The answer lists every ESCStatus of a node in which a status bit is set."""
+    """List every ESCStatus of a node in which a status bit is set."""
     case.watch(
         lambda sending: STATUS(sending) and sending.node == node and bool(sending.values["error_count"] >> bit & 1)
     )
 
 
-def _later(plot: Plot, share: float) -> int:
-    """The time at which this share of the flight is over."""
-    return round(plot.world.end * share)
+def _later(story: Story, share: float) -> int:
+    """Return the time at which this share of the flight is over."""
+    return round(story.world.end * share)
 
 
-def _esc_failure(plot: Plot) -> None:
-    plot.world.at(_later(plot, 0.35), lambda: _overheat(plot, plot.random.choice(plot.vehicle.escs)))
+def _esc_failure(story: Story) -> None:
+    story.world.at(_later(story, 0.35), lambda: _overheat(story, story.random.choice(story.vehicle.escs)))
 
 
-def _overheat(plot: Plot, esc: Any) -> None:
-    world, motor, node = plot.world, esc.motor, esc.node.number
+def _overheat(story: Story, esc: Any) -> None:
+    world, motor, node = story.world, esc.motor, esc.node.number
     limit, seconds = esc.parameters["esc_ot_threshold"], 0.2 * world.end / SECOND
     watts = round((limit + _BEYOND - motor.temperature) * (HEAT_CAPACITY / seconds + 0.4))
-    plot.tell(f"the ESC with index {esc.index} (node {node}) loses its cooling: {watts} W too much heat it up")
+    story.tell(f"the ESC with index {esc.index} (node {node}) loses its cooling: {watts} W too much heat it up")
     esc.heat += watts
     if not esc.stock:
-        _shows(plot.case("TYP-305", f"over-temperature of node {node}, limit {limit} degC"), node, _OVER_TEMPERATURE)
+        _shows(story.case("TYP-305", f"over-temperature of node {node}, limit {limit} degC"), node, _OVER_TEMPERATURE)
     warned = False
 
     def look() -> None:
         nonlocal warned
         if motor.temperature > limit and not warned:
             warned = True
-            plot.tell(f"node {node} is hotter than its limit of {limit} degC and says so")
+            story.tell(f"node {node} is hotter than its limit of {limit} degC and says so")
         if motor.temperature < limit + _BEYOND:
             world.at(world.now + _LOOK, look)
         else:
-            _give_up(plot, esc)
+            _give_up(story, esc)
 
     look()
 
 
-def _give_up(plot: Plot, esc: Any) -> None:
-    """Error mode: the motor runs out, while the autopilot goes on commanding it."""
+def _give_up(story: Story, esc: Any) -> None:
+    """Enter error mode: the motor runs out, while the autopilot goes on commanding it."""
     node = esc.node.number
-    plot.tell(f"node {node} goes into error mode at {esc.motor.temperature:.0f} degC and stops its motor in flight")
+    story.tell(f"node {node} goes into error mode at {esc.motor.temperature:.0f} degC and stops its motor in flight")
     esc.heat, esc.mode, esc.node.health = 0.0, ERROR, _HEALTH_ERROR
 
     def health(sending: Sending) -> bool:
         return sending.name == "uavcan.protocol.NodeStatus" and sending.node == node
 
-    plot.case("BUS-022", f"node {node} reports health ERROR").watch(health)
-    stands = plot.case("BUS-028", f"node {node} stands still while it is commanded to turn")
+    story.case("BUS-022", f"node {node} reports health ERROR").watch(health)
+    stands = story.case("BUS-028", f"node {node} stands still while it is commanded to turn")
     commanded = round(_COMMANDED * FULL)
     stands.watch(
         lambda sending: (
             STATUS(sending)
             and sending.node == node
             and sending.values["rpm"] == 0
-            and plot.vehicle.command(esc.index) > commanded
+            and story.vehicle.command(esc.index) > commanded
         )
     )
     if not esc.stock:
-        error = plot.case("TYP-306", f"error mode of node {node}", ("PUSH-401",))
+        error = story.case("TYP-306", f"error mode of node {node}", ("PUSH-401",))
         error.watch(
             lambda sending: (
                 STATUS(sending) and sending.node == node and sending.values["error_count"] >> 12 & 15 == ERROR
@@ -95,32 +96,32 @@ def _give_up(plot: Plot, esc: Any) -> None:
         )
 
 
-def _command_loss(plot: Plot) -> None:
-    plot.world.at(_later(plot, 0.5), lambda: _stop_commanding(plot))
+def _command_loss(story: Story) -> None:
+    story.world.at(_later(story, 0.5), lambda: _stop_commanding(story))
 
 
-def _stop_commanding(plot: Plot) -> None:
-    vehicle = plot.vehicle
+def _stop_commanding(story: Story) -> None:
+    vehicle = story.vehicle
     if not any(esc.throttle.started for esc in vehicle.escs):  # it never began
         return
-    plot.tell("the autopilot's control loop hangs: no more RawCommand, while its NodeStatus goes on")
+    story.tell("the autopilot's control loop hangs: no more RawCommand, while its NodeStatus goes on")
     vehicle.commanding = False
     for esc in vehicle.escs:
         node = esc.node.number
         if not esc.stock:
-            _shows(plot.case("TYP-305", f"throttle loss of node {node}"), node, _THROTTLE_LOSS)
-    lost = plot.case("BUS-007", "no RawCommand until the end of the recording; the ESCs stop after their timeout")
-    begin = plot.world.now + 100 * MILLISECOND
+            _shows(story.case("TYP-305", f"throttle loss of node {node}"), node, _THROTTLE_LOSS)
+    lost = story.case("BUS-007", "no RawCommand until the end of the recording; the ESCs stop after their timeout")
+    begin = story.world.now + 100 * MILLISECOND
     lost.watch(lambda sending: STATUS(sending) and sending.t > begin)
 
 
-def _reordering(plot: Plot) -> None:
-    plot.world.at(_later(plot, 0.2), lambda: _mix_up(plot, plot.random.choice(plot.vehicle.escs).node.number))
+def _reordering(story: Story) -> None:
+    story.world.at(_later(story, 0.2), lambda: _mix_up(story, story.random.choice(story.vehicle.escs).node.number))
 
 
-def _mix_up(plot: Plot, node: int) -> None:
-    plot.tell(f"from now on the driver of node {node} sends by mailbox number when all mailboxes were free")
-    case = plot.case(
+def _mix_up(story: Story, node: int) -> None:
+    story.tell(f"from now on the driver of node {node} sends by mailbox number when all mailboxes were free")
+    case = story.case(
         "TRF-003",
         f"about one in seven transfers of several frames from node {node}: the third frame before the second",
         ("TRF-005", "TRF-006"),
@@ -133,18 +134,18 @@ def _mix_up(plot: Plot, node: int) -> None:
         return Step.MORE
 
     def mixed(sending: Sending) -> bool:
-        return sending.node == node and len(sending.frames) >= 3 and plot.random.random() < _MIXED
+        return sending.node == node and len(sending.frames) >= 3 and story.random.random() < _MIXED
 
     change(case, "frames", mixed, swap)
 
 
-def _duplicate_node(plot: Plot) -> None:
-    """The second of two ESCs was never given a node ID of its own."""
-    first, second = plot.vehicle.escs[-2:]
+def _duplicate_node(story: Story) -> None:
+    """Play two ESCs of which the second was never given a node ID of its own."""
+    first, second = story.vehicle.escs[-2:]
     node, own = first.node.number, second.node.number
-    plot.tell(f"the ESC with index {second.index} was replaced and has node ID {node} instead of {own}")
+    story.tell(f"the ESC with index {second.index} was replaced and has node ID {node} instead of {own}")
     second.node.number = node
-    case = plot.case(
+    case = story.case(
         "BUS-010",
         f"the ESCs with index {first.index} and {second.index} both use node ID {node}",
         (
@@ -155,19 +156,19 @@ def _duplicate_node(plot: Plot) -> None:
     case.watch(lambda sending: STATUS(sending) and sending.node == node)
 
 
-def _pack_sag(plot: Plot) -> None:
-    plot.world.at(_later(plot, 0.4), lambda: _weaken(plot))
+def _pack_sag(story: Story) -> None:
+    story.world.at(_later(story, 0.4), lambda: _weaken(story))
 
 
-def _weaken(plot: Plot) -> None:
-    """A connection to the pack goes bad: its resistance rises step by step until the voltage breaks down."""
-    world, vehicle = plot.world, plot.vehicle
+def _weaken(story: Story) -> None:
+    """Weaken the pack: its resistance rises step by step until the voltage breaks down."""
+    world, vehicle = story.world, story.vehicle
     pack, low = vehicle.pack, _LOW_CELL * vehicle.pack.cells
-    plot.tell(f"a cell of the pack fails: {pack.voltage:.1f} V now, and falling under load")
+    story.tell(f"a cell of the pack fails: {pack.voltage:.1f} V now, and falling under load")
     for esc in vehicle.escs:
         node = esc.node.number
         if not esc.stock:
-            _shows(plot.case("TYP-305", f"under-voltage of node {node}, below {low:.1f} V"), node, _UNDER_VOLTAGE)
+            _shows(story.case("TYP-305", f"under-voltage of node {node}, below {low:.1f} V"), node, _UNDER_VOLTAGE)
     said = False
 
     def look() -> None:
@@ -177,7 +178,7 @@ def _weaken(plot: Plot) -> None:
         below = pack.voltage < low
         if below and not said:
             said = True
-            plot.tell(f"every ESC reports under-voltage: the pack is below {low:.1f} V")
+            story.tell(f"every ESC reports under-voltage: the pack is below {low:.1f} V")
         for esc in vehicle.escs:
             esc.fault_bits = esc.fault_bits & ~(1 << _UNDER_VOLTAGE) | below << _UNDER_VOLTAGE
         world.at(world.now + _LOOK, look)

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dissectors.traffic import MILLISECOND
+from dissectors.times import MILLISECOND
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from dissectors.tmotor.traffic.esc import Esc
-    from dissectors.traffic import Node, Sending, World
+    from dissectors.traffic import BusNode, Sending, World
 
 _NAME = b"ESC_STATUS_RATE"
 _THINKING = MILLISECOND
 _SERVICE = "uavcan.protocol.param.GetSet"
 
 
-class Settings:
+class StockParameters:
     """Both sides of the service: who asks, and the ESCs that answer."""
 
     def __init__(self, world: World, escs: Sequence[Esc]) -> None:
@@ -25,15 +25,15 @@ class Settings:
         self._escs = {esc.node.number: esc for esc in escs}
         world.hear(f"{_SERVICE}.Request", self._asked)
 
-    def ask(self, node: Node, dst: int) -> Sending:
-        """Asks for the parameter."""
+    def ask(self, node: BusNode, dst: int) -> Sending:
+        """Ask for the parameter."""
         return self._request(node, dst, {"empty": {}})
 
-    def set(self, node: Node, dst: int) -> Sending:
-        """Sets it to what it is."""
+    def set(self, node: BusNode, dst: int) -> Sending:
+        """Set it to what it is."""
         return self._request(node, dst, {"integer_value": self._escs[dst].parameters["esc_fdb_rate"]})
 
-    def _request(self, node: Node, dst: int, value: dict[str, Any]) -> Sending:
+    def _request(self, node: BusNode, dst: int, value: dict[str, Any]) -> Sending:
         return node.send(f"{_SERVICE}.Request", {"index": 0, "value": value, "name": _NAME}, dst=dst)
 
     def _asked(self, request: Sending) -> None:

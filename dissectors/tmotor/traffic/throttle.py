@@ -1,10 +1,10 @@
-"""What an ESC makes of RawCommand: the last valid throttle, and what is wrong with those that came (4.4.1)."""
+"""RawCommand as an ESC takes it: the last valid throttle, and what is wrong with those that came (4.4.1)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dissectors.traffic import MILLISECOND
+from dissectors.times import MILLISECOND
 
 # 4.4.1 explanation 2 gives the timeout no number.
 TIMEOUT = 100 * MILLISECOND
@@ -24,21 +24,21 @@ class Throttle:
     abnormal: bool = False
 
     def hear(self, command: int, now: int) -> None:
-        """A RawCommand has come. A negative one is an anomaly; the last valid one is held until the timeout."""
+        """Take a RawCommand. A negative one is an anomaly; the last valid one is held until the timeout."""
         self.heard = now
         self.abnormal = command < 0
         if command >= 0:
             self.raw, self.valid = command, now
 
     def lost(self, now: int) -> bool:
-        """Whether commands came and have stopped."""
+        """Return if commands came and have stopped."""
         return self.heard >= 0 and now - self.heard > TIMEOUT
 
     @property
     def started(self) -> bool:
-        """Whether there ever was a command."""
+        """There ever was a command."""
         return self.heard >= 0
 
     def value(self, now: int) -> int:
-        """The throttle to follow, 0 to 8191."""
+        """Return the throttle to follow, 0 to 8191."""
         return self.raw if self.valid >= 0 and now - self.valid <= TIMEOUT else 0

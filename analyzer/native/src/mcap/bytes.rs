@@ -1,8 +1,40 @@
-//! Data bytes that text carries.
+//! The data bytes of a frame, and the ways in which text carries them.
 #![forbid(unsafe_code)]
 
-use super::found::Bytes;
+use super::can::within;
+use super::decimal::Decimal;
+use crate::frames::MAX_DATA;
 use crate::line::{hex_byte, nibble, Reason};
+
+/// A data field.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bytes {
+    bytes: [u8; MAX_DATA],
+    len: usize,
+}
+
+impl Bytes {
+    pub const EMPTY: Bytes = Bytes {
+        bytes: [0; MAX_DATA],
+        len: 0,
+    };
+
+    pub fn push(&mut self, byte: u8) -> Result<(), Reason> {
+        within(self.len + 1, MAX_DATA)?;
+        self.bytes[self.len] = byte;
+        self.len += 1;
+        Ok(())
+    }
+
+    pub fn push_number(&mut self, number: Decimal) -> Result<(), Reason> {
+        let byte = number.integer().and_then(|byte| u8::try_from(byte).ok());
+        self.push(byte.ok_or("data byte out of range")?)
+    }
+
+    pub fn as_slice(&self) -> &[u8] {
+        &self.bytes[..self.len]
+    }
+}
 
 /// Pairs of hex digits; blanks, colons, dots and dashes may stand between pairs.
 pub(super) fn hex(mut text: &[u8], to: &mut Bytes) -> Result<(), Reason> {

@@ -1,12 +1,12 @@
 //! What a message of a described layout holds, field by field, whatever it is written in.
 #![forbid(unsafe_code)]
 
+use super::bytes::{self, Bytes};
 use super::can::{within, Can};
-use super::decimal::Decimal;
 use super::role::Role;
 use super::texts::{data_sign, id_sign, Coding, Sign};
 use super::value::{flag, identifier, integer, time, Value};
-use super::{bytes, Message, OUT_OF_RANGE};
+use super::{Message, OUT_OF_RANGE};
 use crate::frames::{BRS, ESI, MAX_CLASSIC, MAX_DATA, RX, TX, WORD_REMOTE};
 use crate::line::Reason;
 use crate::socketcan::fd_length;
@@ -34,36 +34,6 @@ pub(super) struct Found {
     /// Identifier and data in text whose coding the channel knows, empty for none.
     id_text: Vec<u8>,
     data_text: Vec<u8>,
-}
-
-/// A data field.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Bytes {
-    bytes: [u8; MAX_DATA],
-    len: usize,
-}
-
-impl Bytes {
-    pub const EMPTY: Bytes = Bytes {
-        bytes: [0; MAX_DATA],
-        len: 0,
-    };
-
-    pub fn push(&mut self, byte: u8) -> Result<(), Reason> {
-        within(self.len + 1, MAX_DATA)?;
-        self.bytes[self.len] = byte;
-        self.len += 1;
-        Ok(())
-    }
-
-    pub fn push_number(&mut self, number: Decimal) -> Result<(), Reason> {
-        let byte = number.integer().and_then(|byte| u8::try_from(byte).ok());
-        self.push(byte.ok_or("data byte out of range")?)
-    }
-
-    pub fn as_slice(&self) -> &[u8] {
-        &self.bytes[..self.len]
-    }
 }
 
 impl Found {

@@ -2,8 +2,7 @@
 //! later, and all of them are coded alike.
 #![forbid(unsafe_code)]
 
-use super::bytes;
-use super::found::Bytes;
+use super::bytes::{self, Bytes};
 use crate::frames::MAX_CLASSIC;
 use crate::line::nibble;
 use crate::socketcan::fd_length;

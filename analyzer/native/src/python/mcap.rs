@@ -1,10 +1,10 @@
-//! MCAP for Python: stretches of message records in, pieces of the first tables out.
+//! MCAP for Python: stretches of message records in, batches of the first tables out.
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use super::pieces::Piece;
+use super::reader::FrameBatch;
 use crate::mcap::{Form, Kind, Layout, Role, Walk, Wire, MAX_WAITING};
 
 /// Walks message records and makes rows of those that carry CAN frames.
@@ -90,8 +90,8 @@ impl McapWalk {
     }
 
     /// Everything since the last call.
-    fn take(&mut self) -> Piece {
-        Piece(self.0.take())
+    fn take(&mut self) -> FrameBatch {
+        FrameBatch(self.0.take())
     }
 
     /// Frames and error frames with the recorder's time, for want of their own.

@@ -1,8 +1,8 @@
-//! Merging for Python: pieces of several captures in, pieces of one out.
+//! Merging for Python: batches of several captures in, batches of one out.
 
 use pyo3::prelude::*;
 
-use super::pieces::Piece;
+use super::reader::FrameBatch;
 use crate::merge::meeting;
 use crate::merge::{self, Entry};
 
@@ -22,8 +22,8 @@ impl Merger {
     }
 
     /// The next rows of a capture; `label` names it beside records that cannot be read.
-    fn push(&mut self, index: usize, piece: &Piece, label: &str) {
-        self.0.push(index, piece.0.clone(), label);
+    fn push(&mut self, index: usize, batch: &FrameBatch, label: &str) {
+        self.0.push(index, batch.0.clone(), label);
     }
 
     /// A capture has ended.
@@ -38,13 +38,13 @@ impl Merger {
     }
 
     /// All rows that nothing can come before any more.
-    fn take(&mut self, py: Python<'_>) -> Piece {
-        Piece(py.detach(|| self.0.take()))
+    fn take(&mut self, py: Python<'_>) -> FrameBatch {
+        FrameBatch(py.detach(|| self.0.take()))
     }
 
     /// All rows up to the latest one that had come at the last call: for buses, which do not wait for each other.
-    fn take_later(&mut self, py: Python<'_>) -> Piece {
-        Piece(py.detach(|| self.0.take_later()))
+    fn take_later(&mut self, py: Python<'_>) -> FrameBatch {
+        FrameBatch(py.detach(|| self.0.take_later()))
     }
 }
 
@@ -60,8 +60,8 @@ impl Fingerprint {
         Fingerprint::default()
     }
 
-    fn add(&mut self, py: Python<'_>, piece: &Piece) {
-        py.detach(|| self.0.add(&piece.0.frames));
+    fn add(&mut self, py: Python<'_>, batch: &FrameBatch) {
+        py.detach(|| self.0.add(&batch.0.frames));
     }
 
     /// The earliest time of any frame.

@@ -1,10 +1,10 @@
-//! Writers for Python: pieces in, bytes of a capture out.
+//! Writers for Python: batches in, bytes of a capture out.
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use super::pieces::Piece;
+use super::reader::FrameBatch;
 use super::Dict;
 use crate::write::{self, candump, mcap, pcapng, Account};
 
@@ -35,10 +35,10 @@ impl Writer {
         PyBytes::new(py, &out)
     }
 
-    /// The rows of a piece.
-    fn write<'py>(&mut self, py: Python<'py>, piece: &Piece) -> Bound<'py, PyBytes> {
+    /// The rows of a batch.
+    fn write<'py>(&mut self, py: Python<'py>, batch: &FrameBatch) -> Bound<'py, PyBytes> {
         let mut out = vec![];
-        py.detach(|| self.0.write(&piece.0, &mut out));
+        py.detach(|| self.0.write(&batch.0, &mut out));
         PyBytes::new(py, &out)
     }
 
@@ -49,6 +49,31 @@ impl Writer {
     }
 
     /// What could not be written so far, in words, and how often.
+    #[getter]
+    fn lost<'py>(&self, py: Python<'py>) -> PyResult<Dict<'py>> {
+        lost(py, self.0.account())
+    }
+}
+
+/// The form in which a recording gives rows back, and in which a live session has to decode and judge them.
+#[pyclass]
+#[derive(Default)]
+pub struct AsRecorded(write::recorded::Recorded);
+
+#[pymethods]
+impl AsRecorded {
+    /// One for each session.
+    #[new]
+    fn new() -> Self {
+        AsRecorded::default()
+    }
+
+    /// The rows of the next batch; buses and records are numbered on from the batches before.
+    fn apply(&mut self, py: Python<'_>, batch: &FrameBatch) -> FrameBatch {
+        FrameBatch(py.detach(|| self.0.apply(&batch.0)))
+    }
+
+    /// What does not go through so far, in words, and how often.
     #[getter]
     fn lost<'py>(&self, py: Python<'py>) -> PyResult<Dict<'py>> {
         lost(py, self.0.account())
@@ -69,9 +94,9 @@ impl Messages {
         Messages::default()
     }
 
-    /// Appends the rows of a piece from `start` on until `limit` bytes wait; the row to go on with, None at its end.
-    fn add(&mut self, py: Python<'_>, piece: &Piece, start: usize, limit: usize) -> Option<usize> {
-        py.detach(|| self.0.add(&piece.0, start, limit))
+    /// Appends the rows of a batch from `start` on until `limit` bytes wait; the row to go on with, None at its end.
+    fn add(&mut self, py: Python<'_>, batch: &FrameBatch, start: usize, limit: usize) -> Option<usize> {
+        py.detach(|| self.0.add(&batch.0, start, limit))
     }
 
     /// Bytes that wait for `take`.

@@ -3,9 +3,9 @@
 
 use super::{bus_of, kind_of, Account, Loss, Writer};
 use crate::events::EventKind;
+use crate::frame_batch::FrameBatch;
 use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, NO_TIME, REMOTE, RX, TX, WORD_ERROR};
 use crate::line::{self, escape, Line, MAX_NAME};
-use crate::piece::Piece;
 
 const SECOND: i64 = 1_000_000_000;
 const MICROSECOND: i64 = 1_000;
@@ -26,29 +26,29 @@ const HEX: [[u8; 2]; 256] = {
     pairs
 };
 
-/// Lines of text; fractions have 6 digits, and 9 from the first piece on that needs them.
+/// Lines of text; fractions have 6 digits, and 9 from the first batch on that needs them.
 #[derive(Default)]
 pub struct Candump {
     /// Names as they are written, by bus.
-    names: Vec<Vec<u8>>,
+    pub(super) names: Vec<Vec<u8>>,
     fine: bool,
     /// Names fit drop counts, too.
     strict: bool,
     /// Frames that the drop counts report as lost.
     dropped: u64,
-    account: Account,
+    pub(super) account: Account,
 }
 
 impl Writer for Candump {
-    fn look_ahead(&mut self, piece: &Piece) -> usize {
-        self.learn(piece.buses.names());
-        let mut times = piece.frames.t.iter().chain(&piece.events.t);
+    fn look_ahead(&mut self, batch: &FrameBatch) -> usize {
+        self.learn(batch.buses.names());
+        let mut times = batch.frames.t.iter().chain(&batch.events.t);
         self.fine = self.fine || times.any(|&t| t != NO_TIME && t % MICROSECOND != 0);
         56
     }
 
-    fn frame(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
-        let (frames, data) = (&piece.frames, piece.frames.data_of(row));
+    fn frame(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>) {
+        let (frames, data) = (&batch.frames, batch.frames.data_of(row));
         let (id, flags) = (frames.id[row], frames.flags[row]);
         let code = (flags >> DLC_SHIFT) as u8 & 15;
         self.account.frames += 1;
@@ -85,8 +85,8 @@ impl Writer for Candump {
         end(flags, out);
     }
 
-    fn event(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
-        let events = &piece.events;
+    fn event(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>) {
+        let events = &batch.events;
         match kind_of(events, row) {
             EventKind::ErrorFrame => {
                 self.start(events.t[row], events.bus[row], out);
@@ -96,7 +96,9 @@ impl Writer for Candump {
                 end(events.flags[row], out);
             }
             EventKind::Unreadable => {}
-            EventKind::Drop => self.drop_count(piece, row, out),
+            EventKind::Drop => {
+                self.drop_count(batch, row, out);
+            }
             EventKind::Comment | EventKind::Gap => self.comment(events.t[row], &events.text_of(row), out),
         }
     }
@@ -118,7 +120,7 @@ impl Candump {
         }
     }
 
-    fn learn(&mut self, names: &[String]) {
+    pub(super) fn learn(&mut self, names: &[String]) {
         for name in &names[self.names.len().min(names.len())..] {
             let mut fit = fitting(name.as_bytes(), self.strict);
             for number in 2_u32.. {
@@ -136,14 +138,15 @@ impl Candump {
         }
     }
 
-    /// The capture's own line if it was one, else one with the sum so far.
-    fn drop_count(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
-        let (events, frames) = (&piece.events, piece.events.class[row]);
+    /// The capture's own line if it was one, else one with the sum so far; the bus that it names.
+    pub(super) fn drop_count(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>) -> Option<u8> {
+        let (events, frames) = (&batch.events, batch.events.class[row]);
         self.dropped += u64::from(frames);
-        let bus = bus_of(events, row).and_then(|bus| self.names.get(usize::from(bus)));
-        let plain = |name: &&Vec<u8>| ***name != *ANY && !name.iter().any(|b| QUOTING.contains(b));
-        let name = bus.filter(plain).map_or(ANY, Vec::as_slice);
-        if bus.is_some() && name == ANY {
+        let known = bus_of(events, row).filter(|&bus| usize::from(bus) < self.names.len());
+        let plain = |name: &[u8]| *name != *ANY && !name.iter().any(|b| QUOTING.contains(b));
+        let named = known.filter(|&bus| plain(&self.names[usize::from(bus)]));
+        let name = named.map_or(ANY, |bus| self.names[usize::from(bus)].as_slice());
+        if known.is_some() && name == ANY {
             self.account.add(Loss::DropBus);
         }
         let says_the_same = |text: &[u8]| match line::read(text) {
@@ -170,10 +173,11 @@ impl Candump {
             self.time(events.t[row], out);
         }
         out.push(b'\n');
+        named
     }
 
     /// A time stands behind the mark of a comment.
-    fn comment(&mut self, t: i64, text: &str, out: &mut Vec<u8>) {
+    pub(super) fn comment(&mut self, t: i64, text: &str, out: &mut Vec<u8>) {
         let text = escape(text.as_bytes(), usize::MAX);
         let marked = text.starts_with(['#', ';']);
         let (mark, rest) = text.split_at(usize::from(marked));

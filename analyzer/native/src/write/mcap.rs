@@ -10,8 +10,8 @@ pub use content::{Content, Direction};
 
 use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row, Stamper};
 use crate::events::EventKind;
+use crate::frame_batch::FrameBatch;
 use crate::frames::{DLC_SHIFT, EXTENDED, FD, MAX_CLASSIC, NO_TIME, REMOTE};
-use crate::piece::Piece;
 
 pub(super) const MESSAGE: u8 = 5;
 const MESSAGE_INDEX: u8 = 7;
@@ -88,17 +88,17 @@ struct Can<'a> {
 }
 
 impl Messages {
-    /// Appends rows of a piece, from row `start` on in the order of its records, until `limit` bytes are waiting.
-    /// Returns the row to go on with, `None` at the end of the piece.
-    pub fn add(&mut self, piece: &Piece, start: usize, limit: usize) -> Option<usize> {
-        self.stamper.look_ahead(piece);
-        for (at, row) in InOrder::new(piece).enumerate().skip(start) {
+    /// Appends rows of a batch, from row `start` on in the order of its records, until `limit` bytes are waiting.
+    /// Returns the row to go on with, `None` at the end of the batch.
+    pub fn add(&mut self, batch: &FrameBatch, start: usize, limit: usize) -> Option<usize> {
+        self.stamper.look_ahead(batch);
+        for (at, row) in InOrder::new(batch).enumerate().skip(start) {
             if self.out.len() >= limit {
                 return Some(at);
             }
             match row {
-                Row::Frame(row) => self.frame(piece, row),
-                Row::Event(row) => self.event(piece, row),
+                Row::Frame(row) => self.frame(batch, row),
+                Row::Event(row) => self.event(batch, row),
             }
         }
         None
@@ -138,8 +138,8 @@ impl Messages {
         })
     }
 
-    fn frame(&mut self, piece: &Piece, row: usize) {
-        let (frames, data) = (&piece.frames, piece.frames.data_of(row));
+    fn frame(&mut self, batch: &FrameBatch, row: usize) {
+        let (frames, data) = (&batch.frames, batch.frames.data_of(row));
         let (flags, code) = (frames.flags[row], (frames.flags[row] >> DLC_SHIFT) as u8 & 15);
         let (fd, remote) = (flags & FD != 0, flags & (FD | REMOTE) == REMOTE);
         if !fd && data.len() > MAX_CLASSIC {
@@ -160,11 +160,11 @@ impl Messages {
             },
             data,
         };
-        self.message(piece, &can);
+        self.message(batch, &can);
     }
 
-    fn event(&mut self, piece: &Piece, row: usize) {
-        let (events, data) = (&piece.events, piece.events.data_of(row));
+    fn event(&mut self, batch: &FrameBatch, row: usize) {
+        let (events, data) = (&batch.events, batch.events.data_of(row));
         let (t, bus) = (events.t[row], events.bus[row]);
         let mut dropped = [0; 8];
         let (t, bus, content, id, data) = match kind_of(events, row) {
@@ -181,7 +181,7 @@ impl Messages {
                 (t, bus, Content::Drops, CONTROLLER, &dropped[..])
             }
             EventKind::Unreadable => return,
-            EventKind::Comment | EventKind::Gap => return self.comment(piece, t, &events.text_of(row)),
+            EventKind::Comment | EventKind::Gap => return self.comment(batch, t, &events.text_of(row)),
         };
         let can = Can {
             t,
@@ -193,12 +193,12 @@ impl Messages {
             length: data.len() as u8,
             data,
         };
-        self.message(piece, &can);
+        self.message(batch, &can);
     }
 
-    fn message(&mut self, piece: &Piece, can: &Can<'_>) {
+    fn message(&mut self, batch: &FrameBatch, can: &Can<'_>) {
         self.bus = can.bus;
-        let channel = self.channel(piece, can.t, can.bus, can.direction, can.content);
+        let channel = self.channel(batch, can.t, can.bus, can.direction, can.content);
         let start = self.open(channel);
         self.out.extend_from_slice(&can.id.to_le_bytes());
         if can.content.is_fd() {
@@ -215,8 +215,8 @@ impl Messages {
         self.close(channel, start, can.t);
     }
 
-    fn comment(&mut self, piece: &Piece, t: i64, text: &str) {
-        let channel = self.channel(piece, t, 0, Direction::Unknown, Content::Comments);
+    fn comment(&mut self, batch: &FrameBatch, t: i64, text: &str) {
+        let channel = self.channel(batch, t, 0, Direction::Unknown, Content::Comments);
         let start = self.open(channel);
         log::write(text, &mut self.out);
         self.close(channel, start, t);
@@ -252,7 +252,7 @@ impl Messages {
     }
 
     /// The place of the channel for such messages, which is new if need be.
-    fn channel(&mut self, piece: &Piece, t: i64, bus: u8, direction: Direction, content: Content) -> usize {
+    fn channel(&mut self, batch: &FrameBatch, t: i64, bus: u8, direction: Direction, content: Content) -> usize {
         let timed = Stamper::holds(t);
         let key =
             (usize::from(bus) << 3 | usize::from(!timed) << 2 | direction as usize) * Content::COUNT + content.index();
@@ -264,7 +264,7 @@ impl Messages {
             let (bus, start) = if content == Content::Comments {
                 ("", log::start(beginning(id)))
             } else {
-                let name = name(piece, bus);
+                let name = name(batch, bus);
                 (name, named(beginning(id), name.as_bytes()))
             };
             self.known[key] = id;

@@ -5,12 +5,12 @@
 
 use super::{bus_of, kind_of, name, Account, Loss, Stamper, Writer};
 use crate::events::EventKind;
+use crate::frame_batch::FrameBatch;
 use crate::frames::{
     BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, MAX_DATA, NO_TIME, REMOTE, RX, TX, WORD_ERROR, WORD_EXTENDED,
     WORD_REMOTE,
 };
 use crate::pcapng::{journal, NO_STAMPS};
-use crate::piece::Piece;
 
 const SECTION: u32 = 0x0A0D_0D0A;
 const INTERFACE: u32 = 1;
@@ -78,13 +78,13 @@ impl Writer for Pcapng {
         });
     }
 
-    fn look_ahead(&mut self, piece: &Piece) -> usize {
-        self.stamper.look_ahead(piece);
+    fn look_ahead(&mut self, batch: &FrameBatch) -> usize {
+        self.stamper.look_ahead(batch);
         64
     }
 
-    fn frame(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
-        let (frames, data) = (&piece.frames, piece.frames.data_of(row));
+    fn frame(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>) {
+        let (frames, data) = (&batch.frames, batch.frames.data_of(row));
         let (id, flags) = (frames.id[row], frames.flags[row]);
         let set = |bit, value: u8| if flags & bit != 0 { value } else { 0 };
         let is_fd = flags & FD != 0;
@@ -107,7 +107,7 @@ impl Writer for Pcapng {
         }
         let packet = Packet {
             t: frames.t[row],
-            interface: self.interface(piece, frames.bus[row], frames.t[row], out),
+            interface: self.interface(batch, frames.bus[row], frames.t[row], out),
             word: id
                 | if flags & EXTENDED != 0 { WORD_EXTENDED } else { 0 }
                 | if flags & (REMOTE | FD) == REMOTE {
@@ -129,14 +129,14 @@ impl Writer for Pcapng {
         self.packet(&packet, out);
     }
 
-    fn event(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
-        let (events, data) = (&piece.events, piece.events.data_of(row));
+    fn event(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>) {
+        let (events, data) = (&batch.events, batch.events.data_of(row));
         match kind_of(events, row) {
             EventKind::ErrorFrame if data.len() > MAX_CLASSIC => self.account.add(Loss::LongError),
             EventKind::ErrorFrame => {
                 let packet = Packet {
                     t: events.t[row],
-                    interface: self.interface(piece, events.bus[row], events.t[row], out),
+                    interface: self.interface(batch, events.bus[row], events.t[row], out),
                     word: events.class[row] | WORD_ERROR,
                     length: data.len() as u8,
                     marks: 0,
@@ -147,7 +147,7 @@ impl Writer for Pcapng {
                 };
                 self.packet(&packet, out);
             }
-            EventKind::Drop => self.drop_count(piece, row, out),
+            EventKind::Drop => self.drop_count(batch, row, out),
             EventKind::Unreadable => {}
             EventKind::Comment | EventKind::Gap => {
                 if events.t[row] != NO_TIME && !Stamper::holds(events.t[row]) {
@@ -191,14 +191,14 @@ impl Pcapng {
 
     /// Statistics count from the start of the capture. A count without a time gets that of the record before, one without
     /// an interface goes to the first one.
-    fn drop_count(&mut self, piece: &Piece, row: usize, out: &mut Vec<u8>) {
-        let events = &piece.events;
+    fn drop_count(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>) {
+        let events = &batch.events;
         let t = match events.t[row] {
             NO_TIME => self.stamper.last(),
             t => t,
         };
         let interface = if let Some(bus) = bus_of(events, row) {
-            self.interface(piece, bus, t, out)
+            self.interface(batch, bus, t, out)
         } else {
             self.account.add(Loss::DropBus);
             let timed = Stamper::holds(t);
@@ -219,7 +219,7 @@ impl Pcapng {
     }
 
     /// The number of the interface for a row of this time, which is described now if it was not before.
-    fn interface(&mut self, piece: &Piece, bus: u8, t: i64, out: &mut Vec<u8>) -> u32 {
+    fn interface(&mut self, batch: &FrameBatch, bus: u8, t: i64, out: &mut Vec<u8>) -> u32 {
         let (at, timed) = (usize::from(bus), Stamper::holds(t));
         if self.numbers.len() <= at {
             self.numbers.resize(at + 1, [None; 2]);
@@ -228,7 +228,7 @@ impl Pcapng {
             return number;
         }
         // Without a name, readers would take the two interfaces of a bus for two buses.
-        let name = Some(name(piece, bus)).filter(|name| !name.is_empty()).unwrap_or("can");
+        let name = Some(name(batch, bus)).filter(|name| !name.is_empty()).unwrap_or("can");
         let number = self.describe(name.as_bytes(), timed, out);
         self.numbers[at][usize::from(timed)] = Some(number);
         number

@@ -1,7 +1,8 @@
 //! Laws that hold for any text: every way to cut it gives the same rows, the fast path reads what
 //! the readable one reads, every line is accounted for, and nothing panics. Texts are valid ones, then damaged.
 
-use _native::candump::{Candump, Counts};
+use _native::candump::Candump;
+use _native::counts::Counts;
 use _native::events::Events;
 use _native::frames::Frames;
 use _native::simd::{scan, scan_scalar, Block, Template};
@@ -191,6 +192,7 @@ fn the_fast_path_does_not_fall_for_lines_that_only_look_plain() {
         &plain,
         b"\tnot below an error frame\n# ",
         &[b'x'; 96],
+        b"\n",
     ]
     .concat();
     let expected = readable(&text);

@@ -8,7 +8,8 @@ mod laws;
 mod rest;
 mod times;
 
-use _native::candump::{Candump, Counts};
+use _native::candump::Candump;
+use _native::counts::Counts;
 use _native::events::{EventKind, Events};
 use _native::frames::Frames;
 
@@ -40,6 +41,11 @@ pub(crate) fn parse(text: &[u8]) -> Parsed {
     (candump, frames, events)
 }
 
+/// A line with its end.
+pub(crate) fn parse_line(line: &[u8]) -> Parsed {
+    parse(&[line, b"\n"].concat())
+}
+
 pub(crate) fn texts(events: &Events) -> Vec<&str> {
     let ends = events.text_end.iter().map(|&end| end as usize);
     let starts = std::iter::once(0).chain(ends.clone());
@@ -51,7 +57,7 @@ pub(crate) fn texts(events: &Events) -> Vec<&str> {
 
 /// The only row of a line: time, interface, identifier, flags, data.
 pub(crate) fn frame(line: &str) -> (i64, String, u32, u16, Vec<u8>) {
-    let (candump, frames, events) = parse(line.as_bytes());
+    let (candump, frames, events) = parse_line(line.as_bytes());
     assert_eq!((frames.len(), events.len()), (1, 0), "{line:?}: {:?}", texts(&events));
     assert_eq!(frames.line, [1]);
     (
@@ -68,7 +74,7 @@ pub(crate) fn expect(line: &str, t: i64, bus: &str, id: u32, flags: u16, data: &
 }
 
 pub(crate) fn reason(line: &[u8]) -> String {
-    let (candump, frames, events) = parse(line);
+    let (candump, frames, events) = parse_line(line);
     assert_eq!(
         (frames.len(), events.kind.as_slice()),
         (0, &[EventKind::Unreadable as u8][..]),

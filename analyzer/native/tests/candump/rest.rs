@@ -1,10 +1,11 @@
 //! Lines that are not frames: error frames, drop counts, comments, and what cannot be read.
 
-use _native::candump::{Counts, MAX_LINE};
+use _native::candump::MAX_LINE;
+use _native::counts::Counts;
 use _native::events::EventKind;
 use _native::frames::{RX, TX};
 
-use crate::{parse, reason, texts};
+use crate::{parse, parse_line, reason, texts};
 
 #[test]
 fn error_frames() {
@@ -36,7 +37,7 @@ fn error_frames() {
         ("(1.5) can0 A0000040#", 0x40, None, "bus off"),
         ("(1.5) can0 20000040# T", 0x40, None, "bus off"),
     ] {
-        let (candump, frames, events) = parse(line.as_bytes());
+        let (candump, frames, events) = parse_line(line.as_bytes());
         assert_eq!(
             (candump.counts().error_frames, frames.len()),
             (1, 0),
@@ -103,7 +104,7 @@ fn drop_counts_comments_and_blank_lines() {
     assert_eq!(texts(&events)[4], "# \\x1b]0;title\\x07");
     assert_eq!(reason(b"DROPCOUNT: dropped 5"), "drop count not understood");
     let long = [b"#".as_slice(), &[b'x'; 500]].concat();
-    assert_eq!(texts(&parse(&long).2)[0].len(), 200);
+    assert_eq!(texts(&parse_line(&long).2)[0].len(), 200);
 }
 
 #[test]
@@ -112,7 +113,7 @@ fn nine_classic_bytes_are_kept_for_the_reassembly_to_judge() {
         "(1.0) can0 123#112233445566778899",
         "  can0  123   [9]  11 22 33 44 55 66 77 88 99",
     ] {
-        let (_, rows, ..) = parse(line.as_bytes());
+        let (_, rows, ..) = parse_line(line.as_bytes());
         assert_eq!(
             rows.data,
             [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88, 0x99],
@@ -159,7 +160,7 @@ fn what_cannot_be_read_says_why() {
         reason(&[b'x'; 65].map(|b| b)),
         "no identifier".replace("no identifier", "interface name longer than 64 bytes")
     );
-    let (_, _, events) = parse(&[b"\0\xFFcan0\x1b[2J".as_slice(), &[b'z'; 200]].concat());
+    let (_, _, events) = parse_line(&[b"\0\xFFcan0\x1b[2J".as_slice(), &[b'z'; 200]].concat());
     let text = texts(&events)[0];
     assert!(
         text.starts_with("interface name longer than 64 bytes: \\x00\\xffcan0\\x1b[2Jzz") && text.ends_with("zz...")
@@ -172,12 +173,12 @@ fn a_line_that_never_ends_is_counted_once() {
     for length in [MAX_LINE, MAX_LINE + 1, 5 * MAX_LINE] {
         let mut text = b"# ".to_vec();
         text.resize(length, b'x');
-        let expected = if length > MAX_LINE {
-            EventKind::Unreadable
-        } else {
-            EventKind::Comment
-        };
         for end in ["", "\n", "\n(1.0) can0 123#\n"] {
+            let expected = if length > MAX_LINE || end.is_empty() {
+                EventKind::Unreadable
+            } else {
+                EventKind::Comment
+            };
             let (candump, frames, events) = parse(&[&text, end.as_bytes()].concat());
             assert_eq!(events.kind, [expected as u8], "{length}");
             assert_eq!(
@@ -190,4 +191,33 @@ fn a_line_that_never_ends_is_counted_once() {
     assert_eq!(reason(&text), "line longer than 65536 bytes");
     let excerpt = format!("line longer than 65536 bytes: {}...", "x".repeat(77));
     assert_eq!(texts(&parse(&vec![b'x'; MAX_LINE + 1]).2), [excerpt]);
+}
+
+#[test]
+fn a_last_line_without_its_end_is_cut_wherever_that_is() {
+    for line in [
+        "(1.0) can0 1F040A05#112233 R",
+        "  can0  1F040A05   [3]  11 22 33   '.\"3'",
+        "# a comment",
+        "DROPCOUNT: dropped 5 CAN frames on 'can0' socket (total drops 12)",
+        " \r",
+    ] {
+        for end in 1..=line.len() {
+            let text = [b"(1.0) can0 123#\n", &line.as_bytes()[..end]].concat();
+            let (candump, frames, events) = parse(&text);
+            let expected = Counts {
+                lines: 2,
+                frames: 1,
+                unreadable: 1,
+                ..Counts::default()
+            };
+            assert_eq!((candump.counts(), frames.len()), (expected, 1));
+            assert_eq!((events.line[0], events.bus_valid[0]), (2, 0));
+            let text = texts(&events)[0];
+            assert!(
+                text.starts_with("the capture ends in the middle of this line: "),
+                "{text}"
+            );
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use _native::frames::NO_TIME;
 use _native::stamp::Stamps;
 
-use crate::{parse, texts};
+use crate::{parse, parse_line, texts};
 
 #[test]
 fn small_stamps_count_from_the_first_line_or_from_the_one_before() {
@@ -56,7 +56,7 @@ fn rows_that_waited_keep_what_they_hold() {
 
 #[test]
 fn the_kinds_of_time_stamps_are_remembered() {
-    let bits = |text: &[u8]| parse(text).0.stamps();
+    let bits = |text: &[u8]| parse_line(text).0.stamps();
     let set = |parts: &[Stamps]| parts.iter().fold(0, |bits, part| bits | part.bits());
     assert_eq!(bits(b"").bits(), 0);
     assert_eq!(

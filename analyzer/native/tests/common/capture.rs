@@ -5,7 +5,7 @@ use _native::reassembly::Results;
 use _native::slot::{MAX_TRANSFER, TIMEOUT_NS};
 use _native::transfers::{Status, Transfers};
 use _native::verdict::{Verdict, VERDICTS};
-use _native::wire::{priority, session_bits, Id};
+use _native::wire::{nameless_bits, priority, session_bits, Id, Kind};
 
 use crate::sender::{crc, signatures};
 
@@ -93,7 +93,12 @@ impl Capture {
         let numbers: Vec<usize> = rows.frames_of(row).iter().map(|&frame| frame as usize).collect();
         assert!(numbers.is_sorted_by(|a, b| a < b), "transfer {row}: frames {numbers:?}");
         let (first, last) = (numbers[0], numbers[numbers.len() - 1]);
-        let id = Id::parse(frames.id[first]);
+        let nameless = rows.kind[row] == Kind::Message as u8 && rows.src[row] == 0;
+        let bits_of = |frame: usize| {
+            let raw = frames.id[frame];
+            nameless_bits(raw).filter(|_| nameless).unwrap_or(session_bits(raw))
+        };
+        let id = Id::of_session(bits_of(first));
         assert_eq!((rows.t[row], rows.t_end[row]), (frames.t[first], frames.t[last]));
         assert_eq!(
             (rows.bus[row], rows.priority[row]),
@@ -104,7 +109,7 @@ impl Capture {
             (id.kind as u8, id.type_id, id.src, id.dst)
         );
         for &frame in &numbers {
-            assert_eq!(self.session(frame), self.session(first));
+            assert_eq!((frames.bus[frame], bits_of(frame)), (frames.bus[first], bits_of(first)));
             assert_eq!(self.tail(frame).map(|tail| tail & 31), Some(rows.transfer_id[row]));
             let timed = frames.t[first] != NO_TIME && frames.t[frame] != NO_TIME;
             assert!(!timed || frames.t[frame].saturating_sub(frames.t[first]) <= TIMEOUT_NS);

@@ -1,8 +1,8 @@
 //! CAN frames as MCAP messages of every layout that the walk reads.
 
+use _native::frame_batch::FrameBatch;
 use _native::frames::{BRS, DLC_SHIFT, ERROR, ESI, EXTENDED, FD, REMOTE, RX, TX};
 use _native::mcap::{Form, Kind, Layout, Role, Walk, Wire};
-use _native::piece::Piece;
 
 #[path = "messages.rs"]
 pub mod messages;
@@ -162,10 +162,10 @@ impl Shape {
 pub type Row = (u32, Result<Sent, String>);
 
 /// All rows so far in the order of their records, by way of the laws that hold for any input.
-pub fn rows(walk: &mut Walk) -> (Vec<Row>, Piece) {
+pub fn rows(walk: &mut Walk) -> (Vec<Row>, FrameBatch) {
     let waiting = walk.rows.waiting();
-    let piece = walk.take();
-    let (counts, frames, events) = (piece.counts, &piece.frames, &piece.events);
+    let batch = walk.take();
+    let (counts, frames, events) = (batch.counts, &batch.frames, &batch.events);
     assert_eq!(
         counts.lines,
         counts.frames + counts.error_frames + counts.unreadable + counts.other
@@ -173,7 +173,7 @@ pub fn rows(walk: &mut Walk) -> (Vec<Row>, Piece) {
     assert_eq!(counts.frames, frames.len() as u64);
     assert_eq!(counts.error_frames + counts.unreadable, events.len() as u64);
     assert_eq!(waiting, frames.len() + events.len());
-    let name = |bus: u8| piece.buses.names()[usize::from(bus)].clone();
+    let name = |bus: u8| batch.buses.names()[usize::from(bus)].clone();
     let mut rows: Vec<Row> = (0..frames.len())
         .map(|row| {
             let sent = Sent {
@@ -209,5 +209,5 @@ pub fn rows(walk: &mut Walk) -> (Vec<Row>, Piece) {
         (data_from, text_from) = (data_to, text_to);
     }
     rows.sort_by_key(|(line, _)| *line);
-    (rows, piece)
+    (rows, batch)
 }

@@ -2,15 +2,16 @@
 
 use _native::dataflash::Dataflash;
 use _native::dronecan_log::DronecanLog;
+use _native::frame_batch::FrameBatch;
 use _native::frames::{DLC_SHIFT, ERROR, EXTENDED};
 use _native::pcap::Pcap;
 use _native::pcapng::Pcapng;
-use _native::reader::{Damage, Piece, Reader, Rows};
+use _native::reader::{Damage, Reader, Rows};
 
 pub const FORMS: [&str; 4] = ["pcap", "pcapng", "dataflash", "dronecan"];
 
 /// All rows of an input, and what ended the reading early.
-pub type All = (Piece, Option<Damage>);
+pub type All = (FrameBatch, Option<Damage>);
 
 pub fn reader(form: &str) -> Box<dyn Reader> {
     match form {
@@ -23,7 +24,7 @@ pub fn reader(form: &str) -> Box<dyn Reader> {
 
 /// Reads bytes in chunks of these sizes, over and over, and hands rows over behind each chunk.
 pub fn read_cut(form: &str, bytes: &[u8], sizes: &[usize]) -> All {
-    let (mut reader, mut rows, mut all) = (reader(form), Rows::default(), Piece::default());
+    let (mut reader, mut rows, mut all) = (reader(form), Rows::default(), FrameBatch::default());
     let (mut rest, mut sizes) = (bytes, sizes.iter().cycle());
     while !rest.is_empty() {
         let size = sizes.next().map_or(rest.len(), |size| (*size).clamp(1, rest.len()));
@@ -37,12 +38,12 @@ pub fn read_cut(form: &str, bytes: &[u8], sizes: &[usize]) -> All {
     (all, reader.damage().cloned())
 }
 
-fn add(all: &mut Piece, piece: &Piece) {
-    all.frames.extend(&piece.frames);
-    all.events.extend(&piece.events, 0..piece.events.len());
-    all.counts.add(&piece.counts);
-    all.stamps.insert(piece.stamps);
-    all.buses = piece.buses.clone();
+fn add(all: &mut FrameBatch, batch: &FrameBatch) {
+    all.frames.extend(&batch.frames);
+    all.events.extend(&batch.events, 0..batch.events.len());
+    all.counts.add(&batch.counts);
+    all.stamps.insert(batch.stamps);
+    all.buses = batch.buses.clone();
 }
 
 /// Reads bytes as a whole and checks that every record is accounted for and every row can be.
@@ -74,14 +75,14 @@ pub fn read(form: &str, bytes: &[u8]) -> All {
 /// Checks that another way to cut the input gives the same.
 pub fn check(form: &str, bytes: &[u8], sizes: &[usize]) -> All {
     let (whole, cut) = (read(form, bytes), read_cut(form, bytes, sizes));
-    let parts = |(piece, damage): &All| {
-        let Piece {
+    let parts = |(batch, damage): &All| {
+        let FrameBatch {
             frames,
             events,
             counts,
             stamps,
             buses,
-        } = piece.clone();
+        } = batch.clone();
         (frames, events, counts, stamps, buses, damage.clone())
     };
     assert_eq!(parts(&whole), parts(&cut), "{form} in chunks of {sizes:?}");

@@ -1,8 +1,8 @@
 //! Every table that the pipeline makes of a text, and the laws between text, frames and events.
 
-use _native::candump::Counts;
+use _native::counts::Counts;
 use _native::events::{EventKind, Events};
-use _native::pipeline::Pipeline;
+use _native::pipeline::{Input, Pipeline};
 use _native::verdict::VERDICTS;
 
 use crate::capture::Capture;
@@ -32,7 +32,7 @@ impl Tables {
             append(&mut events, &batch.events);
         };
         for (chunk, taken) in chunks {
-            pipeline.feed_candump(chunk);
+            pipeline.feed(Input::Text(chunk));
             if taken {
                 take(&mut pipeline);
             }
@@ -43,7 +43,7 @@ impl Tables {
             capture,
             events,
             buses: pipeline.buses().to_vec(),
-            lines: pipeline.counts(),
+            lines: *pipeline.counts(),
             counts: pipeline.reassembler.counts(),
         }
     }

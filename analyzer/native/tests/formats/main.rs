@@ -14,20 +14,20 @@ use readers::{read, All};
 /// One frame: time, interface, identifier, flags, data.
 type Row = (i64, String, u32, u16, Vec<u8>);
 
-fn rows((piece, _): &All) -> Vec<Row> {
-    let frames = &piece.frames;
+fn rows((batch, _): &All) -> Vec<Row> {
+    let frames = &batch.frames;
     let row = |row: usize| {
-        let bus = piece.buses.names()[usize::from(frames.bus[row])].clone();
+        let bus = batch.buses.names()[usize::from(frames.bus[row])].clone();
         let data = frames.data_of(row).to_vec();
         (frames.t[row], bus, frames.id[row], frames.flags[row], data)
     };
     (0..frames.len()).map(row).collect()
 }
 
-fn texts((piece, _): &All) -> Vec<String> {
-    let ends = piece.events.text_end.iter().map(|&end| end as usize);
+fn texts((batch, _): &All) -> Vec<String> {
+    let ends = batch.events.text_end.iter().map(|&end| end as usize);
     let starts = std::iter::once(0).chain(ends.clone());
-    let text = |(start, end)| String::from_utf8(piece.events.text[start..end].to_vec()).unwrap();
+    let text = |(start, end)| String::from_utf8(batch.events.text[start..end].to_vec()).unwrap();
     starts.zip(ends).map(text).collect()
 }
 

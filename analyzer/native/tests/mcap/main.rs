@@ -22,13 +22,13 @@ pub(crate) fn read(layout: Layout, message: &[u8]) -> Result<Sent, String> {
     walk.channel(3, "announced", layout);
     let record = record(3, LOG_TIME, message);
     assert_eq!(walk.walk(&record, 0, usize::MAX), (record.len(), Stop::End));
-    let (mut rows, piece) = rows(&mut walk);
+    let (mut rows, batch) = rows(&mut walk);
     assert_eq!((rows.len(), rows[0].0), (1, 1));
-    let times = piece.counts.frames + piece.counts.error_frames;
+    let times = batch.counts.frames + batch.counts.error_frames;
     assert_eq!(walk.log_times + walk.header_times, times);
     rows.remove(0).1.map_err(|text| {
         assert!(
-            piece.buses.names().is_empty(),
+            batch.buses.names().is_empty(),
             "an unreadable message makes no interface"
         );
         text.strip_prefix("message 1 of channel 3: ")

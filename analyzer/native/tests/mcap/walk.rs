@@ -86,10 +86,10 @@ fn every_record_is_counted_once() {
     ];
     assert_eq!(walk.walk(&data.concat(), 0, usize::MAX).1, Stop::End);
     walk.rows.other(10);
-    let (rows, piece) = rows(&mut walk);
+    let (rows, batch) = rows(&mut walk);
     let lines: Vec<u32> = rows.iter().map(|(line, _)| *line).collect();
     assert_eq!(lines, [2, 3, 4, 5, 7]);
-    let counts = piece.counts;
+    let counts = batch.counts;
     assert_eq!((counts.lines, counts.frames, counts.error_frames), (17, 2, 1));
     assert_eq!((counts.unreadable, counts.other), (2, 12));
     assert_eq!(rows[2].1, Err("message 3 of channel 1: JSON ends early".to_owned()));
@@ -98,9 +98,9 @@ fn every_record_is_counted_once() {
         Err("message 4 of channel 1: time stamp out of range".to_owned())
     );
     assert_eq!((walk.log_times, walk.header_times), (3, 0));
-    assert_eq!(piece.buses.names(), ["one", "last"]);
+    assert_eq!(batch.buses.names(), ["one", "last"]);
     assert_eq!(
-        piece.stamps.bits(),
+        batch.stamps.bits(),
         Stamps::ABSOLUTE.bits() | Stamps::NANOSECONDS.bits()
     );
 }
@@ -146,14 +146,14 @@ fn nothing_is_a_time_in_a_channel_without_times() {
         record(1, 9, b"{\"id\":4,\"bad\":true}"),
     ];
     walk.walk(&data.concat(), 0, usize::MAX);
-    let piece = walk.take();
+    let batch = walk.take();
     assert_eq!(
-        (&piece.frames.t[..], &piece.events.t[..]),
+        (&batch.frames.t[..], &batch.events.t[..]),
         (&[NO_TIME; 2][..], &[NO_TIME; 2][..])
     );
     assert_eq!((walk.log_times, walk.header_times, walk.absent_times), (0, 0, 4));
-    assert_eq!(piece.stamps, Stamps::NONE);
-    assert_eq!(piece.events.flags, [TX, RX]);
+    assert_eq!(batch.stamps, Stamps::NONE);
+    assert_eq!(batch.events.flags, [TX, RX]);
     walk.channel(1, "x", id_only());
     walk.walk(&record(1, 9, b"{\"id\":1}"), 0, usize::MAX);
     assert_eq!(walk.take().frames.t, [9]);
@@ -169,11 +169,11 @@ fn a_channel_can_be_announced_again() {
     walk.walk(&message, 0, usize::MAX);
     let broken = record(1, 5, b"");
     walk.walk(&broken, 0, usize::MAX);
-    let (rows, piece) = rows(&mut walk);
+    let (rows, batch) = rows(&mut walk);
     assert!(rows[0].1.as_ref().is_err_and(|text| text.starts_with("message 1 of")));
     assert_eq!(rows[1].1.as_ref().map(|sent| sent.name.as_str()), Ok("b"));
     assert!(rows[2].1.as_ref().is_err_and(|text| text.starts_with("message 3 of")));
-    assert_eq!(piece.buses.names(), ["b"]);
+    assert_eq!(batch.buses.names(), ["b"]);
 }
 
 #[test]
@@ -187,8 +187,8 @@ fn interfaces_of_one_channel_may_alternate_and_run_out() {
     };
     let data: Vec<u8> = names(256).flat_map(|text| record(1, 5, text.as_bytes())).collect();
     walk.walk(&data, 0, usize::MAX);
-    let (rows, piece) = rows(&mut walk);
-    assert_eq!((piece.counts.frames, piece.counts.unreadable), (510, 2));
+    let (rows, batch) = rows(&mut walk);
+    assert_eq!((batch.counts.frames, batch.counts.unreadable), (510, 2));
     for (line, row) in rows {
         let bus = (line as usize - 1) % 256;
         match row {
@@ -211,8 +211,8 @@ fn a_walk_that_asks_stops_in_front_of_unknown_channels() {
     assert_eq!(walk.last, data.len() - record(9, 5, b"{\"id\":2}").len());
     walk.ignore(9);
     assert_eq!(walk.walk(&data, first.len(), usize::MAX), (data.len(), Stop::End));
-    let (rows, piece) = rows(&mut walk);
-    assert_eq!((rows.len(), piece.counts.other), (2, 3));
+    let (rows, batch) = rows(&mut walk);
+    assert_eq!((rows.len(), batch.counts.other), (2, 3));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use _native::reassembly::{Reassembler, MAX_HELD};
 use _native::sessions::MAX_SESSIONS;
 use _native::slot::MAX_TRANSFER;
 use _native::transfers::{anomaly, Status};
-use _native::verdict::{flaw, Verdict};
+use _native::verdict::{frame_anomaly, Verdict};
 
 use crate::sender::{cut, message_id, signatures};
 use crate::{Bus, ESC, MS};
@@ -89,7 +89,7 @@ fn sessions_beyond_the_limit_are_foreign_and_marked() {
     let results = reassembler.take();
     let marked: Vec<_> = (0..)
         .zip(&results.anomaly)
-        .filter(|(_, bits)| **bits & flaw::LIMIT != 0)
+        .filter(|(_, bits)| **bits & frame_anomaly::LIMIT != 0)
         .collect();
     let rows: Vec<usize> = marked.iter().map(|(row, _)| *row).collect();
     let last = MAX_SESSIONS + 6;
@@ -156,7 +156,7 @@ fn frames_held_back_have_a_limit_for_all_sessions_together() {
     reassembler.feed(&frames, 0);
     reassembler.finish();
     let results = reassembler.take();
-    let first = results.anomaly.iter().position(|bits| bits & flaw::LIMIT != 0);
+    let first = results.anomaly.iter().position(|bits| bits & frame_anomaly::LIMIT != 0);
     assert_eq!(first, Some(MAX_HELD));
     assert!(results.verdict.iter().all(|&verdict| verdict == Verdict::Foreign as u8));
     assert!(results.transfers.is_empty());

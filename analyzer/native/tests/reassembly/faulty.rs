@@ -1,7 +1,7 @@
 //! A sender with the same fault in each of its transfers: believed, so that the fault is told, and not taken for another
 //! protocol.
 
-use _native::verdict::{flaw, Verdict};
+use _native::verdict::{frame_anomaly, Verdict};
 
 use crate::sender::cut;
 use crate::{Bus, ESC};
@@ -181,7 +181,10 @@ fn what_was_said_of_the_frames_meanwhile_is_set_right() {
     let mut bus = speaker();
     send(&mut bus, ESC, 0..5, 14, FAULTS[2].1);
     let capture = bus.end();
-    let begun = capture.anomaly.iter().filter(|&&bits| bits & flaw::START_TOGGLE != 0);
+    let begun = capture
+        .anomaly
+        .iter()
+        .filter(|&&bits| bits & frame_anomaly::START_TOGGLE != 0);
     assert_eq!(begun.count(), 5);
     assert!(capture.verdict[1..]
         .iter()

@@ -7,7 +7,7 @@ use _native::transfers::anomaly::{
     SINGLE_TOGGLE, SLOW, TIMEOUT, TOGGLE,
 };
 use _native::transfers::{Status, NO_GAP, NO_STEP};
-use _native::verdict::{flaw, Verdict};
+use _native::verdict::{frame_anomaly, Verdict};
 
 use crate::capture::Capture;
 use crate::sender::{anonymous_id, crc, cut, message_id, signature_of, signatures};
@@ -56,7 +56,7 @@ fn a_whole_transfer_is_good() {
 #[test]
 fn a_lost_frame_is_one_broken_transfer_whichever_it_was() {
     let lost = parts(&[0, 2], &[Used; 2], &[(Interrupted, TOGGLE | ABANDONED)]);
-    assert_eq!(lost.anomaly[3..], [0, flaw::TOGGLE]);
+    assert_eq!(lost.anomaly[3..], [0, frame_anomaly::TOGGLE]);
     assert_eq!(
         lost.transfers.payload_of(1),
         &PAYLOAD[..5],
@@ -129,7 +129,7 @@ fn toggles_that_start_at_one() {
         }
     };
     let capture = after_a_good_one(inverted, &[WrongToggle; 3], &[]);
-    assert_eq!(capture.anomaly[3..], [flaw::START_TOGGLE, 0, 0]);
+    assert_eq!(capture.anomaly[3..], [frame_anomaly::START_TOGGLE, 0, 0]);
     let single = |bus: &mut Bus, _: &dyn Fn(usize) -> Vec<u8>| {
         bus.frame(ESC, &[1, 2, 0xE5]);
     };
@@ -287,7 +287,10 @@ fn frames_without_a_tail_and_of_others() {
             .frame(message_id(999, 10), &part(0));
     };
     let capture = after_a_good_one(mixed, &[NoTail, NoTail, Foreign, Foreign], &[]);
-    assert_eq!(capture.anomaly[3..], [flaw::NO_TAIL, flaw::REMOTE, 0, 0]);
+    assert_eq!(
+        capture.anomaly[3..],
+        [frame_anomaly::NO_TAIL, frame_anomaly::REMOTE, 0, 0]
+    );
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use _native::reassembly::Reassembler;
 use _native::transfers::Status;
-use _native::verdict::{flaw, Verdict};
+use _native::verdict::{frame_anomaly, Verdict};
 
 use crate::sender::{anonymous_id, cut, message_id, service_id, signatures};
 use crate::{Bus, ESC};
@@ -150,7 +150,10 @@ fn cyphal_is_noted_once_an_identifier() {
     }
     let capture = bus.end();
     assert_eq!(used_and_foreign(&bus), (0, capture.verdict.len()));
-    let noted = capture.anomaly.iter().filter(|&&bits| bits & flaw::CYPHAL != 0);
+    let noted = capture
+        .anomaly
+        .iter()
+        .filter(|&&bits| bits & frame_anomaly::CYPHAL != 0);
     assert_eq!(noted.count(), 1);
 }
 

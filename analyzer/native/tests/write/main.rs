@@ -1,12 +1,14 @@
 //! Whatever legible lines say is written so that it reads the same again: valid lines, and valid lines damaged.
 
 use _native::candump::Candump;
+use _native::frame_batch::FrameBatch;
 use _native::frames::{ERROR, FD, NO_TIME, RX, TX};
 use _native::mcap::{Kind, Layout, Stop, Walk, Wire};
 use _native::pcapng::Pcapng;
-use _native::reader::{Piece, Reader, Rows};
+use _native::reader::{Reader, Rows};
 use _native::stamp::Stamps;
 use _native::write::mcap::{Content, Messages};
+use _native::write::recorded::Recorded;
 use _native::write::{candump, pcapng, Writer};
 
 const LINES: [&str; 21] = [
@@ -56,7 +58,7 @@ impl Random {
     }
 }
 
-fn read(mut reader: impl Reader, bytes: &[u8]) -> Piece {
+fn read(mut reader: impl Reader, bytes: &[u8]) -> FrameBatch {
     let mut rows = Rows::default();
     reader.feed(bytes, &mut rows);
     reader.finish(&mut rows);
@@ -64,17 +66,17 @@ fn read(mut reader: impl Reader, bytes: &[u8]) -> Piece {
     rows.take()
 }
 
-fn write(mut writer: impl Writer, piece: &Piece) -> Vec<u8> {
+fn write(mut writer: impl Writer, batch: &FrameBatch) -> Vec<u8> {
     let mut out = vec![];
     writer.start(&mut out);
-    writer.write(piece, &mut out);
+    writer.write(batch, &mut out);
     out
 }
 
 /// Frames and error frames in the order of their records, with names: time, name, identifier, flags, data.
-fn frames(piece: &Piece) -> Vec<(i64, String, u32, u16, Vec<u8>)> {
-    let name = |bus: u8| piece.buses.names()[usize::from(bus)].clone();
-    let (frames, events) = (&piece.frames, &piece.events);
+fn frames(batch: &FrameBatch) -> Vec<(i64, String, u32, u16, Vec<u8>)> {
+    let name = |bus: u8| batch.buses.names()[usize::from(bus)].clone();
+    let (frames, events) = (&batch.frames, &batch.events);
     let mut all: Vec<_> = (0..frames.len())
         .map(|row| {
             let what = (frames.id[row], frames.flags[row], frames.data_of(row).to_vec());
@@ -96,15 +98,47 @@ fn frames(piece: &Piece) -> Vec<(i64, String, u32, u16, Vec<u8>)> {
 }
 
 /// The same without what neither pcapng nor MCAP holds.
-fn classic(piece: &Piece) -> Vec<(i64, String, u32, u16, Vec<u8>)> {
-    let mut all = frames(piece);
+fn classic(batch: &FrameBatch) -> Vec<(i64, String, u32, u16, Vec<u8>)> {
+    let mut all = frames(batch);
     all.retain(|(_, _, _, flags, data)| flags & FD != 0 || data.len() <= 8);
     all
 }
 
 /// Whether any frame or error frame has no time.
-fn has_none(piece: &Piece) -> bool {
-    frames(piece).iter().any(|row| row.0 == NO_TIME)
+fn has_none(batch: &FrameBatch) -> bool {
+    frames(batch).iter().any(|row| row.0 == NO_TIME)
+}
+
+#[test]
+fn rows_as_recorded_are_those_that_the_text_of_a_recording_gives() {
+    let mut random = Random(3);
+    for round in 0..2000 {
+        let logs = [random.log(round % 4), random.log((round + 1) % 4)].concat();
+        let batch = read(Candump::new(), &logs);
+        let (frames, events) = (batch.frames.len() as u32, batch.events.len() as u32);
+        let mut recorded = Recorded::default();
+        let (mut writer, mut reader, mut rows) = (candump::Candump::recording(), Candump::new(), Rows::default());
+        for part in 0..3 {
+            let third = |count: u32| (count * part / 3..count * (part + 1) / 3).collect::<Vec<_>>();
+            let part = batch.pick(&third(frames), &third(events));
+            let mut text = vec![];
+            writer.write(&part, &mut text);
+            if !text.is_empty() {
+                Reader::feed(&mut reader, &text, &mut rows);
+            }
+            let (direct, expected) = (recorded.apply(&part), rows.take());
+            let shown = String::from_utf8_lossy(&text);
+            assert_eq!(direct.frames, expected.frames, "{shown}");
+            assert_eq!(direct.events, expected.events, "{shown}");
+            assert_eq!(direct.counts, expected.counts, "{shown}");
+            assert_eq!(
+                (direct.stamps, &direct.buses),
+                (expected.stamps, &expected.buses),
+                "{shown}"
+            );
+        }
+        assert!(recorded.account().lost().eq(writer.account().lost()));
+    }
 }
 
 #[test]
@@ -112,18 +146,18 @@ fn text_reads_the_same_again() {
     let mut random = Random(1);
     for round in 0..4000 {
         let log = random.log(round % 4);
-        let piece = read(Candump::new(), &log);
-        let out = write(candump::Candump::default(), &piece);
+        let batch = read(Candump::new(), &log);
+        let out = write(candump::Candump::default(), &batch);
         let again = read(Candump::new(), &out);
         let shown = String::from_utf8_lossy(&log);
-        assert_eq!(frames(&again).len(), frames(&piece).len(), "{shown}");
+        assert_eq!(frames(&again).len(), frames(&batch).len(), "{shown}");
         assert_eq!(
             (again.counts.unreadable, again.counts.dropped),
-            (0, piece.counts.dropped),
+            (0, batch.counts.dropped),
             "{shown}"
         );
-        assert_eq!(again.counts.comments, piece.counts.comments, "{shown}");
-        for (new, old) in frames(&again).into_iter().zip(frames(&piece)) {
+        assert_eq!(again.counts.comments, batch.counts.comments, "{shown}");
+        for (new, old) in frames(&again).into_iter().zip(frames(&batch)) {
             assert_eq!((new.2, new.3, new.4), (old.2, old.3, old.4), "{shown}");
             assert_eq!(new.0, if old.0 < 0 { i64::MIN } else { old.0 }, "{shown}");
         }
@@ -136,13 +170,13 @@ fn packets_read_the_same_again() {
     let mut random = Random(2);
     for round in 0..4000 {
         let log = random.log(round % 4);
-        let piece = read(Candump::new(), &log);
-        let again = read(Pcapng::default(), &write(pcapng::Pcapng::default(), &piece));
+        let batch = read(Candump::new(), &log);
+        let again = read(Pcapng::default(), &write(pcapng::Pcapng::default(), &batch));
         let shown = String::from_utf8_lossy(&log);
-        assert_eq!(classic(&again), classic(&piece), "{shown}");
+        assert_eq!(classic(&again), classic(&batch), "{shown}");
         assert_eq!(again.stamps.contains(Stamps::NONE), has_none(&again), "{shown}");
-        assert_eq!(again.counts.dropped, piece.counts.dropped, "{shown}");
-        assert_eq!(again.counts.comments, piece.counts.comments, "{shown}");
+        assert_eq!(again.counts.dropped, batch.counts.dropped, "{shown}");
+        assert_eq!(again.counts.comments, batch.counts.comments, "{shown}");
     }
 }
 
@@ -151,11 +185,11 @@ fn messages_read_the_same_again() {
     let mut random = Random(3);
     for round in 0..4000 {
         let log = random.log(round % 4);
-        let piece = read(Candump::new(), &log);
+        let batch = read(Candump::new(), &log);
         let (mut messages, mut walk) = (Messages::default(), Walk::default());
         let (mut at, limit) = (Some(0), 1 + random.below(500));
         while let Some(start) = at {
-            at = messages.add(&piece, start, limit);
+            at = messages.add(&batch, start, limit);
             let Some(chunk) = messages.take(0) else { continue };
             for (id, channel) in (1..).zip(messages.channels()) {
                 let (layout, flags) = match channel.content {
@@ -179,9 +213,9 @@ fn messages_read_the_same_again() {
         }
         let again = walk.take();
         let shown = String::from_utf8_lossy(&log);
-        assert_eq!(classic(&again), classic(&piece), "{shown}");
-        assert_eq!(remarks(&again).len(), remarks(&piece).len(), "{shown}");
-        for (new, old) in remarks(&again).into_iter().zip(remarks(&piece)) {
+        assert_eq!(classic(&again), classic(&batch), "{shown}");
+        assert_eq!(remarks(&again).len(), remarks(&batch).len(), "{shown}");
+        for (new, old) in remarks(&again).into_iter().zip(remarks(&batch)) {
             let count = old.1.is_some();
             let t = if count && old.0 == NO_TIME { NO_TIME } else { new.0 };
             let text = if count { &old.2 } else { &new.2 };
@@ -193,8 +227,8 @@ fn messages_read_the_same_again() {
 }
 
 /// Comments and numbers of lost frames with their times; a count without one may get one.
-fn remarks(piece: &Piece) -> Vec<(i64, Option<u32>, String)> {
-    let events = &piece.events;
+fn remarks(batch: &FrameBatch) -> Vec<(i64, Option<u32>, String)> {
+    let events = &batch.events;
     let rows = (0..events.len()).filter(|&row| matches!(events.kind[row], 1 | 4));
     let number = |row: usize| (events.kind[row] == 1).then(|| events.class[row]);
     rows.map(|row| (events.t[row], number(row), events.text_of(row)))

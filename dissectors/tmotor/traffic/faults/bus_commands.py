@@ -1,12 +1,13 @@
-"""What goes wrong between throttle commands and motors: BUS-006, -007, -016, -023, -026 to -028."""
+"""Faults between throttle commands and motors: BUS-006, -007, -016, -023, -026 to -028."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.faults.occasions import chosen, misreport, once, put, span, unsent
 from dissectors.tmotor.traffic.faults.status import STATUS, status_of
-from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
+from dissectors.traffic import Fault, Step
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,7 +22,7 @@ _DRIVEN = 1000  # a throttle at which a motor turns
 
 
 def _slow(case: Case) -> None:
-    """Every other command is left out for the whole flight: 200 Hz."""
+    """Leave out every other command for the whole flight: 200 Hz."""
     pilot, turn = case.vehicle.autopilot.number, [0]
 
     def thin(case: Case, sending: Sending) -> Step:
@@ -39,7 +40,7 @@ def _slow(case: Case) -> None:
 
 
 def _stop(case: Case) -> None:
-    """Waits until motors are commanded to turn."""
+    """Stop the commands once motors are to turn."""
     vehicle, world = case.vehicle, case.world
 
     def begin() -> None:
@@ -56,12 +57,12 @@ def _stop(case: Case) -> None:
 
 
 def negative(index: int) -> Callable[[list[int]], list[int]]:
-    """A hook that gives one channel a negative throttle."""
+    """Return a hook that gives one channel a negative throttle."""
     return lambda commands: [-600 if k == index else value for k, value in enumerate(commands)]
 
 
 def hook(case: Case, change: Callable[[list[int]], list[int]], until: int) -> None:
-    """Changes all throttles up to a time."""
+    """Change all throttles up to a time."""
     vehicle = case.vehicle
     before, vehicle.throttle_hook = vehicle.throttle_hook, change
 
@@ -72,7 +73,7 @@ def hook(case: Case, change: Callable[[list[int]], list[int]], until: int) -> No
 
 
 def _silent_about_it(case: Case) -> None:
-    """A negative throttle that its ESC should report as abnormal (4.4.1 explanation 2), and does not."""
+    """Send a negative throttle that its ESC should report as abnormal (4.4.1 explanation 2), and does not."""
     esc, until = chosen(case), case.world.now + span(case)
     shown, index = status_of(esc.node.number), esc.index
 
@@ -90,7 +91,7 @@ def _silent_about_it(case: Case) -> None:
 
 
 def _second(case: Case) -> None:
-    """A test tool commands, too; its throttles are zero."""
+    """Let a test tool command, too; its throttles are zero."""
     tool = case.world.device(_SECOND_SOURCE, "org.example.tool")
     tool.silent = False
     times = max(2, round(float(case.options["seconds"]) * 20))
@@ -129,7 +130,7 @@ def _channels(more: int, say: str) -> Fault:
 
 
 def _stuck(case: Case) -> None:
-    """A motor that does not turn although it is commanded all the time; its ESC says nothing about it."""
+    """Block a motor although it is commanded all the time; its ESC says nothing about it."""
     esc = chosen(case)
     shown = status_of(esc.node.number)
 

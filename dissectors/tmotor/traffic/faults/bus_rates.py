@@ -5,15 +5,17 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.answers import Answers
-from dissectors.tmotor.traffic.esc import UNITS, Esc, unique_ids
+from dissectors.tmotor.traffic.esc import Esc, unique_ids
 from dissectors.tmotor.traffic.faults.bus_commands import hook, negative
 from dissectors.tmotor.traffic.faults.carried import carries
 from dissectors.tmotor.traffic.faults.occasions import chosen, once, put, span
 from dissectors.tmotor.traffic.faults.status import STATUS, status_of
+from dissectors.tmotor.traffic.motor_controller import UNITS
 from dissectors.tmotor.traffic.rates import rates
 from dissectors.tmotor.traffic.throttle import FULL
-from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
+from dissectors.traffic import Fault, Step
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Sending, Start
@@ -34,13 +36,13 @@ def _turning(case: Case) -> bool:
 
 
 def _hertz(case: Case, frames: int) -> int:
-    """The rate of ESCStatus with which there are so many frames a second; 0 if no ESC reports that fast."""
+    """Return the rate of ESCStatus with which there are so many frames a second; 0 if no ESC reports that fast."""
     found = -(-(frames - _COMMANDS * case.world.bit_rate // _FULL_RATE) // (_STATUS_FRAMES * len(case.vehicle.escs)))
     return found if 0 < found <= _FASTEST else 0
 
 
 def _hurry(case: Case, hertz: int) -> None:
-    """All ESCs report at a rate that nobody has set; they do not say so."""
+    """Let all ESCs report at a rate that nobody has set; they do not say so."""
     for esc in case.vehicle.escs:
         esc.status_period = SECOND // hertz
     case.say(f"{len(case.vehicle.escs)} ESCs report at {hertz} Hz")
@@ -53,14 +55,14 @@ def _calm(case: Case) -> None:
 
 
 def _busy(case: Case) -> None:
-    """In flight, at 1 Mbit/s or near it."""
+    """Let ESCs report too often in flight, at 1 Mbit/s or near it."""
     hertz = _hertz(case, int(case.options["frames"]))
     if hertz and case.world.bit_rate >= _CARRIES:
         once(case, partial(_turning, case), lambda: _rush(case, hertz))
 
 
 def _busy_slow(case: Case) -> None:
-    """In flight, on a bus that is slower."""
+    """Let ESCs report too often in flight, on a bus that is slower."""
     rate = case.world.bit_rate
     hertz = _hertz(case, int(case.options["frames"]) * rate // _FULL_RATE)
     if hertz and rate < _FULL_RATE:
@@ -75,7 +77,7 @@ def _rush(case: Case, hertz: int) -> None:
 
 
 def _busy_at_rest(case: Case) -> None:
-    """From the first report on, until motors turn."""
+    """Let ESCs report too often from the first report on, until motors turn."""
     hertz, over = _hertz(case, int(case.options["frames"])), [False]
     if not hertz or case.world.bit_rate < _FULL_RATE:
         return
@@ -90,7 +92,7 @@ def _busy_at_rest(case: Case) -> None:
 
 
 def _crowd(case: Case) -> None:
-    """More ESCs that answer every question; no throttle is meant for them."""
+    """Add ESCs that answer every question; no throttle is meant for them."""
     world, wanted, there = case.world, int(case.options["nodes"]), len(case.vehicle.escs)
     pace = rates(world.bit_rate, wanted, None)
     free = (number for number in range(_FIRST_ESC, 100) if world.node(number) is None)
@@ -107,7 +109,7 @@ def _crowd(case: Case) -> None:
 
 
 def _bad_throttle(case: Case) -> None:
-    """Negative throttles: the ESC holds the last valid one until its timeout, then its motor runs out."""
+    """Send negative throttles: the ESC holds the last valid one until its timeout, then its motor runs out."""
     esc = chosen(case)
     shown, index = status_of(esc.node.number), esc.index
 
@@ -121,7 +123,7 @@ def _bad_throttle(case: Case) -> None:
 
 
 def _configured(case: Case) -> None:
-    """Every ESC is set to a rate; together they are too many."""
+    """Set every ESC to a rate; together they are too many."""
     hertz = _hertz(case, int(case.options["frames"]))
     if not hertz or case.world.bit_rate < _CARRIES:
         return
@@ -137,7 +139,7 @@ def _set_rate(case: Case, esc: Any, hertz: int) -> None:
 
 
 def _turned(case: Case) -> None:
-    """The encoder of an ESC has another zero point than the position in its packets, for the whole flight."""
+    """Give an encoder another zero point than the position in its ESC's packets has, for the whole flight."""
     esc = chosen(case, packets=True)
     by, node = round(float(case.options["by"]) * 16_384 / 360), esc.node.number
 
@@ -154,7 +156,7 @@ def _turned(case: Case) -> None:
 
 
 def _by_wire(case: Case) -> None:
-    """RawCommand stops, and the ESCs follow the same throttles that come as PWM widths (4.2)."""
+    """Stop RawCommand, and let the ESCs follow the same throttles that come as PWM widths (4.2)."""
     vehicle, world = case.vehicle, case.world
 
     def begin() -> None:
@@ -180,7 +182,7 @@ _LOADED = ("BUS-001", "BUS-003", "BUS-004", "BUS-018")
 
 
 def _flying(rule: str, title: str, start: Start) -> Fault:
-    """More reports in a second than a bus may carry while motors turn."""
+    """Return a fault: more reports in a second than a bus may carry while motors turn."""
     return Fault(
         rule, title, start=start, options={"frames": 3000, "seconds": 1.6},
         limits={"frames": (2500, 5000), "seconds": (1.2, 60)}, lasts=1800 * MILLISECOND, also=_LOADED,

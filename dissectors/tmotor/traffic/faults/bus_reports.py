@@ -1,15 +1,16 @@
-"""ESCs that contradict each other, their settings or the bus: BUS-009, -011 to -015, -018, -019, -025, -029."""
+"""ESCs that contradict each other, their settings or the bus: BUS-009, -011 to -015, -018, -019, -025, -029, -037."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.faults.occasions import chosen, misreport, put, span, unsent
 from dissectors.tmotor.traffic.faults.status import STATUS, status_of
-from dissectors.traffic import MILLISECOND, SECOND, Fault, Step
+from dissectors.traffic import Fault, Step
 
 if TYPE_CHECKING:
-    from dissectors.traffic import Case, Fits, Node, Sending
+    from dissectors.traffic import BusNode, Case, Fits, Sending
 
 _ANSWER = "ParamGet"
 _AGAIN = 200 * MILLISECOND
@@ -19,8 +20,8 @@ def _answers(esc: Any) -> Fits:
     return lambda sending: sending.name == _ANSWER and sending.node == esc.node.number
 
 
-def _lose(case: Case, node: Node, name: str, until: int) -> None:
-    """The next transfers of a type from a node are never sent, so they take no transfer IDs."""
+def _lose(case: Case, node: BusNode, name: str, until: int) -> None:
+    """Never send the next transfers of a type from a node, so that they take no transfer IDs."""
 
     def hold(_: Case, sending: Sending) -> Step:
         if sending.t > until:
@@ -34,7 +35,7 @@ def _lose(case: Case, node: Node, name: str, until: int) -> None:
 
 
 def _same_index(case: Case) -> None:
-    """An ESC that was configured with the index of its neighbour."""
+    """Configure an ESC with the index of its neighbour."""
     escs = case.vehicle.escs
     if len(escs) < 2:
         return
@@ -62,7 +63,7 @@ def _one_missing(case: Case) -> None:
 
 
 def _refused(case: Case) -> None:
-    """The ESC answers with its old value."""
+    """Let the ESC answer with its old value."""
     esc, value = chosen(case), int(case.options["value"])
     before = esc.parameters["esc_ot_threshold"]
     if before == value:
@@ -82,7 +83,7 @@ def _refused(case: Case) -> None:
 
 
 def _unasked(case: Case) -> None:
-    """The ground station asks nothing for a while, then an ESC answers."""
+    """Let an ESC answer after the ground station has asked nothing for a while."""
     esc, world, ground = chosen(case), case.world, case.vehicle.ground
 
     def answer() -> None:
@@ -96,7 +97,7 @@ def _unasked(case: Case) -> None:
 
 
 def _stranger(case: Case) -> None:
-    """A ParamCfg for a device that is not there, once all that are have told who they are."""
+    """Send a ParamCfg for a device that is not there, once all that are have told who they are."""
     vehicle, world = case.vehicle, case.world
     vehicle.query()
 
@@ -109,7 +110,7 @@ def _stranger(case: Case) -> None:
 
 
 def _other_rate(case: Case) -> None:
-    """The ESC says another rate than it sends with, whenever it is asked."""
+    """Let the ESC say another rate than it sends with, whenever it is asked."""
     esc = chosen(case)
     wrong = 2 * esc.parameters["esc_fdb_rate"] if esc.parameters["esc_fdb_rate"] <= 200 else 10
     misreport(case, _answers(esc), "esc_fdb_rate", wrong)
@@ -147,8 +148,25 @@ def _dropout(case: Case) -> None:
     case.say(f"no ESCStatus of node {esc.node.number} for {float(case.options['seconds']):g} s")
 
 
+def _powered(case: Case) -> None:
+    """Let an ESC count a start that nobody else knows of."""
+    esc = chosen(case, packets=True)
+    if esc.unit is None:
+        return
+    esc.power_on_count += 1
+
+    def first(case: Case, sending: Sending) -> Step:
+        if sending.node != esc.node.number or sending.name != "PUSHCAN":
+            return Step.MORE
+        case.mark(sending)
+        return Step.DONE
+
+    case.touch("frames", first)
+    case.say(f"node {esc.node.number} has been switched on for the {esc.power_on_count}th time")
+
+
 def _coded(rule: str, title: str, code: int, other: str) -> Fault:
-    """A bus rate code that an ESC reports; `other` is the rule that it may break, too."""
+    """Return a fault: a bus rate code that an ESC reports; `other` is the rule that it may break, too."""
     return Fault(
         rule, title, start=_bus_rate, options={"code": code}, limits={"code": (0, 5)}, lasts=500 * MILLISECOND,
         also=(other, "BUS-013", "TYP-208", "TYP-209"),
@@ -205,5 +223,6 @@ FAULTS: tuple[Fault, ...] = (
         lasts=1200 * MILLISECOND,
         also=("BUS-018",),
     ),
+    Fault("BUS-037", "an ESC counts another start", start=_powered, lasts=SECOND),
     _coded("BUS-029", "ESCs say different bus rates", 1, "BUS-019"),
 )

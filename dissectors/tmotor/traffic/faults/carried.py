@@ -29,13 +29,13 @@ UNSAID = -1
 
 
 def able(case: Case) -> Any | None:
-    """The ESC that the settings name, else any with a power unit; None if it has none, and so no packets."""
+    """Return the ESC that the settings name, else any with a power unit; None if it has none, and so no packets."""
     esc = chosen(case, packets=True)
     return None if esc.unit is None else esc
 
 
 def asked(case: Case, usual: Mapping[str, int]) -> tuple[str, int] | None:
-    """Field and value that the settings name, by default the `usual` wrong value of the field; None for no other."""
+    """Return field and value of the settings, by default the `usual` wrong value of the field; None for no other."""
     field, value = str(case.options["field"]), int(case.options["value"])
     if field not in usual:
         return None
@@ -43,7 +43,7 @@ def asked(case: Case, usual: Mapping[str, int]) -> tuple[str, int] | None:
 
 
 def carries(name: str) -> Fits:
-    """Fits transfers that hold one whole packet of this name and nothing else."""
+    """Return a test for transfers that hold one whole packet of this name and nothing else."""
 
     def fits(sending: Sending) -> bool:
         found = carried(sending)
@@ -53,7 +53,7 @@ def carries(name: str) -> Fits:
 
 
 def carried(sending: Sending, *, big_endian: bool = False) -> tuple[str, dict[str, Any]] | None:
-    """Name and raw values of the packet in a transfer; None if it holds none, or one that was broken before."""
+    """Return name and raw values of the packet in a transfer; None if it holds none, or one broken before."""
     if sending.name not in _CARRIERS:
         return None
     try:
@@ -63,14 +63,14 @@ def carried(sending: Sending, *, big_endian: bool = False) -> tuple[str, dict[st
 
 
 def read(case: Case, sending: Sending) -> tuple[str, dict[str, Any]] | None:
-    """The same in the byte order of the ESC that sends it; what another fault has changed is left alone."""
+    """Read a packet in the byte order of the ESC that sends it; leave alone what another fault has changed."""
     if sending.changed:
         return None
     return carried(sending, big_endian=_big_endian(case, sending))
 
 
 def rewrite(case: Case, sending: Sending, **wanted: Any) -> Step:
-    """Gives fields of the packet other raw values and says so.
+    """Give fields of the packet other raw values and say so.
 
     Skips a packet without one of the fields, with one of the values already, or without room for one. The checksum is
     made anew unless it is among them.
@@ -95,7 +95,7 @@ def rewrite(case: Case, sending: Sending, **wanted: Any) -> Step:
 
 
 def misuse(case: Case, sending: Sending, field: str, value: int, wrong: Wrong | None = None) -> Step:
-    """The same for a value that is `wrong`, by default one that the document forbids; skips any other."""
+    """Rewrite to a value that is `wrong`, by default one that the document forbids; skip any other."""
     found = read(case, sending)
     if found is None or field not in found[1]:
         return Step.SKIP
@@ -105,7 +105,7 @@ def misuse(case: Case, sending: Sending, field: str, value: int, wrong: Wrong | 
 
 
 def family(case: Case, carrier: str) -> PacketFamily:
-    """The packets that a type carries."""
+    """Return the packets that a type carries."""
     found = case.world.message(carrier).packets
     if found is None:
         raise ValueError(f"{carrier} carries no packets")
@@ -113,12 +113,12 @@ def family(case: Case, carrier: str) -> PacketFamily:
 
 
 def description(case: Case, carrier: str, name: str) -> Packet:
-    """What the document says of a packet."""
+    """Return what the document says of a packet."""
     return next(packet for packet in family(case, carrier).packets if packet.name == name)
 
 
 def forbidden(packet: Packet, field: str, value: int) -> bool:
-    """Whether the document says that a field, or a part of it, cannot have a value for which there is room."""
+    """Return if the document says that a field, or a part of it, cannot have a value for which there is room."""
     note = packet.notes[field]
     if value in note.special or not has_room(packet.layout, field, value):
         return False
@@ -126,7 +126,7 @@ def forbidden(packet: Packet, field: str, value: int) -> bool:
 
 
 def _outside(what: Note | Bits, value: int) -> bool:
-    """Limits say more than a list of names. A part of all ones is left as it is."""
+    """Return if a value is outside: limits say more than a list of names; a part of all ones is left as it is."""
     if isinstance(what, Bits):
         low, high = what.low_limit, what.high_limit
         if value == _ones(what):
@@ -143,7 +143,7 @@ def _ones(part: Bits) -> int:
 
 
 def who(name: str, values: dict[str, Any]) -> str:
-    """How the key calls a packet."""
+    """Return what the key calls a packet."""
     return f"{name} packet of unit 0x{values['unit_id']:02X}, frame count {values['frame_count']}"
 
 

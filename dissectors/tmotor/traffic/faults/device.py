@@ -1,14 +1,15 @@
-"""What an ESC says of itself when something happens to it: TYP-305 and TYP-306."""
+"""Faults that an ESC reports of itself: TYP-305 and TYP-306."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.faults.occasions import chosen, once, span
 from dissectors.tmotor.traffic.faults.status import status_of
-from dissectors.tmotor.traffic.motor import HEAT_CAPACITY
 from dissectors.tmotor.traffic.operation import ERROR
-from dissectors.traffic import MILLISECOND, SECOND, Fault
+from dissectors.tmotor.traffic.physics.motor import HEAT_CAPACITY
+from dissectors.traffic import Fault
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Sending
@@ -24,7 +25,7 @@ _TRIES = 150 * MILLISECOND
 
 
 def _bit(case: Case) -> None:
-    """A fault bit that rises; over-temperature comes from heat, the others are set."""
+    """Raise a fault bit; over-temperature comes from heat, the others are set."""
     esc, bit = chosen(case), int(case.options["bit"])
     mask = 1 << bit
     if esc.faults & mask:  # it cannot rise
@@ -50,7 +51,7 @@ def _bit(case: Case) -> None:
 
 
 def _heat(case: Case, esc: Any) -> None:
-    """A short circuit heats the ESC past its limit within the seconds of the settings; from then on it cools down."""
+    """Heat the ESC past its limit by a short circuit within the settings' seconds; from then on it cools down."""
     world, motor = case.world, esc.motor
     left = _SHARE * (world.end - world.now) / SECOND
     seconds = max(0.1, min(float(case.options["seconds"]), left))
@@ -70,7 +71,7 @@ def _heat(case: Case, esc: Any) -> None:
 
 
 def _error(case: Case) -> None:
-    """The rotor blocks, the ESC gives up, and starts again once it is free."""
+    """Block the rotor: the ESC gives up, and starts again once it is free."""
     esc, world = chosen(case), case.world
     shown, free_at = status_of(esc.node.number), world.now + _TRIES + span(case)
     if esc.mode is not None or esc.motor.blocked:  # it has failed already

@@ -1,12 +1,13 @@
-"""What one ESC does throughout a capture, because its firmware is another: TYP-009, TYP-301 and TYP-307."""
+"""Habits of one ESC throughout a capture, because its firmware is another: TYP-009, TYP-301 and TYP-307."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dissectors.times import SECOND
 from dissectors.tmotor.traffic.faults.occasions import chosen
 from dissectors.tmotor.traffic.faults.status import STATUS
-from dissectors.traffic import SECOND, Fault, Sending, Step
+from dissectors.traffic import Fault, Sending, Step
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Fits
@@ -31,7 +32,7 @@ def _kelvin(case: Case) -> None:
 
 
 def _counter(case: Case) -> None:
-    """A stock ESC: no packets, no parameters, and a first word that counts errors."""
+    """Make it a stock ESC: no packets, no parameters, and a first word that counts errors."""
     esc, world, seconds = chosen(case), case.world, float(case.options["seconds"])
     esc.stock, esc.unit = True, None
     first = esc.reports.errors = case.random.randrange(2, 9)

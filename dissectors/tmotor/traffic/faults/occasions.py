@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dissectors.layout import Primitive
-from dissectors.traffic import MILLISECOND, SECOND, Code, Step, change
+from dissectors.layout import PrimitiveType
+from dissectors.times import MILLISECOND, SECOND
+from dissectors.traffic import Code, Step, change
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dissectors.layout import Compound
-    from dissectors.traffic import Case, Fits, Node, Sending, Touch
+    from dissectors.layout import CompoundType
+    from dissectors.traffic import BusNode, Case, Fits, Sending, Touch
 
     # Whether a value breaks the rule.
     Wrong = Callable[[float], bool]
@@ -23,12 +24,12 @@ _LOOK = 50 * MILLISECOND
 
 
 def span(case: Case) -> int:
-    """How many ns the fault lasts by its setting in seconds."""
+    """Return how many ns the fault lasts by its setting in seconds."""
     return round(float(case.options["seconds"]) * SECOND)
 
 
 def once(case: Case, ready: Callable[[], bool], do: Callable[[], None], every: int = _LOOK) -> None:
-    """Does it as soon as it can be done; looks for that every so many ns."""
+    """Do it as soon as it can be done; look for that every so many ns."""
     if ready():
         do()
     else:
@@ -36,7 +37,7 @@ def once(case: Case, ready: Callable[[], bool], do: Callable[[], None], every: i
 
 
 def chosen(case: Case, *, packets: bool = False) -> Any:
-    """The ESC that the settings name by its node, else any that speaks T-Motor's protocol, if there is one.
+    """Return the ESC that the settings name by its node, else any that speaks T-Motor's protocol, if there is one.
 
     With `packets` it is one that sends PUSHCAN.
     """
@@ -47,7 +48,7 @@ def chosen(case: Case, *, packets: bool = False) -> Any:
 
 
 def provoke(case: Case, name: str, stage: str, do: Touch, esc: Any) -> None:
-    """Lets `do` change the next transfer of a type that `esc` sends or, if it is a command, that is meant for it.
+    """Let `do` change the next transfer of a type that `esc` sends or, if it is a command, that is meant for it.
 
     What an ESC sends only when it is asked is asked for, by a ParamCfg or a packet that changes nothing.
     """
@@ -61,10 +62,10 @@ def provoke(case: Case, name: str, stage: str, do: Touch, esc: Any) -> None:
         vehicle.push("FocQuery", esc.unit)
 
 
-def has_room(layout: Compound, field: str, value: object) -> bool:
-    """Whether a field can hold a number as it is; what is no number, or no field of one, has room."""
+def has_room(layout: CompoundType, field: str, value: object) -> bool:
+    """Return if a field can hold a number as it is; what is no number, or no field of one, has room."""
     kind = layout.member(field)
-    if not isinstance(kind, Primitive) or not isinstance(value, int | float) or isinstance(value, Code):
+    if not isinstance(kind, PrimitiveType) or not isinstance(value, int | float) or isinstance(value, Code):
         return True
     if kind.kind == "float":
         return abs(value) <= _LARGEST or kind.bits > 16
@@ -73,14 +74,14 @@ def has_room(layout: Compound, field: str, value: object) -> bool:
 
 
 def put(sending: Sending, name: str, value: Any) -> Any:
-    """Replaces the value of a field and gives what it was; who built the transfer keeps its own values."""
+    """Replace the value of a field and return what it was; who built the transfer keeps its own values."""
     before = sending.values[name]
     sending.values = {**sending.values, name: value}
     return before
 
 
 def misreport(case: Case, fits: Fits, field: str, value: Any, until: int | None = None) -> None:
-    """Has all coming transfers that fit say another value, up to a time."""
+    """Have all coming transfers that fit say another value, up to a time."""
 
     def lie(case: Case, sending: Sending) -> Step:
         if until is not None and sending.t > until:
@@ -93,14 +94,14 @@ def misreport(case: Case, fits: Fits, field: str, value: Any, until: int | None 
     case.touch("values", lie)
 
 
-def unsent(node: Node, sending: Sending) -> None:
-    """Takes a message back: it was never sent, so it takes no transfer ID."""
+def unsent(node: BusNode, sending: Sending) -> None:
+    """Take a message back: it was never sent, so it takes no transfer ID."""
     node.transfer_ids[sending.name, None] = sending.transfer_id
     sending.frames = []
 
 
 def replaced(case: Case, sending: Sending, name: str, value: float, wrong: Wrong = lambda _: True) -> Step:
-    """Replaces the value of a field and says so; skips what has no such field, and a value that is not `wrong`."""
+    """Replace the value of a field and say so; skip what has no such field, and a value that is not `wrong`."""
     if name not in sending.values or not wrong(value) or not has_room(sending.message.layout, name, value):
         return Step.SKIP
     before = put(sending, name, value)

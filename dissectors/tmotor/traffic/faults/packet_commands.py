@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.control import LIMITS, QUERY, SPEED
 from dissectors.tmotor.traffic.faults.carried import (
     COMPARED,
@@ -20,7 +21,7 @@ from dissectors.tmotor.traffic.faults.carried import (
     who,
 )
 from dissectors.tmotor.traffic.packets import EVERY_UNIT
-from dissectors.traffic import MILLISECOND, SECOND, Fault
+from dissectors.traffic import Fault
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Sending, Start
@@ -33,7 +34,7 @@ _FEEDBACK, _STATUS = 1100 * MILLISECOND, 230 * MILLISECOND
 
 
 def _push(case: Case, name: str, told: str, **values: int) -> None:
-    """Sends a packet to the ESC that is chosen; `told` is about what is wrong with it."""
+    """Send a packet to the ESC that is chosen; `told` is about what is wrong with it."""
     esc = able(case)
     if esc is not None:
         _send(case, esc, name, told, **values)
@@ -47,7 +48,7 @@ def _send(case: Case, esc: Any, name: str, told: str, **values: int) -> None:
 
 
 def _range(case: Case) -> None:
-    """The range that the document prints leaves the last two bytes out, whose sum is no multiple of 256 here."""
+    """Sum the range that the document prints: it leaves two bytes out, whose sum is no multiple of 256 here."""
     told = "the checksum is the sum of bytes 1 to 28, not 1 to 30"
     _push(case, "FocParameters", told, sum_end=28, save_option=0)
 
@@ -88,7 +89,7 @@ def _reserved(case: Case) -> None:
 
 
 def _unanswered(name: str, answer: str, away: int, *commands: str, **values: int) -> Start:
-    """The ESC does as it is told, but for so many ns it sends no packet that would be the answer.
+    """Let the ESC do as it is told, but for so many ns send no packet that would be the answer.
 
     What else the ground station wants to know in the meantime is part of it.
     """

@@ -28,7 +28,7 @@ _BEYOND = {"bus_rate": 6, "report_rate": 401, "save_option": 3}
 
 
 def _next(case: Case, esc: Any, do: Touch) -> None:
-    """Lets `do` change the next feedback of an ESC."""
+    """Let `do` change the next feedback of an ESC."""
     node = esc.node.number
     change(case, "values", lambda sending: sending.node == node and _FEEDBACK(sending), do)
 
@@ -41,7 +41,7 @@ def _asked(case: Case, do: Touch) -> None:
 
 
 def _differs(case: Case) -> None:
-    """One more set of FOC parameters, of a value that is in force already; what is fed back is another one."""
+    """Send a set of FOC parameters, of a value that is in force already; what is fed back is another one."""
     esc, by = able(case), int(case.options["by"])
     if esc is None:
         return
@@ -62,7 +62,7 @@ def _differs(case: Case) -> None:
 
 
 def _version(case: Case) -> None:
-    """ASCII ends at 0x7F."""
+    """Garble a version text: ASCII ends at 0x7F."""
     field, value = str(case.options["field"]), int(case.options["value"])
 
     def garble(case: Case, sending: Sending) -> Step:

@@ -1,11 +1,11 @@
-"""What the packets of an ESC are like throughout a capture: PUSH-010 and PUSH-011."""
+"""Habits of an ESC's packets throughout a capture: PUSH-010 and PUSH-011."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dissectors.tmotor.traffic.esc import UNITS
 from dissectors.tmotor.traffic.faults.carried import able
+from dissectors.tmotor.traffic.motor_controller import UNITS
 from dissectors.traffic import Fault
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def _big_endian(case: Case) -> None:
 
 
 def _mapping(case: Case) -> None:
-    """Two ESCs have each other's unit; a single one has that of another place."""
+    """Give two ESCs each other's unit; a single one gets that of another place."""
     esc = able(case)
     if esc is None:
         return

@@ -49,7 +49,7 @@ def _length(case: Case, sending: Sending) -> Step:
 
 
 def _size(case: Case, sending: Sending) -> Step:
-    """Cuts bytes off behind the header's fields, or adds zeros; length field and all other bytes stay."""
+    """Cut bytes off behind the header's fields, or add zeros; length field and all other bytes stay."""
     found, by = read(case, sending), int(case.options["by"])
     if found is None:
         return Step.SKIP
@@ -86,7 +86,7 @@ def _unit(case: Case, sending: Sending) -> Step:
 
 
 def _count(case: Case, sending: Sending) -> Step:
-    """This packet and all later ones of its unit; not the first, which follows on none."""
+    """Shift the count of this packet and all later ones of its unit; not of the first, which follows on none."""
     found, by = read(case, sending), int(case.options["by"])
     if found is None or not by % 256 or not found[1]["frame_count"]:
         return Step.SKIP

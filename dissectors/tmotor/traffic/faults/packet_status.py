@@ -1,4 +1,4 @@
-"""Faults of what a MotorStatus packet says (4.4.5 table 1): PUSH-401 to PUSH-409, each in one packet."""
+"""Faults of what a MotorStatus packet says (4.4.5 table 1): PUSH-401 to PUSH-410, each in one packet."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ROUNDING, _UNIT = 0.002, 2
 
 
 def _said(rule: str, title: str, field: str, value: int, *also: str, wrong: Wrong | None = None) -> Fault:
-    """A raw value that a field must not have: one that is `wrong`, by default one that the document forbids."""
+    """Return a fault: a raw value that a field must not have, `wrong` or by default one that the document forbids."""
 
     def touch(case: Case, sending: Sending) -> Step:
         return misuse(case, sending, field, int(case.options["value"]), wrong)
@@ -34,30 +34,30 @@ def _fault(rule: str, title: str, touch: Touch, options: dict[str, int | float |
 
 
 def _pulse(value: float) -> bool:
-    """Neither 1040 to 1940 us nor 1050 to 1950 us (4.4.1 explanation 5); 0 is no signal."""
+    """Return if it is neither 1040 to 1940 us nor 1050 to 1950 us (4.4.1 explanation 5); 0 is no signal."""
     return value != 0 and not 10_400 <= value <= 19_500
 
 
 def _odd(value: float) -> bool:
-    """Below zero in 16 bits with a sign, or kelvin."""
+    """Return if it is below zero in 16 bits with a sign, or kelvin."""
     return value >= 0x8000 or 23_315 <= value <= 47_315
 
 
 def _number(case: Case, sending: Sending, field: str) -> int | None:
-    """What a packet says; None if it has no such number."""
+    """Return the number that a packet says; None if it has no such number."""
     found = read(case, sending)
     value = None if found is None else found[1].get(field)
     return value if isinstance(value, int) else None
 
 
 def _temperature(case: Case, sending: Sending) -> Step:
-    """Runs over as 16 bits do."""
+    """Shift a temperature, which runs over as 16 bits do."""
     value, by = _number(case, sending, "temperature"), int(case.options["by"])
     return Step.SKIP if value is None else misuse(case, sending, "temperature", value + by & 0xFFFF, _odd)
 
 
 def _backward(case: Case, sending: Sending) -> Step:
-    """Lower than in the packet before; what cannot be so low is left for a later packet.
+    """Make it lower than in the packet before; what cannot be so low is left for a later packet.
 
     How high it was is known from the second packet on. Before, the most is assumed that it can have grown since.
     """
@@ -79,7 +79,7 @@ def _limit(case: Case, sending: Sending) -> Step:
 
 
 def _disagreement(case: Case, sending: Sending) -> Step:
-    """Some percent more than ESCStatus says, which is made of the same sample."""
+    """Report some percent more than ESCStatus says, which is made of the same sample."""
     field = str(case.options["field"])
     value = _number(case, sending, field)
     if value is None or field not in _SHARED:
@@ -102,5 +102,6 @@ FAULTS: tuple[Fault, ...] = (
     _said("PUSH-406", "a motor status that is not zero", "motor_status", 1, wrong=lambda value: value != 0),
     _fault("PUSH-407", "a runtime or a power-on count goes backwards", _backward, {"field": "runtime", "by": 60}),
     _fault("PUSH-408", "a number at its limit", _limit, {"field": "current", "value": 32_767}, "PUSH-409"),
+    _said("PUSH-410", "a fault flag of the motor", "fault", 0x0020, wrong=lambda value: value != 0),
     _fault("PUSH-409", "MotorStatus and ESCStatus disagree", _disagreement, {"field": "voltage", "percent": 12.0}),
 )

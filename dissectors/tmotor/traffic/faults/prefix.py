@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.layout import Array
+from dissectors.layout import ArrayType
 from dissectors.tmotor.traffic.faults.occasions import chosen, provoke
 from dissectors.traffic import Fault, Step
 
@@ -16,10 +16,10 @@ _FULL: dict[str, tuple[str, ...]] = {"RawCommand": ("TYP-103", "BUS-027"), "Para
 
 
 def _prefixed(case: Case, sending: Sending) -> Step:
-    """Puts the length in as one byte or, in the `form` dsdl, as the bits that DSDL gives it."""
+    """Put the length in as one byte or, in the `form` dsdl, as the bits that DSDL gives it."""
     message, payload = sending.message, sending.payload
     array = message.layout.fields[-1].type
-    if not isinstance(array, Array) or not array.dynamic:
+    if not isinstance(array, ArrayType) or not array.dynamic:
         return Step.SKIP
     head = message.min_bytes
     body = payload[head:]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dissectors.times import MILLISECOND
 from dissectors.tmotor.traffic.faults.occasions import chosen, provoke, put, replaced
-from dissectors.traffic import MILLISECOND, Fault, Step
+from dissectors.traffic import Fault, Step
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Sending, Touch
@@ -17,7 +18,7 @@ _LIFETIME = ("esc_startup_times", "esc_startup_duration", "esc_error_count")
 
 
 def _then(case: Case, first: Any, esc: Any, do: Touch) -> None:
-    """Asks one ESC for its parameters as they are, then one for what `do` makes of them."""
+    """Ask one ESC for its parameters as they are, then one for what `do` makes of them."""
     world = case.world
     case.vehicle.configure(first.index, esc_save_option=0)
     world.at(world.now + _PAUSE * 1_000_000 // world.bit_rate, lambda: provoke(case, "ParamGet", "values", do, esc))
@@ -37,7 +38,7 @@ def _reserved(case: Case) -> None:
 
 
 def _backward(case: Case) -> None:
-    """Of one ESC, the first report is right, the second and all later ones lag behind it."""
+    """Leave the first report of one ESC right; the second and all later ones lag behind it."""
     esc, field, by = chosen(case), str(case.options["field"]), int(case.options["by"])
 
     def lower(case: Case, sending: Sending) -> Step:
@@ -51,7 +52,7 @@ def _backward(case: Case) -> None:
 
 
 def _identity(case: Case) -> None:
-    """An ESC reports the UUID and the counters of its neighbour or, if it is alone, another UUID than before."""
+    """Report the UUID and the counters of an ESC's neighbour or, if it is alone, another UUID than before."""
     esc = chosen(case)
     other = next((other for other in case.vehicle.escs if other is not esc), esc)
     uuid = esc.uuid ^ 1 if other is esc else other.uuid

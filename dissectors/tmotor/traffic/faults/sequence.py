@@ -17,7 +17,7 @@ _WRAP = 1 << 32
 
 
 def _sender(case: Case) -> tuple[str, int, Any]:
-    """The type, the node that sends it, and what counts its transfers there."""
+    """Return the type, the node that sends it, and what counts its transfers there."""
     name = str(case.options.get("type", "PUSHCAN"))
     if name == "PUSHSCI":
         return name, case.vehicle.ground.number, case.vehicle.station
@@ -26,7 +26,7 @@ def _sender(case: Case) -> tuple[str, int, Any]:
 
 
 def _shift(case: Case, by: Callable[[int], int], what: str) -> None:
-    """From the next transfer on, a node counts on from another number; `by` says from the right one how far away."""
+    """Let a node count on from another number from the next transfer on; `by` says how far from the right one."""
     name, node, counter = _sender(case)
 
     def do(case: Case, sending: Sending) -> Step:
@@ -56,7 +56,7 @@ def _restart(case: Case) -> None:
 
 
 def _empty(case: Case) -> None:
-    """One more transfer behind the next one, with a sequence number of its own and no data."""
+    """Send one more transfer behind the next one, with a sequence number of its own and no data."""
     name, number, counter = _sender(case)
 
     def send() -> None:

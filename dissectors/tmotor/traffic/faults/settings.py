@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dissectors.times import SECOND
 from dissectors.tmotor.traffic.faults.occasions import chosen, once, provoke, put, replaced
-from dissectors.traffic import SECOND, Fault, Sending, Step, change, of
+from dissectors.traffic import Fault, Sending, Step, change, of
 
 if TYPE_CHECKING:
     from dissectors.tmotor.traffic.faults.occasions import Wrong
@@ -20,7 +21,7 @@ _WIDE = (
 
 
 def _fault(rule: str, title: str, field: str, value: int, wrong: Wrong, *reported: str) -> Fault:
-    """A value that a field must not have. An ESC refuses it; `type=ParamGet` has one report it instead.
+    """Return a fault: a value that a field must not have. An ESC refuses it; `type=ParamGet` has one report it.
 
     `reported` are other rules that such a report breaks.
     """
@@ -57,7 +58,7 @@ def _ambiguous(case: Case) -> None:
 
 
 def _permanent(case: Case) -> None:
-    """Waits until the motor turns."""
+    """Wait until the motor turns."""
     esc = chosen(case)
 
     def save(case: Case, sending: Sending) -> Step:

@@ -14,7 +14,7 @@ STATUS = of("ESCStatus")
 
 
 def status_of(node: int) -> Fits:
-    """Fits the reports of one node."""
+    """Return a test for the reports of one node."""
     return lambda sending: STATUS(sending) and sending.node == node
 
 
@@ -45,7 +45,7 @@ def _throttle(case: Case, sending: Sending) -> Step:
 
 
 def _part(case: Case, sending: Sending, name: str, low: int, width: int, right: range) -> Step:
-    """Replaces bits of the status word; skips a word that counts errors, which has no operating mode."""
+    """Replace bits of the status word; skip a word that counts errors, which has no operating mode."""
     before, mask = sending.values.get("error_count", 0), (1 << width) - 1
     value = int(case.options["value"])
     if not 1 <= before >> 12 & 15 <= 8 or value in right or not 0 <= value <= mask:
@@ -73,14 +73,14 @@ def _implausible(case: Case, sending: Sending) -> Step:
 
 
 def _lsb_first(sending: Sending) -> bytes:
-    """The last three fields as the bit fields of a C compiler: from the lowest bit on, two left over at the top."""
+    """Pack the last three fields as a C compiler does: from the lowest bit on, two left over at the top."""
     values = sending.values
     bits = values["rpm"] & 0x3FFFF | (values["power_rating_pct"] & 0x7F) << 18 | (values["esc_index"] & 0x1F) << 25
     return int(bits).to_bytes(4, "little")
 
 
 def _shows_packing(sending: Sending) -> bool:
-    """Fits a status whose last two bits, zero as padding, are not when it is packed the other way."""
+    """Return if the last two bits of a status, zero as padding, are not when it is packed the other way."""
     return STATUS(sending) and _lsb_first(sending)[3] & 3 != 0
 
 

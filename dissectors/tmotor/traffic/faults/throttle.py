@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dissectors.times import MILLISECOND
 from dissectors.tmotor.traffic.faults.occasions import put
-from dissectors.traffic import MILLISECOND, Fault, Step, of
+from dissectors.traffic import Fault, Step, of
 
 if TYPE_CHECKING:
     from dissectors.traffic import Case, Sending
@@ -16,7 +17,7 @@ _LOWEST = -8192
 
 
 def _set(case: Case, sending: Sending, value: int) -> Step:
-    """Gives the channel of the settings another throttle."""
+    """Give the channel of the settings another throttle."""
     cmd, channel = list(sending.values["cmd"]), int(case.options["channel"])
     if not 0 <= channel < len(cmd):
         return Step.SKIP
@@ -36,7 +37,7 @@ def _lowest(case: Case, sending: Sending) -> Step:
 
 
 def _channels(case: Case, sending: Sending) -> Step:
-    """Adds idle channels, or leaves the last ones out, in a row of commands."""
+    """Add idle channels, or leave the last ones out, in a row of commands."""
     cmd, more = list(sending.values["cmd"]), int(case.options["more"])
     wanted = len(cmd) + more
     if not more or not 0 < wanted <= 20:
@@ -55,7 +56,7 @@ def _empty(case: Case, sending: Sending) -> Step:
 
 
 def _words(case: Case, sending: Sending) -> Step:
-    """One channel as two bytes, the two high bits cut off, in a frame that is filled with zeros."""
+    """Send one channel as two bytes, the two high bits cut off, in a frame that is filled with zeros."""
     low, high = (int(case.options["value"]) & 0x3FFF).to_bytes(2, "little")
     if not high & 3:
         return Step.SKIP

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dissectors.layout import Array, Compound, Member, Primitive
+from dissectors.layout import ArrayType, CompoundType, Member, PrimitiveType
 from dissectors.schema import Message
 from dissectors.traffic import LOWEST, Case, Fault, Sending, Step, next_id, of
 
@@ -14,7 +14,7 @@ CLOUD_LINK = Message(
     "message",
     1000,
     0x1362AB78CD12F03A,
-    Compound("CloudLink", (Member("data", Array(Primitive("uint", 8), 255, dynamic=True)),)),
+    CompoundType("CloudLink", (Member("data", ArrayType(PrimitiveType("uint", 8), 255, dynamic=True)),)),
 )
 # Its first two bytes, and where the other type of this ID has array lengths, which are left at 0: as long as the
 # shortest one of that, it can be read either way.
@@ -22,7 +22,7 @@ _MAGIC, _LENGTH, _ZEROS = b"\xcd\xab", 29, (15, 22)
 
 
 def _priority(case: Case, sending: Sending) -> Step:
-    """Of the types that have the lowest one (4.3.1)."""
+    """Change the priority of the types that have the lowest one (4.3.1)."""
     priority = int(case.options["priority"]) & LOWEST
     if priority == LOWEST or not _LISTED(sending):
         return Step.SKIP
@@ -32,7 +32,7 @@ def _priority(case: Case, sending: Sending) -> Step:
 
 
 def _deleted(case: Case) -> None:
-    """The ground station sends what V2.2 no longer has; no ESC obeys."""
+    """Let the ground station send what V2.2 no longer has; no ESC obeys."""
     index = case.random.randrange(len(case.vehicle.escs))
     values = {"esc_index": index, "esc_mode": 0, "esc_fdb_rate": 0, "esc_cmd": 0, "esc_cmd_val": 0}
     case.say(f"node {case.vehicle.ground.number} sends a FocCtrl for index {index}, a type that V2.2 has deleted")
@@ -40,7 +40,7 @@ def _deleted(case: Case) -> None:
 
 
 def _taken(case: Case) -> None:
-    """Small bytes: read as the other type they are ordinary numbers."""
+    """Send small bytes: read as the other type they are ordinary numbers."""
     node = case.vehicle.escs[0].node if case.options.get("node") is None else case.world.node(int(case.options["node"]))
     node = node or case.vehicle.ground
     data = bytearray(case.random.randrange(0x40) for _ in range(_LENGTH))

@@ -1,0 +1,66 @@
+"""Work ahead: one thread makes what another one uses, so that both go on at the same time."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+_Item = TypeVar("_Item")
+ROOM = 2
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """Nothing comes after it; `error` is why, if it was not simply the end."""
+
+    error: BaseException | None = None
+
+
+def ahead(items: Iterable[_Item], room: int = ROOM) -> Iterator[_Item]:
+    """Yield the items in their order, made in a thread of their own, at most `room` before they are asked for.
+
+    What `items` raises is raised here behind the last item. When this iterator is closed early, `items` is closed too
+    and the thread is gone: no later than the item that it was making is done.
+    """
+    source = iter(items)
+    made: SimpleQueue[_Item | _End] = SimpleQueue()
+    free = threading.Semaphore(room)
+    stop = threading.Event()
+
+    def make() -> None:
+        error: BaseException | None = None
+        try:
+            while not stop.is_set():
+                try:
+                    item = next(source)
+                except StopIteration:
+                    break
+                made.put(item)
+                free.acquire()
+        except BaseException as problem:  # noqa: BLE001 - whoever uses the items has to know
+            error = problem
+        try:
+            if (close := getattr(source, "close", None)) is not None:
+                close()
+        except BaseException as problem:  # noqa: BLE001 - likewise
+            error = error or problem
+        made.put(_End(error))
+
+    worker = threading.Thread(target=make, name="ahead", daemon=True)
+    worker.start()
+    try:
+        while not isinstance(item := made.get(), _End):
+            free.release()
+            yield item
+            del item  # it may be large
+        if item.error is not None:
+            raise item.error
+    finally:
+        stop.set()
+        free.release()
+        worker.join()

@@ -1,0 +1,129 @@
+"""A capture as Python sees it: batches of Arrow tables, or one whole table by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+
+from analyzer.app.request import Request
+from analyzer.app.run import Run
+from analyzer.decode.by_name import example, find_table
+from analyzer.sources.merge import Plan
+from analyzer.sources.origin import given
+from analyzer.tables import FRAMES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from analyzer.decode.engine import Batch, Engine, Totals
+    from analyzer.sources import CaptureError, Source
+    from analyzer.sources.merge import Merged
+    from analyzer.sources.origin import Origin
+    from dissectors import Registry
+
+
+class Capture:
+    """A capture, decoded on the way through. Iterating gives `Batch` after `Batch`; each iteration reads it anew.
+
+    Args:
+        origins: paths of files of any format, packed or not, or binary file objects with a name, merged by time; `-` is
+            standard input.
+        plan: names of buses and shifts of clocks.
+        dissectors: folders with further data types, before the built-in ones.
+
+    Raises:
+        CaptureError: a file cannot be read. Damage behind readable content is in `damage` instead.
+        MergeError: the captures have no clock in common.
+    """
+
+    def __init__(self, origins: Sequence[Origin], plan: Plan | None = None, dissectors_: Sequence[Path] = ()) -> None:
+        self._run = Run(Request(tuple(map(given, origins)), plan or Plan(), tuple(dissectors_)))
+        self._read = False
+
+    def __iter__(self) -> Iterator[Batch]:
+        """Yield batches in capture order."""
+        if self._read:
+            self._run = self._run.renewed()
+        self._read = True
+        yield from self._run.batches()
+
+    @property
+    def registry(self) -> Registry:
+        """The types."""
+        return self._run.registry
+
+    @property
+    def source(self) -> Source | Merged:
+        """The captures as they are read."""
+        return self._run.source
+
+    @property
+    def engine(self) -> Engine:
+        """The pipeline of the last reading."""
+        return self._run.engine
+
+    def table(self, name: str) -> pa.Table:
+        """Return one table: `frames`, `transfers`, `events`, a message type or a packet (`PUSHCAN.MotorStatus`).
+
+        Verdicts of frames are the final ones. A type that does not occur gives its columns without rows. Raises
+        `LookupError`, with near names, for a name that no type has, and `CaptureError`.
+        """
+        if name == "frames":
+            return _settled(list(self))
+        if name in ("transfers", "events"):
+            return pa.Table.from_batches([getattr(batch, name) for batch in self])
+        message, wanted = find_table(self.registry, name)
+        pieces = [batch.messages[wanted] for batch in self if wanted in batch.messages]
+        return pa.Table.from_batches(pieces or [example(self.registry, message)[wanted].slice(0, 0)])
+
+    @property
+    def damage(self) -> CaptureError | None:
+        """The error that ended the last reading early."""
+        return self._run.source.damage
+
+    @property
+    def totals(self) -> Totals:
+        """The sums of every line and frame read so far."""
+        return self._run.engine.totals
+
+    @property
+    def buses(self) -> tuple[str, ...]:
+        """Interface names by the index in the `bus` columns."""
+        return self._run.engine.buses
+
+
+def open_capture(
+    path: Origin | Sequence[Origin],
+    dissectors: Sequence[Path] = (),
+    *,
+    buses: Mapping[str, str] | None = None,
+    offsets: Mapping[str, int] | None = None,
+    same_bus: bool = False,
+) -> Capture:
+    """Open a capture, or several as one; nothing is read before the first batch or table is asked for.
+
+    A capture is a path or a binary file object with a name. Objects stay open; one that cannot seek is read only once.
+    `buses` gives names: of a capture, of an interface, or of `capture:interface`. `offsets` shifts the clocks of
+    captures, in nanoseconds. With `same_bus` all of them recorded one bus, and what repeats is left out.
+    """
+    origins = list(path) if isinstance(path, Sequence) and not isinstance(path, str) else [path]
+    return Capture(origins, Plan(dict(buses or {}), dict(offsets or {}), same_bus), dissectors)
+
+
+def _settled(batches: list[Batch]) -> pa.Table:
+    """Return the frames, with the verdicts that were found out later."""
+    table = pa.Table.from_batches([batch.frames for batch in batches])
+    late = pa.Table.from_batches([batch.settled for batch in batches]).combine_chunks()
+    if not len(late):
+        return table
+    rows = late.column("frame").to_numpy()
+    for name in ("verdict", "anomaly"):
+        values = table.column(name).to_numpy().copy()
+        found = late.column(name).to_numpy()
+        values[rows] = found if name == "verdict" else values[rows] | found
+        at = FRAMES.get_field_index(name)
+        table = table.set_column(at, FRAMES.field(at), pa.array(values))
+    return table

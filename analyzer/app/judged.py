@@ -1,0 +1,102 @@
+"""A run under all rules: they see every batch before anybody else does."""
+
+from __future__ import annotations
+
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from analyzer.app.ahead import ahead
+from analyzer.report.draft import JudgedCapture
+from analyzer.rules.checking import Check
+from analyzer.sources.errors import CaptureError, StopReading
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from analyzer.app.criteria import Criteria
+    from analyzer.app.run import Run
+    from analyzer.decode.engine import Batch
+    from analyzer.rules.checking import Measured
+
+_ROOM = 2  # batches that wait to be judged
+
+
+class JudgedRun:
+    """Judges a run by the criteria while somebody else uses its batches, by one of two ways, once.
+
+    Args:
+        run: not read yet.
+        criteria: of the same types.
+    """
+
+    def __init__(self, run: Run, criteria: Criteria) -> None:
+        self.run = run
+        self._ends = not run.request.window.leaves_off
+        self._check = Check(run.registry, criteria.settings if self._ends else criteria.endless)
+        self._unopened = ""
+
+    def batches(self, decoded: Iterable[Batch]) -> Iterator[Measured]:
+        """Yield the batches of the run once they are judged; files are decoded in a thread beside.
+
+        Ctrl-C while a capture was being opened is `KeyboardInterrupt`.
+        """
+        parts = self.run.source.parts
+        for part in parts:
+            part.hashed = True
+        batches = self._check.measured(decoded)
+        files = all(isinstance(part.origin, str) and Path(part.origin).is_file() for part in parts)
+        if files:  # signals end other reading here, in this thread
+            batches = ahead(batches)
+        try:
+            for measured in batches:
+                self._check.feed(measured)
+                yield measured
+        except CaptureError as error:
+            self._unopened = _reason(error, parts[0].name)
+            raise
+        except StopReading:
+            raise KeyboardInterrupt from None
+
+    def beside(self, decoded: Iterable[Batch]) -> Iterator[Batch]:
+        """Yield the batches of the run, which a thread beside judges; all are judged when the last one is through."""
+        waiting = deque[Future[None]]()
+        with ThreadPoolExecutor(1, "judging") as thread:
+            for measured in self._check.measured(decoded):
+                waiting.append(thread.submit(self._check.feed, measured))
+                if len(waiting) > _ROOM:
+                    waiting.popleft().result()
+                yield measured.batch
+            for judged in waiting:
+                judged.result()
+
+    def taken(self, label: str) -> JudgedCapture:
+        """Return what a report needs of the capture, which it calls `label`, after the last batch."""
+        run = self.run
+        return JudgedCapture(
+            id=label,
+            path=run.source.parts[0].name,
+            checked=self._check.finish(run.source.parts, run.engine),
+            damage=self._unopened or _damage(run),
+            unopened=bool(self._unopened),
+            live=run.source.live,
+            ends=self._ends,
+            arguments=tuple(run.request.again()),
+        )
+
+
+def _damage(run: Run) -> str:
+    """Return what could not be read, after the reading."""
+    found = [_reason(part.damage, part.name) for part in run.source.parts if part.damage is not None]
+    lines = run.totals.lines
+    if unreadable := lines.get("unreadable", 0):
+        found.append(f"{unreadable} of {lines['lines']} lines or records unreadable")
+    if not run.totals.balanced:
+        found.append("lines and frames do not add up")
+    return "; ".join(found)
+
+
+def _reason(error: CaptureError, name: str) -> str:
+    """Return the error without the name of the capture, which stands beside it."""
+    return str(error).removeprefix(f"{name}: ")

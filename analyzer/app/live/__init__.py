@@ -1,0 +1,1 @@
+"""A live session: received, recorded, judged as it comes, shown."""

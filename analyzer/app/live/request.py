@@ -1,0 +1,44 @@
+"""The request of a live session: frozen data that it is made from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from analyzer.app.live.session_recording import SessionPlan
+    from analyzer.live.interfaces.filters import Filters
+    from analyzer.live.interfaces.naming import Interface
+    from analyzer.views.writers import WriterOptions
+
+LiveMode = Literal["list", "monitor", "quiet"]
+
+
+@dataclass(frozen=True, slots=True)
+class LiveRequest:
+    """A live session as it is asked for.
+
+    `buses` are interfaces with what is let through, `mode` and `view` how they are shown, `flush` asks for it more
+    often. `plan` is the recording, `every` are the seconds between two lines about the state, `hardware` asks for the
+    controller's time stamps. `plot` is the address of a viewer, empty for a new one. `bit_rate` is what is known of it.
+    """
+
+    buses: tuple[tuple[Interface, Filters], ...]
+    mode: LiveMode
+    view: WriterOptions
+    plan: SessionPlan
+    every: float
+    flush: bool = False
+    hardware: bool = False
+    plot: str | None = None
+    bit_rate: int | None = None
+
+    @property
+    def counted(self) -> set[str]:
+        """The interfaces of which the kernel tells every drop."""
+        return {interface.name for interface, _ in self.buses if interface.kind == "socketcan"}
+
+    @property
+    def name(self) -> str:
+        """All names."""
+        return "+".join(interface.name for interface, _ in self.buses)

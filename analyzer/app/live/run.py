@@ -1,0 +1,199 @@
+"""Everything that a live session is made of, put together as it is asked for, and what is left at its end."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from analyzer.app import streams
+from analyzer.app.interrupt import handling
+from analyzer.app.live.list import EventLines, TransferList, said
+from analyzer.app.live.overdue import Overdue
+from analyzer.app.live.session import LiveSession
+from analyzer.app.live.session_recording import SessionRecording
+from analyzer.app.live.status import Status, account
+from analyzer.live.capture_loop import CaptureLoop
+from analyzer.live.interfaces.hub import Hub
+from analyzer.live.interfaces.receiver import open_receiver
+from analyzer.live.printer import Printer
+from analyzer.report.draft import JudgedCapture
+from analyzer.sinks import losses
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from analyzer.app.criteria import Criteria
+    from analyzer.app.live.monitor import Display
+    from analyzer.app.live.plot import LivePlot
+    from analyzer.app.live.request import LiveRequest
+    from analyzer.app.live.session import SessionView
+    from analyzer.live.capture_loop import SessionControl
+    from analyzer.live.interfaces.receiver import Receiver
+    from analyzer.report.model import Report
+
+# Seconds between two batches.
+_INTERVALS = {"list": 0.2, "monitor": 0.4, "quiet": 0.5}
+_AT_ONCE = 0.1
+
+
+class LiveRun:
+    """One session, from opening its interfaces to its verdict.
+
+    `account` are lines about what was received and recorded, `problems` what went wrong, both after it has run.
+
+    Args:
+        request: what is asked.
+        criteria: what the buses are judged by.
+        control: ends the session, or sets marks in it.
+    """
+
+    def __init__(self, request: LiveRequest, criteria: Criteria, control: SessionControl) -> None:
+        self.account: list[str] = []
+        self.problems: list[str] = []
+        self._request, self._criteria, self._control = request, criteria, control
+        self._several = len(request.buses) > 1
+        self._receivers: list[Receiver] = []
+        self._views: list[SessionView] = []
+        self._plot: LivePlot | None = None
+        self._list: TransferList | None = None
+        self._display: Display | None = None
+
+    def run(self) -> Report | None:
+        """Run it; return the verdict, None if the rules have failed.
+
+        Raises `InterfaceError` and `TargetError` if something cannot be opened.
+        """
+        request = self._request
+        with ExitStack() as stack:
+            say = printed(stack)
+            hub = self._hub(stack)
+            recording = SessionRecording(request.plan, stack)
+            loop = CaptureLoop(
+                hub, recording.recorder, recording.autostop, self._control, recording.close, recording.header,
+                self._interval(),
+            )  # fmt: skip
+            session = LiveSession(loop, self._criteria, self._views, self._interval())
+            self._add_views(stack, session, recording, say)
+            with loop:
+                self._go(session, say)
+            report = self._concluded(session, recording)
+        if self._list is not None:
+            self._list.look(session)
+        failed = (f"{one.name}: {one.failed}" for one in self._receivers if one.failed is not None)
+        broken = [] if loop.problem is None else [loop.problem]
+        self.problems += [*failed, *broken, *session.problems, *recording.problems()]
+        self.account += [*account(hub.counts, request.counted), *recording.account(request.bit_rate)]
+        if left_out := losses(loop.left_out):
+            self.account.append(f"neither recorded nor judged: {left_out}")
+        if loop.unjudged:
+            self.account.append(f"{loop.unjudged:,} frames are recorded, but not judged: judging was too slow")
+        return report
+
+    def _interval(self) -> float:
+        return _AT_ONCE if self._request.flush else _INTERVALS[self._request.mode]
+
+    def _hub(self, stack: ExitStack) -> Hub:
+        """Open the interfaces; return the hub that receives from now on."""
+        with ExitStack() as opening:
+            for interface, filters in self._request.buses:
+                self._receivers.append(receiver := open_receiver(interface, filters, hardware=self._request.hardware))
+                opening.callback(receiver.close)
+            hub = stack.enter_context(Hub(self._receivers))
+            opening.pop_all()  # from here on they are the hub's
+        return hub
+
+    def _add_views(
+        self, stack: ExitStack, session: LiveSession, recording: SessionRecording, say: Callable[[str], None]
+    ) -> None:
+        request, criteria, tell = self._request, self._criteria, session.tell
+        if request.mode == "monitor":
+            from analyzer.app.live.monitor import Display  # noqa: PLC0415 - a list does without
+
+            rates = {interface.name: interface.bit_rate for interface, _ in request.buses}
+            self._display = Display(criteria, rates, recording.now, self._saved, session.stop)
+            self._views.append(self._display)
+        elif request.mode == "list":
+            printer = stack.enter_context(Printer())
+            self._list = TransferList(request.view, criteria.registry, printer, several=self._several, say=say)
+            self._views.append(self._list)
+        else:
+            self._views.append(EventLines(several=self._several, say=say))
+        if self._display is None:
+            self._views.append(Overdue(tell))
+        self._views.append(Status(request.every, tell, recording.words))
+        if request.plot is not None:
+            from analyzer.app.live.plot import LivePlot, opened  # noqa: PLC0415 - Rerun takes its time
+
+            output = opened(request.plot, request.name, stack)
+            self._plot = LivePlot(output, criteria, tell, several=self._several)
+            self._views.append(self._plot)
+
+    def _go(self, session: LiveSession, say: Callable[[str], None]) -> None:
+        """Run until it ends."""
+        if self._display is None:
+            session.run()
+        else:
+            from analyzer.app.live.monitor import show  # noqa: PLC0415
+
+            show(session, self._display, EventLines(several=self._several, say=say))
+
+    def _concluded(self, session: LiveSession, recording: SessionRecording) -> Report | None:
+        """Return the verdict, with the last that the views have to show; None if the rules have failed."""
+        checked = session.conclude(recording.stored())
+        if checked is None:
+            return None
+        files = recording.files
+        first, *more = files or [self._request.name]
+        taken = JudgedCapture(
+            id=recording.name or self._request.name,
+            path=first,
+            checked=checked,
+            live=not files,
+            arguments=(*more, "--same-bus") if more else (),
+        )
+        report = self._criteria.report([taken])
+        if self._plot is not None and not self._plot.failed:
+            self._plot.end(report, checked.facts)
+        if self._list is not None and not self._list.failed:
+            self._list.end()
+        return report
+
+    def _saved(self, session: LiveSession) -> str:
+        """Write down what there is to report now, beside where the session was started."""
+        path = Path(f"tailbyte-{time.strftime('%Y%m%d-%H%M%S')}.txt")
+        found = (said(one, bus=self._several) for one in session.newest.all)
+        lines = [*account(session.loop.hub.counts, self._request.counted), "", *found]
+        try:
+            path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", errors="backslashreplace")
+        except OSError as error:
+            return f"{path}: {error.strerror or error}"
+        return f"{path} written"
+
+
+def printed(stack: ExitStack) -> Callable[[str], None]:
+    """Return what writes to standard error without ever waiting for whoever reads it."""
+    try:
+        printer = stack.enter_context(Printer(sys.stderr.fileno()))
+    except (OSError, ValueError):  # one that has no descriptor takes everything
+        return streams.tell
+    return printer.put
+
+
+@contextmanager
+def signals(control: SessionControl) -> Iterator[None]:
+    """End the session on Ctrl-C, SIGTERM, SIGHUP, at once on a second Ctrl-C; set a mark in it on SIGUSR1."""
+
+    def stop(number: int, _: object) -> None:
+        if control.stopped and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        control.stop()
+
+    def mark(*_: object) -> None:
+        control.mark()
+
+    with handling({"SIGINT": stop, "SIGTERM": stop, "SIGHUP": stop, "SIGUSR1": mark}):
+        yield

@@ -1,0 +1,285 @@
+"""One capture, or several as one, while it is read: the only place where captures are opened for what they hold."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Literal
+
+import pyarrow.compute as pc
+
+import dissectors
+from analyzer.decode.engine import LINES, Batch, Engine, Totals
+from analyzer.sinks.atomic import TargetError
+from analyzer.sources import CaptureError
+from analyzer.sources.errors import MergeError
+from analyzer.sources.merge import Merged, open_captures
+from analyzer.sources.native import rows
+from analyzer.tables import EVENT_ROWS, EVENTS, wrap
+from dissectors import DsdlError, ProfileError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+    from types import TracebackType
+
+    import pyarrow as pa
+
+    from analyzer._native import FrameBatch
+    from analyzer.app.request import Request
+    from analyzer.sources import Source
+    from dissectors import Registry
+
+# Complaints about single lines before it says only how many there were.
+LINES_SHOWN = 5
+
+# How a run stands: nothing to complain of; something could not be read or written; it does not have what was asked for;
+# somebody has ended it.
+RunState = Literal["whole", "damaged", "refused", "interrupted"]
+
+
+class RunEndedError(Exception):
+    """It has been said why there is no use in going on."""
+
+
+def unheard(_: str) -> None:
+    """Take a complaint that nobody wants to hear: what the run says of itself is enough."""
+
+
+class Run(AbstractContextManager["Run"]):
+    """Reads the captures of a request, once; `state` tells how it went.
+
+    In a `with` statement errors of the capture, of an output or of a dissector folder end the block with one complaint;
+    without it they are raised. Setting `stopped` ends the reading: what a pipe or a growing file has delivered is still
+    given.
+
+    Args:
+        request: what is asked.
+        complain: takes a line about whatever is not as it should be.
+        registry: the types, those of the request if not given.
+        source: the captures if they are open already.
+
+    Raises `DsdlError` or `ProfileError` for a broken dissector folder.
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        complain: Callable[[str], None] = unheard,
+        registry: Registry | None = None,
+        source: Source | Merged | None = None,
+    ) -> None:
+        self.request, self.complain = request, complain
+        self.source = source or open_captures(request.captures, request.merging, follow=request.follow)
+        self.registry = dissectors.load(request.dissectors, request.trusted) if registry is None else registry
+        self.engine = Engine(self.registry)
+        self.totals = Totals(dict.fromkeys(LINES, 0))
+        self.transfers = 0
+        self._state: RunState = "whole"
+        self._complaints = 0
+        self._reading = self.source
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> bool:
+        """Take what cannot be opened or written as the state that it leaves, not as a failure."""
+        if isinstance(error, RunEndedError):
+            return True
+        if isinstance(error, (CaptureError, TargetError)):
+            self.complain(str(error))
+            self._state = "damaged"
+            return True
+        # Types are compiled when they occur, captures are compared when they are opened.
+        if isinstance(error, (DsdlError, ProfileError, MergeError)):
+            self.complain(str(error))
+            self._state = "refused"
+            return True
+        return False
+
+    @property
+    def state(self) -> RunState:
+        """How it stands as far as that is known."""
+        return "interrupted" if self.stopped else self._state
+
+    @property
+    def stopped(self) -> bool:
+        """True once the reading was ended on purpose."""
+        return self._reading.stopped
+
+    @stopped.setter
+    def stopped(self, value: bool) -> None:
+        self._reading.stopped = value
+
+    @property
+    def waits(self) -> bool:
+        """True while it waits for bytes and would not notice `stopped`."""
+        return self._reading.waits
+
+    @property
+    def unit(self) -> str:
+        """The unit that the captures are counted in: line or record."""
+        units = {part.unit for part in self.source.parts}
+        return units.pop() if len(units) == 1 else "record"
+
+    def renewed(self) -> Run:
+        """Return another run over the same captures, from their start. Raises what opening them raises."""
+        return Run(self.request, self.complain, self.registry, self.source.again())
+
+    # ---- batches
+
+    def batches(self) -> Iterator[Batch]:
+        """Yield every batch of the capture; damage found on the way is complained of at its end."""
+        for chunk in self.source.chunks():
+            if chunk != b"":
+                for batch in self.engine.feed(chunk):
+                    yield self._seen(batch)
+            else:
+                yield self._seen(self.engine.flush())
+        yield self._seen(self.engine.finish())
+        self._conclude()
+
+    def inside(self) -> Iterator[Batch]:
+        """Yield the batches inside the window, decoded as a capture of its own; all of them without a window."""
+        from analyzer.window.cut import FrameSelection  # noqa: PLC0415 - most runs have no window
+        from analyzer.window.decoder import WindowDecoder  # noqa: PLC0415
+
+        if not self.request.window:
+            yield from self.batches()
+            return
+        selection = FrameSelection(self.request.window, self.frame_batches_again)
+        decoder = WindowDecoder(self.engine, selection)
+        for batch in decoder.batches(_frame_batches(self.source.chunks())):
+            yield self._seen(batch)
+        self._conclude(whole=False)
+        if selection.problem is not None:
+            self.reject(selection.problem)
+        elif not decoder.rows:
+            self.reject("nothing is inside the window")
+
+    def again(self) -> Iterator[Batch] | None:
+        """Return the batches once more, with nothing counted or complained of; None if they exist only once."""
+        chunks = self._chunks_again()
+        return None if chunks is None else Engine(self.registry).run(chunks)
+
+    # ---- frames that are not decoded
+
+    def frame_batches(self) -> Iterator[FrameBatch]:
+        """Yield the rows of the capture without decoding them; complaints as with `batches`."""
+        for batch in _frame_batches(self.source.chunks()):
+            for name, count in batch.lines.items():
+                self.totals.lines[name] = self.totals.lines.get(name, 0) + count
+            if batch.lines["unreadable"]:
+                self._complain_of(wrap(EVENT_ROWS, batch.columns()[1]))
+            yield batch
+        self._conclude()
+
+    def frame_batches_inside(self, *, again: bool = False) -> Iterator[FrameBatch]:
+        """Yield the rows inside the window; `again` reads them once more. Ends the run if that does not go."""
+        batches = self.frame_batches_again() if again else self.frame_batches()
+        if batches is None:
+            self.require("cannot be read a second time")
+            return
+        if not self.request.window:
+            yield from batches
+            return
+        from analyzer.window.cut import FrameSelection  # noqa: PLC0415 - most runs have no window
+
+        selection = FrameSelection(self.request.window, self.frame_batches_again)
+        yield from selection.cut(batches)
+        self.require(selection.problem)
+
+    def frame_batches_again(self) -> Iterator[FrameBatch] | None:
+        """Return the rows once more, in the same way; None if they exist only once."""
+        chunks = self._chunks_again()
+        return None if chunks is None else _frame_batches(chunks)
+
+    # ---- whether to go on
+
+    def unhurried(self, texts: Iterable[str]) -> Iterator[str]:
+        """Yield the texts; once stopped no more of them if the capture is there to be read again."""
+        for text in texts:
+            if self._reading.stopped and not self._reading.live:
+                return
+            yield text
+
+    def reject(self, reason: str) -> None:
+        """Complain that what was asked for does not go with this capture."""
+        self.complain(f"{self.source.name}: {reason}")
+        if self._state == "whole":
+            self._state = "refused"
+
+    def require(self, problem: str | None) -> None:
+        """End the run if the capture does not have what was asked for, for this reason."""
+        if problem is not None:
+            self.reject(problem)
+            raise RunEndedError
+
+    def require_inside(self, found: int) -> None:
+        """End the run if a window was asked for and nothing was found inside it."""
+        self.require("nothing is inside the window" if self.request.window and not found else None)
+
+    def go_on(self) -> None:
+        """End the run if output that is there whole or not at all has become impossible.
+
+        After Ctrl-C a part of a file is no result; what a pipe has delivered exists only once, and is one.
+        """
+        if self._state == "refused":
+            raise RunEndedError
+        if self.stopped and not self.source.live:
+            self.complain("interrupted, nothing is written")
+            raise KeyboardInterrupt
+
+    # ----
+
+    def _chunks_again(self) -> Iterator[bytes | FrameBatch] | None:
+        if self.source.live:
+            return None
+        self._reading = self.source.again()
+        return self._reading.chunks()
+
+    def _seen(self, batch: Batch) -> Batch:
+        self.transfers += len(batch.transfers)
+        self.totals = self.engine.totals
+        self._complain_of(batch.events)
+        return batch
+
+    def _complain_of(self, events: pa.RecordBatch) -> None:
+        if not len(events) or self._complaints >= LINES_SHOWN:
+            return
+        merged = len(self.source.parts) > 1
+        rows_ = events.filter(pc.equal(events.column("kind"), EVENTS.index("unreadable"))).to_pylist()
+        for row in rows_[: LINES_SHOWN - self._complaints]:
+            place = "" if merged else f"{self.source.name}: {self.unit} {row['line']}: "
+            self.complain(place + row["text"])
+            self._complaints += 1
+
+    def _conclude(self, *, whole: bool = True) -> None:
+        """Say what there is to say at the end of a capture, `whole` or cut; the notes of formats come first."""
+        totals, source = self.totals, self.source
+        for part in source.parts:
+            for note in part.notes:
+                self.complain(f"{part.name}: {note}")
+        unreadable, balanced = totals.lines["unreadable"], totals.balanced
+        damages = [part.damage for part in source.parts if part.damage is not None]
+        empty = self._empty(whole=whole)
+        if unreadable > self._complaints:
+            self.complain(f"{source.name}: {unreadable} of {totals.lines['lines']} {self.unit}s are unreadable")
+        for damage in damages:
+            self.complain(str(damage))
+        for name in empty:
+            self.complain(f"{name}: empty")
+        if not balanced:
+            self.complain(f"{source.name}: lines and frames do not add up: please report this as a bug")
+        if unreadable or damages or empty or not balanced:
+            self._state = "damaged"
+        if source.problem is not None:
+            self.reject(source.problem)
+
+    def _empty(self, *, whole: bool) -> list[str]:
+        """Return the names of captures without a single record."""
+        source = self.source
+        if source.stopped:
+            return []
+        if isinstance(source, Merged) and whole:
+            return source.empty
+        return [source.name] if whole and not self.totals.lines["lines"] and source.damage is None else []
+
+
+def _frame_batches(chunks: Iterable[bytes | FrameBatch]) -> Iterator[FrameBatch]:
+    return (batch for batch in rows(chunks) if not isinstance(batch, bytes))

@@ -1,0 +1,64 @@
+"""The three standard streams, whatever the shell made of them: closed, full, or not in UTF-8."""
+
+from __future__ import annotations
+
+import codecs
+import os
+import sys
+
+_PLAIN = {"…": "~", "±": "+-", "°": "deg", "µ": "u"}
+_ERRORS = "tailbyte.plain"
+
+
+def prepare() -> None:
+    """Give every stream a descriptor, and standard output a way to write what its encoding lacks.
+
+    A closed one gets the null device, so that no file opened later takes its number: reading and standard output fail
+    there, since somebody should know, standard error is lost.
+    """
+    for number, mode in enumerate((os.O_WRONLY, os.O_RDONLY, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.dup2(os.open(os.devnull, mode), number)
+    if sys.stdout is None:
+        sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - it lives as long as the process
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", encoding="utf-8", errors="backslashreplace", closefd=False)  # noqa: SIM115 - as above
+    codecs.register_error(_ERRORS, _plain)
+    if hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(errors=_ERRORS)
+
+
+def complain(text: str, who: str = "tailbyte") -> None:
+    """Say one line on standard error, harmless to a terminal."""
+    from analyzer.views.terminal import escape  # noqa: PLC0415 - `--help` does without
+
+    tell(f"{who}: {escape(text)}\n")
+
+
+def tell(text: str) -> None:
+    """Write to standard error; whoever closed it does not want to hear of it."""
+    try:
+        sys.stderr.write(text)
+        sys.stderr.flush()
+    except OSError:
+        forget(2)
+
+
+def forget(number: int) -> None:
+    """Forget what a stream still holds and cannot write; without this the interpreter tries again at its exit."""
+    sink = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(sink, number)
+    os.close(sink)
+
+
+def _plain(error: UnicodeError) -> tuple[str, int]:
+    """Error handler: a plain stand-in of about the same width, else a backslash escape."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    texts = (
+        _PLAIN.get(c) or c.encode("ascii", "backslashreplace").decode("ascii")
+        for c in error.object[error.start : error.end]
+    )
+    return "".join(texts), error.end

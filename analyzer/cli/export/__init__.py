@@ -1,0 +1,223 @@
+"""`tailbyte export`: the decoded tables of a capture for other tools: Parquet, Arrow, CSV, or MCAP with telemetry."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from analyzer.app import streams
+from analyzer.app.targets import refuse_input
+from analyzer.cli import options, status
+from analyzer.cli.export.target import FORMS, goal
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from contextlib import AbstractContextManager
+
+    from analyzer.app.judged import JudgedRun
+    from analyzer.app.run import Run
+    from analyzer.cli.complaints import Complaints
+    from analyzer.cli.export.target import Goal
+    from analyzer.sinks.atomic import Target, TargetFolder
+    from analyzer.window.part import BatchPart
+
+NAME = "tailbyte export"
+_STALE_SHOWN = 3
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command and its options."""
+    parser = commands.add_parser(
+        "export",
+        help="decoded tables as Parquet, Arrow, CSV or MCAP",
+        description=__doc__,
+        usage="%(prog)s [options] CAPTURE... -o DIR|FILE",
+    )
+    options.add_reader(parser)
+    parser.add_argument(
+        "-o", "-w", dest="output", required=True, metavar="DIR|FILE",
+        help="a folder, which gets a file for each table, or FILE.mcap; with one --table also a file of that table",
+    )  # fmt: skip
+    parser.add_argument(
+        "-F", "--format", dest="form", choices=FORMS, help="default: what the name of the output says, else parquet"
+    )
+    parser.add_argument(
+        "--table", action="append", default=[], metavar="NAME",
+        help="only this table: frames, transfers, events, NodeStatus or another type or packet; repeatable; "
+        "findings: what `check` finds, into MCAP",
+    )  # fmt: skip
+    options.add_window(parser)
+    parser.set_defaults(run=run)
+
+
+class _InputError(Exception):
+    """A table would be written over a capture."""
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read the captures once and write their tables; the output is there whole or not at all."""
+    from analyzer.cli.complaints import Complaints  # noqa: PLC0415
+    from analyzer.cli.reading import reading  # noqa: PLC0415
+    from analyzer.sinks.export import BASIC, resolve  # noqa: PLC0415
+
+    if args.stop in FORMS:
+        return status.usage(f"--to is a time: did you mean -F {args.stop}", NAME)
+    try:
+        request = options.request(args)
+    except (argparse.ArgumentTypeError, ValueError) as error:
+        return status.usage(error, NAME)
+    complaints = Complaints()
+    with reading(request, complaints) as run:
+        try:
+            tables = dict.fromkeys(resolve(run.registry, name) for name in args.table)
+            wanted = goal(args.output, args.form, tuple(tables))
+            refuse_input(request.names, args.output)
+            for name in (tables or BASIC) if wanted.folder else ():
+                refuse_input(request.names, _file(wanted, name))
+        except (argparse.ArgumentTypeError, LookupError, ValueError) as error:
+            return status.usage(error, NAME)
+        export = _Export(run, wanted, complaints)
+        try:
+            if wanted.form == "mcap":
+                export.telemetry()
+            else:
+                export.tables()
+        except _InputError as error:
+            return status.usage(error, NAME)
+    return status.of_run(run)
+
+
+class _Export:
+    """The capture part by part on its way into the output, with what is inside the window counted."""
+
+    def __init__(self, run: Run, goal: Goal, complaints: Complaints) -> None:
+        self._run, self._goal, self._complaints = run, goal, complaints
+        self._frames = self._transfers = self._events = 0
+
+    def tables(self) -> None:
+        """Write a file for each table, or one table."""
+        from analyzer.cli.reading import watched  # noqa: PLC0415
+        from analyzer.sinks.atomic import Target, TargetFolder  # noqa: PLC0415
+        from analyzer.sinks.export import TableExport  # noqa: PLC0415
+
+        run, goal = self._run, self._goal
+        place: AbstractContextManager[Target | TargetFolder]
+        place = TargetFolder(goal.path) if goal.folder else Target(goal.path)
+        with place as target:
+
+            def make(name: str) -> BinaryIO:
+                if not isinstance(target, TargetFolder):
+                    return target.file
+                path = _file(goal, name)
+                try:  # which tables there are is known only now
+                    refuse_input(run.request.names, path)
+                except ValueError as error:
+                    raise _InputError(str(error)) from None
+                return target.open(Path(path).name)
+
+            export = TableExport(goal.form, make, run.registry, goal.tables, _scratch(goal.path), _about(run))
+            with closing(export), watched(run.source, self._complaints) as progress:
+                for part in progress.over(self._parts()):
+                    export.feed(part)
+                for _ in progress.over(export.finish(), "writing frames"):
+                    run.go_on()
+            run.go_on()
+        tables = "1 table" if len(export.rows) == 1 else f"{len(export.rows)} tables"
+        self._account(f"{tables} with {sum(export.rows.values())} rows", target.name)
+        if goal.folder:
+            _say_stale(run, goal, {Path(_file(goal, name)).name for name in export.rows})
+
+    def telemetry(self) -> None:
+        """Write messages, frames, events and findings into one MCAP file."""
+        from analyzer.app.criteria import Criteria  # noqa: PLC0415
+        from analyzer.app.judged import JudgedRun  # noqa: PLC0415
+        from analyzer.cli.reading import watched  # noqa: PLC0415
+        from analyzer.report.log_messages import log_messages  # noqa: PLC0415
+        from analyzer.sinks import losses  # noqa: PLC0415
+        from analyzer.sinks.atomic import Target  # noqa: PLC0415
+        from analyzer.sinks.export import FINDINGS  # noqa: PLC0415
+        from analyzer.sinks.telemetry import TelemetryExport  # noqa: PLC0415
+
+        run, goal = self._run, self._goal
+        criteria = Criteria(run.request.rules, run.registry)
+        judged = JudgedRun(run, criteria) if FINDINGS in (goal.tables or [FINDINGS]) else None
+        with Target(goal.path) as target:
+            export = TelemetryExport(target.file, goal.tables, _about(run))
+            with watched(run.source, self._complaints) as progress:
+                for part in progress.over(self._parts(judged)):
+                    export.feed(part)
+            if judged is not None:
+                report = criteria.report([judged.taken(run.source.name)])
+                log = log_messages(report, export.extent, export.capture, windowed=bool(run.request.window))
+                export.add_findings(log)
+            export.finish()
+            run.go_on()
+        events = f", {export.events} events" if export.events else ""
+        findings = f", {export.findings} findings" if export.findings else ""
+        self._account(f"{export.messages} messages{events}{findings} and {export.frames} frames", target.name)
+        if lost := losses(export.lost):
+            streams.tell(f"-- frames in MCAP cannot hold: {lost}\n")
+
+    def _parts(self, judged: JudgedRun | None = None) -> Iterator[BatchPart]:
+        """Yield what is inside the window; all is judged. Ends the run when there is no use in going on."""
+        from analyzer.window.part import TableSelection  # noqa: PLC0415
+
+        run = self._run
+        selection = TableSelection(run.request.window, run.again)
+        batches = run.batches()
+        for part in selection.parts(batches if judged is None else judged.beside(batches)):
+            self._frames += len(part.frames)
+            self._transfers += len(part.transfers)
+            self._events += len(part.events)
+            yield part
+            run.go_on()
+        run.go_on()
+        run.require(selection.problem)
+        run.require_inside(self._frames + self._transfers + self._events)
+
+    def _account(self, what: str, where: str) -> None:
+        from analyzer.cli.reading import account  # noqa: PLC0415
+        from analyzer.views.terminal import escape  # noqa: PLC0415
+
+        run = self._run
+        frames, transfers = run.totals.lines["frames"] - self._frames, run.transfers - self._transfers
+        outside = f", {frames} frames and {transfers} transfers outside the window" if frames or transfers else ""
+        streams.tell(f"-- {what} written to {escape(where)}{outside}\n")
+        account(run, None)
+
+
+def _file(goal: Goal, table: str) -> str:
+    """Return the file of a table in the folder."""
+    from analyzer.sinks.tables import SUFFIXES  # noqa: PLC0415
+
+    return str(Path(goal.path, table + SUFFIXES[goal.form]))
+
+
+def _scratch(output: str) -> str | None:
+    """Return where there is room for temporary files if there is room for the output; None leaves it to the system."""
+    path = Path(output)
+    if output == "-":
+        return None
+    return output if path.is_dir() else str(path.parent) if not path.exists() or path.is_file() else None
+
+
+def _say_stale(run: Run, goal: Goal, written: set[str]) -> None:
+    """Tell of tables of an earlier export, which nobody should take for those of this capture."""
+    suffix = next(iter(written)).rpartition(".")[2]
+    stale = sorted(path.name for path in Path(goal.path).glob(f"*.{suffix}") if path.name not in written)
+    if stale:
+        more = "" if len(stale) <= _STALE_SHOWN else f" and {len(stale) - _STALE_SHOWN} more"
+        run.complain(f"{goal.path} also holds earlier files: {', '.join(stale[:_STALE_SHOWN])}{more}")
+
+
+def _about(run: Run) -> dict[str, str]:
+    from analyzer.app.version import version  # noqa: PLC0415
+    from analyzer.views.terminal import escape  # noqa: PLC0415
+
+    return {
+        "tailbyte.version": version(),
+        "tailbyte.capture": escape(run.source.name),  # may hold bytes that are no text
+        "tailbyte.times": "UTC; in a capture without dates from an arbitrary start",
+    }

@@ -1,0 +1,169 @@
+"""Which nodes send the numbers inside packets with the high byte first, found out from what else they send.
+
+The document prints no byte order for packets (4.4.4, 4.4.5). Little-endian is assumed. A profile says which fields of a
+packet show the same as a field of a message (`agrees`); a packet is evidence for one byte order when a field read that
+way agrees with the node's latest message before it, and no field agrees read the other way alone. A number that reads
+the same both ways proves nothing. Three proofs of big-endian without one of little-endian settle a node, and so does
+one of little-endian: what is settled stays. Rows are never read again: big-endian starts with the packet after the
+third proof. Everything goes by row numbers, so it does not matter where the capture is cut into batches.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.decode.columns import linear, members, senders
+from dissectors.kit.cells import numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    import pyarrow as pa
+
+    from analyzer.decode.packets import FoundPackets
+    from dissectors.kit import Array
+    from dissectors.schema import Agreement, Packet
+
+    Read = Callable[[FoundPackets, Array, Array], list[pa.Array]]
+
+PROOFS = 3
+
+_NODES = 1 << 16
+
+
+def swapped(data: Array, starts: Array, ends: Array, places: Iterable[tuple[int, int]]) -> Array:
+    """Return the bytes `data` with every number at `places` turned round, in the packets from `starts` to `ends`.
+
+    `places` are (first byte, bytes) in a packet; a number that a packet is too short for stays as it is.
+    """
+    out = data.copy()
+    for first, size in places:
+        whole = starts[ends - starts >= first + size]
+        at = (whole + first)[:, None] + np.arange(size)
+        out[at] = data[at[:, ::-1]]
+    return out
+
+
+class ByteOrder:
+    """The byte order of every (bus, node): what it last said, what its packets proved, where big-endian begins.
+
+    State is bounded by the 65,536 pairs there are.
+
+    Args:
+        packets: every packet that a profile knows.
+    """
+
+    def __init__(self, packets: Iterable[Packet]) -> None:
+        self._watched: dict[str, dict[str, Array]] = {}  # message -> field -> latest value of earlier batches, by node
+        for packet in packets:
+            for _, agreement in _agreements(packet):
+                latest = self._watched.setdefault(agreement.message, {})
+                latest.setdefault(agreement.field, np.full(_NODES, np.nan))
+        self._settled = np.zeros(_NODES, bool)
+        self._proofs: dict[int, int] = {}  # of big-endian, for nodes that are not settled
+        self._big_after: dict[int, int] = {}  # position of the packet that settled it
+
+    def learn(self, messages: Mapping[str, pa.RecordBatch], found: Sequence[FoundPackets], read: Read) -> None:
+        """Take in one batch, its message tables complete. `read` unpacks whole packets: bounds and bytes to arrays."""
+        ballots = [ballot for one in found if (ballot := self._ballot(one, messages, read)) is not None]
+        if ballots:
+            nodes, positions, big = (np.concatenate(columns) for columns in zip(*ballots, strict=True))
+            for node in np.unique(nodes[big]).tolist():
+                mine = np.flatnonzero(nodes == node)
+                mine = mine[np.argsort(positions[mine])]
+                self._count(node, positions[mine], big[mine])
+            self._settled[nodes[~big]] = True
+        for name in self._watched.keys() & messages.keys():
+            self._remember(name, messages[name])
+
+    def big_endian(self, found: FoundPackets) -> Array:
+        """Return the packets that are to be read big-endian."""
+        big = np.zeros(len(found.rows), bool)
+        if self._big_after:
+            for node in np.unique(found.senders).tolist():
+                if node in self._big_after:
+                    big |= (found.senders == node) & (found.positions > self._big_after[node])
+        return big
+
+    def _ballot(
+        self, found: FoundPackets, messages: Mapping[str, pa.RecordBatch], read: Read
+    ) -> tuple[Array, Array, Array] | None:
+        """Yield (node, position, proves big-endian) of packets that prove something about a node not settled yet."""
+        pairs = [] if found.packet is None else list(_agreements(found.packet))
+        if found.packet is None or not pairs:
+            return None
+        rows = np.flatnonzero(found.sound & ~self._settled[found.senders])
+        if not rows.size:
+            return None
+        nodes, length = found.senders[rows], found.packet.length
+        whole = found.data[found.bounds[rows][:, None] + np.arange(length)].reshape(-1)
+        bounds = (np.arange(len(rows) + 1) * length).astype(np.int32)
+        turned = swapped(whole, bounds[:-1], bounds[1:], found.packet.numbers)
+        names = [m.name for m in members(found.packet.layout)]
+        readings = [dict(zip(names, read(found, bounds, data), strict=True)) for data in (whole, turned)]
+        proof = np.zeros((2, len(rows)), bool)
+        for name, agreement in pairs:
+            said = self._said(messages.get(agreement.message), agreement, nodes, found.positions[rows])
+            scale = found.packet.notes[name].scale or Fraction(1)
+            near = [
+                np.abs(linear(numbers(reading[name]), scale) - said) <= float(agreement.within) * np.abs(said)
+                for reading in readings
+            ]
+            proof[0] |= near[0] & ~near[1]
+            proof[1] |= near[1] & ~near[0]
+        speaks = proof[0] != proof[1]
+        return nodes[speaks], found.positions[rows][speaks], proof[1][speaks]
+
+    def _said(self, table: pa.RecordBatch | None, about: Agreement, nodes: Array, positions: Array) -> Array:
+        """Return the value of the node's latest good message before each position, NaN if there is none."""
+        values = self._watched[about.message][about.field][nodes]
+        if table is None:
+            return values
+        wanted = np.zeros(_NODES, bool)
+        wanted[nodes] = True
+        rows, at_nodes = _good(table, wanted)
+        if not rows.size:
+            return values
+        order = np.argsort(at_nodes, kind="stable")  # rows are in the order of their transfers already
+        keys = _key(at_nodes[order], numbers(table.column("transfer"))[rows[order]])
+        before = np.searchsorted(keys, _key(nodes, positions >> np.uint64(16))) - 1
+        mine = (before >= 0) & (at_nodes[order][before] == nodes)
+        values[mine] = numbers(table.column(about.field))[rows[order][before[mine]]]
+        return values
+
+    def _remember(self, name: str, table: pa.RecordBatch) -> None:
+        rows, nodes = _good(table, ~self._settled)
+        for field, latest in self._watched[name].items():
+            latest[nodes] = numbers(table.column(field))[rows]  # of several rows of one node the last one stays
+
+    def _count(self, node: int, positions: Array, big: Array) -> None:
+        """Take the proofs of one node in order, among them at least one of big-endian."""
+        little = np.flatnonzero(~big)
+        run = int(little[0]) if little.size else len(big)
+        missing = PROOFS - self._proofs.pop(node, 0)
+        if run >= missing:
+            self._big_after[node] = int(positions[missing - 1])
+            self._settled[node] = True
+        elif not little.size:
+            self._proofs[node] = PROOFS - missing + run
+
+
+def _agreements(packet: Packet) -> Iterable[tuple[str, Agreement]]:
+    return ((name, note.agrees) for name, note in packet.notes.items() if note.agrees is not None)
+
+
+def _good(table: pa.RecordBatch, wanted: Array) -> tuple[Array, Array]:
+    """Return rows of wanted nodes that can be relied on, and their nodes."""
+    nodes = senders(table)
+    rows = np.flatnonzero(wanted[nodes])
+    if rows.size:
+        good = numbers(table.column("trusted"))[rows] & (numbers(table.column("bits_left"))[rows] >= 0)
+        rows = rows[good]
+    return rows, nodes[rows]
+
+
+def _key(nodes: Array, transfers: Array) -> Array:
+    return nodes.astype(np.uint64) << np.uint64(48) | transfers

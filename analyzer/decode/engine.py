@@ -1,0 +1,132 @@
+"""The pipeline: candump text or rows of frames in, one batch of every table out. Files and live buses both run this."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import dissectors
+from analyzer import _native
+from analyzer.decode.messages import Messages
+from analyzer.tables import EVENT_ROWS, FRAMES, SETTLED, TRANSFERS, VERDICTS, wrap
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    import pyarrow as pa
+
+    from analyzer._native import FrameBatch
+    from dissectors.registry import Registry
+
+BATCH_ROWS = 1 << 17
+# The lines of a capture and the terms of their sum.
+LINES = (
+    "lines", "frames", "error_frames", "drops", "comments", "blank", "unreadable", "other", "repeated"
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """A slice of every table, as one step of the pipeline gives it. Row numbers run through the whole capture.
+
+    `messages` holds a table for each message type and packet that occurred, by name. `settled` lists verdicts of
+    frames of earlier batches that were found out only now.
+    """
+
+    frames: pa.RecordBatch
+    transfers: pa.RecordBatch
+    events: pa.RecordBatch
+    messages: dict[str, pa.RecordBatch]
+    settled: pa.RecordBatch
+    first_frame: int
+    first_transfer: int
+    buses: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Totals:
+    """The law of conservation in numbers, capture-wide.
+
+    `lines` = the sum of the other terms of `LINES`; `verdicts` sum up to the frames, if these were decoded.
+    """
+
+    lines: dict[str, int] = field(default_factory=dict)
+    verdicts: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def balanced(self) -> bool:
+        """True when every line and every frame is accounted for."""
+        sums = sum(self.lines[part] for part in LINES[1:]) == self.lines["lines"]
+        return sums and (not self.verdicts or sum(self.verdicts.values()) == self.lines["frames"])
+
+
+class Engine:
+    """The pipeline with its state: open transfers, and how many rows have gone by.
+
+    Args:
+        registry: the types to decode; the built-in ones if not given.
+    """
+
+    def __init__(self, registry: Registry | None = None) -> None:
+        self.registry = registry if registry is not None else dissectors.load()
+        self._messages = Messages(self.registry)
+        self._native = _native.Pipeline(self.registry.signatures)
+        self._frames = self._transfers = 0
+
+    def feed(self, chunk: bytes | FrameBatch) -> Iterator[Batch]:
+        """Take candump text, cut anywhere, or the rows of a reader; yield a batch for about every 131,072 rows.
+
+        A capture is either text or rows.
+        """
+        at: int | None = 0
+        while at is not None:
+            at = self._native.feed(chunk, at)
+            if self._native.waiting >= BATCH_ROWS:
+                yield self.flush()
+
+    def flush(self) -> Batch:
+        """Return everything that is known now; open transfers stay open."""
+        frames, transfers, events, settled, groups = self._native.take()
+        t = wrap(TRANSFERS, transfers)
+        payload = (transfers["payload_offset"], transfers["payload"])
+        messages = self._messages.decode(t, payload, groups, self._transfers)
+        batch = Batch(
+            frames=wrap(FRAMES, frames),
+            transfers=t,
+            events=wrap(EVENT_ROWS, events),
+            messages=messages,
+            settled=wrap(SETTLED, settled),
+            first_frame=self._frames,
+            first_transfer=self._transfers,
+            buses=tuple(self._native.buses),
+        )
+        self._frames += len(batch.frames)
+        self._transfers += len(t)
+        return batch
+
+    def finish(self) -> Batch:
+        """End the capture: close what is still open."""
+        self._native.finish()
+        return self.flush()
+
+    def run(self, chunks: Iterable[bytes | FrameBatch]) -> Iterator[Batch]:
+        """Yield the batches of every chunk, then that of the end."""
+        for chunk in chunks:
+            yield from self.feed(chunk)
+        yield self.finish()
+
+    @property
+    def totals(self) -> Totals:
+        """Counts of what became of every line and frame so far."""
+        lines: dict[str, Any] = dict(self._native.lines)
+        return Totals(lines, dict(zip(VERDICTS, self._native.verdicts, strict=True)))
+
+    @property
+    def stamps(self) -> int:
+        """Kinds of time stamps seen, as bits of `tables.STAMPS`."""
+        return self._native.stamps
+
+    @property
+    def buses(self) -> tuple[str, ...]:
+        """Interface names by index."""
+        return tuple(self._native.buses)

@@ -1,0 +1,213 @@
+"""Triggers: of all that comes, only the windows around findings are recorded."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.live import conditions, remarks
+from analyzer.live.frame_batches import NO_CLOCK, OrderedRows
+from analyzer.live.patterns import FindingPattern, first_match, parse_pattern
+from analyzer.live.recording.axis import Axis
+from dissectors.times import SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable
+
+    from analyzer._native import FrameBatch
+    from analyzer.report.newest import Change
+    from dissectors.kit import Array
+
+# Findings may come this much later than what they are about: rules wait for what explains it, transfers for their end.
+LATE = 5 * SECOND
+# Rows that are kept for windows to come at most, 138 s of a full bus of 1 Mbit/s: some 100 MB.
+MOST = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class TriggerPlan:
+    """The findings that open a window, and how much of it lies in front and behind, in nanoseconds."""
+
+    wanted: tuple[FindingPattern, ...]
+    pre: int = 10 * SECOND
+    post: int = 5 * SECOND
+
+
+def parse_trigger(
+    texts: Iterable[str], pre: str | None = None, post: str | None = None, rules: Collection[str] = ()
+) -> TriggerPlan | None:
+    """Read all `--trigger`, `--pre` and `--post`; None if there is no trigger. Raises `ValueError`.
+
+    Triggers are `error` (or worse), `protocol:error`, `TRF-010`, `TRF`; `rules` are the rules that there are.
+    """
+    wanted = tuple(parse_pattern("--trigger", text, rules) for text in texts)
+    given = {
+        name: conditions.parse_seconds(f"--{name}", name, value)
+        for name, value in (("pre", pre), ("post", post))
+        if value is not None
+    }
+    if given and not wanted:
+        raise ValueError(f"--{next(iter(given))} is of no use without --trigger")
+    return TriggerPlan(wanted, **given) if wanted else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """Rows that have not gone out, where they are on the axis, and the time that the row in front of them says."""
+
+    ordered: OrderedRows
+    come: Array
+    since: Array
+    before: int
+
+    @property
+    def first(self) -> int:
+        """The time that the first row says, or the one in front of it."""
+        return self._said(slice(0, 1))
+
+    @property
+    def last(self) -> int:
+        """The time that the last one says."""
+        return self._said(slice(None))
+
+    def behind(self, count: int) -> _Kept:
+        """Return what is left behind so many rows."""
+        rows = slice(count, len(self.ordered))
+        return _Kept(
+            OrderedRows(self.ordered.take(rows)), self.come[rows], self.since[rows], self._said(slice(0, count))
+        )
+
+    def _said(self, rows: slice) -> int:
+        said = self.ordered.t[rows][self.ordered.clocks()[rows] != NO_CLOCK]
+        return int(said[-1]) if len(said) else self.before
+
+
+class Trigger:
+    """Lets rows through whose time is at most `pre` before or `post` behind that of a finding.
+
+    Times are those of the rows on one `Axis`, so that neither load makes a difference nor clocks that are set, or not
+    the same. Rows go out in their order and once: windows that overlap are one, and a finding that is told late
+    adds nothing in front of rows that have gone out. In front of each window stand comments that say why it is there,
+    and how many frames before it were left out; behind it, one that says that a gap follows.
+
+    On a silent bus no row ends a window: `tick` does, once `post` has passed.
+
+    Args:
+        plan: what to wait for.
+        most: rows that are kept. On a bus that brings more in `pre` + `LATE` windows begin later.
+    """
+
+    def __init__(self, plan: TriggerPlan, most: int = MOST) -> None:
+        self._plan, self._most = plan, most
+        self._kept: deque[_Kept] = deque()
+        self._rows = 0
+        self._axis = Axis()
+        # The time of the last row, as it says.
+        self._said = 0
+        # The end of the window that is open, on the axis.
+        self._until: int | None = None
+        self._left_out = 0
+        self.windows = 0
+
+    def feed(self, batch: FrameBatch) -> list[FrameBatch]:
+        """Take the next rows; return what is to be recorded now."""
+        ordered = OrderedRows(batch)
+        if len(ordered):
+            kept = _Kept(ordered, *self._axis.place(ordered), self._said)
+            self._kept.append(kept)
+            self._rows += len(ordered)
+            self._said = kept.last
+        out = self._released()
+        self._forget()
+        return out
+
+    def take_findings(self, changes: Iterable[Change]) -> list[FrameBatch]:
+        """Take findings about rows that it has had; return what is to be recorded now."""
+        out: list[FrameBatch] = []
+        for change in changes:
+            finding = first_match(self._plan.wanted, [change])
+            if finding is not None:
+                t = self._said if finding.last.t_ns is None else finding.last.t_ns
+                at = self._axis.now if finding.last.t_ns is None else self._axis.locate(finding.bus, t)
+                out += self._fire(at, f"{finding.rule} ({finding.severity}), {_utc(t)}: {finding.text}", change.fresh)
+        return out
+
+    def record_now(self, why: str) -> list[FrameBatch]:
+        """Open a window, as somebody wants what is there now; return what is to be recorded."""
+        return self._fire(self._axis.now, f"{why}, {_utc(self._said)}", fresh=True)
+
+    def tick(self, passed: int) -> list[FrameBatch]:
+        """Note that so many ns have passed since rows of a bus came; return what is to be recorded now."""
+        return self._shut() if self._until is not None and self._axis.now + passed > self._until else []
+
+    def finish(self) -> list[FrameBatch]:
+        """End: nothing more will come. Return what is to be recorded of that."""
+        return self._shut() if self._until is not None else []
+
+    def _fire(self, at: int, why: str, fresh: bool) -> list[FrameBatch]:
+        until = at + self._plan.post
+        if self._until is not None:
+            self._until = max(self._until, until)
+            return [remarks.make_comment(self._said, f"trigger, too: {why}")] if fresh else []
+        self._skip(at - self._plan.pre)
+        if (self._kept[0].since[0] if self._kept else self._axis.now + 1) > until:
+            # All of it has gone out, or has been forgotten.
+            return [remarks.make_comment(self._said, f"trigger, told late: {why}")] if fresh else []
+        start = self._kept[0].first if self._kept else self._said
+        self.windows += 1
+        left, self._left_out = self._left_out, 0
+        self._until = until
+        text = f"trigger {self.windows}: {why}"
+        return [
+            remarks.make_comment(start, f"{left} frames before this are left out"),
+            remarks.make_comment(start, text),
+            *self._released(),
+        ]
+
+    def _released(self) -> list[FrameBatch]:
+        """Return the rows inside the window, and its end if a row is behind it."""
+        out: list[FrameBatch] = []
+        while self._until is not None and self._kept:
+            kept = self._kept[0]
+            inside = int(np.searchsorted(kept.since, self._until, "right"))
+            if inside:
+                out.append(kept.ordered.take(slice(0, inside)))
+                self._drop(inside)
+            if inside < len(kept.since):
+                out += self._shut()
+        return out
+
+    def _shut(self) -> list[FrameBatch]:
+        self._until = None
+        return [remarks.make_comment(self._said, "the trigger's window ends, a gap follows")]
+
+    def _skip(self, since: int) -> None:
+        """Forget rows before a time, which will not be recorded."""
+        while self._kept and self._kept[0].come[0] < since:
+            self._leave_out(int(np.searchsorted(self._kept[0].come, since, "left")))
+
+    def _forget(self) -> None:
+        """Forget rows that are too old for any window, or too many."""
+        self._skip(self._axis.now - self._plan.pre - LATE)
+        while self._rows > self._most:
+            self._leave_out(min(self._rows - self._most, len(self._kept[0].come)))
+
+    def _leave_out(self, count: int) -> None:
+        self._left_out += int(self._kept[0].ordered.frame[:count].sum())
+        self._drop(count)
+
+    def _drop(self, count: int) -> None:
+        """Drop the first rows of the first batch."""
+        kept = self._kept.popleft()
+        self._rows -= count
+        if count < len(kept.ordered):
+            self._kept.appendleft(kept.behind(count))
+
+
+def _utc(t: int) -> str:
+    seconds, rest = divmod(max(t, 0), SECOND)
+    return f"{time.strftime('%Y-%m-%d %H:%M:%S', time.gmtime(seconds))}.{rest // 1000:06} UTC"

@@ -1,0 +1,158 @@
+//! Whose traffic a session is turns out: what it held back is handed on, or is foreign. See [`crate::trust`].
+#![forbid(unsafe_code)]
+
+use super::{Reassembler, Standing, MAX_HELD, NOBODY, REMOTE_FRAME, SPEAKERS};
+use crate::session::Session;
+use crate::slot::Frame;
+use crate::trust::{Judgement, Kept, Probation};
+use crate::verdict::{frame_anomaly, Outcome, Verdict};
+use crate::wire::Kind;
+
+impl Reassembler {
+    /// End of capture: what is still open becomes evidence too.
+    pub fn finish(&mut self) {
+        // What turns out to be anonymous after all is heard before the last word on the anonymous.
+        for nameless in [true, false] {
+            for at in 0..self.sessions.len() {
+                if self.sessions[at].1.id.is_nameless() == nameless {
+                    self.close(at);
+                }
+            }
+        }
+    }
+
+    fn close(&mut self, at: usize) {
+        let speaks = self.speakers[self.speaker(at)];
+        let (standing, session) = &mut self.sessions[at];
+        match standing {
+            Standing::Trusted => session.finish(self.now, &mut self.results.transfers),
+            Standing::Foreign => {}
+            Standing::Probation(probation) => {
+                session.finish(self.now, &mut probation.transfers);
+                let judgement = probation.last_word(session, speaks);
+                let note = probation.note_of_refusal();
+                let last = probation.held.last().map(|held| held.frame);
+                let kept = std::mem::take(&mut probation.kept);
+                self.settle(at, judgement);
+                if judgement == Judgement::Foreign {
+                    if let (Some(frame), 1.., true) = (last, note, kept.is_empty()) {
+                        self.report(frame, Outcome::with(Verdict::Foreign, note));
+                    }
+                    self.give_back(at, &kept);
+                }
+            }
+        }
+    }
+
+    /// A frame of a session that has not proven itself.
+    #[cold]
+    pub(super) fn probe(&mut self, at: usize, frame: &Frame<'_>, remote: bool) -> Outcome {
+        let speaks = self.speakers[self.speaker(at)];
+        let (standing, session) = &mut self.sessions[at];
+        let Standing::Probation(probation) = standing else {
+            return Outcome::FOREIGN;
+        };
+        let outcome = if remote {
+            REMOTE_FRAME
+        } else {
+            session.accept(frame, &mut probation.transfers)
+        };
+        let tail = if remote { None } else { frame.data.last().copied() };
+        let nameless = session.id.is_nameless();
+        if nameless {
+            probation.kept.push(Kept::of(frame, remote));
+        }
+        let reported = probation.note(frame.number, outcome, tail, session.is_known() && !nameless);
+        let mut judgement = probation.judge(session, speaks);
+        self.held += 1;
+        let full = self.held > MAX_HELD && judgement == Judgement::Wait;
+        if full {
+            judgement = Judgement::Foreign;
+        }
+        if judgement == Judgement::Wait {
+            return Outcome {
+                verdict: reported,
+                anomaly: if reported == outcome.verdict {
+                    outcome.anomaly
+                } else {
+                    0
+                },
+            };
+        }
+        // The frame at hand is reported by the caller, all others are settled.
+        probation.held.pop();
+        self.held -= 1;
+        let note = probation.note_of_refusal() | (u16::from(full) * frame_anomaly::LIMIT);
+        let kept = std::mem::take(&mut probation.kept);
+        self.settle(at, judgement);
+        if judgement == Judgement::Believe {
+            return outcome;
+        }
+        kept.split_last()
+            .map_or(Outcome::with(Verdict::Foreign, note), |(last, before)| {
+                self.give_back(at, before);
+                self.hear_again(at, last)
+            })
+    }
+
+    /// Ends a probation: hands on what was held back, or forgets it.
+    fn settle(&mut self, at: usize, judgement: Judgement) {
+        let believed = judgement == Judgement::Believe;
+        let speaker = self.speaker(at);
+        let (standing, session) = &mut self.sessions[at];
+        let Standing::Probation(probation) = std::mem::replace(standing, Standing::Foreign) else {
+            return;
+        };
+        if believed {
+            self.speakers[speaker] = true;
+            *standing = Standing::Trusted;
+        } else {
+            if session.is_known() {
+                // It may still turn up where another protocol used its identifier before.
+                *standing = Standing::Probation(Box::new(Probation::strict(&probation)));
+            }
+            *session = Session::new(session.id, session.bus, session.known.clone());
+        }
+        self.held -= probation.held.len();
+        for held in &probation.held {
+            let outcome = if believed { held.outcome } else { Outcome::FOREIGN };
+            self.correct(held.frame, held.reported, outcome);
+        }
+        if believed {
+            self.results.transfers.append(probation.transfers);
+        }
+    }
+
+    pub(super) fn correct(&mut self, frame: u64, reported: Verdict, outcome: Outcome) {
+        if reported == outcome.verdict {
+            return;
+        }
+        self.counts[reported as usize] -= 1;
+        self.counts[outcome.verdict as usize] += 1;
+        self.report(frame, outcome);
+    }
+
+    /// The last word on a frame: in its row, or if that is gone, among the settled.
+    pub(super) fn report(&mut self, frame: u64, outcome: Outcome) {
+        let results = &mut self.results;
+        if let Some(row) = frame.checked_sub(results.first_frame) {
+            results.verdict[row as usize] = outcome.verdict as u8;
+            results.anomaly[row as usize] |= outcome.anomaly;
+        } else {
+            results.settled.frame.push(frame);
+            results.settled.verdict.push(outcome.verdict as u8);
+            results.settled.anomaly.push(outcome.anomaly);
+        }
+    }
+
+    /// Place of the session's source node in `speakers`; of an anonymous one that of nobody.
+    fn speaker(&self, at: usize) -> usize {
+        let session = &self.sessions[at].1;
+        let node = match session.id.kind {
+            Kind::Anonymous => NOBODY,
+            _ if session.id.src == 0 => session.id.dst,
+            _ => session.id.src,
+        };
+        usize::from(session.bus) * SPEAKERS + usize::from(node)
+    }
+}

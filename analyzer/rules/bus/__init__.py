@@ -1,0 +1,1 @@
+"""Rules about nodes and the bus as a whole: codes that begin with BUS."""

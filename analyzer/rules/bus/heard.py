@@ -1,0 +1,214 @@
+"""When each node, and each type that it sends, was heard: by the identifiers of frames, whatever became of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from analyzer.tables import EXTENDED, REMOTE, TAIL_END, TAIL_ID, TAIL_START, TRANSFER_IDS
+from dissectors.kit import rows_by_bus
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from dissectors.kit import Array, FrameTable
+
+_NODES = 128
+_OTHER = 0  # services, and types beyond the first 511
+_NEW = np.uint16(0xFFFF)
+_MOST_TYPES = 512
+_MOST_GAPS = 256  # of a node, the latest
+MOST_SESSIONS = 4096
+
+
+class Session(NamedTuple):
+    """A type that a node sends to all."""
+
+    bus: int
+    node: int
+    type_id: int
+
+
+class Starts(NamedTuple):
+    """Transfers of a session as they begin: times, numbers of frames, and how many were left out by their IDs."""
+
+    t: Array
+    number: Array
+    lost: Array
+
+
+class Gap(NamedTuple):
+    """A time without a frame of a node, and the frame before it: its number, and its line if that is old."""
+
+    start: int
+    stop: int
+    number: int
+    lines: tuple[str, ...] = ()
+
+
+@dataclass(slots=True, eq=False)
+class HeardNode:
+    """A node: its last frame, and when it was not heard."""
+
+    t: int
+    number: int
+    lines: tuple[str, ...] = ()
+    gaps: list[Gap] = field(default_factory=list)
+
+
+@dataclass(slots=True, eq=False)
+class _Last:
+    """The last frame of a session: whether it was the end of a transfer, its ID, and how many were left out."""
+
+    ended: bool = True
+    transfer_id: int = -1
+    lost: int = 0
+
+
+class _Ours:
+    """Frames of a bus that have a time and a sender."""
+
+    def __init__(self, frames: FrameTable, rows: Array) -> None:
+        self.rows, self.identifier, self._t = rows, frames.id[rows], frames.t
+
+    @cached_property
+    def by_node(self) -> tuple[Array, Array, Array, Array]:
+        """Rows, nodes and times in the order of nodes, and where each node begins."""
+        node = (self.identifier & 0x7F).astype(np.uint8)
+        order = np.argsort(node, kind="stable")
+        node, rows = node[order], self.rows[order]
+        return rows, node, self._t[rows], np.flatnonzero(np.diff(node, prepend=0))
+
+
+_known: WeakKeyDictionary[FrameTable, Mapping[int, _Ours]] = WeakKeyDictionary()
+
+
+def _ours(frames: FrameTable) -> Mapping[int, _Ours]:
+    """Return the frames of a batch by bus; several rules ask."""
+    if frames not in _known:
+        found = {}
+        plain = (frames.flags & (EXTENDED | REMOTE) == EXTENDED) & (frames.id & 0x7F != 0)
+        for bus, rows in rows_by_bus(frames.bus, frames.t):
+            mine = np.flatnonzero(plain) if rows is None else rows[plain[rows]]
+            if len(mine):
+                found[bus] = _Ours(frames, mine)
+        _known[frames] = found
+    return _known[frames]
+
+
+class HeardNodes:
+    """Follows the frames of each node; nodes are at most 127 an interface.
+
+    Args:
+        least: shorter times without a frame, in ns, are no gaps.
+    """
+
+    def __init__(self, least: int) -> None:
+        self._least = least
+        self._nodes: dict[tuple[int, int], HeardNode] = {}
+
+    def all(self) -> Iterable[tuple[int, HeardNode]]:
+        """Return all nodes, each with its bus."""
+        return [(bus, heard) for (bus, _), heard in self._nodes.items()]
+
+    def gaps(self, bus: int, node: int, start: int, stop: int) -> list[Gap]:
+        """Return when a node was not heard between two times."""
+        heard = self._nodes.get((bus, node))
+        return [] if heard is None else [gap for gap in heard.gaps if start <= gap.start and gap.stop <= stop]
+
+    def feed(self, frames: FrameTable) -> None:
+        """Add a batch."""
+        for bus, ours in _ours(frames).items():
+            self._add(bus, frames.first, ours)
+
+    def _add(self, bus: int, start: int, ours: _Ours) -> None:
+        rows, node, t, first = ours.by_node
+        far = np.flatnonzero(t[1:] - t[:-1] > self._least) + 1
+        far = np.setdiff1d(far, first)
+        for k in first.tolist():
+            known = self._nodes.get((bus, int(node[k])))
+            if known is None:
+                self._nodes[bus, int(node[k])] = HeardNode(int(t[k]), -1)
+            elif t[k] - known.t > self._least:
+                known.gaps.append(Gap(known.t, int(t[k]), known.number, known.lines))
+        for k in far.tolist():
+            number = start + int(rows[k - 1])
+            self._nodes[bus, int(node[k])].gaps.append(Gap(int(t[k - 1]), int(t[k]), number))
+        for k in [*(first[1:] - 1).tolist(), len(t) - 1]:
+            heard = self._nodes[bus, int(node[k])]
+            heard.t, heard.number, heard.lines = int(t[k]), start + int(rows[k]), ()
+            del heard.gaps[:-_MOST_GAPS]
+
+
+class HeardSessions:
+    """Follows the frames of each type of a node: at most 4096 of these, and 511 types."""
+
+    def __init__(self) -> None:
+        self._types = np.full(1 << 16, _NEW)
+        self._numbers = [-1]  # type IDs by what `_types` says
+        self._last: dict[Session, _Last] = {}
+
+    def feed(self, frames: FrameTable) -> Iterator[tuple[Session, Starts]]:
+        """Add a batch; yield what began of each session."""
+        for bus, ours in _ours(frames).items():
+            yield from self._sessions(bus, ours.identifier, frames, ours.rows)
+
+    def _sessions(
+        self, bus: int, identifier: Array, frames: FrameTable, rows: Array
+    ) -> Iterator[tuple[Session, Starts]]:
+        type_id = (identifier >> 8 & 0xFFFF).astype(np.uint16)
+        message = identifier & 0x80 == 0
+        code = np.where(message, self._types[type_id], np.uint16(_OTHER))
+        if (code == _NEW).any():
+            self._number(type_id[code == _NEW])
+            code = np.where(message, self._types[type_id], np.uint16(_OTHER))
+        code = code << 7 | (identifier & 0x7F).astype(np.uint16)
+        order = np.argsort(code, kind="stable")
+        order = order[np.searchsorted(code[order], _NODES) :]  # without what is no session
+        code, rows = code[order], rows[order]
+        if not len(rows):
+            return
+        tail = _tails(frames, rows)
+        t = frames.t[rows]
+        first = np.flatnonzero(np.diff(code, prepend=0))
+        begins = np.append(True, tail[:-1] & TAIL_END != 0) | (tail & TAIL_START != 0)
+        for a, b in zip(first.tolist(), [*first[1:].tolist(), len(rows)], strict=True):
+            session = Session(bus, int(code[a]) & 0x7F, self._numbers[int(code[a]) >> 7])
+            if session not in self._last and len(self._last) >= MOST_SESSIONS:
+                continue
+            last = self._last.setdefault(session, _Last())
+            begins[a] = last.ended or bool(tail[a] & TAIL_START)
+            at = a + np.flatnonzero(begins[a:b])
+            last.ended = bool(tail[b - 1] & TAIL_END)
+            if len(at):
+                yield session, Starts(t[at], frames.first + rows[at], _lost(tail[at] & TAIL_ID, last))
+
+    def _number(self, type_ids: Array) -> None:
+        for type_id in np.unique(type_ids).tolist():
+            full = len(self._numbers) >= _MOST_TYPES
+            self._types[type_id] = _OTHER if full else len(self._numbers)
+            if not full:
+                self._numbers.append(type_id)
+
+
+def _lost(transfer_id: Array, last: _Last) -> Array:
+    """Return how many IDs were left out before each of these, from the first transfer of the session on."""
+    ids = transfer_id.astype(np.int64)
+    before = last.transfer_id if last.transfer_id >= 0 else int(ids[0]) - 1
+    lost = last.lost + np.cumsum(np.maximum(np.diff(ids, prepend=before) % TRANSFER_IDS - 1, 0))
+    last.transfer_id, last.lost = int(ids[-1]), int(lost[-1])
+    return lost
+
+
+def _tails(frames: FrameTable, rows: Array) -> Array:
+    """Return the last byte of each frame; that of an empty one says nothing."""
+    ends, data = frames.raw
+    last = (
+        np.frombuffer(data, np.uint8).take(ends[1:] - 1, mode="clip") if len(data) else np.zeros(len(frames), np.uint8)
+    )
+    last[frames.length == 0] = 0
+    return last[rows]

@@ -1,0 +1,164 @@
+"""Restarts of nodes by their uptimes, and two devices that each tell one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from analyzer.facts.node_status import NODE_STATUS
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.kit import View
+
+RESTARTS = ("uavcan.protocol.RestartNode.Request", "uavcan.protocol.file.BeginFirmwareUpdate.Request")
+ASKED = 10 * SECOND  # how long a restart may take that somebody asked for
+MOST_ASKED = 15  # earlier requests for each node that are remembered
+MOST_RESTARTS = 4096  # that wait for a request that comes out late
+WRAP = 1 << 32  # of uptime_sec
+NEAR_WRAP = 10  # seconds
+PATIENCE = 3  # reports after a lower uptime that decide
+SPREAD = 1.2  # seconds between an uptime and what the one before it lets expect: whole seconds, and jitter
+BLIND = 5  # the same without times
+EXPIRY = 10 * SECOND  # after it a device that is not heard is gone
+_Node = tuple[int, int]
+
+
+@dataclass(slots=True)
+class _Uptime:
+    t: int
+    seconds: int
+
+    def runs_on(self, t: int, seconds: int) -> bool:
+        """Return whether the same device says this later."""
+        if NO_TIME in (t, self.t):
+            return 0 <= seconds - self.seconds <= BLIND
+        return abs(seconds - self.seconds - (t - self.t) / SECOND) <= SPREAD
+
+
+@dataclass(slots=True)
+class _Doubt:
+    """A lower uptime: `found` says that it is a restart, unless `old` and `new` both run on."""
+
+    found: Occurrence
+    old: _Uptime
+    new: _Uptime
+    old_again: int = 0
+    new_again: int = 0
+    seen: int = 0
+
+
+class Uptimes(Rule):
+    """Restarts, and two devices by their uptimes. Nodes are at most 127 an interface."""
+
+    rules: ClassVar[tuple[str, ...]] = ("BUS-021", "BUS-010")
+
+    def __init__(self) -> None:
+        self._last: dict[_Node, _Uptime] = {}
+        self._doubts: dict[_Node, _Doubt] = {}
+        self._two: dict[_Node, list[_Uptime]] = {}
+        self._asked: dict[_Node, list[int]] = {}
+        self._restarts: list[Occurrence] = []
+
+    def feed(self, view: View) -> Iterator[Occurrence]:
+        """Look at every NodeStatus."""
+        for name in RESTARTS:
+            asking = view.table(name)
+            if asking is not None:
+                for bus, node, at in zip(asking.bus.tolist(), asking["dst"].tolist(), asking.t.tolist(), strict=True):
+                    self._asked[bus, node] = [*self._asked.get((bus, node), ())[-MOST_ASKED:], at]
+        yield from self._reports(view)
+        yield from self._ripe(view.end)
+
+    def _reports(self, view: View) -> Iterator[Occurrence]:
+        table = view.table(NODE_STATUS)
+        if table is None:
+            return
+        uptime, t, bus, src = table["uptime_sec"], table.t, table.bus, table.src
+        for row in np.flatnonzero(table.trusted).tolist():
+            node, here = (int(bus[row]), int(src[row])), _Uptime(int(t[row]), int(uptime[row]))
+            last = self._last.get(node)
+            if node in self._two or node in self._doubts or (last is not None and here.seconds < last.seconds):
+                frames = tuple(view.transfers.frames(int(table.row[row])))
+                place = Occurrence("BUS-021", here.t, *node, NODE_STATUS, frames, {}, lines=view.lines(frames))
+                yield from self._doubtful(node, here, place)
+            else:
+                self._last[node] = here
+
+    def finish(self, _view: View) -> Iterator[Occurrence]:
+        """Yield restarts shortly before the end."""
+        for found in (*self._restarts, *(doubt.found for doubt in self._doubts.values())):
+            yield self._graded(found)
+
+    def _ripe(self, now: int) -> Iterator[Occurrence]:
+        """Yield restarts, once even a request that came out late is known."""
+        waiting, self._restarts = self._restarts, []
+        for found in waiting:
+            if len(waiting) > MOST_RESTARTS or (NO_TIME not in (now, found.t) and now - found.t > ASKED):
+                yield self._graded(found)
+            else:
+                self._restarts.append(found)
+
+    def _graded(self, found: Occurrence) -> Occurrence:
+        """Return a restart, as a note if somebody asked for it."""
+        asked = self._asked.get((found.bus, found.node or 0), ())
+        wanted = any(NO_TIME not in (at, found.t) and 0 <= found.t - at <= ASKED for at in asked)
+        return replace(found, severity="note") if wanted else found
+
+    def _doubtful(self, node: _Node, here: _Uptime, place: Occurrence) -> Iterator[Occurrence]:
+        if node in self._two:
+            yield from self._of_two(node, here, place)
+            if node in self._two:
+                return
+        doubt = self._doubts.get(node)
+        if doubt is not None:
+            doubt.seen += 1
+            if doubt.new.runs_on(here.t, here.seconds):
+                doubt.new, doubt.new_again = here, doubt.new_again + 1
+            elif doubt.old.runs_on(here.t, here.seconds):
+                doubt.old, doubt.old_again = here, doubt.old_again + 1
+            else:
+                doubt.seen = PATIENCE
+            if doubt.old_again and doubt.new_again:
+                del self._doubts[node]
+                self._two[node] = [doubt.old, doubt.new]
+                frames, lines = (*doubt.found.frames, *place.frames), (*doubt.found.lines, *place.lines)
+                yield _two(replace(place, frames=frames, lines=lines, t=doubt.found.t), doubt)
+                return
+            if doubt.seen < PATIENCE:
+                return
+            del self._doubts[node]
+            self._last[node] = doubt.old if doubt.old_again else doubt.new
+            self._restarts.append(doubt.found)
+        self._restart(node, here, place)
+
+    def _of_two(self, node: _Node, here: _Uptime, place: Occurrence) -> Iterator[Occurrence]:
+        """Look at a report while two devices are known; they are forgotten once one of them is gone."""
+        two = self._two[node]
+        mine = next((k for k in (1, 0) if two[k].runs_on(here.t, here.seconds)), None)
+        other = None if mine is None else two[1 - mine]
+        if mine is None or other is None or (here.t != NO_TIME and here.t - other.t > EXPIRY):
+            del self._two[node]
+            self._last[node] = here
+            return
+        two[mine] = here
+        if mine:
+            yield _two(place, _Doubt(place, two[0], two[1]))
+
+    def _restart(self, node: _Node, here: _Uptime, place: Occurrence) -> None:
+        last = self._last.get(node, here)
+        self._last[node] = here
+        if here.seconds >= last.seconds or (last.seconds >= WRAP - NEAR_WRAP and here.seconds < NEAR_WRAP):
+            return
+        values = {"before": last.seconds, "uptime": here.seconds}
+        found = replace(place, values=values)
+        self._doubts[node] = _Doubt(found, last, here)
+
+
+def _two(place: Occurrence, doubt: _Doubt) -> Occurrence:
+    evidence = f"two uptimes that both run on, {doubt.old.seconds} s and {doubt.new.seconds} s"
+    return replace(place, rule="BUS-010", type="", values={"evidence": evidence})

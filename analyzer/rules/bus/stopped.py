@@ -1,0 +1,207 @@
+"""Nodes that fall silent, and messages that stop, of those that came at a steady pace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+
+from analyzer.facts.node_status import NODE_STATUS
+from analyzer.rules.bus.heard import Gap, HeardNode, HeardNodes, HeardSessions, Session
+from analyzer.tables import KINDS
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Break, Occurrence, PacedReports, Pauses, Rule, Starts
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.kit import Severity, Values, View
+
+_MESSAGE = KINDS.index("message")
+_LATER = 5 * SECOND // 2  # by then a node has said that it restarted
+_SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
+_MOST = 4096  # breaks that wait
+_MOST_UNPROVED = 16  # of a session that may be another protocol's
+_TOOLS = (126, 127)  # which come and go
+# Types that are not judged: BUS-020 does, and what is sent when somebody asks.
+_LEFT_OUT = (NODE_STATUS, "uavcan.protocol.dynamic_node_id.Allocation")
+_MOSTLY = 0.6  # of a break is the node's silence: the last message and the next one lie up to a period around it
+_SETTLES = 10 * SECOND  # within which a node that is back sends all its types again
+
+
+class _Place(NamedTuple):
+    """A frame, and how candump writes it."""
+
+    number: int
+    lines: tuple[str, ...]
+
+
+class _Doubt(NamedTuple):
+    """A break until all is known that may explain it; `gaps` are those of the node meanwhile."""
+
+    session: Session
+    found: Break
+    place: _Place
+    gaps: tuple[Gap, ...]
+    ends: bool  # not before the capture does
+
+
+@dataclass(slots=True, eq=False)
+class _Talk:
+    """A session so far. `code` is that of its type once a transfer proves that it is DroneCAN's."""
+
+    pace: PacedReports
+    number: int = -1  # of the first frame of the last transfer
+    lines: tuple[str, ...] = ()
+    code: int = -1
+    unproved: list[_Doubt] = field(default_factory=list)
+
+
+class Stopped(Rule):
+    """Compares the times of each node and type with its own pace."""
+
+    rules: ClassVar[tuple[str, ...]] = ("BUS-035",)
+
+    def __init__(self) -> None:
+        self._nodes: HeardNodes | None = None
+        self._sessions = HeardSessions()
+        self._pauses = Pauses(0)
+        self._starts = Starts()
+        self._talks: dict[Session, _Talk] = {}
+        self._doubts: list[_Doubt] = []
+        self._told: dict[tuple[int, int, int], None] = {}  # gaps by bus, node and start, the last ones
+
+    def feed(self, view: View) -> Iterator[Occurrence]:
+        """Look for breaks, and tell those that nothing can explain any more."""
+        if view.start == NO_TIME:
+            return
+        if self._nodes is None:
+            least = self._least(view)
+            self._nodes, self._pauses = HeardNodes(least), Pauses(least)
+        self._pauses.feed(view)
+        self._starts.feed(view)
+        self._nodes.feed(view.frames)
+        for session, begun in self._sessions.feed(view.frames):
+            talk = self._talks.get(session)
+            if talk is None:
+                talk = self._talks[session] = _Talk(self._pace(view))
+            for found in talk.pace.feed(begun.t, begun.lost):
+                number = talk.number if found.at < 0 else int(begun.number[found.at])
+                lines = talk.lines if found.at < 0 and talk.lines else view.lines((number,))
+                self._doubt(view, (session, talk), found, _Place(number, lines))
+            talk.number, talk.lines = int(begun.number[-1]), ()
+        self._prove(view)
+        self._keep_lines(view)
+        yield from self._judge(view, view.end)
+
+    def finish(self, view: View) -> Iterator[Occurrence]:
+        """Tell what is silent to the end."""
+        if self._nodes is None:
+            return
+        for bus, heard in self._nodes.all():
+            end = self._pauses.last.get(bus, heard.t)
+            if end - heard.t > self._least(view):
+                heard.gaps.append(Gap(heard.t, end, heard.number, heard.lines))
+        for session, talk in self._talks.items():
+            found = talk.pace.silence(self._pauses.last.get(session.bus, talk.pace.last))
+            if found is not None:
+                self._doubt(view, (session, talk), found, _Place(talk.number, talk.lines), ends=True)
+        yield from self._judge(view, None)
+
+    def _least(self, view: View) -> int:
+        return round(view.number("BUS-035", "min_ms") * MILLISECOND)
+
+    def _pace(self, view: View) -> PacedReports:
+        periods, fewest, seconds = (view.number("BUS-035", name) for name in ("periods", "min_reports", "min_s"))
+        return PacedReports(self._least(view), periods, int(fewest), round(seconds * SECOND))
+
+    def _doubt(
+        self, view: View, who: tuple[Session, _Talk], found: Break, place: _Place, *, ends: bool = False
+    ) -> None:
+        session, talk = who
+        gaps = self._nodes.gaps(session.bus, session.node, found.start, found.stop) if self._nodes else []
+        meanwhile = tuple(gap._replace(lines=gap.lines or view.lines((gap.number,))) for gap in gaps)
+        doubt = _Doubt(session, found, place, meanwhile, ends)
+        if talk.code >= 0 and len(self._doubts) < _MOST:
+            self._doubts.append(doubt)
+        elif talk.code < 0 and len(talk.unproved) < _MOST_UNPROVED:
+            talk.unproved.append(doubt)
+
+    def _prove(self, view: View) -> None:
+        """Note the types of sessions; those that have none may be another protocol's."""
+        if all(talk.code >= 0 for talk in self._talks.values()):
+            return
+        t = view.transfers
+        rows = np.flatnonzero(t.kind == _MESSAGE)
+        key = t.bus[rows].astype(np.int64) << 32 | t.src[rows].astype(np.int64) << 16 | t.type_id[rows]
+        for one, first in zip(*(part.tolist() for part in np.unique(key, return_index=True)), strict=True):
+            talk = self._talks.get(Session(one >> 32, one >> 16 & 0xFFFF, one & 0xFFFF))
+            if talk is not None and talk.code < 0:
+                talk.code = int(t.code[rows[first]])
+                self._doubts += talk.unproved
+                talk.unproved = []
+
+    def _keep_lines(self, view: View) -> None:
+        """Keep the last frames of those that are silent: they may be gone when that is told."""
+        first = view.frames.first
+        silent: list[_Talk | HeardNode] = [*self._talks.values()]
+        silent += [] if self._nodes is None else [heard for _, heard in self._nodes.all()]
+        for one in silent:
+            if one.number < first and not one.lines:
+                one.lines = view.lines((one.number,))
+
+    def _judge(self, view: View, now: int | None) -> Iterator[Occurrence]:
+        waiting = []
+        for one in self._doubts:
+            if now is not None and (now <= one.found.stop + _LATER or not one.found.settled(now)):
+                waiting.append(one)
+            else:
+                yield from self._judged(view, one)
+        self._doubts = waiting
+
+    def _judged(self, view: View, doubt: _Doubt) -> Iterator[Occurrence]:
+        """Yield a break that nothing explains: what of it is the node's silence, and the rest."""
+        (bus, node, _), found = doubt.session, doubt.found
+        if found.may_be_slower(view.end):
+            return
+        if self._starts.between(bus, node, found.start, found.stop, found.stop + _LATER):
+            return
+        limit = max(view.number("BUS-035", "periods") * found.period, self._least(view))
+        most = _MOSTLY * (found.stop - found.start)
+        gaps = [
+            gap
+            for gap in doubt.gaps
+            if gap.stop - gap.start > most and self._silent(doubt, gap.start, gap.stop) > limit
+        ]
+        for gap in gaps:
+            if (bus, node, gap.start) not in self._told:
+                self._told[bus, node, gap.start] = None
+                if len(self._told) > _MOST:
+                    del self._told[next(iter(self._told))]
+                values = {"what": "nothing of the node", "before": ""}
+                yield self._found(doubt, "", (gap.start, gap.stop), values, _Place(gap.number, gap.lines))
+        begin, longest, start, until = found.start, 0.0, found.start, found.stop
+        for gap in (*gaps, Gap(found.stop, found.stop, -1)):
+            silent = self._silent(doubt, begin, gap.start) - (_SETTLES if begin > found.start else 0)
+            if silent > longest:
+                longest, start, until = silent, begin, gap.start
+            begin = gap.stop
+        name = view.type_name(self._talks[doubt.session].code)
+        if longest > limit and name not in _LEFT_OUT:
+            values = {"what": "nothing of it", "before": f", every {found.period / MILLISECOND:.0f} ms before"}
+            yield self._found(doubt, name, (start, until), values, doubt.place)
+
+    def _silent(self, doubt: _Doubt, start: int, stop: int) -> float:
+        """Return how long others showed that the bus went on."""
+        return stop - start - self._pauses.inside(doubt.session.bus, start, stop, doubt.found.period)
+
+    def _found(self, doubt: _Doubt, name: str, silence: tuple[int, int], values: Values, place: _Place) -> Occurrence:
+        """Return a finding of a silence, in which pauses of the bus from 1 s on do not count."""
+        (bus, node, _), (start, stop) = doubt.session, silence
+        seconds = (stop - start - self._pauses.inside(bus, start, stop, SECOND)) / SECOND
+        values = {**values, "seconds": seconds, "end": ", to the end" if doubt.ends else ""}
+        severity: Severity | None = "note" if node in _TOOLS else None
+        return Occurrence(
+            "BUS-035", start, bus, node, name, (place.number,), values, severity,
+            drops=True, until=min(stop, start + _SHARE), lines=place.lines,
+        )  # fmt: skip

@@ -1,0 +1,121 @@
+"""Causes of a wrong transfer CRC: mistakes of senders, one turned bit, the CRC run backwards."""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+from functools import cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.rules.diagnosis.proofs import Cause
+from dissectors.kit.definitions import CRC_BEGIN, crc_start
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from dissectors.kit import Array
+
+CORRUPTED = "corrupted"
+DOUBTFUL = "corrupted, or a wrong signature"  # of a sender without a right CRC nearby
+OF = "the signature of "  # and the name of a type
+NO_SIGNATURE = "no signature"
+FROM_ZERO = "no signature, a CRC that starts from 0"
+BYTES_SWAPPED = "CRC bytes swapped"
+CRC_BEHIND = "CRC behind the payload"
+PADDING = "zero padding"
+SHORT_FRAME = "a frame inside not full"
+MOST_PADDING = 63  # zeros that a last frame may have been filled up with
+MOST_BYTES = 80  # of a payload in which one turned bit is named: in longer ones it would fit too often by chance
+
+
+def wrong_crc(wire: int, payload: bytes, signatures: Sequence[int], mistaken: Mapping[int, str]) -> Cause | None:
+    """Return which mistake of a sender gives the CRC `wire`, the first that fits; None if none does.
+
+    Args:
+        wire: the CRC as received, the first two bytes of the transfer.
+        payload: all bytes behind it.
+        signatures: those of the type.
+        mistaken: other signatures that a sender may take, with the names that give them.
+    """
+    for signature, name in mistaken.items():
+        if crc_hqx(payload, crc_start(signature)) == wire:
+            return Cause(OF + name)
+    if crc_hqx(payload, CRC_BEGIN) == wire:
+        return Cause(NO_SIGNATURE)
+    starts = [crc_start(signature) for signature in signatures]
+    turned = (wire & 0xFF) << 8 | wire >> 8
+    if any(crc_hqx(payload, start) == turned for start in starts):
+        return Cause(BYTES_SWAPPED)
+    joined = wire.to_bytes(2, "little") + payload
+    behind = int.from_bytes(joined[-2:], "little")
+    if any(crc_hqx(joined[:-2], start) == behind for start in starts):
+        return Cause(CRC_BEHIND)
+    zeros = min(len(payload) - len(payload.rstrip(b"\0")), MOST_PADDING)
+    for count in range(1, zeros + 1):
+        if any(crc_hqx(payload[:-count], start) == wire for start in starts):
+            return Cause(PADDING, f": {count} zero byte{'s' if count > 1 else ''} at the end")
+    return None
+
+
+class BytePlace(NamedTuple):
+    """A byte of a transfer: which frame (from 0), and which byte of it (from 1)."""
+
+    frame: int
+    byte: int
+
+    @classmethod
+    def of(cls, offset: int, room: int) -> BytePlace:
+        """Return the place of a byte of a whole transfer, CRC included, if frames have `room` bytes before the tail."""
+        return cls(offset // room, offset % room + 1)
+
+
+def one_bit(difference: int, length: int) -> int | None:
+    """Return which byte (from 0, the CRC's two first) has the one bit that must be turned for the CRC to be right.
+
+    Args:
+        difference: the CRC as received, exclusive or the one computed.
+        length: bytes of the payload; None is the answer above `MOST_BYTES`.
+    """
+    if length > MOST_BYTES or not difference:
+        return None
+    if difference & (difference - 1) == 0:
+        return int(difference > 0x80)
+    behind = _turned().get(difference, length)
+    return None if behind >= length else 1 + length - behind
+
+
+@cache
+def _turned() -> Mapping[int, int]:
+    """Return what one turned bit does to the CRC, and how many bytes follow it."""
+    return {
+        crc_hqx(bytes((1 << bit, *bytes(behind))), 0): behind for behind in range(MOST_BYTES) for bit in range(8)
+    }  # fmt: skip
+
+
+def starts_of(wire: Array, payloads: Sequence[bytes]) -> Array:
+    """Return from which values the CRC of each payload ends as `wire` (integers, as many): the CRC run backwards."""
+    table, index_of = _tables()
+    lengths = np.array([len(payload) for payload in payloads], np.int64)
+    order = np.argsort(-lengths, kind="stable")
+    ends = np.cumsum(lengths)[order]
+    data = np.frombuffer(b"".join(payloads), np.uint8)
+    value = np.asarray(wire, np.int64)[order]
+    rows = np.searchsorted(-lengths[order], -np.arange(int(lengths.max(initial=0))), side="left")
+    for step, active in enumerate(rows.tolist(), 1):
+        byte = data[ends[:active] - step]
+        now = value[:active]
+        index = index_of[now & 0xFF]
+        value[:active] = (index ^ byte) << 8 | (now ^ table[index]) >> 8
+    found = np.empty_like(value)
+    found[order] = value
+    return found
+
+
+@cache
+def _tables() -> tuple[Array, Array]:
+    """Return what one byte does to a CRC of 0, and the byte by the low half of that."""
+    table = np.array([crc_hqx(bytes((byte,)), 0) for byte in range(256)], np.int64)
+    index_of = np.empty(256, np.int64)
+    index_of[table & 0xFF] = np.arange(256)
+    return table, index_of

@@ -1,0 +1,1 @@
+"""Rules about single frames and their identifiers: codes that begin with CAN."""

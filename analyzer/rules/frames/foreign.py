@@ -1,0 +1,200 @@
+"""29-bit identifiers of other protocols. Whose a frame is may turn out up to 512 frames of its session later."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.rules.view import NOBODY
+from analyzer.tables import EXTENDED, FRAME_ANOMALIES, VERDICTS
+from dissectors.kit import Occurrence, Occurrences, Rule
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.kit import Array, Values, View
+
+_FOREIGN = VERDICTS.index("foreign")
+# Verdicts of frames without a source that have 2 bits of type; with any other one the type has 16.
+_ANONYMOUS = (_FOREIGN, VERDICTS.index("no tail"), VERDICTS.index("anonymous multi"))
+_CYPHAL = 1 << FRAME_ANOMALIES.index("cyphal")
+PROBATION = 512  # frames of a session after which a verdict stands
+MOST_HELD = 1 << 18  # frames that wait for their verdict, then the oldest are taken as they are
+MOST_NAMED = 256  # identifiers with a finding of their own; all further ones share one
+SHOWN = 20  # first frames of an identifier whose bytes are kept until its verdict stands
+_OFTEN = 1 << 14
+# Commands in bits 15 to 8 of the identifiers of VESC motor controllers: set points, and what they report.
+VESC = frozenset({0, 1, 2, 3, 4, 9, 14, 15, 16, 27, 28})
+# Formats of addressed messages in SAE J1939-21: acknowledgement, request, transport, address claim, proprietary.
+J1939_ADDRESSED = frozenset({0xE8, 0xEA, 0xEB, 0xEC, 0xEE, 0xEF})
+J1939_BROADCAST = 0xF0
+
+
+class _Rows(NamedTuple):
+    """Frames: number, time, bus, identifier."""
+
+    number: Array
+    t: Array
+    bus: Array
+    id: Array
+
+    def at(self, rows: Array) -> _Rows:
+        return _Rows(*(column[rows] for column in self))
+
+
+class Foreign(Rule):
+    """One finding an identifier and bus, each of its frames an occurrence."""
+
+    rules = ("CAN-018",)
+
+    def __init__(self) -> None:
+        self._held: list[_Rows] = []
+        self._waiting = 0
+        self._again = _OFTEN
+        self._cleared: list[int] = []
+        self._marked: list[int] = []
+        self._cyphal: set[int] = set()
+        self._seen: dict[int, int] = {}
+        self._lines: dict[int, tuple[str, ...]] = {}
+        self._named: set[int] = set()
+        self._further: int | None = None
+
+    def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
+        """Yield frames whose verdict cannot change any more."""
+        self._correct(view)
+        f = view.frames
+        if f.verdict.any():
+            rows = np.flatnonzero((f.verdict == _FOREIGN) & (f.flags & EXTENDED != 0))
+            self._hold(view, _Rows(rows + f.first, f.t[rows], f.bus[rows].astype(np.int64), f.id[rows]))
+            self._marked += (rows[f.anomaly[rows] & _CYPHAL != 0] + f.first).tolist()
+        if self._waiting >= self._again:
+            yield from self._release(PROBATION)
+            self._again = max(_OFTEN, 2 * self._waiting)
+
+    def finish(self, _view: View) -> Iterator[Occurrences | Occurrence]:
+        """Yield the rest."""
+        yield from self._release(0)
+
+    def _correct(self, view: View) -> None:
+        """Correct frames of earlier batches that are foreign after all, or are not."""
+        late = []
+        for number, verdict, anomaly in view.settled:
+            if anomaly & _CYPHAL:
+                self._marked.append(number)
+            kept = view.frame(number)
+            if verdict != _FOREIGN:
+                self._cleared.append(number)
+            elif kept is not None and kept.flags & EXTENDED:
+                late.append((number, kept.t, kept.bus, kept.id))
+        if late:
+            self._hold(view, _Rows(*(np.array(column, np.int64) for column in zip(*late, strict=True))))
+
+    def _hold(self, view: View, rows: _Rows) -> None:
+        if not len(rows.number):
+            return
+        self._held.append(rows)
+        self._waiting += len(rows.number)
+        keys, place = np.unique(rows.bus << 32 | rows.id, return_inverse=True)
+        for index, key in enumerate(keys.tolist()):
+            seen = self._seen.get(key, 0)
+            if seen < SHOWN and (seen or len(self._seen) < MOST_NAMED):
+                mine = np.flatnonzero(place == index)[: SHOWN - seen]
+                self._seen[key] = seen + len(mine)
+                self._lines |= {number: view.lines((number,)) for number in rows.number[mine].tolist()}
+
+    def _release(self, patience: int) -> Iterator[Occurrences | Occurrence]:
+        """Yield of each session all but the last `patience` frames."""
+        if not self._held:
+            return
+        joined = _Rows(*(np.concatenate(columns) for columns in zip(*self._held, strict=True)))
+        _, first = np.unique(joined.number, return_index=True)
+        rows = joined.at(first)
+        wrong = np.isin(rows.number, np.array(self._cleared, np.int64))
+        for number in self._cleared:
+            self._lines.pop(number, None)
+        rows = rows.at(np.flatnonzero(~wrong))
+        session = rows.bus << 32 | session_bits(rows.id, np.full(len(rows.id), _FOREIGN))
+        marked = np.isin(rows.number, np.array(self._marked, np.int64))
+        self._cyphal.update(session[marked].tolist())
+        self._cleared, self._marked = [], []
+        done = _from_end(rows.bus << 32 | rows.id & 0xFF_FFFF) >= patience
+        done[: max(0, len(rows.number) - MOST_HELD)] = True
+        kept = rows.at(np.flatnonzero(~done))
+        self._held, self._waiting = [kept], len(kept.number)
+        yield from self._found(rows.at(np.flatnonzero(done)), session[done])
+
+    def _found(self, rows: _Rows, session: Array) -> Iterator[Occurrences | Occurrence]:
+        if not len(rows.number):
+            return
+        keys, at = np.unique(rows.bus << 32 | rows.id, return_index=True)
+        for key in keys[np.argsort(at)].tolist():
+            if len(self._named) < MOST_NAMED:
+                self._named.add(key)
+            elif key not in self._named and self._further is None:
+                self._further = key
+        identifier = rows.bus << 32 | rows.id
+        named = np.isin(identifier, np.array(sorted(self._named), np.int64))
+
+        def values(row: int) -> Values:
+            if not named[row]:
+                return {
+                    "can_id": (self._further or 0) & 0x1FFF_FFFF,
+                    "protocol": f"the first of all identifiers beyond {MOST_NAMED} that are not DroneCAN",
+                }
+            can_id = int(rows.id[row])
+            return {"can_id": can_id, "protocol": protocol(can_id, cyphal=int(session[row]) in self._cyphal)}
+
+        shown = np.isin(rows.number, np.fromiter(self._lines, np.int64, len(self._lines)))
+        for row in np.flatnonzero(shown).tolist():
+            number = int(rows.number[row])
+            lines = self._lines.pop(number)
+            bus = int(rows.bus[row])
+            yield Occurrence("CAN-018", int(rows.t[row]), bus, None, "", (number,), values(row), lines=lines)
+        rest = np.flatnonzero(~shown)
+        nobody = np.full(len(rest), NOBODY)
+        yield Occurrences(
+            rule="CAN-018", t=rows.t[rest], bus=rows.bus[rest], node=nobody, type=nobody, frame=rows.number[rest],
+            values=lambda k: values(int(rest[k])), frames=lambda k: (int(rows.number[rest[k]]),),
+            key=np.where(named[rest], identifier[rest], NOBODY),
+        )  # fmt: skip
+
+
+def session_bits(identifier: Array, verdict: Array) -> Array:
+    """Return what the identifiers of one session have in common: all but the priority, and a discriminator."""
+    number = identifier.astype(np.int64)
+    anonymous = (number & 0xFF == 0) & np.isin(verdict, _ANONYMOUS)
+    return np.where(anonymous, number & 0x300, number & 0xFF_FFFF)
+
+
+def session_of(identifier: int, verdict: int) -> int:
+    """Return the same of one frame."""
+    return identifier & (0x300 if identifier & 0xFF == 0 and verdict in _ANONYMOUS else 0xFF_FFFF)
+
+
+def protocol(identifier: int, *, cyphal: bool) -> str:
+    """Return whose identifier it is, as far as it shows."""
+    if cyphal and _cyphal_form(identifier):
+        return "Cyphal/CAN: its toggles start at 1"
+    if identifier >> 14 == 0 and identifier >> 8 in VESC:
+        return f"not DroneCAN, perhaps VESC: command {identifier >> 8}"
+    form = identifier >> 16 & 0xFF
+    if identifier >> 24 & 3 == 0 and (form >= J1939_BROADCAST or form in J1939_ADDRESSED):
+        group = identifier >> 8 & (0xFFFF if form >= J1939_BROADCAST else 0xFF00)
+        return f"not DroneCAN, perhaps J1939: PGN {group}"
+    return "not DroneCAN"
+
+
+def _cyphal_form(identifier: int) -> bool:
+    """Return whether the reserved bits are those of a message or service of Cyphal/CAN, not of J1939 ending in FF."""
+    message = identifier >> 21 & 7 == 3 and identifier >> 7 & 1 == 0
+    return message or (identifier >> 25 & 1 == 1 and identifier >> 23 & 1 == 0)
+
+
+def _from_end(keys: Array) -> Array:
+    """Return how many later entries have the same key."""
+    order = np.argsort(keys, kind="stable")
+    _, counts = np.unique(keys, return_counts=True)
+    after = np.empty(len(keys), np.int64)
+    after[order] = np.repeat(np.cumsum(counts), counts) - 1 - np.arange(len(keys))
+    return after

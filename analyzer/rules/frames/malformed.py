@@ -1,0 +1,77 @@
+"""Frames of DroneCAN traffic that can be part of no transfer: remote, empty, too long, anonymous in several frames.
+
+These are the kinds; `transfers.unassigned` finds such frames, once it is certain that their session is DroneCAN.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.rules.frames.anonymous import discriminator
+from analyzer.tables import FD, FRAME_ANOMALIES, VERDICTS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from dissectors.kit import Array, Kept, Values, View
+
+_REMOTE, _NO_TAIL, IMPOSSIBLE = (
+    1 << FRAME_ANOMALIES.index(name) for name in ("remote", "no tail", "impossible length")
+)
+_FOREIGN, _ANONYMOUS = VERDICTS.index("foreign"), VERDICTS.index("anonymous multi")
+_LENGTH_CODE = 8  # bits 8 to 11 of the flags of a remote frame
+
+
+class Malformed(NamedTuple):
+    """A rule, the frames that breach it by columns of verdicts, anomalies and flags, and the values of one."""
+
+    rule: str
+    picks: Callable[[Array, Array, Array], Array]
+    values: Callable[[View, int, Kept], Values]
+
+
+def has(bit: int) -> Callable[[Array, Array, Array], Array]:
+    """Return what picks frames with an anomaly."""
+    return lambda _verdict, anomaly, _flags: anomaly & bit != 0
+
+
+def tail(_view: View, _number: int, kept: Kept) -> Values:
+    """Return the tail byte."""
+    return {"tail": kept.data[-1]}
+
+
+def _promises_more(view: View, number: int, kept: Kept) -> Values:
+    return {"what": f"tail byte {tail(view, number, kept)['tail']:02X}"}
+
+
+def _anonymous(verdict: Array, _anomaly: Array, _flags: Array) -> Array:
+    return np.equal(verdict, _ANONYMOUS)
+
+
+def _too_long(verdict: Array, anomaly: Array, flags: Array) -> Array:
+    """Pick CAN FD frames outside of transfers, and classic ones of more than 8 bytes."""
+    fd = flags & FD != 0
+    return np.where(fd, verdict > _FOREIGN, anomaly & IMPOSSIBLE != 0)
+
+
+def _remote(_view: View, _number: int, kept: Kept) -> Values:
+    return {"can_id": kept.id, "length": kept.flags >> _LENGTH_CODE & 0xF}
+
+
+def _form(_view: View, _number: int, kept: Kept) -> Values:
+    return {"can_id": kept.id, "length": len(kept.data)}
+
+
+def _sender(_view: View, _number: int, kept: Kept) -> Values:
+    return {"discriminator": discriminator(kept.id), "type_id": kept.id >> 8 & 3}
+
+
+KINDS = (
+    Malformed("CAN-002", has(_REMOTE), _remote),
+    Malformed("CAN-003", _too_long, _form),
+    Malformed("CAN-005", has(_NO_TAIL), _form),
+    Malformed("CAN-008", _anonymous, _sender),
+    Malformed("CAN-009", _anonymous, _promises_more),
+)

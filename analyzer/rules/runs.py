@@ -1,0 +1,99 @@
+"""Runs of occurrences: those that follow each other without a pause are one.
+
+Where another finding may explain a part of them, they are kept in pieces of some seconds until it is known which.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, insort
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+from dissectors.kit import SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+PAUSE = 10 * SECOND  # a run ends when this time passes without an occurrence
+PIECE = 10 * SECOND
+_PAST = 60 * SECOND  # after so long no cause is found any more
+MOST_EXAMPLES = 20
+MOST_RUNS = 100  # of one rule, node, type and key; later ones belong to the last
+
+
+class Shown(NamedTuple):
+    """One occurrence to show, ordered by place. `frames` are its evidence, numbers from 0."""
+
+    t: int
+    frame: int
+    text: str
+    cause: str
+    frames: tuple[int, ...]
+    lines: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class OccurrenceRun:
+    """Occurrences of one key without a pause of 10 s. Places are (t, frame)."""
+
+    first: tuple[int, int]
+    last: tuple[int, int]
+    count: int
+    examples: list[Shown] = field(default_factory=list)
+
+    def take(self, other: OccurrenceRun) -> None:
+        """Join another run of the same key."""
+        self.first, self.last = min(self.first, other.first), max(self.last, other.last)
+        self.count += other.count
+        for example in other.examples:
+            insort(self.examples, example)
+        del self.examples[MOST_EXAMPLES:]
+
+
+def merge(runs: list[OccurrenceRun], run: OccurrenceRun, close: Callable[[OccurrenceRun, OccurrenceRun], bool]) -> None:
+    """Put a run among others, in order of time; those that are close become one."""
+    at = bisect_left(runs, run.first, key=lambda one: one.first)
+    runs.insert(at, run)
+    if at and close(runs[at - 1], run):
+        runs[at - 1].take(run)
+        del runs[at]
+        at -= 1
+    while at + 1 < len(runs) and close(runs[at], runs[at + 1]):
+        runs[at].take(runs.pop(at + 1))
+    if len(runs) > MOST_RUNS:
+        last = runs.pop()
+        runs[-1].take(last)
+
+
+def without_pause(one: OccurrenceRun, after: OccurrenceRun) -> bool:
+    """Return whether two runs are one."""
+    return after.first[0] - one.last[0] <= PAUSE
+
+
+def same_piece(one: OccurrenceRun, after: OccurrenceRun) -> bool:
+    """Return whether two runs are one piece."""
+    return after.first[0] // PIECE <= one.last[0] // PIECE
+
+
+def joined(pieces: Sequence[OccurrenceRun], causes: Iterable[OccurrenceRun]) -> list[OccurrenceRun]:
+    """Return pieces of which those long past are put together that follow each other and have a cause, or have none."""
+    past, causes = pieces[-1].last[0] - _PAST, list(causes)
+    found: list[tuple[OccurrenceRun, bool]] = []
+    for piece in pieces:
+        explained = any(meets(cause, piece) for cause in causes)
+        before = found[-1] if found else None
+        if before and piece.last[0] < past and before[1] == explained and without_pause(before[0], piece):
+            before[0].take(piece)
+        else:
+            found.append((piece, explained))
+    return [piece for piece, _ in found]
+
+
+def continued(run: OccurrenceRun, by: OccurrenceRun, close: Callable[[OccurrenceRun, OccurrenceRun], bool]) -> bool:
+    """Return whether one that has all the examples it may have only goes on with another one."""
+    return len(run.examples) == MOST_EXAMPLES and run.last <= by.first and close(run, by)
+
+
+def meets(one: OccurrenceRun, other: OccurrenceRun) -> bool:
+    """Return whether two runs are at the same time, or nearly."""
+    return max(one.first[0], other.first[0]) - min(one.last[0], other.last[0]) <= PAUSE

@@ -1,0 +1,196 @@
+"""The sequence of the frames of one transfer: toggles, lengths, pauses, ends that never came."""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import islice, pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.rules.anomalies import GONE, flagged
+from analyzer.rules.diagnosis.neighbours import late_copy
+from analyzer.rules.frames.foreign import session_of
+from analyzer.rules.transfers.out_of_order import preceding
+from analyzer.rules.view import node_of
+from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, rule
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from dissectors.kit import Array, Kept, Occurrences, Severity, Values, View
+
+_ORPHAN = tuple(VERDICTS.index(name) for name in ("wrong transfer id", "orphan"))
+_OK = STATUSES.index("ok")
+_USED = VERDICTS.index("used")
+_BEFORE = 48  # frames of a session among which a copy finds the one that it is of
+_COMPLETE = tuple(STATUSES.index(name) for name in ("ok", "unchecked", "bad crc"))
+_SINGLE_WITH_TOGGLE = TAIL_START | TAIL_END | TAIL_TOGGLE
+_MARKED = 100.0  # ms; the core marks longer pauses
+_MOST = 4  # frames that are named in a line
+NEAR = 4096  # frames that are looked through for the other one of two transfers
+
+
+class _Bit(NamedTuple):
+    """A rule, the bit of the core that shows its breaches, and what is said of one."""
+
+    rule: str
+    bit: str
+    values: Callable[[View, int], Values]
+    severity: Severity | None = None
+    drops: bool = False
+    complete: bool = False
+
+
+@rule("TRF-001", "TRF-007", "TRF-008", "TRF-012", "TRF-013", "TRF-014", "TRF-015", "TRF-026", "TRF-029")
+def measured(view: View) -> Iterator[Occurrences]:
+    """Find what the core marked as it put transfers together."""
+    t = view.transfers
+    every = int(np.bitwise_or.reduce(t.anomaly))
+    for one in _BITS:
+        bit = 1 << TRANSFER_ANOMALIES.index(one.bit)
+        if not every & bit:
+            continue
+        rows = flagged(t.anomaly, bit)
+        if one.rule == "TRF-012":
+            rows = _followed(view, rows)
+        if one.complete:
+            rows = rows[np.isin(t.status[rows], _COMPLETE)]
+        about = partial(one.values, view)
+        if one.rule == "TRF-026":
+            orphans = np.array([_only_orphans(view, row) for row in rows.tolist()], bool)
+            yield view.among_transfers(one.rule, rows[orphans], about, severity="note")
+            rows = rows[~orphans]
+        yield view.among_transfers(one.rule, rows, about, severity=one.severity, drops=one.drops)
+
+
+@rule("TRF-027")
+def paused(view: View) -> Iterator[Occurrence]:
+    """Yield every pause inside a transfer, at the frame before it."""
+    t = view.transfers
+    longest = view.number("TRF-027", "pause_ms")
+    if longest >= _MARKED:
+        rows = flagged(t.anomaly, 1 << TRANSFER_ANOMALIES.index("pause"))
+    else:
+        rows = np.flatnonzero((t.t != NO_TIME) & (t.t_end - t.t > longest * MILLISECOND))
+    for row in rows.tolist():
+        node, type_ = node_of(int(t.src[row]), int(t.code[row])), view.type_name(int(t.code[row]))
+        for (number, before), (after, frame) in pairwise(_known(view, t.frames(row))):
+            pause = (frame.t - before.t) / MILLISECOND
+            if pause > longest and NO_TIME not in (before.t, frame.t):
+                values = {"milliseconds": pause, "previous_frame": number + 1, "frame": after + 1}
+                yield Occurrence("TRF-027", before.t, before.bus, node, type_, (number, after), values)
+
+
+def _known(view: View, numbers: Iterable[int]) -> list[tuple[int, Kept]]:
+    """Return frames of the recent past."""
+    kept = ((number, view.frame(number)) for number in numbers)
+    return [(number, frame) for number, frame in kept if frame is not None]
+
+
+def _tail(view: View, row: int) -> Values:
+    return {"tail": _SINGLE_WITH_TOGGLE | int(view.transfers.transfer_id[row])}
+
+
+def _received(view: View, row: int) -> Values:
+    """Return what came; two more bytes than payload once there is a CRC."""
+    t = view.transfers
+    crc = 2 if t.has("crc_wire")[row] else 0
+    return {"frames": len(t.frames(row)), "bytes": int(t.length[row]) + crc}
+
+
+def _length(view: View, row: int) -> Values:
+    return {"length": int(view.transfers.length[row]), "frames": len(view.transfers.frames(row))}
+
+
+def _took(view: View, row: int) -> Values:
+    return {"seconds": int(view.transfers.t_end[row] - view.transfers.t[row]) / SECOND, "why": ""}
+
+
+def _part_full(view: View, row: int) -> Values:
+    frames = _known(view, view.transfers.frames(row)[:-1])
+    for number, kept in frames:
+        if len(kept.data) < (64 if view.transfers.fd[row] else 8):
+            return {"length": len(kept.data), "frame": number + 1}
+    return {"length": GONE, "frame": GONE}
+
+
+def _followed(view: View, rows: Array) -> Array:
+    """Return transfers with such a frame before their last one.
+
+    If it is the last, the end is missing and not a byte.
+    """
+    status = view.transfers.status
+    open_ends = {row for row in rows.tolist() if status[row] not in _COMPLETE}
+    spared = {row for row in open_ends if _part_full(view, row)["frame"] == GONE}
+    return np.array([row for row in rows.tolist() if row not in spared], np.int64)
+
+
+def _last(view: View, row: int) -> Values:
+    return {"frame": view.transfers.frames(row)[-1] + 1}
+
+
+def _first(view: View, row: int) -> Values:
+    kept = view.frame(int(view.transfers.lead[row]))
+    return {"length": GONE if kept is None else len(kept.data)}
+
+
+def _others(view: View, row: int) -> list[tuple[int, Kept]]:
+    """Return frames of the session with another transfer ID, between the first and the last of a transfer."""
+    numbers = view.transfers.frames(row)
+    mine, first = int(view.transfers.transfer_id[row]), view.frame(numbers[0])
+    between = range(numbers[0] + 1, min(numbers[-1], numbers[0] + NEAR))
+    if first is None:
+        return []
+    wanted = session_of(first.id, first.verdict)
+    same = ((n, kept) for n, kept in _known(view, between) if kept.bus == first.bus and kept.id & 0xFF_FFFF == wanted)
+    return [(number, kept) for number, kept in same if kept.data and kept.data[-1] & TAIL_ID != mine]
+
+
+def _only_orphans(view: View, row: int) -> bool:
+    """Return whether nothing but frames without a transfer stand inside, which have a rule of their own (TRF-009)."""
+    others = _others(view, row)
+    return bool(others) and all(kept.verdict in _ORPHAN for _, kept in others)
+
+
+def _original(view: View, number: int, kept: Kept) -> int | None:
+    """Return the number of an earlier frame of the session with the same bytes, of a transfer."""
+    before = islice(preceding(view, number, kept), _BEFORE)
+    return next((earlier for earlier, one in before if one.data == kept.data and one.verdict == _USED), None)
+
+
+def _in_turn(view: View, row: int) -> Values:
+    """Name the other transfer ID, which stands in a frame of the session between the first and the last one."""
+    mine = int(view.transfers.transfer_id[row])
+    inside = _others(view, row)
+    others = [(number, kept.data[-1]) for number, kept in inside]
+    values: Values = {"first_id": mine, "transfer_id": others[0][1] & TAIL_ID if others else GONE, "why": ""}
+    known = [_original(view, number, kept) for number, kept in inside[:_MOST]]
+    if known and None not in known:
+        copy = late_copy([number for number in known if number is not None])
+        right = ", the CRC is right without" if view.transfers.status[row] == _OK else ""
+        return {**values, "why": f": {copy.what}{copy.detail} inside{right}"}
+    # No other transfer of several frames begins in between, and without these frames the CRC is right.
+    if (
+        others
+        and view.transfers.status[row] == _OK
+        and all(tail & (TAIL_START | TAIL_END) != TAIL_START for _, tail in others)
+    ):
+        what = "frame" if len(others) == 1 else "frames"
+        shown = " ".join(str(number + 1) for number, _ in others[:_MOST])
+        values = {**values, "why": f": foreign {what} {shown} inside, the CRC is right without"}
+    return values
+
+
+_BITS = (
+    _Bit("TRF-001", "single toggle", _tail),
+    _Bit("TRF-007", "slow", _took, severity="note", complete=True),
+    _Bit("TRF-008", "cut by end", _received),
+    _Bit("TRF-012", "frame not full", _part_full),
+    _Bit("TRF-013", "last frame empty", _last),
+    _Bit("TRF-014", "first frame too short", _first),
+    _Bit("TRF-015", "needless multi", _length),
+    _Bit("TRF-026", "interleaved", _in_turn),
+    _Bit("TRF-029", "long", _length),
+)

@@ -1,0 +1,161 @@
+"""Several senders behind one node ID and type, each with a counter of its own."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from analyzer.rules.transfers.id_steps import COPIED, QUIET
+from analyzer.rules.transfers.session_starts import OddStart, SessionStarts
+from analyzer.tables import TRANSFER_IDS
+from dissectors.kit import NO_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.rules.transfers.id_steps import IdStep
+    from analyzer.rules.transfers.session_starts import LatestFrames
+    from dissectors.kit import View
+
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight")
+MOST_SENDERS = 8
+_PATIENCE = 4  # turns that a counter may miss
+_LATEST = 64  # starts that are judged, and of them:
+_NEARLY_ALL, _MOSTLY = 7 / 8, 3 / 4
+_TIMING = 1 / 4  # so far off may a period be
+
+
+@dataclass(slots=True, eq=False)
+class Chain:
+    """One sender's counter: the ID it came to, and how often it went on by 1 after another one spoke, at least.
+
+    `turns` is how often it took over, `begun` and `heard` at which odd start first and last; `start` is that frame.
+    """
+
+    last: int
+    begun: int
+    length: int = 1
+    turns: int = 1
+    heard: int = 0
+    start: int = -1
+
+    def silent(self, now: int) -> bool:
+        """Return whether it has not taken over for far longer than it used to: it is gone."""
+        usual = (self.heard - self.begun) / max(self.turns - 1, 1)
+        return now - self.heard > _PATIENCE * (usual + 1)
+
+
+class InterleavedSenders:
+    """Tells whether a session is several interleaved counters; it is told only of starts whose step is not 1.
+
+    A lost transfer leaves a counter that nobody continues. Several senders continue all of them, by turns, whether or
+    not they finish what they start. Losses that come at regular intervals may look the same, but then time goes on as
+    the IDs do.
+    """
+
+    def __init__(self) -> None:
+        self._speaks: Chain | None = None
+        self._waiting: list[Chain] = []  # the one that spoke last at the end
+        self._at = NO_TIME  # of the latest odd start
+        self._count = 0  # of them
+        self._went_on: deque[bool] = deque(maxlen=_LATEST)  # whether it continued a counter that waited
+        self._in_time: deque[bool] = deque(maxlen=_LATEST)  # whether losses explain it
+
+    def add(self, one: OddStart) -> bool:
+        """Add a start; return whether it goes on with a counter that waited."""
+        spoke = self._speaks or Chain(one.before, 0)
+        # The latest one: an older one that is as far was left behind by a loss.
+        known = next((chain for chain in reversed(self._waiting) if _follows(one.transfer_id, chain.last)), None)
+        if one.again and known is None:
+            return False
+        self._count += 1
+        silent = (one.before - spoke.last) % TRANSFER_IDS
+        self._in_time.append(_is_loss(silent, one.since - self._at if self._at != NO_TIME else 0, one))
+        if silent:
+            spoke.last = one.before
+            spoke.length += 1
+        self._waiting.append(spoke)
+        if known is None:
+            goes_on = Chain(one.transfer_id, self._count)
+            del self._waiting[: -MOST_SENDERS + 1]
+        else:
+            goes_on = known
+            self._waiting.remove(known)
+            goes_on.length += 1
+            goes_on.turns += 1
+        goes_on.last, goes_on.heard, goes_on.start = one.transfer_id, self._count, one.number
+        self._speaks, self._at = goes_on, one.t
+        self._went_on.append(known is not None)
+        return known is not None
+
+    def counters(self, least: int) -> list[Chain]:
+        """Return the counters, the latest last, once two had so many transfers and all explain nearly every step."""
+        chains = [*self._waiting, *filter(None, (self._speaks,))]
+        chains = [one for one in chains if not one.silent(self._count)]
+        steps = len(self._went_on)
+        proven = sum(one.length >= least for one in chains) > 1 and sum(self._went_on) >= _NEARLY_ALL * steps
+        if not proven or sum(self._in_time) >= _MOSTLY * steps:
+            return []
+        return [one for one in chains if 2 * one.length >= least]
+
+
+def _follows(transfer_id: int, last: int) -> bool:
+    return (last + 1) % TRANSFER_IDS == transfer_id
+
+
+def _is_loss(silent: int, took: int, one: OddStart) -> bool:
+    """Return whether one sender may have lost transfers.
+
+    The IDs before, `silent` of them, came as fast as the lost ones.
+    """
+    gap = one.t - one.since
+    if not one.step or one.t == NO_TIME or gap <= 0 or took <= 0:
+        return False
+    by_time = took * one.step / gap
+    return any(ids and abs(by_time - ids) <= _TIMING * ids for ids in range(silent, 4 * TRANSFER_IDS, TRANSFER_IDS))
+
+
+class SeveralSenders:
+    """Follows the sessions of a node whose counters broke; `seen` is when one of several counters took over last."""
+
+    def __init__(self) -> None:
+        self._followed: dict[int, tuple[SessionStarts, InterleavedSenders]] = {}
+        self.seen = NO_TIME
+
+    def clear(self) -> None:
+        """Forget all sessions."""
+        self._followed.clear()
+
+    def counters(self, one: IdStep, view: View, latest: LatestFrames) -> Sequence[Chain]:
+        """Return the counters of a session as far as an odd step of it shows them, none if it needs only one."""
+        followed = self._followed.get(one.place)
+        if followed is None:
+            start = OddStart(one.frames[0], one.t, one.before, one.transfer_id, one.since)
+            kept = view.frame(one.frames[0])
+            if kept is None or not kept.data:
+                return ()
+            followed = self._followed[one.place] = SessionStarts(one.place, start, kept.data), InterleavedSenders()
+            if one.rule != COPIED and _counts(start, view):
+                followed[1].add(start)
+        starts, senders = followed
+        least = int(view.number("BUS-010", "min_transfers"))
+        found: Sequence[Chain] | None = None
+        for start in starts.until(one.frames[-1], latest):
+            if _counts(start, view):
+                took_over, found = senders.add(start), senders.counters(least)
+                self.seen = start.t if took_over and found else self.seen
+        return senders.counters(least) if found is None else found
+
+
+def named(counters: Sequence[Chain], type_: str) -> str:
+    """Return what is said of several counters."""
+    *places, last = (str(counter.last) for counter in counters)
+    return f"{_NUMBERS[len(counters)]} transfer-ID counters in {type_}, at {', '.join(places)} and {last}"
+
+
+def _counts(start: OddStart, view: View) -> bool:
+    """Return whether nothing but another sender or a loss explains a start: no silence, no gap of the capture."""
+    if NO_TIME in (start.t, start.since):
+        return True
+    return start.t - start.since <= QUIET and start.since >= view.resumed(start.t)

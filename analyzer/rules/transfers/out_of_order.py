@@ -1,0 +1,176 @@
+"""Frames of sessions that no transfer took: each waits for those behind it, which show what it was."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.rules.anomalies import GONE
+from analyzer.rules.diagnosis.budgets import SearchBudget
+from analyzer.rules.diagnosis.neighbours import AHEAD, NeighbourFinder
+from analyzer.rules.diagnosis.proofs import proven
+from analyzer.rules.frames.foreign import session_of
+from analyzer.rules.transfers.missing_start import MissingStart
+from analyzer.rules.view import who
+from analyzer.tables import FD, TAIL_END, TAIL_ID, VERDICTS
+from dissectors.kit import Occurrence
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from analyzer.rules.diagnosis.neighbours import Neighbours
+    from analyzer.rules.diagnosis.proofs import Part
+    from analyzer.rules.transfers.missing_start import LooseFrame
+    from dissectors.kit import Kept, Values, View
+
+COPY, OTHER_ID, ORPHAN = (VERDICTS.index(name) for name in ("duplicate", "wrong transfer id", "orphan"))
+_USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
+NEAR = 4096  # frames that are looked through for the one before
+KINDS = (COPY, OTHER_ID, ORPHAN)
+
+
+class OutOfOrder:
+    """Copies, frames with another transfer ID, and what is left of transfers without a start.
+
+    Args:
+        begun: time and first frame of each session's first transfer.
+    """
+
+    def __init__(self, begun: Mapping[int, tuple[int, int]]) -> None:
+        self._missing_start = MissingStart(begun)
+        self._neighbours = NeighbourFinder()
+        self._waiting: list[LooseFrame] = []
+        self._budget = SearchBudget()
+
+    def add(self, loose: LooseFrame) -> None:
+        """Add one more frame."""
+        self._waiting.append(loose)
+
+    def feed(self, view: View) -> Iterator[Occurrence]:
+        """Yield those whose surroundings are known by now."""
+        self._neighbours.feed(view)
+        self._missing_start.feed(view)
+        if self._waiting:
+            end = view.frames.first + len(view.frames)
+            ready = [one for one in self._waiting if one.number + AHEAD < end]
+            self._waiting = [one for one in self._waiting if one.number + AHEAD >= end]
+            yield from self._report(view, ready)
+
+    def finish(self, view: View) -> Iterator[Occurrence]:
+        """Yield those at the end of the capture."""
+        yield from self._report(view, self._waiting)
+        yield from self._missing_start.rest(view)
+
+    def _report(self, view: View, ready: Sequence[LooseFrame]) -> Iterator[Occurrence]:
+        for one in sorted(ready, key=lambda one: one.number):
+            kept = one.kept
+            node, type_, code = sender_of(view, kept)
+            if kept.verdict == ORPHAN:
+                yield from self._missing_start.add(view, one, node, type_, code)
+                continue
+            searched = self._budget.take((kept.bus, -1 if node is None else node, code))
+            near = self._neighbours.of(view, (one.number,), code, fd=bool(kept.flags & FD)) if searched else None
+            if kept.verdict == COPY:
+                if near is None or not _is_needed(near):
+                    yield _occurrence("TRF-004", one, node, type_, _copy(view, one.number, kept))
+                continue
+            why = ": cause not sought" if near is None else _inside(near)
+            if why is None:
+                yield from self._missing_start.add(view, one, node, type_, code)
+            else:
+                yield _occurrence("TRF-009", one, node, type_, {**_other_id(view, one.number, kept), "why": why})
+
+
+def sender_of(view: View, kept: Kept) -> tuple[int | None, str, int]:
+    """Return node, type and its code by the identifier of a frame."""
+    node, code = _sender_of(kept.id, kept.flags, _USED if kept.verdict == _FOREIGN else kept.verdict)
+    return None if node < 0 else node, view.type_name(code), code
+
+
+@lru_cache(maxsize=4096)
+def _sender_of(identifier: int, flags: int, verdict: int) -> tuple[int, int]:
+    node, code = who(np.array([identifier]), np.array([flags]), np.array([verdict]))
+    return int(node[0]), int(code[0])
+
+
+def _occurrence(rule: str, one: LooseFrame, node: int | None, type_: str, values: Values) -> Occurrence:
+    return Occurrence(rule, one.kept.t, one.kept.bus, node, type_, (one.number,), values, lines=one.lines)
+
+
+def _is_needed(near: Neighbours) -> bool:
+    """Return whether a frame that looks like a copy is none.
+
+    Where toggles stand still, the CRC is right only with it.
+    """
+    (frame,) = near.parts
+    if frame.number in near.settled:
+        return False
+    run = _from_start(near.near, frame)
+    apart = [part for k, part in enumerate(run) if not k or part[1:] != run[k - 1][1:]]
+    stands_still = any(one.toggle == after.toggle for one, after in pairwise(apart))
+    return (stands_still or len(apart) == 1) and near.expected.fits(run)
+
+
+def _from_start(near: Sequence[Part], frame: Part) -> list[Part]:
+    """Return the transfer around a frame as it came, copies and all: from the start before it to the end behind it."""
+    mine = [part for part in near if part.transfer_id == frame.transfer_id]
+    first = max((k for k, part in enumerate(mine) if part.start and part.number <= frame.number), default=0)
+    while first and mine[first - 1][1:] == mine[first][1:]:
+        first -= 1
+    last = next((k for k, part in enumerate(mine) if part.end and part.number >= frame.number), len(mine) - 1)
+    return mine[first : last + 1]
+
+
+def _inside(near: Neighbours) -> str | None:
+    """Return what a frame with another transfer ID does inside a transfer.
+
+    None if it is left of one that was cut itself.
+    """
+    (frame,) = near.parts
+    copy = near.copy()
+    if copy is not None:
+        return f": {copy.what}{copy.detail}"
+    for run in near.whole:
+        if run[0].number < frame.number < run[-1].number and run[0].transfer_id != frame.transfer_id:
+            return ": a foreign frame, the CRC is right without it" if near.expected.fits(run) else ""
+    if not near.expected.starts:
+        return ""
+    before = [part for part in near.near if part.number < frame.number and part.start and not part.end]
+    if before and before[-1].transfer_id != frame.transfer_id:
+        begun = before[-1]
+        outer = [part for part in near.near if part.transfer_id == begun.transfer_id and part.number >= begun.number]
+        cut = next((k for k, part in enumerate(outer) if k and (part.start or outer[k - 1].end)), len(outer))
+        here = near._replace(parts=outer[:cut])
+        proof = proven(here.parts, here.around(), near.expected)
+        if proof is not None:
+            return ": it belongs to that one" if frame in proof.order else ": a foreign frame"
+    rest = [part for part in near.near if part.number >= frame.number and part.transfer_id == frame.transfer_id]
+    end = next((k for k, part in enumerate(rest) if part.end), None)
+    right = end is not None and all(one.toggle != after.toggle for one, after in pairwise(rest[: end + 1]))
+    return None if right else ""
+
+
+def preceding(view: View, number: int, kept: Kept, most: int = NEAR) -> Iterator[tuple[int, Kept]]:
+    """Yield earlier frames of the session, the last one first."""
+    wanted = session_of(kept.id, kept.verdict)
+    for earlier in range(number - 1, max(-1, number - 1 - most), -1):
+        other = view.frame(earlier)
+        if other is None:
+            return
+        if other.bus == kept.bus and other.data and other.id & 0xFF_FFFF == wanted:
+            yield earlier, other
+
+
+def _copy(view: View, number: int, kept: Kept) -> Values:
+    found = next((earlier + 1 for earlier, _ in preceding(view, number, kept)), GONE)
+    return {"frame": number + 1, "previous_frame": found}
+
+
+def _other_id(view: View, number: int, kept: Kept) -> Values:
+    mine = kept.data[-1] & TAIL_ID
+    tails = (other.data[-1] for _, other in preceding(view, number, kept) if other.verdict == _USED)
+    under_way = (tail & TAIL_ID for tail in tails if not tail & TAIL_END)
+    return {"transfer_id": mine, "expected": next((one for one in under_way if one != mine), GONE)}

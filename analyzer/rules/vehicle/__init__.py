@@ -1,0 +1,1 @@
+"""A vehicle file: what a vehicle should be, in the words of its dissectors."""

@@ -1,0 +1,70 @@
+"""A batch cut to a window: rows of every table that are wanted, with the numbers they have in the capture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+
+from analyzer.window.cut import rows_inside
+from analyzer.window.selection import TransferSelection
+from dissectors.kit.cells import numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from analyzer.decode.engine import Batch
+    from dissectors.kit import Array
+
+
+@dataclass(frozen=True, slots=True)
+class BatchPart:
+    """The wanted rows of a batch, in capture order.
+
+    `frame_rows` and `transfer_rows` are the numbers of their frames and transfers in the whole capture, from 0 (u64).
+    """
+
+    frames: pa.RecordBatch
+    frame_rows: Array
+    transfers: pa.RecordBatch
+    transfer_rows: Array
+    events: pa.RecordBatch
+    messages: dict[str, pa.RecordBatch]
+    settled: pa.RecordBatch
+    buses: tuple[str, ...]
+
+
+class TableSelection(TransferSelection):
+    """A window over all tables: messages go with their transfers, frames and events as in `cut.FrameSelection`."""
+
+    def parts(self, batches: Iterable[Batch]) -> Iterator[BatchPart]:
+        """Yield the batches, cut to the window."""
+        for batch, rows, _ in self.apply(batches):
+            frames, events = rows_inside(batch, self.window, self._limits())
+            transfers = np.sort(rows)
+            yield BatchPart(
+                frames=_take_rows(batch.frames, frames),
+                frame_rows=frames.astype(np.uint64) + np.uint64(batch.first_frame),
+                transfers=_take_rows(batch.transfers, transfers),
+                transfer_rows=transfers.astype(np.uint64) + np.uint64(batch.first_transfer),
+                events=_take_rows(batch.events, events),
+                messages=dict(_messages(batch, transfers)),
+                settled=batch.settled,
+                buses=batch.buses,
+            )
+
+
+def _messages(batch: Batch, transfers: Array) -> Iterator[tuple[str, pa.RecordBatch]]:
+    wanted = np.zeros(len(batch.transfers), bool)
+    wanted[transfers] = True
+    for name, table in batch.messages.items():
+        of = (numbers(table.column("transfer")) - np.uint64(batch.first_transfer)).astype(np.int64)
+        rows = np.flatnonzero(wanted[of])
+        if rows.size:
+            yield name, _take_rows(table, rows)
+
+
+def _take_rows(table: pa.RecordBatch, rows: Array) -> pa.RecordBatch:
+    return table if len(rows) == len(table) else table.take(pa.array(rows))

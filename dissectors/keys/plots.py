@@ -1,0 +1,60 @@
+"""Keys of `plots.toml`."""
+
+from __future__ import annotations
+
+from dissectors.keys.key import Key, Keys, by_name
+
+_ONLY = Key("only", "text", "Rows of nodes that read a doubtful field so: READING=CHOICE.", '"dialect=tm"')
+_MOST_FIRST = 1000
+
+QUANTITY = Keys("quantity.NAME", "Something that is measured or commanded: one plot, with a line for each device.", (
+    Key("title", "text", "Its title.", '"Voltage"', required=True),
+    Key("unit", "text", "Its unit.", '"V"'),
+    Key("detail", "flag", "Nothing to compare devices by, so it is only shown with each of them.", "true", "false"),
+))  # fmt: skip
+
+WHO = Keys("who", "Whose values a row holds: the device that a column numbers, or that sends.", (
+    Key("path", "text", "What devices are called in paths.", '"esc"', "node"),
+    Key("title", "text", "What people call them.", '"ESC"', "that of `path`"),
+    Key("column", "text", "Column with the number of the device.", '"esc_index"'),
+    Key("elements", "flag", "Each place in a list is a device.", "true", "false"),
+    Key("first", "whole", "What the device of number 0 is called.", "1", "0", low=0, high=_MOST_FIRST),
+))  # fmt: skip
+
+LINE = Keys('line.QUANTITY, line."QUANTITY/ROLE"', "A quantity's column; a role tells apart what shares a plot.", (
+    Key("column", "text", "Field, part (`field.part`) or derived column.", '"voltage"', required=True),
+    _ONLY,
+))  # fmt: skip
+
+STATES = Keys(
+    "states.COLUMN", "A column with named values, or a word whose flags and enumerations are lanes.", (_ONLY,)
+)
+
+PRODUCT = Keys("product.QUANTITY", "A quantity that is the product of two others of the same row.", (
+    Key("of", "texts", "The two.", '["voltage", "current"]', required=True),
+))  # fmt: skip
+
+INTEGRAL = Keys("integral.QUANTITY", "A quantity that adds up another one over seconds.", (
+    Key("of", "text", "The other one.", '"power"', required=True),
+    Key("scale", "scale", "What the sum is multiplied with.", '"1/3600"', "1"),
+))  # fmt: skip
+
+INTERVAL = Keys("interval.QUANTITY", "A quantity that is the time between a sender's rows, in ms.", (
+    Key("change", "flag", "How much that time changed.", "true", "false"),
+))  # fmt: skip
+
+TABLE = Keys("table.NAME", "What is shown of one table: a message, or MESSAGE.PACKET.", (
+    Key("who", "table", WHO.about, '{ path = "esc", column = "esc_index", first = 1 }', "the sender", keys=WHO),
+    by_name("line", LINE.about, LINE, 'line.voltage = { column = "voltage" }'),
+    by_name("states", STATES.about, STATES, "states.state = {}"),
+    by_name("product", PRODUCT.about, PRODUCT),
+    by_name("integral", INTEGRAL.about, INTEGRAL),
+    by_name("interval", INTERVAL.about, INTERVAL),
+    Key("hidden", "texts", "Columns that say nothing that is not shown otherwise.", '["esc_index"]'),
+    Key("parameters", "flag", "Its columns are settings, shown beside the commands.", "true", "false"),
+))  # fmt: skip
+
+PLOTS = Keys("plots.toml", "What a picture shows of the folder's tables; others are shown field by field.", (
+    by_name("quantity", "Quantities, in the order of their plots.", QUANTITY),
+    by_name("table", "Tables.", TABLE),
+))  # fmt: skip

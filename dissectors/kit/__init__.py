@@ -1,0 +1,35 @@
+"""The kit of conformance rules: all that the rules of a vendor may use.
+
+A dissector's folder may hold rules that join its own tables; `analyzer.rules` runs them beside those that hold for any
+bus. Both sides speak in the terms of this package, so that neither imports the other. Times are integer nanoseconds,
+frames and transfers are numbered through the whole capture from 0.
+
+A rule reads a batch through its `View`: `FrameTable`, `TransferTable`, `EventTable`, and a `DecodedTable` for each
+message and packet. It is a `Rule` (or a function that `rule` makes one), and gives an `Occurrence` for a breach, or
+`Occurrences` for many. `Conformance` lists what a module brings.
+"""
+
+from __future__ import annotations
+
+from dissectors.kit.array import Array
+from dissectors.kit.collection import rules_of
+from dissectors.kit.conformance import Conformance, Exercise, Measures
+from dissectors.kit.definitions import Types
+from dissectors.kit.occurrence import Occurrence, Occurrences, Severity, Values
+from dissectors.kit.paces import Break, PacedReports
+from dissectors.kit.pauses import Pauses
+from dissectors.kit.rows import NODES, breach, frames_of, rows_by_bus, sender, sound, usable
+from dissectors.kit.rule import Feed, PageKeys, Rule, rule
+from dissectors.kit.series import Latest, Previous, set_back
+from dissectors.kit.starts import Starts
+from dissectors.kit.tables import DecodedTable, EventTable, FrameTable, TransferTable
+from dissectors.kit.view import Kept, Second, View
+from dissectors.times import MICROSECOND, MILLISECOND, NO_TIME, SECOND
+
+__all__ = [
+    "MICROSECOND", "MILLISECOND", "NODES", "NO_TIME", "SECOND", "Array", "Break", "Conformance", "DecodedTable",
+    "EventTable", "Exercise", "Feed", "FrameTable", "Kept", "Latest", "Measures", "Occurrence", "Occurrences",
+    "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "Second", "Severity", "Starts", "TransferTable", "Types",
+    "Values", "View", "breach", "frames_of", "rows_by_bus", "rule", "rules_of", "sender", "set_back", "sound",
+    "usable",
+]  # fmt: skip

@@ -1,0 +1,66 @@
+"""The definitions of types, as far as a transfer's framing goes: signatures, and lengths that never change."""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from dissectors import Registry
+
+_SERVICE = 2  # this kind and those above it
+CRC_BEGIN = 0xFFFF
+
+
+def crc_start(signature: int) -> int:
+    """Return the transfer CRC before any payload: that of the signature, low byte first (5.1)."""
+    return crc_hqx(signature.to_bytes(8, "little"), CRC_BEGIN)
+
+
+class Types:
+    """The definitions of types, asked by the code of a transfer."""
+
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
+        self._mistaken: dict[tuple[int, int], Mapping[int, str]] = {}
+
+    def signatures(self, code: int) -> Sequence[int]:
+        """Return those of the known types with this ID, the preferred one first; none for an unknown type."""
+        return self._registry.signatures(*_identity(code))
+
+    def mistaken(self, code: int) -> Mapping[int, str]:
+        """Return signatures that a sender may take by mistake, each with the type name that gives it."""
+        key = _identity(code)
+        if key not in self._mistaken:
+            self._mistaken[key] = self._registry.mistaken(*key)
+        return self._mistaken[key]
+
+    def undefined(self, code: int) -> Mapping[int, str]:
+        """Return signatures of further types with this ID, which are known by name only."""
+        return self._registry.undefined(*_identity(code))
+
+    def fixed_bytes(self, code: int) -> int | None:
+        """Return the payload bytes of a type whose transfers all have the same length."""
+        message = self._registry.message(code >> 16 & 0xFF, code & 0xFFFF, code >> 24 & 0xFF)
+        if message is None or message.layout.min_bits != message.layout.max_bits:
+            return None
+        return (message.layout.max_bits + 7) // 8
+
+    def starting_from(self, value: int) -> Sequence[str]:
+        """Return full names of the types whose transfer CRCs start from this value."""
+        return self._by_start.get(value, ())
+
+    @cached_property
+    def _by_start(self) -> Mapping[int, Sequence[str]]:
+        found: dict[int, list[str]] = {}
+        for signature, name in self._registry.all_signatures().items():
+            found.setdefault(crc_start(signature), []).append(name)
+        return found
+
+
+def _identity(code: int) -> tuple[int, int]:
+    """Return (is a service, type ID), whichever of its kinds or variants the code names."""
+    return int(code >> 16 & 0xFF >= _SERVICE), code & 0xFFFF

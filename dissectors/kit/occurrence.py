@@ -1,0 +1,63 @@
+"""Breaches of rules: one, or many of the same kind in arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from dissectors.kit.array import Array
+
+Values = Mapping[str, Any]
+Severity = Literal["error", "warning", "note"]
+
+
+@dataclass(frozen=True, slots=True)
+class Occurrence:
+    """One breach of a rule. `frames` are its evidence, the first one is its place; none for a silence.
+
+    `type` is the name of a table. `values` fill the text of the rule's page and make up its key. `severity` stands
+    instead of the page's. `dialects` maps the reading that the node turns out to use to another severity, or to None
+    if it is no breach then. `drops` makes it a note close to frames that the recorder lost; it is looked for them from
+    `since` to `until`, if these are not `t`. `lines` are the evidence as `View.lines` gave it, for a rule that holds an
+    occurrence back.
+    """
+
+    rule: str
+    t: int
+    bus: int
+    node: int | None
+    type: str
+    frames: Sequence[int]
+    values: Values
+    severity: Severity | None = None
+    dialects: Mapping[str, Severity | None] = field(default_factory=dict)
+    drops: bool = False
+    since: int | None = None
+    until: int | None = None
+    lines: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Occurrences:
+    """Many breaches of one rule, a row each; what is equal for all is said once, as with `Occurrence`.
+
+    `t`, `bus`, `node` (-1 for none), `frame` (-1 for none) and `type` (codes of `View.type_name`) are arrays of equal
+    length. `key` tells rows apart whose values may give different keys. `values` and `frames` are asked for the few
+    rows that are shown.
+    """
+
+    rule: str
+    t: Array
+    bus: Array
+    node: Array
+    type: Array
+    frame: Array
+    values: Callable[[int], Values]
+    frames: Callable[[int], Sequence[int]]
+    key: Array | None = None
+    severity: Severity | None = None
+    dialects: Mapping[str, Severity | None] = field(default_factory=dict)
+    drops: bool = False
+    since: Array | None = None

@@ -1,0 +1,56 @@
+"""When a whole bus was silent."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.kit.rows import rows_by_bus
+
+if TYPE_CHECKING:
+    from dissectors.kit.view import View
+
+
+class Pauses:
+    """Times in which a whole bus was silent, and when it was heard last.
+
+    Args:
+        least: shorter ones, in nanoseconds, do not count. The last 1024 of a bus are kept.
+    """
+
+    def __init__(self, least: int) -> None:
+        self._least = least
+        self.last: dict[int, int] = {}
+        self._known: dict[int, list[tuple[int, int]]] = {}
+
+    def feed(self, view: View) -> None:
+        """Add the next batch."""
+        frames = view.frames
+        for bus, rows in rows_by_bus(frames.bus, frames.t):
+            t = frames.t if rows is None else frames.t[rows]
+            coarse = np.append(t[::64], t[-1])
+            self._between(bus, self.last.get(bus, int(t[0])), int(t[0]))
+            for k in np.flatnonzero((np.diff(coarse) > self._least) | (np.diff(coarse) < 0)).tolist():
+                part = t[k * 64 : k * 64 + 65]
+                for at in np.flatnonzero(np.diff(part) > self._least).tolist():
+                    self._between(bus, int(part[at]), int(part[at + 1]))
+            self.last[bus] = int(t[-1])
+
+    def first(self, bus: int, start: int, stop: int) -> int:
+        """Return when the first silence between two times begins, else the second time."""
+        return min((max(start, a) for a, b in self._known.get(bus, ()) if a < stop and b > start), default=stop)
+
+    def inside(self, bus: int, start: int, stop: int, spare: float = 0) -> float:
+        """Return nanoseconds of silence between two times, without the first `spare` ones of each.
+
+        Where others are seldom heard, too, each time is proof that somebody with that period might have been.
+        """
+        parts = (min(stop, b) - max(start, a) - spare for a, b in self._known.get(bus, ()))
+        return sum(part for part in parts if part > 0)
+
+    def _between(self, bus: int, start: int, stop: int) -> None:
+        if stop - start > self._least:
+            known = self._known.setdefault(bus, [])
+            known.append((start, stop))
+            del known[:-1024]

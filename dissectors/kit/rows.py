@@ -1,0 +1,67 @@
+"""Rows of a table: which can be relied on, who sent them, and what a breach in one of them is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dissectors.kit.occurrence import Occurrence
+from dissectors.times import NO_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.kit.array import Array
+    from dissectors.kit.occurrence import Values
+    from dissectors.kit.tables import DecodedTable
+    from dissectors.kit.view import View
+
+NODES = 1 << 15  # 8 bits of bus, 7 of node ID
+
+
+def usable(table: DecodedTable) -> Array:
+    """Return a mask of the rows of a message table with a good CRC that hold every field."""
+    return table.trusted & (table["bits_left"] >= 0)
+
+
+def sound(table: DecodedTable) -> Array:
+    """Return a mask of the rows whose packet is whole, with the right length and checksum, in a trusted transfer."""
+    return table["packet_ok"] & table.trusted
+
+
+def sender(table: DecodedTable, rows: Array | slice = slice(None)) -> Array:
+    """Return bus and node of rows in one number of 16 bits each, below `NODES`."""
+    node = table.bus[rows].astype(np.uint16) << 7
+    node |= table.src[rows] & 0x7F
+    return node
+
+
+def frames_of(view: View, table: DecodedTable, row: int) -> tuple[int, ...]:
+    """Return the numbers of the frames of one row's transfer."""
+    return tuple(view.transfers.frames(int(table.row[row])))
+
+
+def breach(
+    view: View, table: DecodedTable, row: int, rule: str, values: Values, *, held: bool = False, **about: Any
+) -> Occurrence:
+    """Return a breach in one row; what is `held` back keeps its lines. `about` as `Occurrence` has it."""
+    frames = frames_of(view, table, row)
+    if held:
+        about["lines"] = view.lines(frames)
+    place = {"t": int(table.t[row]), "bus": int(table.bus[row]), "node": int(table.src[row]), "type": table.name}
+    return Occurrence(**{"rule": rule, "frames": frames, "values": values, **place, **about})
+
+
+def rows_by_bus(bus: Array, t: Array) -> Iterator[tuple[int, Array | None]]:
+    """Yield rows that have a time by bus, None for all."""
+    if not len(bus):
+        return
+    if int(bus.min()) == int(bus.max()) and int(t.min()) != NO_TIME:
+        yield int(bus[0]), None
+        return
+    timed = t != NO_TIME
+    for index in np.flatnonzero(np.bincount(bus)).tolist():
+        rows = np.flatnonzero((bus == index) & timed)
+        if len(rows):
+            yield index, rows

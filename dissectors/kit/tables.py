@@ -1,0 +1,290 @@
+"""The tables of a batch as rules read them: numpy columns over Arrow, made when they are asked for.
+
+Times are integer nanoseconds, `NO_TIME` where there is none; frames and transfers are numbered through the whole
+capture from 0. Cells without a value are arbitrary: ask `has`.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+
+from dissectors.kit.cells import numbers, pylist, valid
+from dissectors.times import NO_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from dissectors.kit.array import Array
+
+_TIMES = ("t", "t_end")
+
+
+class Columns:
+    """A table; its columns are attributes, a missing time is `NO_TIME`."""
+
+    def __init__(self, batch: pa.RecordBatch, first: int = 0) -> None:
+        self._batch = batch
+        self.first = first
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return int(self._batch.num_rows)
+
+    def __getattr__(self, name: str) -> Array:
+        """Return a column of numbers, and keep it."""
+        if name.startswith("_") or name not in self._batch.schema.names:
+            raise AttributeError(name)
+        values = column(self._batch.column(name), time=name in _TIMES)
+        setattr(self, name, values)
+        return values
+
+    def has(self, name: str) -> Array:
+        """Return a mask of the rows in which the column has a value."""
+        return valid(self._batch.column(name))
+
+    def _bytes(self, name: str, row: int) -> bytes:
+        offsets, data = self._binary[name] if name in self._binary else self._opened(name)
+        return bytes(data[offsets[row] : offsets[row + 1]])
+
+    def _lengths(self, name: str) -> Array:
+        offsets, _ = self._binary[name] if name in self._binary else self._opened(name)
+        return np.diff(offsets)
+
+    @cached_property
+    def _binary(self) -> dict[str, tuple[Array, memoryview]]:
+        return {}
+
+    def _opened(self, name: str) -> tuple[Array, memoryview]:
+        array = self._batch.column(name)
+        _, offsets, data = array.buffers()
+        ends = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
+        self._binary[name] = ends, memoryview(b"" if data is None else data)
+        return self._binary[name]
+
+
+class FrameTable(Columns):
+    """The frames of a batch, column by column; `first` is the number of the first one."""
+
+    t: Array
+    bus: Array
+    id: Array
+    flags: Array
+    line: Array
+    verdict: Array
+    anomaly: Array
+
+    @cached_property
+    def length(self) -> Array:
+        """Bytes of each data field."""
+        return self._lengths("data")
+
+    def data(self, row: int) -> bytes:
+        """Return the data field of a row of this batch, tail byte included."""
+        return self._bytes("data", row)
+
+    @property
+    def raw(self) -> tuple[Array, memoryview]:
+        """All data fields: where each begins (one entry more than rows), and the bytes."""
+        return self._binary["data"] if "data" in self._binary else self._opened("data")
+
+
+class TransferTable(Columns):
+    """The transfers of a batch, in the order of their ends; columns as in the table of transfers.
+
+    `lead` is the number of a transfer's first frame, `length` that of its payload bytes, `code` its type for
+    `View.type_name`. `has` says which cells of `dst`, `crc_wire`, `crc_here`, `step` and `gap` exist.
+    """
+
+    t: Array
+    t_end: Array
+    bus: Array
+    kind: Array
+    type_id: Array
+    variant: Array
+    src: Array
+    dst: Array
+    priority: Array
+    transfer_id: Array
+    status: Array
+    crc_wire: Array
+    crc_here: Array
+    step: Array
+    gap: Array
+    anomaly: Array
+    fd: Array
+
+    @cached_property
+    def length(self) -> Array:
+        """Payload bytes of each."""
+        return self._lengths("payload")
+
+    @cached_property
+    def code(self) -> Array:
+        """Types as one number each: variant, kind and type ID."""
+        codes = self.variant.astype(np.int64) << 24
+        codes |= self.kind.astype(np.int64) << 16
+        return codes | self.type_id
+
+    @cached_property
+    def lead(self) -> Array:
+        """The number of each transfer's first frame."""
+        offsets, numbers_ = self._frame_lists
+        if not len(numbers_):
+            return np.full(len(self), -1, np.int64)
+        first = numbers_[np.minimum(offsets[:-1], len(numbers_) - 1)].astype(np.int64)
+        return np.where(np.diff(offsets) > 0, first, -1)
+
+    @cached_property
+    def _frame_lists(self) -> tuple[Array, Array]:
+        return listed(self._batch.column("frame"))
+
+    def frames(self, row: int) -> Sequence[int]:
+        """Return the numbers of all frames of a transfer of this batch."""
+        offsets, numbers_ = self._frame_lists
+        return list(map(int, numbers_[offsets[row] : offsets[row + 1]]))
+
+    def payload(self, row: int) -> bytes:
+        """Return the payload of a transfer of this batch, CRC left out."""
+        return self._bytes("payload", row)
+
+
+class EventTable(Columns):
+    """Error frames, drop counts, gaps, unreadable lines and comments of a batch.
+
+    `kind` is 0 to 4 for these, in this order.
+    """
+
+    t: Array
+    bus: Array
+    line: Array
+    kind: Array
+    tx_errors: Array
+    rx_errors: Array
+
+    @cached_property
+    def number(self) -> Array:
+        """Error class bits, or frames dropped."""
+        return column(self._batch.column("class"))
+
+    def text(self, row: int) -> str:
+        """Return reason and excerpt of an unreadable line, or a comment."""
+        return str(self._batch.column("text")[row].as_py() or "")
+
+    def data(self, row: int) -> bytes:
+        """Return the data field of an error frame."""
+        return self._bytes("data", row)
+
+
+class DecodedTable:
+    """One message or packet table of a batch; `row` are rows of its transfers in this batch.
+
+    A packet's row stands once for each packet; `name` is the carrier's and its own (`PUSHCAN.MotorStatus`).
+    """
+
+    def __init__(self, name: str, batch: pa.RecordBatch, first_transfer: int) -> None:
+        self.name = name
+        self._batch = batch
+        self._first = first_transfer
+        self._columns: dict[str, Array] = {}
+        self._lists: dict[str, tuple[Array, Array]] = {}
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return int(self._batch.num_rows)
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is such a column."""
+        return name in self._batch.schema.names
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a column of numbers; cells without a value are arbitrary."""
+        if name not in self._columns:
+            self._columns[name] = column(self._batch.column(name), time=name in _TIMES)
+        return self._columns[name]
+
+    @cached_property
+    def row(self) -> Array:
+        """Rows of the transfers of this batch."""
+        return (self["transfer"] - np.uint64(self._first)).astype(np.int64)
+
+    @property
+    def t(self) -> Array:
+        """Time of each transfer's first frame."""
+        return self["t"]
+
+    @property
+    def bus(self) -> Array:
+        """Index of the interface."""
+        return self["bus"]
+
+    @property
+    def src(self) -> Array:
+        """Source node ID."""
+        return self["src"]
+
+    @property
+    def trusted(self) -> Array:
+        """Mask of the rows whose transfer is complete with a good CRC, or one frame."""
+        return self["trusted"]
+
+    def has(self, name: str) -> Array:
+        """Return a mask of the rows in which the column has a value."""
+        return valid(self._batch.column(name))
+
+    def lists(self, name: str) -> tuple[Array, Array]:
+        """Return of a column of lists where each row's begins (one entry more than rows), and all values."""
+        if name not in self._lists:
+            self._lists[name] = listed(self._batch.column(name))
+        return self._lists[name]
+
+    def counts(self, name: str) -> Array:
+        """Return how many elements each list of a column has; 0 in a column of anything else."""
+        array = self._batch.column(name)
+        if not pa.types.is_list(array.type):
+            return np.zeros(len(array), np.int64)
+        return np.diff(np.asarray(array.offsets)).astype(np.int64)
+
+    def cell(self, name: str, row: int) -> Any:
+        """Return one cell as a Python value."""
+        return pylist(self._batch.column(name).slice(row, 1))[0]
+
+    def not_finite(self, name: str) -> Iterator[tuple[str, Array, Array]]:
+        """Yield floats of a field that are NaN or infinite: dotted name, rows in order, values; also in structures."""
+        yield from _not_finite(self._batch.column(name), name)
+
+
+def column(array: pa.Array, *, time: bool = False) -> Array:
+    """Return a column of numbers; missing cells are arbitrary, missing times `NO_TIME`."""
+    values = numbers(array)
+    if time and array.null_count:
+        values = np.where(valid(array), values, NO_TIME)
+    return values
+
+
+def _not_finite(array: pa.Array, name: str) -> Iterator[tuple[str, Array, Array]]:
+    kind = array.type
+    if pa.types.is_struct(kind):
+        for k in range(kind.num_fields):
+            yield from _not_finite(array.field(k), f"{name}.{kind.field(k).name}")
+    elif pa.types.is_list(kind):
+        ends = np.asarray(array.offsets).astype(np.int64)
+        for path, places, values in _not_finite(array.values, name):
+            yield path, np.searchsorted(ends, places, "right") - 1, values
+    elif pa.types.is_floating(kind):
+        values = numbers(array)
+        rows = np.flatnonzero(~np.isfinite(values))
+        if len(rows) and array.null_count:
+            rows = rows[valid(array)[rows]]
+        if len(rows):
+            yield name, rows, values[rows]
+
+
+def listed(array: pa.Array) -> tuple[Array, Array]:
+    """Return offsets from 0 and values of a list column."""
+    offsets = np.asarray(array.offsets).astype(np.int64)
+    values = column(array.values.slice(offsets[0], offsets[-1] - offsets[0])) if len(offsets) else np.empty(0)
+    return offsets - (offsets[0] if len(offsets) else 0), values

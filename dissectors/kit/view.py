@@ -1,0 +1,145 @@
+"""A batch as rules see it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from dissectors.kit.array import Array
+    from dissectors.kit.definitions import Types
+    from dissectors.kit.occurrence import Occurrences, Values
+    from dissectors.kit.tables import DecodedTable, EventTable, FrameTable, TransferTable
+    from dissectors.schema import Message
+
+
+class Kept(NamedTuple):
+    """A frame of the recent past; `id` without flag bits, `flags` and `verdict` as in the table of frames."""
+
+    t: int
+    bus: int
+    id: int
+    flags: int
+    data: bytes
+    verdict: int
+
+
+class Second(NamedTuple):
+    """Frames of an interface one after the other in one second; `start` is where the second begins.
+
+    `t` and `frame` are those of the first. A second that a batch or a step back in time cuts has several of these.
+    """
+
+    bus: int
+    start: int
+    t: int
+    frame: int
+    frames: int
+    bits: int
+
+
+class View(Protocol):
+    """All that a rule sees: one batch, the capture so far, and the settings."""
+
+    @property
+    def frames(self) -> FrameTable:
+        """The frames of this batch."""
+
+    @property
+    def transfers(self) -> TransferTable:
+        """The transfers that ended in this batch."""
+
+    @property
+    def events(self) -> EventTable:
+        """Everything else that the capture has here."""
+
+    @property
+    def seconds(self) -> Sequence[Second]:
+        """Frames and bits by interface and second, counted from the first frame of the capture."""
+
+    @property
+    def settled(self) -> Sequence[tuple[int, int, int]]:
+        """Frames of earlier batches: number, final verdict, anomaly bits to add."""
+
+    @property
+    def buses(self) -> Sequence[str]:
+        """Interface names by index."""
+
+    @property
+    def start(self) -> int:
+        """The first time of any frame so far, `NO_TIME` without times."""
+
+    @property
+    def end(self) -> int:
+        """The last time of any frame so far, `NO_TIME` without times."""
+
+    @property
+    def before(self) -> int:
+        """The time of the last frame before this batch that has one, else `NO_TIME`."""
+
+    @property
+    def starts(self) -> Mapping[int, int]:
+        """The first time by bus."""
+
+    def resumed(self, t: int) -> int:
+        """Return since when frames have come without a gap (CAP-002), up to a time of this or the last batches.
+
+        Nothing is known of what was sent in a gap, so nothing in front of it counts behind it. `NO_TIME` without times.
+        """
+
+    def paused(self, since: int, until: int) -> bool:
+        """Return whether the capture has a gap between two times (CAP-002) that may hide what is missing.
+
+        It does where frames came close together before it; a bus with little traffic is silent that long at any time.
+        """
+
+    @property
+    def resolution(self) -> int:
+        """The power of ten of nanoseconds that all times so far are multiples of, from the first one on."""
+
+    @property
+    def bit_rate(self) -> int | None:
+        """Bits per second, if known."""
+
+    def table(self, name: str) -> DecodedTable | None:
+        """Return the rows of a message (`ESCStatus`) or packet (`PUSHCAN.MotorStatus`) in this batch, None without."""
+
+    def tables(self) -> Iterable[str]:
+        """Return the names of the tables that this batch has."""
+
+    def definition(self, name: str) -> Message | None:
+        """Return the type of a message table, None for other tables."""
+
+    def number(self, rule: str, name: str) -> float:
+        """Return a setting of a rule."""
+
+    def type_name(self, code: int) -> str:
+        """Return the name of a table by the code of a transfer's type; unknown types are named by their ID."""
+
+    def type_of(self, code: int) -> Message | None:
+        """Return what is known of a transfer's type by its code, None if it has no definition."""
+
+    @property
+    def types(self) -> Types:
+        """The definitions of types."""
+
+    def frame(self, number: int) -> Kept | None:
+        """Return a frame of the recent past, None if it is gone."""
+
+    def lines(self, frames: Iterable[int]) -> tuple[str, ...]:
+        """Return frames of the recent past as candump writes them, the first 16."""
+
+    def choice(self, message: str, reading: str, bus: int, node: int) -> str:
+        """Return what a node's doubtful field has shown so far; it depends on how the capture is cut into batches."""
+
+    def among_transfers(self, rule: str, rows: Array, values: Callable[[int], Values], **about: Any) -> Occurrences:
+        """Return breaches in transfers: `values` is asked with a row of the batch, `about` is what else they have."""
+
+    def among_frames(self, rule: str, rows: Array, values: Callable[[int], Values], **about: Any) -> Occurrences:
+        """Return breaches in frames, likewise; node and type are those of the identifier if it is DroneCAN's."""
+
+    def among_rows(
+        self, rule: str, table: DecodedTable, rows: Array, values: Callable[[int], Values], **about: Any
+    ) -> Occurrences:
+        """Return breaches in rows of a message or packet table, likewise."""

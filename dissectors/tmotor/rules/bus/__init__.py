@@ -1,0 +1,1 @@
+"""Rules that join what several nodes say, or follow a bus over time."""

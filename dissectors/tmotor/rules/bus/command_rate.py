@@ -1,0 +1,91 @@
+"""How often throttle is commanded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach
+from dissectors.tmotor.rules.bus.joins import commands
+from dissectors.tmotor.rules.bus.periods import PeriodHistogram
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from dissectors.kit import Occurrences, View
+
+MOST_SENDERS = 128
+_MESSAGE = 0  # the kind of a transfer
+_MIN_TO_SAY = 0.99
+
+
+class _Sent(NamedTuple):
+    """Commands of a node, and the times of the first and the last one."""
+
+    transfers: int
+    since: int
+    until: int
+
+    @property
+    def period(self) -> float:
+        """Return the mean time between two."""
+        return (self.until - self.since) / (self.transfers - 1)
+
+
+class CommandRate(Rule):
+    """The rate of throttle commands of each node; the first 128 nodes."""
+
+    rules = ("BUS-006",)
+
+    def __init__(self) -> None:
+        self._last: dict[tuple[int, int], int] = {}
+        self._periods: dict[tuple[int, int], PeriodHistogram] = {}
+        self._first: dict[tuple[int, int], Occurrence] = {}
+        self._sent: dict[tuple[int, int], _Sent] = {}
+
+    def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
+        """Collect periods."""
+        if view.start == NO_TIME:
+            return
+        self._count(view)
+        for bus, sent in commands(view).items():
+            for node in np.flatnonzero(np.bincount(sent.src)).tolist():
+                mine, who = np.flatnonzero(sent.src == node), (bus, node)
+                t = sent.t[mine]
+                if who not in self._first:
+                    if len(self._first) >= MOST_SENDERS:
+                        continue
+                    self._periods[who] = PeriodHistogram()
+                    self._first[who] = breach(view, sent.table, int(sent.rows[mine[0]]), "BUS-006", {}, held=True)
+                self._periods[who].feed(np.diff(t, prepend=self._last.get(who, int(t[0]))))
+                self._last[who] = int(t[-1])
+        yield from ()
+
+    def _count(self, view: View) -> None:
+        """Count all commands, broken ones too."""
+        message, t = view.definition("RawCommand"), view.transfers
+        if message is None:
+            return
+        rows = np.flatnonzero((t.type_id == message.type_id) & (t.kind == _MESSAGE) & (t.t != NO_TIME))
+        who, first = t.bus[rows].astype(np.int64) << 7 | t.src[rows], t.t[rows]
+        for code in np.flatnonzero(np.bincount(who)).tolist():
+            key, own = (code >> 7, code & 0x7F), first[who == code]
+            if key in self._sent or len(self._sent) < MOST_SENDERS:
+                before = self._sent.get(key, _Sent(0, int(own[0]), int(own[0])))
+                since, until = min(before.since, int(own.min())), max(before.until, int(own.max()))
+                self._sent[key] = _Sent(before.transfers + len(own), since, until)
+
+    def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
+        """Compare rates; pauses change the mean alone, and commands in pairs the median alone."""
+        nominal = view.number("BUS-006", "period_ms") * MILLISECOND
+        tolerance = view.number("BUS-006", "tolerance_pct") / 100
+        for who, periods in self._periods.items():
+            if periods.count + 1 < view.number("BUS-006", "min_transfers"):
+                continue
+            median = periods.below(0.5)
+            mean = self._sent[who].period or median
+            if all(abs(period - nominal) > tolerance * nominal for period in (median, mean)):
+                values = {"hertz": SECOND / mean, "slow_ms": periods.below(_MIN_TO_SAY) / MILLISECOND}
+                yield replace(self._first[who], values=values)

@@ -1,0 +1,152 @@
+"""Breaks in the reports of ESCs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.kit import (
+    MILLISECOND,
+    NO_TIME,
+    SECOND,
+    Break,
+    Occurrence,
+    PacedReports,
+    Pauses,
+    Rule,
+    Starts,
+    frames_of,
+)  # fmt: skip
+from dissectors.tmotor.rules.bus.joins import MOST_UNITS, ReportingEsc, units
+from dissectors.tmotor.rules.bus.malformed import MalformedReports
+from dissectors.tmotor.rules.bus.power_ons import PowerOns
+from dissectors.tmotor.rules.bus.report_rate import OPEN
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from dissectors.kit import Array, DecodedTable, Occurrences, View
+
+_LATER = 5 * SECOND // 2  # by then a node has said that it restarted, and transfers without an end are given up
+_SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
+_Evidence = tuple[tuple[int, ...], tuple[str, ...]]
+
+
+@dataclass(slots=True, eq=False)
+class _Heard:
+    """An ESC, and the frames of its last report."""
+
+    pace: PacedReports
+    evidence: _Evidence = field(default=((), ()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Doubt:
+    """A break until all is known that may explain it."""
+
+    unit: ReportingEsc
+    found: Break
+    evidence: _Evidence
+
+
+class Dropouts(Rule):
+    """Breaks in the reports of an ESC."""
+
+    rules = ("BUS-025",)
+
+    def __init__(self) -> None:
+        self._heard: dict[ReportingEsc, _Heard] = {}
+        self._pauses: Pauses | None = None
+        self._starts = Starts()
+        self._power_ons = PowerOns()
+        self._malformed = MalformedReports()
+        self._doubts: list[_Doubt] = []
+
+    def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
+        """Look at the times between reports."""
+        if view.start == NO_TIME:
+            return
+        least = round(view.number("BUS-025", "min_ms") * MILLISECOND)
+        self._pauses = self._pauses or Pauses(least)
+        self._pauses.feed(view)
+        self._starts.feed(view)
+        for one in self._power_ons.feed(view):
+            self._starts.add(one.t, int(one.table.bus[one.row]), int(one.table.src[one.row]))
+        self._note_rates(view)
+        self._malformed.feed(view, least)
+        table = view.table("ESCStatus")
+        for unit, rows in units(view).items():
+            if table is None or (unit not in self._heard and len(self._heard) >= MOST_UNITS):
+                continue
+            if unit not in self._heard:
+                periods, fewest = (view.number("BUS-025", name) for name in ("periods", "min_reports"))
+                self._heard[unit] = _Heard(PacedReports(least, periods, int(fewest)))
+            self._breaks(view, unit, table, rows)
+        yield from self._judge(view, view.end)
+
+    def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
+        """Yield ESCs that are silent to the end."""
+        if self._pauses is not None:
+            for unit, heard in self._heard.items():
+                found = heard.pace.silence(self._pauses.last.get(unit.bus, heard.pace.last))
+                if found is not None:
+                    self._doubts.append(_Doubt(unit, found, heard.evidence))
+        yield from self._judge(view, None)
+
+    def _breaks(self, view: View, unit: ReportingEsc, table: DecodedTable, rows: Array) -> None:
+        heard = self._heard[unit]
+        for found in heard.pace.feed(table.t[rows], self._malformed.lost(unit, table.row[rows])):
+            row = int(rows[found.at]) if found.at >= 0 else -1
+            evidence = heard.evidence if row < 0 else _evidence(view, table, row)
+            if len(self._doubts) < MOST_UNITS:
+                self._doubts.append(_Doubt(unit, found, evidence))
+        heard.evidence = _evidence(view, table, int(rows[-1]))
+
+    def _note_rates(self, view: View) -> None:
+        """Note new report rates."""
+        for name, column in (("ParamCfg", "esc_fdb_rate"), ("PUSHSCI.FocParameters", "report_rate")):
+            table = view.table(name)
+            if table is not None:
+                for row in np.flatnonzero(table.trusted & (table[column] != OPEN)).tolist():
+                    self._starts.add(int(table.t[row]), int(table.bus[row]))
+
+    def _judge(self, view: View, now: int | None) -> Iterator[Occurrence]:
+        waiting = []
+        for one in self._doubts:
+            if now is not None and (now <= one.found.stop + _LATER or not one.found.settled(now)):
+                waiting.append(one)
+            else:
+                yield from self._judged(view, one, view.end)
+        self._doubts = waiting
+
+    def _judged(self, view: View, doubt: _Doubt, now: int) -> Iterator[Occurrence]:
+        """Yield a break that nothing explains."""
+        unit, found = doubt.unit, doubt.found
+        if found.may_be_slower(now) or self._pauses is None:
+            return
+        if self._starts.between(unit.bus, unit.node, found.start, found.stop, found.stop + _LATER):
+            return
+        pauses = self._pauses
+        silent, start, stop = max(
+            (stop - start - pauses.inside(unit.bus, start, stop, found.period), start, stop)
+            for start, stop in self._malformed.between(unit, found.start, found.stop)
+        )
+        least = view.number("BUS-025", "min_ms") * MILLISECOND
+        if silent <= max(view.number("BUS-025", "periods") * found.period, least):
+            return
+        heard = stop - start - pauses.inside(unit.bus, start, stop, SECOND)
+        values = {
+            "esc_index": unit.index, "milliseconds": heard / MILLISECOND, "period_ms": found.period / MILLISECOND,
+        }  # fmt: skip
+        frames, lines = doubt.evidence
+        yield Occurrence(
+            "BUS-025", start, unit.bus, unit.node, "ESCStatus", frames, values,
+            drops=True, until=min(stop, start + _SHARE), lines=lines,
+        )  # fmt: skip
+
+
+def _evidence(view: View, table: DecodedTable, row: int) -> _Evidence:
+    frames = frames_of(view, table, row)
+    return frames, view.lines(frames)

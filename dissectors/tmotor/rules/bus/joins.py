@@ -1,0 +1,116 @@
+"""Views of a batch that several rules share: commands by bus, reports by ESC.
+
+Rows are joined by the number of their transfers, which is the order in which transfers ended.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from dissectors.kit import NO_TIME, usable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from dissectors.kit import Array, DecodedTable, View
+
+MOST_UNITS = 4096  # of bus, node and index that are remembered
+NO_CHANNEL = -32768  # no 14-bit number
+_INDEXES = 32
+
+
+class ReportingEsc(NamedTuple):
+    """An ESC as its reports name it."""
+
+    bus: int
+    node: int
+    index: int  # type: ignore[assignment]  # hides a method of tuples that nobody asks for
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Commands:
+    """RawCommand of one bus in a batch; `cmd` has a row for each channel, `NO_CHANNEL` where a command is shorter."""
+
+    table: DecodedTable
+    rows: Array
+    number: Array
+    t: Array
+    src: Array
+    counts: Array
+    cmd: Array
+
+    def before(self, table: DecodedTable, rows: Array) -> Array:
+        """Return how many of them ended before each row of another table."""
+        return np.searchsorted(self.number, table["transfer"][rows].astype(np.int64))
+
+    def paused(self, last: int, longest: int) -> Array:
+        """Return those that came later than so many ns after the one before; `last` is the time before all of them."""
+        first = last == NO_TIME or bool(self.t[0] - last > longest)
+        return np.concatenate((np.array([first]), np.diff(self.t) > longest))
+
+
+_units: WeakKeyDictionary[View, Mapping[ReportingEsc, Array]] = WeakKeyDictionary()
+_commands: WeakKeyDictionary[View, Mapping[int, Commands]] = WeakKeyDictionary()
+
+
+def units(view: View) -> Mapping[ReportingEsc, Array]:
+    """Return rows of usable ESCStatus by ESC, in order."""
+    if view not in _units:
+        table = view.table("ESCStatus")
+        _units[view] = {} if table is None else dict(_split(table, _rows(view, table)))
+    return _units[view]
+
+
+def commands(view: View) -> Mapping[int, Commands]:
+    """Return usable RawCommand by bus, in order."""
+    if view not in _commands:
+        table = view.table("RawCommand")
+        _commands[view] = {} if table is None else dict(_throttles(table, _rows(view, table)))
+    return _commands[view]
+
+
+def end(view: View, table: DecodedTable, rows: Array) -> Array:
+    """Return times of the last frames of rows."""
+    return view.transfers.t_end[table.row[rows]]
+
+
+def _rows(view: View, table: DecodedTable) -> Array:
+    """Return rows to look at; without the few that have no time in a capture with times."""
+    good = usable(table)
+    if view.start != NO_TIME:
+        good = good & (table.t != NO_TIME)
+    return np.flatnonzero(good)
+
+
+def _split(table: DecodedTable, rows: Array) -> Iterator[tuple[ReportingEsc, Array]]:
+    bus, src = table.bus[rows].astype(np.uint32), table.src[rows].astype(np.uint32)
+    code = (bus << 7 | src) << 5 | table["esc_index"][rows]
+    code = code.astype(np.uint16) if len(code) and code.max() < 1 << 16 else code
+    order = np.argsort(code, kind="stable")
+    ordered = code[order]
+    for part in np.split(order, np.flatnonzero(ordered[1:] != ordered[:-1]) + 1):
+        if len(part):
+            number = int(code[part[0]])
+            yield ReportingEsc(number >> 12, number >> 5 & 0x7F, number & _INDEXES - 1), rows[part]
+
+
+def _throttles(table: DecodedTable, rows: Array) -> Iterator[tuple[int, Commands]]:
+    offsets, values = table.lists("cmd")
+    counts = np.diff(offsets)
+    buses = table.bus[rows]
+    for bus in np.flatnonzero(np.bincount(buses)).tolist():
+        mine = rows[buses == bus]
+        count = counts[mine]
+        most = int(count.max())
+        places = offsets[mine][None, :] + np.arange(most)[:, None]
+        if int(count.min()) == most:
+            cmd = values[places] if most else np.empty((0, len(mine)), np.int16)
+        else:
+            inside = np.arange(most)[:, None] < count
+            cmd = np.where(inside, values[np.where(inside, places, 0)], NO_CHANNEL).astype(np.int16)
+        number = table["transfer"][mine].astype(np.int64)
+        yield bus, Commands(table, mine, number, table.t[mine], table.src[mine], count, cmd)

@@ -1,0 +1,91 @@
+"""Reports of ESCs that say nothing: what is sent of them, and what was lost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.kit import NO_TIME, usable
+from dissectors.tmotor.rules.bus.joins import MOST_UNITS
+
+if TYPE_CHECKING:
+    from dissectors.kit import Array, View
+    from dissectors.tmotor.rules.bus.joins import ReportingEsc
+
+_MESSAGE, _FOREIGN = 0, 1  # as tables count kinds and verdicts
+_TYPE = 0x1FFFF  # of an identifier's bits from 7 on: data type ID, and that it is a message
+_MOST = 1024  # stretches of a node
+
+_Node = tuple[int, int]
+
+
+class MalformedReports:
+    """ESCStatus of each node that cannot be read, in stretches, and transfer IDs that were left out.
+
+    A report that cannot be read names no index, so it is one of each index of its node.
+    """
+
+    def __init__(self) -> None:
+        self._stretches: dict[_Node, list[tuple[int, int]]] = {}
+        self._lost: dict[_Node, int] = {}
+        self._steps: dict[_Node, list[tuple[int, int]]] = {}  # rows of this batch, and how many were lost
+
+    def feed(self, view: View, least: int) -> None:
+        """Add a batch; what follows within `least` ns belongs to the same stretch."""
+        for node, steps in self._steps.items():
+            self._lost[node] = self._lost.get(node, 0) + sum(lost for _, lost in steps)
+        self._steps = {}
+        definition = view.definition("ESCStatus")
+        if definition is None:
+            return
+        t, table = view.transfers, view.table("ESCStatus")
+        mine = (t.type_id == definition.type_id) & (t.kind == _MESSAGE)
+        for row in np.flatnonzero(mine & t.has("step") & (t.step > 1)).tolist():
+            self._steps.setdefault((int(t.bus[row]), int(t.src[row])), []).append((row, int(t.step[row]) - 1))
+        if table is not None:
+            mine[table.row[usable(table)]] = False
+        for row in np.flatnonzero(mine & (t.t != NO_TIME)).tolist():
+            self._note((int(t.bus[row]), int(t.src[row])), int(t.t[row]), int(t.t_end[row]), least)
+        self._astray(view, definition.type_id, least)
+
+    def lost(self, unit: ReportingEsc, rows: Array) -> Array:
+        """Return how many reports of its node were lost before each transfer of this batch."""
+        node = unit.bus, unit.node
+        steps = np.array([(-1, self._lost.get(node, 0)), *self._steps.get(node, ())], np.int64)
+        lost: Array = np.cumsum(steps[:, 1])[np.searchsorted(steps[:, 0], rows, "right") - 1]
+        return lost
+
+    def between(self, unit: ReportingEsc, start: int, stop: int) -> list[tuple[int, int]]:
+        """Return the times from one to another without such reports."""
+        begin, found = start, []
+        for first, last in sorted(self._stretches.get((unit.bus, unit.node), ())):
+            if last > begin and first < stop:
+                found.append((begin, max(first, begin)))
+                begin = last
+        return [*found, (min(begin, stop), stop)]
+
+    def _astray(self, view: View, type_id: int, least: int) -> None:
+        """Note frames that belong to no transfer."""
+        frames, places = view.frames, []
+        if frames.verdict.any():
+            rows = np.flatnonzero((frames.verdict > _FOREIGN) & (frames.id >> 7 & _TYPE == type_id << 1))
+            places = [(int(frames.bus[row]), int(frames.id[row]), int(frames.t[row])) for row in rows.tolist()]
+        for number, verdict, _ in view.settled:
+            kept = view.frame(number) if verdict > _FOREIGN else None
+            if kept is not None and kept.id >> 7 & _TYPE == type_id << 1:
+                places.append((kept.bus, kept.id, kept.t))
+        for bus, identifier, t in places:
+            if t != NO_TIME:
+                self._note((bus, identifier & 0x7F), t, t, least)
+
+    def _note(self, node: _Node, first: int, last: int, least: int) -> None:
+        if node not in self._stretches and len(self._stretches) >= MOST_UNITS:
+            return
+        known = self._stretches.setdefault(node, [])
+        if known and known[-1][0] <= first <= known[-1][1] + least:
+            known[-1] = known[-1][0], max(known[-1][1], last)
+            return
+        known.append((first, last))
+        if len(known) > _MOST:
+            known[:2] = [(min(known[0][0], known[1][0]), max(known[0][1], known[1][1]))]

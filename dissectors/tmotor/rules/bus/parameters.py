@@ -1,0 +1,265 @@
+"""The fate of ParamCfg: whether the addressed ESC answers, and with the values that were set."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.kit import NO_TIME, SECOND, Rule, breach, usable
+from dissectors.tmotor.rules.bus.joins import MOST_UNITS, end, units
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from dissectors.kit import DecodedTable, Occurrence, Occurrences, View
+
+_ANY_UUID, _ANY_INDEX = 0xFFFFFFFF, 0xFF
+_OPEN8, _OPEN16, _AMBIGUOUS = 0xFF, 0xFFFF, 0x00FF
+_LATE = 5 * SECOND // 2  # a damaged answer comes out 2.0 s after its start
+_ANSWER = 1332  # type ID of ParamGet (4.3.1)
+_BROKEN = -1  # stands for the table of a damaged answer
+MOST_PENDING = 256
+MOST_UUIDS = 4096
+# Fields that are set and reported under one name, with what stands for "no change", 4.4.2.
+_FIELDS: Mapping[str, tuple[int, ...]] = {
+    "esc_ov_threshold": (_OPEN16, _AMBIGUOUS),
+    "esc_oc_threshold": (_OPEN16, _AMBIGUOUS),
+    "esc_ot_threshold": (_OPEN16, _AMBIGUOUS),
+    "esc_acc_threshold": (_OPEN16, _AMBIGUOUS),
+    "esc_dacc_threshold": (_OPEN16, _AMBIGUOUS),
+    "esc_rotate_dir": (-1, _AMBIGUOUS),
+    "esc_timing": (_OPEN8,),
+    "esc_signal_priority": (_OPEN8,),
+    "esc_led_mode": (_OPEN16, _AMBIGUOUS),
+    "esc_can_rate": (_OPEN8,),
+    "esc_fdb_rate": (_OPEN16, _AMBIGUOUS),
+    "esc_save_option": (_OPEN8,),
+}
+_ID = "esc_id_set"
+
+
+@dataclass(slots=True)
+class _Asked:
+    """A ParamCfg; `t` is its end, `query` whether all its bytes are 0xFF.
+
+    `answered` are the nodes that sent a ParamGet, `expected` those that have to after a query to all.
+    """
+
+    t: int
+    bus: int
+    place: Occurrence
+    uuid: int
+    index: int
+    sets: dict[str, int]
+    query: bool
+    answered: set[int] = field(default_factory=set)
+    expected: tuple[int, ...] = ()
+
+    @property
+    def address(self) -> str:
+        if self.uuid != _ANY_UUID:
+            return f"uuid {self.uuid:08X}"
+        return "any ESC" if self.index == _ANY_INDEX else f"index {self.index}"
+
+    def meets(self, got: Mapping[str, int]) -> bool:
+        """Return whether a ParamGet comes from the ESC that was addressed; an index may be the new one already."""
+        if self.uuid != _ANY_UUID:
+            return got["esc_uuid"] == self.uuid
+        new = self.sets.get(_ID, self.index)
+        return self.index == _ANY_INDEX or got["esc_index"] in (self.index, new)
+
+
+class Dialogue(Rule):
+    """Follows every ParamCfg until its time is over; at most 256 at a time."""
+
+    rules = ("BUS-011", "BUS-012", "BUS-013", "BUS-014", "BUS-015")
+
+    def __init__(self) -> None:
+        self._pending: deque[_Asked] = deque()
+        self._seen: dict[tuple[int, int], int] = {}  # (bus, node): time of the last ESCStatus
+        self._since: dict[tuple[int, int], int] = {}  # of the first one
+        self._answered_at: dict[tuple[int, int], int] = {}  # of the first ParamGet
+        self._uuids: dict[int, set[int]] = {}  # the indexes that each UUID was seen with
+        self._asked: dict[int, int] = {}  # time of the last ParamCfg, damaged ones too
+
+    def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
+        """Follow the messages of both kinds in order; deadlines stand in between and behind."""
+        if view.start == NO_TIME:
+            return
+        settings, parameters = view.table("ParamCfg"), view.table("ParamGet")
+        self._note_first(view)
+        tables = [table for table in (settings, parameters) if table is not None]
+        window = view.number("BUS-014", "window_s")
+        heard = [] if parameters is None else _heads(parameters)
+        for number, k, row, t, good in _in_order(view, tables):
+            if self._pending:
+                yield from self._due(view, t)
+            if k == _BROKEN:
+                self._hear_some(view, row)
+            elif tables[k] is settings:
+                self._ask(view, tables[k], (row, number, t), good=good)
+            elif good:
+                yield from self._hear(view, tables[k], (row, t, *heard[row]), window)
+        for unit, rows in units(view).items():
+            reports = view.table("ESCStatus")
+            if reports is not None and (unit.bus, unit.node) in self._since:
+                last = int(reports.t[rows[-1]])
+                self._seen[unit.bus, unit.node] = max(self._seen.get((unit.bus, unit.node), last), last)
+        yield from self._due(view, view.end)
+
+    def _note_first(self, view: View) -> None:
+        """Note when each node first sent ESCStatus."""
+        for unit, rows in units(view).items():
+            who, reports = (unit.bus, unit.node), view.table("ESCStatus")
+            if reports is not None and (who in self._since or len(self._since) < MOST_UNITS):
+                first = int(end(view, reports, rows[:1])[0])
+                self._since[who] = min(self._since.get(who, first), first)
+
+    def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
+        """Yield what nobody answered up to the end."""
+        if view.end != NO_TIME:
+            yield from self._due(view, view.end + _LATE)
+
+    def _ask(self, view: View, table: DecodedTable, what: tuple[int, int, int], *, good: bool) -> None:
+        row, number, t = what
+        bus = int(table.bus[row])
+        self._asked[bus] = t
+        if not good or len(self._pending) >= MOST_PENDING:
+            return
+        sets = {name: int(table[name][row]) for name, skip in _FIELDS.items() if int(table[name][row]) not in skip}
+        open_ = all(int(table[name][row]) == skip[0] for name, skip in _FIELDS.items())
+        if int(table[_ID][row]) not in (_OPEN16, _AMBIGUOUS):
+            sets[_ID] = int(table[_ID][row])
+        place = breach(view, table, row, "", {}, held=True)
+        uuid, index = int(table["esc_uuid"][row]), int(table["esc_index"][row])
+        query = open_ and (uuid, index, int(table[_ID][row])) == (_ANY_UUID, _ANY_INDEX, _OPEN16)
+        asked = _Asked(t, bus, place, uuid, index, sets, query)
+        if asked.query:
+            asked.expected = tuple(sorted(self._reporting(view, bus, number, t)))
+        self._pending.append(asked)
+
+    def _reporting(self, view: View, bus: int, number: int, t: int) -> Iterator[int]:
+        """Yield nodes that have sent ESCStatus shortly before a transfer."""
+        window = round(view.number("BUS-012", "seen_s") * SECOND)
+        last = {node: seen for (where, node), seen in self._seen.items() if where == bus}
+        table = view.table("ESCStatus")
+        for unit, rows in units(view).items():
+            if table is not None and unit.bus == bus:
+                before = int(np.searchsorted(table["transfer"][rows].astype(np.int64), number))
+                if before:
+                    last[unit.node] = max(int(table.t[rows[before - 1]]), last.get(unit.node, NO_TIME))
+        yield from (node for node, seen in last.items() if t - seen <= window)
+
+    def _hear_some(self, view: View, row: int) -> None:
+        """Note a damaged ParamGet: nobody knows what it answers, but it was an answer."""
+        transfers = view.transfers
+        node = int(transfers.src[row])
+        for one in self._waiting(view, int(transfers.bus[row]), node, int(transfers.t[row])):
+            one.answered.add(node)
+
+    def _hear(self, view: View, table: DecodedTable, what: tuple[int, ...], window: float) -> Iterator[Occurrence]:
+        row, t, bus, node, start, uuid, index = what
+        asked = self._asked.get(bus)
+        settled = start - max(view.starts.get(bus, start), view.resumed(start)) >= window * SECOND
+        if settled and (asked is None or start - asked > window * SECOND):
+            since = start - round(window * SECOND)
+            yield breach(view, table, row, "BUS-014", {"window_s": window}, drops=True, since=since)
+        if uuid in self._uuids or len(self._uuids) < MOST_UUIDS:
+            self._uuids.setdefault(uuid, set()).add(index)
+        self._answered_at.setdefault((bus, node), t)
+        if not self._pending:
+            return
+        got = {name: int(table[name][row]) for name in ("esc_index", "esc_uuid", "esc_id_req", *_FIELDS)}
+        waiting = [one for one in self._waiting(view, bus, node, start) if one.meets(got)]
+        if waiting:
+            waiting[0].answered.add(node)
+            later = {name for one in waiting[1:] for name in one.sets}
+            for name, expected in waiting[0].sets.items():
+                if name not in later and (wrong := _differs(name, expected, got)) is not None:
+                    values = {"field": name, "expected": expected, "value": wrong}
+                    yield breach(view, table, row, "BUS-013", values)
+
+    def _waiting(self, view: View, bus: int, node: int, start: int) -> list[_Asked]:
+        """Return requests that a node may answer at a time, the first one first."""
+        limit = max(_limits(view).values()) * SECOND
+        return [
+            one for one in self._pending if one.bus == bus and node not in one.answered and start - one.t <= limit
+        ]  # fmt: skip
+
+    def _due(self, view: View, t: int) -> Iterator[Occurrence]:
+        """Judge what has waited long enough; requests stay until every rule's time is over."""
+        limits = _limits(view)
+        while self._pending and t - self._pending[0].t > max(limits.values()) * SECOND + _LATE:
+            asked = self._pending.popleft()
+            if not view.paused(asked.t, asked.t + round(max(limits.values()) * SECOND)):
+                yield from self._judged(asked, limits)
+
+    def _judged(self, asked: _Asked, limits: Mapping[str, float]) -> Iterator[Occurrence]:
+        place = asked.place
+        if asked.expected:
+            for node in asked.expected:
+                if node not in asked.answered:
+                    values = {"missing_node": node, "limit_s": limits["BUS-012"]}
+                    yield replace(
+                        place, rule="BUS-012", node=node, values=values, dialects={"dronecan": None}, drops=True,
+                        until=asked.t + round(limits["BUS-012"] * SECOND),
+                    )  # fmt: skip
+        elif not asked.answered and not asked.query:
+            until = asked.t + round(limits["BUS-011"] * SECOND)
+            unanswered: dict[str, object] = {"address": asked.address, "limit_s": limits["BUS-011"]}
+            yield replace(place, rule="BUS-011", values=unanswered, drops=True, until=until)
+        what = self._unknown(asked)
+        if what:
+            yield replace(place, rule="BUS-015", values={"uuid": asked.uuid, "esc_index": asked.index, "what": what})
+
+    def _unknown(self, asked: _Asked) -> str:
+        """Return what is wrong with an address, as far as is known; empty if nothing is."""
+        if asked.uuid == _ANY_UUID:
+            return ""
+        reporting = {who for who, first in self._since.items() if who[0] == asked.bus and first <= asked.t + SECOND}
+        complete = bool(reporting) and all(who in self._answered_at for who in reporting)
+        if asked.uuid not in self._uuids:
+            return "no ESC has this uuid" if complete else ""
+        indexes = self._uuids[asked.uuid]
+        if asked.index == _ANY_INDEX or asked.index in indexes:
+            return ""
+        others = [uuid for uuid, shown in self._uuids.items() if asked.index in shown]
+        return f"that index has uuid {min(others):08X}" if others else ""
+
+
+def _limits(view: View) -> dict[str, float]:
+    """Return how long each rule waits for answers, in s."""
+    wanted = (("BUS-011", "timeout_s"), ("BUS-012", "timeout_s"), ("BUS-015", "wait_s"))
+    return {rule: view.number(rule, name) for rule, name in wanted}
+
+
+def _in_order(view: View, tables: Sequence[DecodedTable]) -> list[tuple[int, int, int, int, bool]]:
+    """Return number of the transfer, which table, row, time of the last frame and whether it is usable, of all rows."""
+    order: list[tuple[int, int, int, int, bool]] = []
+    for k, table in enumerate(tables):
+        columns = table["transfer"], end(view, table, np.arange(len(table))), usable(table)
+        lists = (column.tolist() for column in columns)
+        order += ((number, k, row, t, good) for row, (number, t, good) in enumerate(zip(*lists, strict=True)))
+    t = view.transfers
+    damaged = np.flatnonzero((t.type_id == _ANSWER) & (t.kind == 0) & (t.status != 0)).tolist()
+    order += ((t.first + row, _BROKEN, row, int(t.t_end[row]), False) for row in damaged)
+    return sorted(order)
+
+
+def _heads(table: DecodedTable) -> list[tuple[int, ...]]:
+    """Return bus, node, time, UUID and index of each ParamGet."""
+    columns = table.bus, table.src, table.t, table["esc_uuid"], table["esc_index"]
+    return list(zip(*(column.tolist() for column in columns), strict=True))
+
+
+def _differs(name: str, expected: int, got: Mapping[str, int]) -> int | None:
+    """Return the reported value if it is not the expected one."""
+    if name == _ID:
+        return None if expected in (got["esc_id_req"], got["esc_index"]) else got["esc_id_req"]
+    return None if got[name] == expected else got[name]
+
+
+RULES: tuple[type[Rule], ...] = (Dialogue,)

@@ -1,0 +1,169 @@
+"""How often ESCs report: as configured."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, breach, sender, usable
+from dissectors.tmotor.rules.bus.joins import units
+from dissectors.tmotor.rules.bus.periods import PeriodHistogram
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from dissectors.kit import Array, DecodedTable, Occurrences, View
+
+OPEN = 0xFFFF  # no rate
+MOST_MEASURED = 256  # nodes
+_STRAY = 0.1  # an index with a smaller share of the reports is no ESC of its own
+_SKIPS = 0.25  # a larger share of transfer IDs that do not count up by 1 says nothing of what was lost
+
+
+@dataclass(slots=True)
+class _Measured:
+    """The reports of a node since its rate was last set.
+
+    `periods` are those of all reports by their transfer IDs, `heard` the times between those of one index. `skipped`
+    of `counted` IDs are not that of the report before plus 1.
+    """
+
+    configured: int | None = None
+    periods: PeriodHistogram = field(default_factory=PeriodHistogram)
+    heard: PeriodHistogram = field(default_factory=PeriodHistogram)
+    skipped: int = 0
+    counted: int = 0
+    latest: dict[int, int] = field(default_factory=dict)
+    indexes: Counter[int] = field(default_factory=Counter)
+    first: int = NO_TIME
+    last: int = NO_TIME
+    place: Occurrence | None = None
+
+    def restart(self) -> None:
+        self.periods, self.indexes, self.first = PeriodHistogram(), Counter(), NO_TIME
+        self.heard, self.skipped, self.counted, self.latest = PeriodHistogram(), 0, 0, {}
+
+
+class ReportRate(Rule):
+    """The rate of ESCStatus against that of the last ParamGet; the first 256 nodes."""
+
+    rules = ("BUS-018",)
+
+    def __init__(self) -> None:
+        self._nodes: dict[tuple[int, int], _Measured] = {}
+        self._set = False  # whether somebody has set a rate
+
+    def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
+        """Measure between the reports of parameters, in the order of transfers."""
+        if view.start == NO_TIME:
+            return
+        done: dict[tuple[int, int], int] = {}
+        parameters, settings = view.table("ParamGet"), view.table("ParamCfg")
+        periods = _periods(view)
+        sets = [] if settings is None else _numbers(settings, usable(settings) & (settings["esc_fdb_rate"] != OPEN))
+        if parameters is not None:
+            for row in _changes(parameters):
+                number, who = int(parameters["transfer"][row]), (int(parameters.bus[row]), int(parameters.src[row]))
+                one = self._node(who)
+                if one is None:
+                    continue
+                configured = int(parameters["esc_fdb_rate"][row])
+                if configured == one.configured:
+                    continue
+                self._measure(view, who, periods, (done.get(who, -1), number))
+                done[who] = number
+                known = self._set or any(before < number for before in sets)
+                if one.configured is not None or known:
+                    yield from _judge(view, one)
+                    one.restart()
+                one.configured = configured
+                one.place = breach(view, parameters, row, "BUS-018", {}, held=True)
+        for who in {(unit.bus, unit.node) for unit in units(view)}:
+            if self._node(who) is not None:
+                self._measure(view, who, periods, (done.get(who, -1), None))
+        self._set = self._set or bool(sets)
+
+    def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
+        """Judge the last settings."""
+        for one in self._nodes.values():
+            yield from _judge(view, one)
+
+    def _node(self, who: tuple[int, int]) -> _Measured | None:
+        if who not in self._nodes and len(self._nodes) >= MOST_MEASURED:
+            return None
+        return self._nodes.setdefault(who, _Measured())
+
+    def _measure(self, view: View, who: tuple[int, int], periods: Array, span: tuple[int, int | None]) -> None:
+        """Take the reports between two transfers."""
+        table, one, (after, before) = view.table("ESCStatus"), self._nodes[who], span
+        for unit, every in units(view).items():
+            if table is None or (unit.bus, unit.node) != who:
+                continue
+            rows = every
+            if after >= 0 or before is not None:
+                number = table["transfer"][every].astype(np.int64)
+                rows = every[(number > after) & (number < (number[-1] + 1 if before is None else before))]
+            if not len(rows):
+                continue
+            one.indexes[unit.index] += len(rows)
+            one.first = int(table.t[rows[0]]) if one.first == NO_TIME else one.first
+            one.last = int(table.t[rows[-1]])
+            one.periods.feed(periods[rows])
+            t, row = table.t[rows], table.row[rows]
+            one.heard.feed(np.diff(t, prepend=one.latest.get(unit.index, t[0])))
+            one.latest[unit.index] = one.last
+            steps = view.transfers.step[row][view.transfers.has("step")[row]]
+            one.counted += len(steps)
+            one.skipped += int(np.count_nonzero(steps != 1))
+
+
+def _periods(view: View) -> Array:
+    """Return the period of each ESCStatus, 0 if unknown; lost ones are counted by the transfer ID."""
+    table, transfers = view.table("ESCStatus"), view.transfers
+    if table is None:
+        return np.empty(0, np.int64)
+    row = table.row
+    gap, step = transfers.gap[row].astype(np.int64), transfers.step[row].astype(np.int64)
+    good = transfers.has("gap")[row] & transfers.has("step")[row] & (step > 0)
+    return np.where(good, gap // np.maximum(step, 1), 0)
+
+
+def _changes(table: DecodedTable) -> Iterator[int]:
+    """Yield usable ParamGet, in order, without those that say the same rate as the node's one before in the batch."""
+    rows = np.flatnonzero(usable(table))
+    node, rate = sender(table, rows), table["esc_fdb_rate"][rows]
+    order = np.argsort(node, kind="stable")
+    node, rate = node[order], rate[order]
+    same = (node[1:] == node[:-1]) & (rate[1:] == rate[:-1])
+    yield from np.sort(rows[order[np.concatenate(([True], ~same))[: len(rows)]]]).tolist()
+
+
+def _numbers(table: DecodedTable, rows: Array) -> list[int]:
+    return [int(number) for number in table["transfer"][np.flatnonzero(rows)]]
+
+
+def _judge(view: View, one: _Measured) -> Iterator[Occurrence]:
+    """Yield a rate that is not as configured."""
+    enough = one.periods.count + 1 >= view.number("BUS-018", "min_transfers")
+    if one.configured is None or one.configured == OPEN or one.place is None or not enough:
+        return
+    if one.last - one.first < view.number("BUS-018", "min_s") * SECOND:
+        return
+    escs = sum(count > max(one.indexes.values()) * _STRAY for count in one.indexes.values())
+    measures = [(one.periods.below(0.5), escs)]
+    if one.skipped > _SKIPS * one.counted and one.heard.count:
+        # Lost, or never sent? What is as configured either way is right.
+        measures.append((one.heard.below(0.5), 1))
+    tolerance = view.number("BUS-018", "tolerance_pct") / 100 * one.configured
+    if not any(_fits(one.configured, tolerance, period, escs, view.resolution) for period, escs in measures):
+        period, escs = measures[-1]
+        yield replace(one.place, values={"configured": one.configured, "measured": SECOND / period / escs})
+
+
+def _fits(rate: int, tolerance: float, period: float, escs: int, coarse: int) -> bool:
+    """Return whether a period may be that of so many ESCs at a rate; it is known no better than times are."""
+    least, most = (SECOND / max(period + way * coarse, 1) / escs for way in (1, -1))
+    return least - tolerance <= rate <= most + tolerance

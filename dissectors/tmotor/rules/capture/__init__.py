@@ -1,0 +1,1 @@
+"""Rules that say what a recording of motors lacks."""

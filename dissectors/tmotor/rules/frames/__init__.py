@@ -1,0 +1,1 @@
+"""Rules of frames: their identifiers."""

@@ -1,0 +1,1 @@
+"""Rules of the packets inside PUSHSCI and PUSHCAN (4.4.4, 4.4.5)."""

@@ -1,0 +1,161 @@
+"""Explanations of a jump in the frame counts of packets: transfers lost or broken, and gaps in the capture."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.kit import NO_TIME, Latest, sender
+from dissectors.tmotor.rules.packets.carried import HEADERS, TYPE_IDS, UNRECOGNIZED, place
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from dissectors.kit import Array, DecodedTable, TransferTable, View
+
+_MOST_LOSSES = 1024  # remembered of a session; 256 before a packet are all that its count can tell
+_MOST_GAPS = 256
+_BROKEN = -1
+
+
+class TransferLosses:
+    """Transfers that a session lost, by the first frame of the one after them: how many, or `_BROKEN`.
+
+    A broken transfer stands at its own first frame. It comes out when it is given up, which may be long after others
+    that began later.
+    """
+
+    def __init__(self) -> None:
+        self._lost: dict[tuple[str, int], list[tuple[int, int]]] = {}
+
+    def feed(self, view: View) -> None:
+        """Add what a batch lost: transfer IDs left out, damaged transfers, and packets that cannot be read."""
+        found: list[tuple[str, int, int, int]] = []
+        t = view.transfers
+        rows = np.flatnonzero((t.type_id | 1) == TYPE_IDS["PUSHCAN"])  # the other one is 1 below
+        if rows.size:
+            gone = np.where(t.has("step")[rows], t.step[rows].astype(np.int64) - 1, 0)
+            broken = t.status[rows] != 0
+            for k in np.flatnonzero((t.kind[rows] == 0) & ((gone > 0) | broken)).tolist():
+                row = int(rows[k])
+                name = "PUSHCAN" if t.type_id[row] == TYPE_IDS["PUSHCAN"] else "PUSHSCI"
+                node = int(t.bus[row]) << 7 | int(t.src[row])
+                if gone[k] > 0:
+                    found.append((name, node, row, int(gone[k])))
+                if broken[k]:
+                    found.append((name, node, row, _BROKEN))
+        for name in HEADERS:
+            rest = view.table(f"{name}.{UNRECOGNIZED}")
+            if rest is not None:
+                unread = rest.row.tolist()
+                found += [(name, node, row, 1) for node, row in zip(sender(rest).tolist(), unread, strict=True)]
+        for name, node, row, lost in found:
+            self._lost.setdefault((name, node), []).append((t.frames(row)[0], lost))
+        for session in {(name, node) for name, node, _, _ in found}:
+            self._lost[session].sort()
+
+    def forget(self) -> None:
+        """Leave out what is older than any packet that is still to be judged."""
+        for losses in self._lost.values():
+            del losses[:-_MOST_LOSSES]
+
+    def explain(self, name: str, node: int, between: tuple[int, int], missing: int) -> bool:
+        """Return whether so many packets may have been lost after the first of two transfers, up to the second.
+
+        Both are given by their first frames.
+        """
+        losses = self._lost.get((name, node), [])
+        low, high = (bisect_right(losses, number, key=lambda one: one[0]) for number in between)
+        lost = [count for _, count in losses[low:high]]
+        return _BROKEN in lost or 0 < missing <= sum(lost)
+
+
+class CaptureGaps:
+    """Gaps in the capture by the number of the first transfer behind each."""
+
+    def __init__(self) -> None:
+        self._numbers: list[int] = []
+        self._waiting: list[int] = []  # times behind gaps, of which no transfer has come yet
+        self._seen = NO_TIME
+
+    def feed(self, view: View) -> None:
+        """Add those that a batch shows."""
+        if view.end == NO_TIME:
+            return
+        t, resumed, new = view.transfers, view.resumed(view.end), []
+        while resumed > max(self._seen, view.start):
+            new.append(resumed)
+            resumed = view.resumed(resumed - 1)
+        self._waiting += reversed(new)
+        self._seen = max(self._seen, *new, NO_TIME)
+        while self._waiting and len(behind := np.flatnonzero(t.t >= self._waiting[0])):
+            self._numbers.append(t.first + int(behind[0]))
+            del self._waiting[0]
+        del self._numbers[:-_MOST_GAPS]
+
+    def between(self, before: int, number: int) -> bool:
+        """Return whether a gap lies between two transfers."""
+        return bisect_right(self._numbers, before) < bisect_right(self._numbers, number)
+
+
+class KnownLosses:
+    """Where the packet before a place was, in this batch or an earlier one."""
+
+    def __init__(self, transfers: TransferTable, tables: Sequence[DecodedTable], known: Before) -> None:
+        self._transfers = transfers
+        self._tables = {table.name: (known.key_of(table), place(table)) for table in tables}
+        self._known = known
+        self._places: dict[tuple[str, int], Array] = {}
+
+    def names(self, carrier: str) -> list[str]:
+        """Return the packet tables of a carrier."""
+        return sorted(name for name in {*self._tables, *self._known.places} if name.startswith(f"{carrier}."))
+
+    def before(self, names: Iterable[str], key: int, at: int) -> tuple[int, int]:
+        """Return number and first frame of the transfer of a key's latest packet before a place, among some tables."""
+        latest, name = max((self._before(name, key, at), name) for name in names)
+        number, first = latest >> 16, self._transfers.first
+        return number, self._transfers.frames(number - first)[0] if number >= first else self._known.lead(name, key)
+
+    def _before(self, name: str, key: int, at: int) -> int:
+        if (name, key) not in self._places:
+            keys, places = self._tables.get(name, (np.empty(0), np.empty(0)))
+            self._places[name, key] = places[keys == key]
+        places = self._places[name, key]
+        found = int(np.searchsorted(places, at)) - 1
+        return int(places[found]) if found >= 0 else self._known.place(name, key)
+
+
+class Before:
+    """The last packet of each key in each table: its place, and the first frame of its transfer."""
+
+    def __init__(self, key_of: Callable[[DecodedTable], Array]) -> None:
+        self.key_of = key_of
+        self.places: dict[str, Latest[int]] = {}
+        self._leads: dict[str, Latest[int]] = {}
+
+    def beside(self, transfers: TransferTable, tables: Sequence[DecodedTable]) -> KnownLosses:
+        """Return what is known with the packets of a batch."""
+        return KnownLosses(transfers, tables, self)
+
+    def place(self, name: str, key: int) -> int:
+        """Return 0 if there was none, else the last one."""
+        return self.places[name].get(key) if name in self.places else 0
+
+    def lead(self, name: str, key: int) -> int:
+        """Return 0 if there was none, else the last one."""
+        return self._leads[name].get(key) if name in self._leads else 0
+
+    def keep(self, transfers: TransferTable, tables: Iterable[DecodedTable]) -> None:
+        """Keep the packets of a batch."""
+        for table in tables:
+            keys = self.key_of(table)
+            places = self.places.setdefault(table.name, Latest(0))
+            places.feed(keys, place(table))
+            low = int(keys.min())
+            held = np.flatnonzero(np.bincount(keys - low)) + low
+            rows = ((places.get(key) >> 16) - transfers.first for key in held.tolist())
+            leads = np.fromiter((transfers.frames(row)[0] for row in rows), np.int64, len(held))
+            self._leads.setdefault(table.name, Latest(0)).feed(held, leads)

@@ -1,0 +1,190 @@
+"""ParamCfg and ParamGet: queries, doubtful values, lifetime counters, dates (4.4.2, 4.4.6). Both are rare."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.kit import NO_TIME, SECOND, Rule, breach, rule, usable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, Values, View
+
+_QUERY = b"\xff" * 27
+# Fields of ParamCfg with 16 bits; the UUID is the only one with 32.
+_WORDS = (
+    "esc_id_set", "esc_ov_threshold", "esc_oc_threshold", "esc_ot_threshold", "esc_acc_threshold",
+    "esc_dacc_threshold", "esc_rotate_dir", "esc_led_mode", "esc_fdb_rate",
+)  # fmt: skip
+_PARTLY_ONES = (0xFF, 0xFFFF, 0xFFFFFF)  # masks of the low bytes of a 32-bit field
+_PERMANENT = 1
+_RESERVED = (0, 32)
+_COUNTERS = ("esc_startup_times", "esc_startup_duration", "esc_error_count")
+_NEARLY_FULL, _JUST_BEGUN = 65_000, 500  # of 16 bits
+_MOST_DEVICES = 4096
+_YEARS = range(1990, 2100)
+_SECONDS_FROM = 946_684_800  # 2000-01-01
+
+
+@rule("TYP-208")
+def queries(view: View) -> Iterator[Occurrences]:
+    """Find ParamCfg of 27 bytes 0xFF (4.4.2 expl. 2)."""
+    table = view.table("ParamCfg")
+    if table is None:
+        return
+    asked = usable(table)
+    for row in np.flatnonzero(asked).tolist():
+        asked[row] = view.transfers.payload(int(table.row[row]))[: len(_QUERY)] == _QUERY
+    yield view.among_rows("TYP-208", table, np.flatnonzero(asked), lambda row: {"node": int(table.src[row])})
+
+
+@rule("TYP-209")
+def ambiguous(view: View) -> Iterator[Occurrences]:
+    """Find values that could mean no change (4.4.2 expl. 1)."""
+    table = view.table("ParamCfg")
+    if table is None:
+        return
+    good, uuid = usable(table), table["esc_uuid"]
+    partly = np.zeros(len(table), bool)
+    for mask in _PARTLY_ONES:
+        partly |= uuid & mask == mask
+    doubtful = [("esc_uuid", partly & (uuid != 0xFFFFFFFF)), *((name, table[name] == 0xFF) for name in _WORDS)]
+    for name, wrong in doubtful:
+        rows = np.flatnonzero(wrong & good)
+        if rows.size:
+
+            def values_of(row: int, name: str = name) -> Values:
+                return {"field": name, "value": int(table[name][row])}
+
+            yield view.among_rows("TYP-209", table, rows, values_of)
+
+
+class _Latest:
+    """The last row of a kind before a transfer, across batches."""
+
+    def __init__(self) -> None:
+        self.t, self.node = NO_TIME, 0
+
+    def take(self, table: DecodedTable, rows: Array) -> _Latest:
+        """Go on to the last of `rows`."""
+        if rows.size:
+            self.t, self.node = int(table.t[rows[-1]]), int(table.src[rows[-1]])
+        return self
+
+
+class Saving(Rule):
+    """Settings saved for good while throttle or speed was there shortly before, on any bus."""
+
+    rules = ("TYP-210",)
+
+    def __init__(self) -> None:
+        self._throttle, self._speed = _Latest(), _Latest()
+
+    def feed(self, view: View) -> Iterator[Occurrences]:
+        """Judge the writes of this batch; what ended before one counts for it."""
+        window = round(view.number("TYP-210", "window_s") * SECOND)
+        sources = []
+        for name, latest, active in (("RawCommand", self._throttle, _driven), ("ESCStatus", self._speed, _turning)):
+            table = view.table(name)
+            if table is not None:
+                sources.append((table, latest, active(table)))
+        writes = view.table("ParamCfg")
+        if writes is not None:
+            saved = (writes["esc_save_option"] == _PERMANENT) & usable(writes) & (writes.t != NO_TIME)
+            found: dict[int, Values] = {}
+            for row in np.flatnonzero(saved).tolist():
+                for table, latest, rows in sources:
+                    latest.take(table, rows[table["transfer"][rows] < writes["transfer"][row]])
+                what = self._what(int(writes.t[row]) - window)
+                if what:
+                    found[row] = {"what": what}
+            if found:
+                yield view.among_rows("TYP-210", writes, np.array(list(found)), found.__getitem__)
+        for table, latest, rows in sources:
+            latest.take(table, rows)
+
+    def _what(self, since: int) -> str:
+        throttle, speed = self._throttle, self._speed
+        seen = (
+            (throttle.t, f"node {throttle.node} sends throttle above 0"),
+            (speed.t, f"node {speed.node} reports a speed"),
+        )
+        return " and ".join(text for t, text in seen if t != NO_TIME and t >= since)
+
+
+def _driven(commands: DecodedTable) -> Array:
+    starts, values = commands.lists("cmd")
+    positive = np.append(0, np.cumsum(values > 0))[starts]
+    return np.flatnonzero((positive[1:] > positive[:-1]) & usable(commands))
+
+
+def _turning(reports: DecodedTable) -> Array:
+    return np.flatnonzero((reports["rpm"] != 0) & usable(reports))
+
+
+@rule("TYP-401")
+def reserved(view: View) -> Iterator[Occurrences]:
+    """Find a reserved block that is neither left out nor whole (4.4.6 no 42-73)."""
+    table = view.table("ParamGet")
+    if table is None:
+        return
+    starts, _ = table.lists("rsvd")
+    length = np.diff(starts)
+    rows = np.flatnonzero(usable(table) & ~np.isin(length, _RESERVED))
+    if rows.size:
+        yield view.among_rows("TYP-401", table, rows, lambda row: {"length": int(length[row])}, key=length[rows])
+
+
+class Lifetime(Rule):
+    """Counters that only grow, by bus and UUID; `_MOST_DEVICES` of them."""
+
+    rules = ("TYP-402",)
+
+    def __init__(self) -> None:
+        self._before: dict[tuple[int, int], dict[str, int]] = {}
+
+    def feed(self, view: View) -> Iterator[Occurrence]:
+        """Compare each report with the one before it."""
+        table = view.table("ParamGet")
+        if table is None:
+            return
+        for row in np.flatnonzero(usable(table)).tolist():
+            device = int(table.bus[row]), int(table["esc_uuid"][row])
+            now = {name: int(table[name][row]) for name in _COUNTERS}
+            before = self._before.get(device, now)
+            if device in self._before or len(self._before) < _MOST_DEVICES:
+                self._before[device] = now
+            for name, value in now.items():
+                wrapped = name == "esc_startup_times" and before[name] > _NEARLY_FULL and value < _JUST_BEGUN
+                if value < before[name] and not wrapped:
+                    values = {"field": name, "before": before[name], "value": value}
+                    yield breach(view, table, row, "TYP-402", values)
+
+
+@rule("TYP-404")
+def dates(view: View) -> Iterator[Occurrences]:
+    """Find how the production date reads (4.4.6 no 27-30 names no format)."""
+    table = view.table("ParamGet")
+    if table is None:
+        return
+    date, rows = table["esc_product_date"], np.flatnonzero(usable(table))
+    by_row = {row: {"value": int(date[row]), "format": _format(int(date[row]))} for row in rows.tolist()}
+    key = np.array([one["format"] for one in by_row.values()])
+    if by_row:
+        yield view.among_rows("TYP-404", table, rows, by_row.__getitem__, key=key)
+
+
+def _format(value: int) -> str:
+    try:
+        if datetime(value // 10_000, value // 100 % 100, value % 100, tzinfo=UTC).year in _YEARS:
+            return "YYYYMMDD"
+    except ValueError:
+        pass
+    return "seconds since 1970" if value >= _SECONDS_FROM else "unknown"
+
+
+RULES: tuple[type[Rule], ...] = (queries, ambiguous, Saving, reserved, Lifetime, dates)

@@ -1,0 +1,85 @@
+"""RawCommand: values that no command should have (4.4.1)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.kit import rule, usable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.kit import Array, DecodedTable, Occurrences, Values, View
+
+
+@rule("TYP-101", "TYP-102")
+def ranges(view: View) -> Iterator[Occurrences]:
+    """Find channels below 0, and below -8191 (4.4.1 expl. 2)."""
+    table = view.table("RawCommand")
+    if table is None:
+        return
+    starts, values = table.lists("cmd")
+    low = np.flatnonzero(values < 0)
+    if not low.size:
+        return
+    rows = np.searchsorted(starts, low, "right") - 1
+    good = usable(table)[rows]
+    low, rows = low[good], rows[good]
+    for code, limit in (("TYP-101", 0), ("TYP-102", -8191)):
+        mine = values[low] < limit
+        if mine.any():
+            yield _channels(view, code, table, rows[mine], low[mine])
+
+
+def _channels(view: View, rule: str, table: DecodedTable, rows: Array, at: Array) -> Occurrences:
+    """Return elements `at` of the lists of `rows`; a row may be there more than once."""
+    starts, values = table.lists("cmd")
+    channels = at - starts[rows] + 1
+
+    def values_of(k: int) -> Values:
+        return {"channel": int(channels[k]), "value": int(values[at[k]])}
+
+    return replace(view.among_rows(rule, table, rows, lambda _row: {}, key=channels), values=values_of)
+
+
+@rule("TYP-104")
+def empty(view: View) -> Iterator[Occurrences]:
+    """Find commands without a byte (4.4.1)."""
+    table = view.table("RawCommand")
+    if table is None:
+        return
+    starts, _ = table.lists("cmd")
+    rows = np.flatnonzero(np.diff(starts) == 0)
+    if rows.size:
+        rows = rows[usable(table)[rows] & (view.transfers.length[table.row[rows]] == 0)]
+        yield view.among_rows("TYP-104", table, rows, lambda _row: {})
+
+
+@rule("TYP-105")
+def words(view: View) -> Iterator[Occurrences]:
+    """Find one value as low byte, high byte and five zeros, where four channels of 14 bits belong (4.4.1, example).
+
+    The low two bits of the high byte come out as 64 times as much in the second channel.
+    """
+    table = view.table("RawCommand")
+    if table is None:
+        return
+    starts, values = table.lists("cmd")
+    rows = np.flatnonzero(np.diff(starts) == 4)
+    at = starts[rows]
+    rows = rows[(values[at + 3] == 0) & (values[at + 2] == 0) & np.isin(values[at + 1], (64, 128, 192))]
+    if not rows.size:
+        return
+    first = values[starts[rows]]
+    exact = (first >= 0) & (first < 1 << 12) & (table["layout"][rows] == 0) & (table["bits_left"][rows] == 0)
+    single = ~view.transfers.has("crc_wire")[table.row[rows]]
+    rows = rows[exact & single & table.trusted[rows]]
+
+    def values_of(row: int) -> Values:
+        one, two = (int(value) for value in values[starts[row] : starts[row] + 2])
+        return {"word": one & 0xFF | (one >> 8 << 2 | two >> 6) << 8, "first": one, "second": two}
+
+    yield view.among_rows("TYP-105", table, rows, values_of)

@@ -1,0 +1,93 @@
+"""A signal ends the work at once and lets it clean up, wherever Python is when it comes."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from dataclasses import dataclass
+
+import pytest
+
+from analyzer.app.interrupt import cleaning, graceful
+from analyzer.sources import StopReading
+
+pytestmark = pytest.mark.timeout(600, method="thread")  # the alarm clock is needed here
+
+ENDING = [signal.SIGTERM, signal.SIGHUP]
+
+
+@dataclass
+class Work:
+    waits: bool = False
+    stopped: bool = False
+
+
+class Finalizer:
+    """Python runs `__del__` where nothing can be raised."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def __del__(self) -> None:
+        signal.raise_signal(self.number)
+
+
+def last_words(number: int) -> None:
+    """Lose the last reference to an object whose finalizer is interrupted, and then wait."""
+    Finalizer(number)
+    signal.pause()
+
+
+def twice(work: Work) -> None:
+    signal.raise_signal(signal.SIGINT)
+    assert work.stopped
+    signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("number", ENDING)
+def test_it_ends_at_once(number: int) -> None:
+    with pytest.raises(SystemExit) as leave, cleaning():
+        signal.raise_signal(number)
+    assert leave.value.code == 128 + number
+    assert signal.getsignal(number) is signal.SIG_DFL
+
+
+@pytest.mark.parametrize("number", ENDING)
+@pytest.mark.parametrize("handled", [cleaning, lambda: graceful(Work)])
+def test_it_ends_even_if_it_came_while_a_finalizer_ran(number: int, handled: object) -> None:
+    """It was lost there once, and the program went on as if nothing had been sent."""
+    hook = sys.unraisablehook
+    with pytest.raises(SystemExit) as leave, handled():
+        last_words(number)
+    assert leave.value.code == 128 + number
+    assert sys.unraisablehook is hook
+
+
+def test_a_wait_ends_even_if_ctrl_c_came_while_a_finalizer_ran() -> None:
+    work = Work(waits=True)
+    with pytest.raises(StopReading), graceful(lambda: work):
+        last_words(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), graceful(lambda: work):
+        last_words(signal.SIGINT)
+
+
+def test_the_first_ctrl_c_stops_and_the_second_one_interrupts() -> None:
+    work = Work()
+    with pytest.raises(KeyboardInterrupt), graceful(lambda: work):
+        twice(work)
+
+
+def test_a_signal_that_is_ignored_or_somebody_elses_stays_so() -> None:
+    def mine(*_: object) -> None:
+        pass
+
+    usual = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, mine)
+        with graceful(Work):
+            assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+            assert signal.getsignal(signal.SIGTERM) is mine
+    finally:
+        for number, handler in usual.items():
+            signal.signal(number, handler)

@@ -1,0 +1,123 @@
+"""What the rules say of a capture given as candump text, and whether the witness finds the same in its bytes."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from witness.proof import finder
+from witness.reader import Log
+
+import dissectors
+from analyzer.decode.engine import Engine
+from analyzer.rules.catalogue import load, matching
+from analyzer.rules.judge import Judge, Outcome
+from analyzer.rules.settings import Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from analyzer.decode.engine import Batch
+    from dissectors.registry import Registry
+
+Rules = tuple[str, ...] | None
+
+
+class Said(NamedTuple):
+    """One finding. Frames are numbered from 1; `frames` are the places of its examples."""
+
+    rule: str
+    severity: str
+    bus: int
+    node: int
+    type: str
+    key: str
+    count: int
+    first: int
+    last: int
+    text: str
+    frames: tuple[int, ...]
+    cause: str
+
+
+@cache
+def registry() -> Registry:
+    return dissectors.load()
+
+
+def outcome(text: str | bytes, rules: Rules = None, step: int | None = None, **settings: Any) -> Outcome:
+    """`rules` selects as on the command line, `step` cuts the text into batches of so many lines."""
+    pages = load(registry())
+    chosen = Settings(select=None if rules is None else matching(rules, pages), **settings)
+    judge, engine = Judge(registry(), chosen), Engine(registry())
+    for batch in _batches(engine, text.encode() if isinstance(text, str) else text, step):
+        judge.feed(batch)
+    return judge.finish()
+
+
+def judge(text: str | bytes, rules: Rules = None, step: int | None = None, **settings: Any) -> list[Said]:
+    """What it found, by place."""
+    return [
+        Said(
+            key.rule, key.severity, key.bus, key.node, key.type, key.key, run.count, run.first[1] + 1, run.last[1] + 1,
+            run.examples[0].text, tuple(example.frame + 1 for example in run.examples), run.examples[0].cause,
+        )
+        for key, run in outcome(text, rules, step, **settings).runs
+    ]  # fmt: skip
+
+
+def whole(text: str | bytes, rules: Rules = None, steps: tuple[int, ...] = (1, 7), **settings: Any) -> list[Said]:
+    """What it found, which must be the same in batches of so many lines."""
+    found = judge(text, rules, **settings)
+    for step in steps:
+        assert judge(text, rules, step, **settings) == found
+    return found
+
+
+def _batches(engine: Engine, text: bytes, step: int | None) -> Iterator[Batch]:
+    if step is None:
+        yield from engine.run([text])
+        return
+    lines = text.splitlines(keepends=True)
+    for at in range(0, len(lines), step):
+        yield from engine.feed(b"".join(lines[at : at + step]))
+        yield engine.flush()
+    yield engine.finish()
+
+
+MOST_EXAMPLES = 20  # of a finding
+STEP = 401  # lines of a batch
+
+
+def exact(rule: str, text: str, step: int = STEP) -> list[Said]:
+    """The findings of a rule: an occurrence where each proof begins, and no other."""
+    said, proofs = whole(text, (rule,), (step,)), _proofs(rule, text)
+    begin = sorted(min(proof) for proof in proofs)
+    assert sum(one.count for one in said) == len(begin)
+    assert sorted(frame for one in said for frame in one.frames) == begin[:MOST_EXAMPLES]
+    return said
+
+
+def proved(rule: str, text: str, step: int = STEP) -> list[Said]:
+    """The findings of a rule: each of their places lies in a proof, and each proof has a place in it."""
+    said = whole(text, (rule,), (step,))
+    _meet([{frame} for one in said for frame in one.frames], _proofs(rule, text))
+    return said
+
+
+def agree(rule: str, text: str) -> None:
+    """The evidence of each occurrence has a frame of a proof, and each proof has a frame in evidence."""
+    runs = [run for key, run in outcome(text, (rule,)).runs if key.rule == rule]
+    _meet([{frame + 1 for frame in example.frames} for run in runs for example in run.examples], _proofs(rule, text))
+    assert whole(text, (rule,), (41,))
+
+
+def _proofs(rule: str, text: str) -> list[set[int]]:
+    proofs = [set(proof) for proof in finder(rule)(Log(text))]
+    assert proofs
+    return proofs
+
+
+def _meet(shown: list[set[int]], proofs: list[set[int]]) -> None:
+    assert all(any(frames & proof for proof in proofs) for frames in shown)
+    assert all(any(frames & proof for frames in shown) for proof in proofs)

@@ -1,0 +1,146 @@
+"""Simulated flights: every recorded frame, every transfer, their text, and the sample captures made of them."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import shlex
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
+
+from witness.flights import registry
+
+from analyzer.cli import main
+from analyzer.simulate import Simulation, SimulationSettings
+from analyzer.simulate.faults import catalogue
+from analyzer.simulate.text import line
+from dissectors.times import SECOND
+from dissectors.tmotor.traffic.packets import split
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from dissectors.tmotor.traffic import SimulatedVehicle
+    from dissectors.traffic import Sending, SimulatedFrame
+
+FLIGHT_PLANS = ("hover", "mission", "bench", "startup")
+
+
+def simulation(seconds: float = 6, **settings: Any) -> Simulation:
+    return Simulation(SimulationSettings(duration=round(seconds * SECOND), **settings), registry())
+
+
+@dataclass(eq=False)
+class Flown:
+    """What became of a simulation; times in ns."""
+
+    simulation: Simulation
+    frames: list[SimulatedFrame] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.frames = list(self.simulation.frames())
+
+    @property
+    def vehicle(self) -> SimulatedVehicle:
+        return self.simulation.vehicle
+
+    @property
+    def escs(self) -> range:
+        """Their node IDs."""
+        return range(11, 11 + self.simulation.settings.escs)
+
+    @cached_property
+    def text(self) -> str:
+        return "".join(line(frame, self.simulation.settings.start, ("can0", "can1")) for frame in self.frames)
+
+    @cached_property
+    def sent(self) -> list[Sending]:
+        """In the order of their last frames."""
+        return [frame.sending for frame in self.frames if frame.sending and frame is frame.sending.frames[-1]]
+
+    def of(self, name: str, node: int | None = None) -> list[Sending]:
+        """The transfers of a type, of one node or of all."""
+        return [one for one in self.sent if one.name == name and node in {None, one.node}]
+
+    def packets(self, name: str, node: int | None = None) -> Iterator[tuple[Sending, dict[str, Any]]]:
+        """Every packet of a name with the transfer that carries it."""
+        for carrier in ("PUSHSCI", "PUSHCAN"):
+            for one in self.of(carrier, node):
+                found, values = split(one.values["data"])
+                if found == name:
+                    yield one, values
+
+
+@lru_cache(maxsize=8)
+def flown(seconds: float = 6, **settings: Any) -> Flown:
+    """A flight that tests share."""
+    return Flown(simulation(seconds, **settings))
+
+
+def end(sending: Sending) -> int:
+    """When its last frame was on the bus."""
+    return sending.frames[-1].t
+
+
+def peak(times: list[int], window: int = SECOND) -> int:
+    """The most events in any window."""
+    first = most = 0
+    for last, t in enumerate(times):
+        while times[first] <= t - window:
+            first += 1
+        most = max(most, last - first + 1)
+    return most
+
+
+def status_bits(sending: Sending) -> tuple[int, int, int]:
+    """Fault bits, operating mode and encoder of an ESCStatus (4.4.3)."""
+    word = sending.values["error_count"]
+    return word & 0xFFF, word >> 12 & 15, word >> 16
+
+
+SEED = 5
+
+
+@lru_cache(maxsize=8)
+def flight(*orders: str, seconds: float = 4, seed: int = SEED, **settings: Any) -> str:
+    """What `tailbyte simulate` writes with faults given as on its command line; each of them finds its occasion."""
+    wanted = tuple(catalogue.order(order) for order in orders)
+    flown = Flown(simulation(seconds, seed=seed, orders=wanted, **settings))
+    assert flown.simulation.unused == ()
+    return flown.text
+
+
+# Ten faults in one mission: two of single frames, four of transfers, one value, two of packets, one hot ESC.
+TEN = (
+    "CAN-002@2.1 CAN-005@2.3:node=13 TRF-003@2.5:node=12 TRF-004@2.7:node=16 TRF-010@2.9:node=14 TRF-016@3.2:node=15 "
+    "TYP-302@3.3:node=17 PUSH-005@3.5:node=11 PUSH-009@3.7:node=18 TYP-305@1.5:node=13:seconds=2"
+)
+FLIGHTS = {
+    "hover-4.log": "--esc 4 --duration 5 --seed 4",
+    "mission-8-faults.log": "--flight mission --esc 8 --duration 4.5 --seed 8 "
+    + " ".join(f"--fault {fault}" for fault in TEN.split()),
+    "startup.log": "--flight startup --duration 5",
+    "esc-failure.mcap": "--scenario esc-failure --duration 8.5",
+    "command-loss.log": "--scenario command-loss --duration 5 --esc 3",
+    "bus-break.log": "--scenario bus-break --duration 6",
+    "reordering.log": "--scenario reordering --duration 4",
+    "duplicate-node.log": "--scenario duplicate-node --duration 3",
+    "pack-sag.log": "--scenario pack-sag --duration 7 --esc 3",
+    "recording-ends.log": "--scenario recording-ends --duration 5",
+}
+
+
+def key_of(capture: Path) -> Path:
+    """Where the answer key of a capture lies."""
+    return capture.with_suffix(".key.json")
+
+
+def fly(name: str, folder: Path) -> None:
+    """Makes one capture and its key in `folder`. Raises `RuntimeError` with what the command says if it cannot."""
+    path, said = folder / name, io.StringIO()
+    with contextlib.redirect_stderr(said):
+        status = main(["simulate", *shlex.split(FLIGHTS[name]), "-o", str(path), "--key", str(key_of(path))])
+    if status:
+        raise RuntimeError(f"{name}: {said.getvalue()}")
