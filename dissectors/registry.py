@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 GROUP = "analyzer.dissectors"
 
 _HERE = Path(__file__).parent
+_STANDARD, _FIRST = "dronecan", "tmotor"  # folders
 
 
 class UnknownNameError(LookupError):
@@ -149,19 +150,24 @@ def load(extra: Sequence[Path] = (), trusted: Collection[Path] = ()) -> Registry
     others are compiled when a type of theirs is asked for. No file outside these folders is read. Of the `extra` ones
     only those that are `trusted` may bring Python that runs; the others are data.
     """
-    standard, tmotor = _own_profiles()
+    standard, vendors = _own_profiles()
     profiles = [Profile.open(Path(folder), standard.namespace, trusted=folder in trusted) for folder in extra]
     for profile in profiles:
         profile.dissector()
     profiles += _installed(standard.namespace)
-    return Registry([*profiles, tmotor, standard])
+    return Registry([*profiles, *vendors, standard])
 
 
 @cache
-def _own_profiles() -> tuple[Profile, Profile]:
-    """Return those of this package, which every registry of a process shares with what they have compiled."""
-    standard = Profile.open(_HERE / "dronecan")
-    return standard, Profile.open(_HERE / "tmotor", standard.namespace)
+def _own_profiles() -> tuple[Profile, tuple[Profile, ...]]:
+    """Return the standard types, and the vendors of this package: every other folder of it with a profile, by name.
+
+    `_FIRST` goes before all of them. All registries of a process share them with what they have compiled.
+    """
+    standard = Profile.open(_HERE / _STANDARD)
+    names = {path.parent.name for path in _HERE.glob("*/profile.toml")} - {_STANDARD}
+    ordered = sorted(names, key=lambda name: (name != _FIRST, name))
+    return standard, tuple(Profile.open(_HERE / name, standard.namespace) for name in ordered)
 
 
 def _installed(parent: Namespace) -> list[Profile]:

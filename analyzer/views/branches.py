@@ -129,7 +129,7 @@ def _list(kind: ArrayType, cell: list[Any], about: Meaning) -> str:
 def _shown(cell: Any, about: Meaning) -> str:
     if isinstance(cell, list):
         return " ".join(_shown(inner, about) for inner in cell[:_SHOWN])
-    if not isinstance(cell, bool) and cell in about.texts:
+    if cell in about.texts:
         return f"{plain(cell)} ({about.texts[cell]})"
     named = about.note is not None and about.note.enum
     return f"{plain(cell)} (undefined)" if named else plain(cell)

@@ -30,7 +30,7 @@ TEST = Keys("tests", "A check of single fields, so that a rule needs no code.", 
 SETTINGS = Key("settings", "tables", "Numbers that nobody prescribes; a vehicle file may change them.",
                "{ window_s = 2 }", each=Key("NAME", "number", "A number; its name ends with its unit."))  # fmt: skip
 
-PAGE = Keys("LAYER-NUMBER", 'One rule, as in `["TYP-208"]`. Layers are CAN, TRF, TYP, PUSH, BUS and CAP.', (
+PAGE = Keys("LAYER-NUMBER", 'One rule, as in `["TYP-208"]`. Layers: CAN, TRF, TYP, PUSH, BUS, CAP, or your own.', (
     _text("title", "The rule in a few words.", '"Pressure too high"'),
     Key("severity", "word", "How bad a breach is.", '"warning"', required=True, words=SEVERITIES),
     Key("category", "word", "Whose fault it is: the sender's software, a device's state, or the recorder's.",

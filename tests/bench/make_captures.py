@@ -16,7 +16,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from kit import CAPTURES, encode
+from kit import CAPTURES, encode, hobbywing
 from kit.encode import Frame
 from kit.flight import AUTOPILOT, ESCS, MS, SECOND, START, Row, Sender, Sent, hover, node_status, parameters
 from kit.simulated import FLIGHTS, fly
@@ -298,13 +298,14 @@ def dialects() -> Case:
 
 def cases() -> dict[str, Case]:
     """Every capture by file name."""
-    good, fd = hover(), hover(250, fd=True)
+    good, fd, hot = hover(), hover(250, fd=True), hobbywing.flight()
     made = (
         Case("hover.log", good.rows(), good.sent),
         faults(),
         dialects(),
         Case("fd.log", fd.rows(), fd.sent),
         services(),
+        Case("hobbywing.log", hot.rows(), hot.sent),
     )
     return {case.name: case for case in made}
 

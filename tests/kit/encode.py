@@ -15,6 +15,8 @@ from functools import cache
 from heapq import heappop, heappush
 from typing import Any
 
+from kit.hobbywing_types import HOBBYWING
+
 HEADERS = {"PUSHSCI": b"\xec\x96", "PUSHCAN": b"\x7b\x8c"}
 DLC_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 
@@ -104,7 +106,7 @@ def _rows(table: str, columns: int) -> list[list[str]]:
 
 
 RECORDS = {name: layout.strip("= ") for name, layout in _rows(_RECORDS, 1)}
-TYPES = {n: DataType(n, kind, int(i), int(sign, 16), layout) for n, kind, i, sign, layout in _rows(_TYPES, 4)}
+TYPES = {row[0]: DataType(*row[:2], int(row[2]), int(row[3], 16), row[4]) for row in _rows(_TYPES + HOBBYWING, 4)}
 PACKETS = {name: (int(number, 16), fields) for name, number, fields in _rows(_PACKETS, 2)}
 
 

@@ -63,10 +63,10 @@ SAMPLES = {
     "flight.mcap": "captures/esc-failure.mcap",
     "right.mcap": "captures/esc-failure.mcap",
     "left.log": HOVER,
-    "logs/monday.log": "captures/services.log",
+    "logs/monday.log": "captures/startup.log",
     "logs/tuesday.log": "captures/hover.log",
 }
-MADE = {"flight.log": ["captures/mission-8-faults.log", "--from", "2.2", "--to", "2.8"], "left.mcap": [HOVER]}
+MADE = {"flight.log": ["captures/mission-8-faults.log", "--from", "2.0", "--to", "3.1"], "left.mcap": [HOVER]}
 
 
 def test_every_page_is_there() -> None:
