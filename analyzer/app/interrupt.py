@@ -62,7 +62,8 @@ def handling(handlers: Mapping[str, Callable[..., None]]) -> Iterator[None]:
     """Handle signals, by name, until the end.
 
     A signal that is ignored (a background job of a shell), that somebody else handles or that the system does not know
-    stays as it is; so does each of them outside the main thread.
+    stays as it is; so does each of them outside the main thread. What a handler raised as a finalizer ran is raised at
+    the end at the latest.
     """
     lost = _Lost()
     before = {}
@@ -76,9 +77,12 @@ def handling(handlers: Mapping[str, Callable[..., None]]) -> Iterator[None]:
     try:
         yield
     finally:
-        for number, usual in before.items():
-            signal.signal(number, usual)
-        sys.unraisablehook = lost.usual
+        try:
+            lost.raise_it()  # not later: the alarm would meet the handler of before, and end the program
+        finally:
+            for number, usual in before.items():
+                signal.signal(number, usual)
+            sys.unraisablehook = lost.usual
 
 
 class _Lost:

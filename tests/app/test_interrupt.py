@@ -5,11 +5,16 @@ from __future__ import annotations
 import signal
 import sys
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import pytest
 
 from analyzer.app.interrupt import cleaning, graceful
 from analyzer.sources import StopReading
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from contextlib import AbstractContextManager
 
 pytestmark = pytest.mark.timeout(600, method="thread")  # the alarm clock is needed here
 
@@ -61,6 +66,28 @@ def test_it_ends_even_if_it_came_while_a_finalizer_ran(number: int, handled: obj
         last_words(number)
     assert leave.value.code == 128 + number
     assert sys.unraisablehook is hook
+
+
+def finalizer_last(number: int, handled: Callable[[], AbstractContextManager[None]]) -> None:
+    """Let a finalizer be interrupted by the very last statement; an alarm that is left would kill the tests."""
+    try:
+        with handled():
+            Finalizer(number)
+    finally:
+        assert signal.setitimer(signal.ITIMER_REAL, 0) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("number", ENDING)
+@pytest.mark.parametrize("handled", [cleaning, lambda: graceful(Work)])
+def test_it_ends_even_if_the_work_is_over_before_the_alarm(
+    number: int, handled: Callable[[], AbstractContextManager[None]]
+) -> None:
+    """The alarm came after all handlers were gone once, and killed the program."""
+    before = sys.unraisablehook, signal.getsignal(number), signal.getsignal(signal.SIGALRM)
+    with pytest.raises(SystemExit) as leave:
+        finalizer_last(number, handled)
+    assert leave.value.code == 128 + number
+    assert (sys.unraisablehook, signal.getsignal(number), signal.getsignal(signal.SIGALRM)) == before
 
 
 def test_a_wait_ends_even_if_ctrl_c_came_while_a_finalizer_ran() -> None:
