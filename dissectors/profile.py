@@ -85,6 +85,11 @@ class Profile:
             raise ProfileError(str(folder), 1, "no such folder")
         return cls(folder, TomlTable(str(path), "", (), {"tree": "."}), parent)
 
+    @property
+    def muted(self) -> bool:
+        """True if its rules in Python do not run because the folder is not trusted."""
+        return bool(self.code) and not self.rules
+
     def find(self, type_id: int, *, service: bool) -> str | None:
         """Return the full name of the offered type with this ID."""
         entry = self.namespace.find(type_id, service=service)

@@ -44,7 +44,7 @@ class Criteria:
         self.complaints: list[str] = [
             f"{profile.folder}: its rules in Python ({profile.code}) do not run without --trust-dissector"
             for profile in registry.profiles
-            if profile.code and not profile.rules
+            if profile.muted
         ]
         self._expected = None
         if choice.vehicle is not None:

@@ -91,7 +91,7 @@ def _general(files: tuple[Path, ...]) -> Mapping[str, Page]:
 @lru_cache(maxsize=8)
 def _of(profile: Profile) -> Mapping[str, Page]:
     found = _pages(page_files(profile.folder, profile.code))
-    if profile.code and not profile.rules:  # what needs its Python cannot be judged
+    if profile.muted:  # what needs its Python cannot be judged
         return {rule: page for rule, page in found.items() if page.tests}
     return found
 
