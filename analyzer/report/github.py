@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analyzer.report import headline, markdown, wording
-from analyzer.report.problems import problems, ranked
+from analyzer.report.problems import ranked
 from analyzer.views.terminal import ELLIPSIS
 
 if TYPE_CHECKING:
@@ -35,8 +35,9 @@ def summary(report: Report) -> str:
 
 def _commands(report: Report) -> Iterator[str]:
     by_level: dict[str, list[_Annotation]] = {level: [] for level in _LEVELS.values()}
-    words = [headline.summary(report, problems(report.findings)), headline.worst_of(report), report.gate.reason]
-    by_level[_TONES[headline.tone(report)]].append((headline.verdict(report), [*filter(None, words)]))
+    head = headline.of(report)
+    words = [head.summary, head.worst, report.gate.reason]
+    by_level[_TONES[head.tone]].append((head.verdict, [*filter(None, words)]))
     by_level["error"] += [
         ("Damaged capture", [f"{capture.path}: {capture.damage}"]) for capture in report.captures if capture.damage
     ]
@@ -48,7 +49,7 @@ def _commands(report: Report) -> Iterator[str]:
         for requirement in report.gate.requirements
         if not requirement.met
     ]
-    for one in ranked(problems(report.findings)):
+    for one in ranked(head.problems):
         if one.open:
             by_level[_LEVELS[one.severity]].append(_annotation(one, report))
     for level, found in by_level.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from analyzer.report.model import SEVERITIES
@@ -18,37 +19,60 @@ if TYPE_CHECKING:
 Tone = Literal["good", "caution", "bad", "idle"]
 
 RANKS: tuple[Category, ...] = ("protocol", "device", "capture")
+_TONES: dict[str, Tone] = {"FAIL": "bad", "NOT JUDGED": "idle", "PASS": "good"}
 _NAMED = 3
 _LONGEST = 120  # characters of what is told of the worst problem
 _PERIODS = 3  # so many times its own period before the end, something still goes on
 _TENTH = 100_000_000  # ns
 
 
-def verdict(report: Report) -> str:
-    """Return the answer: PASS, PASS WITH WARNINGS, ERRORS NOT GATED, FAIL or NOT JUDGED, and beside it DAMAGED."""
+@dataclass(frozen=True, slots=True)
+class Headline:
+    """What a report says first.
+
+    `verdict` is PASS, PASS WITH WARNINGS, ERRORS NOT GATED, FAIL or NOT JUDGED, and beside it DAMAGED; `tone` is the
+    colour of that: only a whole capture without a warning is good. `summary` counts the troubles, `worst` says what
+    broke worst and who, `ungated` what a pass does not mean; the last two may be empty. `problems` are the lines of the
+    report, waived and known ones among them.
+    """
+
+    verdict: str
+    tone: Tone
+    summary: str
+    worst: str
+    ungated: str
+    problems: tuple[Problem, ...]
+
+
+def of(report: Report, *, utc: bool = True) -> Headline:
+    """Return the headline of a report, with times of day in UTC or else in local time."""
+    found = problems(report.findings)
+    shown = [one for one in found if one.open]
+    answer = _answer(report, shown)
     damaged = any(capture.damage for capture in report.captures)
-    return f"{_answer(report)}, DAMAGED" if damaged else _answer(report)
+    tone: Tone = "caution" if damaged and answer == "PASS" else _TONES.get(answer, "caution")
+    return Headline(
+        verdict=f"{answer}, DAMAGED" if damaged else answer,
+        tone=tone,
+        summary=_summary(report, found),
+        worst=_worst(report, shown, utc=utc),
+        ungated=_ungated(report, shown),
+        problems=tuple(found),
+    )
 
 
-def tone(report: Report) -> Tone:
-    """Return the colour of the answer: only a whole capture without a warning is good."""
-    plain: dict[str, Tone] = {"FAIL": "bad", "NOT JUDGED": "idle", "PASS": "good"}
-    tone = plain.get(_answer(report), "caution")
-    return "caution" if tone == "good" and verdict(report) != "PASS" else tone
-
-
-def _answer(report: Report) -> str:
+def _answer(report: Report, shown: Sequence[Problem]) -> str:
     if report.gate.failed:
         return "FAIL"
     if not report.gate.judged or not any(capture.frames for capture in report.captures):
         return "NOT JUDGED"
-    severities = {one.severity for one in problems(report.findings) if one.open}
+    severities = {one.severity for one in shown}
     if "error" in severities:
         return "ERRORS NOT GATED"
     return "PASS WITH WARNINGS" if "warning" in severities else "PASS"
 
 
-def summary(report: Report, found: Sequence[Problem]) -> str:
+def _summary(report: Report, found: Sequence[Problem]) -> str:
     """Write `1 protocol error (ch6), 9 warnings, 3 waived`: errors by category and place, the rest by number.
 
     Before them stands how much of what a vehicle file expects is not there.
@@ -70,15 +94,15 @@ def summary(report: Report, found: Sequence[Problem]) -> str:
     return ", ".join(parts) or "no findings"
 
 
-def worst_of(report: Report, *, utc: bool = True) -> str:
+def _worst(report: Report, shown: Sequence[Problem], *, utc: bool) -> str:
     """Write what broke worst, who and how long: `ch1 node 11: ESC in error mode (...) from 08:02:14.502 to the end`.
 
     Nothing if no error and no warning is open.
     """
-    open_ones = [one for one in problems(report.findings) if one.open and one.severity != "note"]
-    if not open_ones:
+    serious = [one for one in shown if one.severity != "note"]
+    if not serious:
         return ""
-    one = worst(open_ones)
+    one = worst(serious)
     text = told(one)
     because = f" ({text})" if text and len(text) <= _LONGEST else ""
     where = f" in {safe(one.head.capture)}" if len(report.captures) > 1 else ""
@@ -101,12 +125,12 @@ def _span(one: Problem, capture: CaptureSummary | None, *, utc: bool) -> str:
     return f" from {begin} to {moment(last, start, utc=utc)}{zone}"
 
 
-def ungated(report: Report) -> str:
+def _ungated(report: Report, shown: Sequence[Problem]) -> str:
     """Say what a pass does not mean: errors that the limits let through, if any."""
-    shown = [one for one in problems(report.findings) if one.open and one.severity == "error" and not one.fails]
-    if not shown or report.gate.failed:
+    passed = [one for one in shown if one.severity == "error" and not one.fails]
+    if not passed or report.gate.failed:
         return ""
-    return f"--fail-on {','.join(report.gate.fail_on)}: {plural(len(shown), 'error')} not counted"
+    return f"--fail-on {','.join(report.gate.fail_on)}: {plural(len(passed), 'error')} not counted"
 
 
 def worst(found: Sequence[Problem]) -> Problem:

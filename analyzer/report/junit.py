@@ -177,11 +177,12 @@ def _gate(report: Report) -> Iterator[tuple[str, str]]:
 
 
 def _properties(report: Report) -> Iterator[tuple[str, str]]:
+    head = headline.of(report)
     yield "tool", report.tool
     yield "schema", report.schema
-    yield "verdict", headline.verdict(report)
-    yield "headline", headline.summary(report, problems(report.findings))
-    yield "worst", headline.worst_of(report)
+    yield "verdict", head.verdict
+    yield "headline", head.summary
+    yield "worst", head.worst
     yield "counted", "test cases: one for each rule, node and type, and for each rule without a finding"
     for name, value in report.settings.items():
         if name not in ("limits", "changed"):

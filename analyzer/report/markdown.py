@@ -10,12 +10,13 @@ import re
 from typing import TYPE_CHECKING
 
 from analyzer.report import headline, wording
-from analyzer.report.problems import problems, ranked
+from analyzer.report.problems import ranked
 from analyzer.views.terminal import ELLIPSIS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from analyzer.report.headline import Headline
     from analyzer.report.model import CaptureSummary, Report, Requirement
     from analyzer.report.problems import Problem
 
@@ -46,10 +47,11 @@ def plain(text: str) -> str:
 
 def render(report: Report, limit: int = COMMENT_BYTES) -> str:
     """Write Markdown of at most `limit` bytes of UTF-8 (1,000 at least); what has no room is counted."""
-    found = ranked(problems(report.findings))
+    first = headline.of(report)
+    found = ranked(first.problems)
     shown = [one for one in found if one.open]
     rest = [one for one in found if not one.open]
-    head, tail = _join(_head(report, found)), _join(_tail(report))
+    head, tail = _join(_head(report, first)), _join(_tail(report))
     share = (limit - _size(head) - _size(tail)) // 8
     needs = _fitting("", list(map(_requirement, report.gate.requirements)), "\n", share)
     needs += _fitting("", [f"- {plain(line)}\n" for line in wording.waivers(report)], "\n", share)
@@ -92,19 +94,19 @@ def _left(count: int) -> str:
     return f"\nand {count} more, see the JSON report\n" if count else ""
 
 
-def _head(report: Report, found: list[Problem]) -> Iterator[str]:
-    yield f"### {_TONES[headline.tone(report)]} tailbyte check: {headline.verdict(report)}"
+def _head(report: Report, first: Headline) -> Iterator[str]:
+    yield f"### {_TONES[first.tone]} tailbyte check: {first.verdict}"
     yield ""
-    yield plain(headline.summary(report, found))
-    if worst := headline.worst_of(report):
+    yield plain(first.summary)
+    if first.worst:
         yield ""
-        yield f"Worst: {plain(worst)}"
+        yield f"Worst: {plain(first.worst)}"
     if report.gate.reason:
         yield ""
         yield f"Gate: {plain(report.gate.reason)}"
-    if passed := headline.ungated(report):
+    if first.ungated:
         yield ""
-        yield plain(passed)
+        yield plain(first.ungated)
     yield ""
 
 

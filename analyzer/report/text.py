@@ -9,13 +9,14 @@ from analyzer.report import headline, wording
 from analyzer.report.inventory import inventory
 from analyzer.report.lines import GAP, NARROWEST, columns, pack, right, wrap
 from analyzer.report.model import SEVERITIES
-from analyzer.report.problems import Problem, problems
+from analyzer.report.problems import Problem
 from analyzer.views.terminal import PLAIN, Palette, display_width, fit
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from analyzer.report.headline import Headline
     from analyzer.report.model import CaptureSummary, Category, Report
 
 WIDTH = 80
@@ -59,25 +60,26 @@ def render(
         utc: times of day in UTC instead of the local time, by which `--around` goes, too.
     """
     page = _Page(max(width, NARROWEST), everything, palette, utc)
-    lines = [*_head(report, page), ""]
-    sections = _sections(report, page)
+    head = headline.of(report, utc=utc)
+    lines = [*_head(report, head, page), ""]
+    sections = _sections(report, head, page)
     for category, found in sections:
         lines += [_heading(category, page), *_problems(found, report, page)]
     if unproven := list(_unproven(report, page)):
         lines += unproven if sections and sections[-1][0] == "capture" else [_heading("capture", page), *unproven]
-    lines += _foot(report, page)
+    lines += _foot(report, head, page)
     return "".join(f"{line.rstrip()}\n" for line in lines)
 
 
-def _head(report: Report, page: _Page) -> Iterator[str]:
-    word, gate = headline.verdict(report), report.gate
-    lines = wrap(headline.summary(report, problems(report.findings)), page.width, first=f"{word}  ", indent=_INDENT)
+def _head(report: Report, head: Headline, page: _Page) -> Iterator[str]:
+    word, gate = head.verdict, report.gate
+    lines = wrap(head.summary, page.width, first=f"{word}  ", indent=_INDENT)
     first, *more = right(lines, f"exit {gate.exit_status}", page.width)
-    yield page.palette.paint(_TONES[headline.tone(report)], word) + first[len(word) :]
+    yield page.palette.paint(_TONES[head.tone], word) + first[len(word) :]
     yield from more
-    below = [headline.worst_of(report, utc=page.utc)]
+    below = [head.worst]
     below += [wording.safe(gate.reason)] if gate.exit_status not in (0, 1) else []
-    for text in filter(None, [*below, wording.safe(headline.ungated(report))]):
+    for text in filter(None, [*below, wording.safe(head.ungated)]):
         yield from wrap(text, page.width, first=_INDENT, indent=_INDENT)
     several = len(report.captures) > 1
     for capture in report.captures:
@@ -113,10 +115,10 @@ def _facts(capture: CaptureSummary, page: _Page) -> Iterator[str]:
         yield f"DAMAGED: {wording.safe(capture.damage)}"
 
 
-def _sections(report: Report, page: _Page) -> list[tuple[Category, list[Problem]]]:
+def _sections(report: Report, head: Headline, page: _Page) -> list[tuple[Category, list[Problem]]]:
     """Return what is found by category, errors before warnings before notes; neighbours of one category are joined."""
-    runs = report.findings
-    found = [Problem((run,)) for run in runs] if page.everything else [one for one in problems(runs) if one.open]
+    runs = [Problem((run,)) for run in report.findings]
+    found = runs if page.everything else [one for one in head.problems if one.open]
     sections: list[tuple[Category, list[Problem]]] = []
     for severity in SEVERITIES:
         before = sections[-1][0] if sections else None
@@ -264,8 +266,8 @@ def _days(capture: CaptureSummary, *, utc: bool) -> str:
     return "%m-%d " if len(day) > 1 else ""
 
 
-def _foot(report: Report, page: _Page) -> Iterator[str]:
-    found = problems(report.findings)
+def _foot(report: Report, head: Headline, page: _Page) -> Iterator[str]:
+    found = head.problems
     shown = found if page.everything else [one for one in found if one.open]
     if report.rules:
         yield from pack([f"Rules {len(report.rules)}:", *wording.verdict_counts(report)], page.width, "")

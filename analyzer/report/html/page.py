@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from analyzer.report.headline import ungated
+from analyzer.report import headline
 from analyzer.report.html import figures, sections
 from analyzer.report.model import CATEGORIES, SEVERITIES, VERDICTS
 from analyzer.report.moments import clock, moment
-from analyzer.report.problems import problems
 from analyzer.report.wording import captures_by_id, waived
 from analyzer.views.terminal import ELLIPSIS, escape
 
@@ -36,12 +35,12 @@ _FEWEST_LINES, _MOST_LINES = 3, 60  # of one finding
 def render(report: Report) -> str:
     """Write the whole file. The same report gives the same text."""
     environment = _environment()
-    shown = _findings(report)
+    head, shown = headline.of(report), _findings(report)
     return environment.get_template("report.html.j2").render(
         report=report,
         policy=_policy(environment),
-        banner=sections.banner(report),
-        tally=sections.tally(problems(report.findings)),
+        headline=head,
+        tally=sections.tally(head.problems),
         captures=[sections.capture_facts(capture) for capture in report.captures],
         timelines=figures.timelines(report, len(shown)),
         buses=figures.buses(report),
@@ -53,7 +52,6 @@ def render(report: Report) -> str:
         first_finding=_first_findings(report, len(shown)),
         coverage=sections.coverage(report.coverage),
         settings=sections.settings(report.settings),
-        ungated=ungated(report),
         waivers=[(waiver, waived(waiver)) for waiver in report.waivers],
         severities=SEVERITIES,
         categories=CATEGORIES,

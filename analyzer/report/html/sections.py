@@ -5,30 +5,20 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from analyzer.report import headline, wording
+from analyzer.report import wording
 from analyzer.report.html.evidence import frame_line
 from analyzer.report.model import CATEGORIES, SEVERITIES
 from analyzer.report.moments import MISSING
-from analyzer.report.problems import Problem, problems
+from analyzer.report.problems import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from analyzer.report.html.evidence import FrameLine
-    from analyzer.report.model import CaptureSummary, Coverage, Finding, Report
+    from analyzer.report.model import CaptureSummary, Coverage, Finding
 
 ROWS = 500  # of a table that a capture can make as long as it likes
 _DEEPEST = 2
-
-
-def banner(report: Report) -> dict[str, str]:
-    """Return the answer in a word, its colour, the troubles in a line, and the worst of them."""
-    return {
-        "word": headline.verdict(report),
-        "tone": headline.tone(report),
-        "counts": headline.summary(report, problems(report.findings)),
-        "worst": headline.worst_of(report),
-    }
 
 
 def tally(found: Sequence[Problem]) -> list[tuple[str, list[int]]]:

@@ -123,9 +123,10 @@ def test_a_window_says_nothing_of_the_end() -> None:
 def test_the_stories_of_the_repository() -> None:
     """What a tired person reads of five flights, and what CI gets."""
     told = {
-        name: (report.gate.exit_status, headline.verdict(report), headline.worst_of(report))
+        name: (report.gate.exit_status, head.verdict, head.worst)
         for name in ("esc-failure.mcap", "command-loss.log", "pack-sag.log", "bus-break.log", "recording-ends.log")
         for report in [analyzer.check(CAPTURES / name)]
+        for head in [headline.of(report)]
     }
     assert {name: (status, word) for name, (status, word, _) in told.items()} == {
         "esc-failure.mcap": (1, "FAIL"),
