@@ -13,7 +13,7 @@ from analyzer.report.wording import captures_by_id, moment, places, plural, safe
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.report.model import CaptureSummary, Category, Finding, Report
+    from analyzer.report.model import CaptureSummary, Category, Report
     from analyzer.report.problems import Problem
 
 Tone = Literal["good", "caution", "bad", "idle"]
@@ -144,13 +144,6 @@ def worst(found: Sequence[Problem]) -> Problem:
 
 
 def _names(found: Sequence[Problem]) -> str:
-    names = list(dict.fromkeys(_name(one.head) for one in found))
-    if names == [""] or not names:
-        return ""
-    named = [name for name in names if name]
-    more = ", ..." if len(named) > _NAMED else ""
-    return f" ({', '.join(named[:_NAMED])}{more})"
-
-
-def _name(finding: Finding) -> str:
-    return safe(finding.label) or ("" if finding.node is None else f"node {finding.node}")
+    names = [safe(name) for name in dict.fromkeys(name for one in found for name in one.places) if name]
+    more = ", ..." if len(names) > _NAMED else ""
+    return f" ({', '.join(names[:_NAMED])}{more})" if names else ""
