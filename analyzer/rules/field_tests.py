@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from analyzer.devices.definitions import Definitions
 from dissectors.kit import Rule
 from dissectors.schema import PrimitiveType
 
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from analyzer.rules.catalogue import Page
     from dissectors import Registry
     from dissectors.kit import Array, DecodedTable, Occurrences, Values, View
-    from dissectors.schema import CompoundType, Note
     from dissectors.toml_table import TomlTable
 
 MOST_COUNTERS = 4096  # later ones are not followed
@@ -122,12 +122,13 @@ class FieldTest(Rule):
 
 def rules_from(registry: Registry, pages: Mapping[str, Page]) -> Iterator[Rule]:
     """Yield a rule for each test of a page. Raises `ProfileError` for a test that cannot be made."""
+    definitions = Definitions(registry)
     for page in pages.values():
         for table in page.tests:
-            yield FieldTest(_test(registry, page, table))
+            yield FieldTest(_test(definitions, page, table))
 
 
-def _test(registry: Registry, page: Page, table: TomlTable) -> _Test:
+def _test(definitions: Definitions, page: Page, table: TomlTable) -> _Test:
     kind = table.one_of("kind")
     low, high = table.fraction("low"), table.fraction("high")
     if kind != "range" and (low is not None or high is not None):
@@ -135,13 +136,13 @@ def _test(registry: Registry, page: Page, table: TomlTable) -> _Test:
     names = table.strings("fields")
     if not names:
         table.fail("fields is missing")
-    fields = tuple(_field(registry, table, name, (low, high)) for name in names)
+    fields = tuple(_field(definitions, table, name, (low, high)) for name in names)
     per = table.string("per")
     if per and kind != "backwards":
         table.fail("only a counter that runs backwards has it", "per")
     for field in fields:
         if per:
-            _field(registry, table, f"{field.table}.{per}", (None, None), "per")
+            _field(definitions, table, f"{field.table}.{per}", (None, None), "per")
         if kind == "range" and field.limits == (None, None):
             table.fail(f"{field.table}.{field.name} has no limits in its profile, and the test gives none", "fields")
         if kind == "enum" and not field.enum:
@@ -155,21 +156,21 @@ def _test(registry: Registry, page: Page, table: TomlTable) -> _Test:
 
 
 def _field(
-    registry: Registry,
+    definitions: Definitions,
     table: TomlTable,
     path: str,
     limits: tuple[Fraction | None, Fraction | None],
     key: str = "fields",
 ) -> _Field:
-    found = next(_tables(registry, path), None)
-    if found is None:
+    name = definitions.table_of(path)
+    of = definitions.of(name)
+    if of is None:
         table.fail(f"no table of {path!r} is known", key)
-    name, layout, notes = found
     field, _, part = path.removeprefix(f"{name}.").partition(".")
-    kind = layout.member(field)
+    kind = of.layout.member(field)
     if not isinstance(kind, PrimitiveType) or kind.kind not in ("uint", "int"):
         table.fail(f"{name} has no whole number {field!r}", key)
-    note = notes.get(field)
+    note = of.notes.get(field)
     if part:
         bits = next((one for one in note.parts if one.name == part), None) if note else None
         if bits is None or bits.flag:
@@ -179,22 +180,6 @@ def _field(
     if note is None:
         return _Field(name, field, None, (), (), limits)
     return _Field(name, field, note.scale, tuple(note.special), tuple(note.enum), _or(limits, (note.low, note.high)))
-
-
-def _tables(registry: Registry, path: str) -> Iterator[tuple[str, CompoundType, Mapping[str, Note]]]:
-    """Yield the message or packet whose name a path begins with."""
-    carriers = {message.table: message for message in registry.carriers()}
-    parts = path.split(".")
-    for size in range(len(parts) - 1, 0, -1):
-        name, _, packet = ".".join(parts[:size]).rpartition(".")
-        family = carriers[name].packets if name in carriers else None
-        for one in family.packets if family is not None else ():
-            if one.name == packet:
-                yield f"{name}.{packet}", one.layout, one.notes
-        table = ".".join(parts[:size])
-        if table in registry.names():
-            message = registry.resolve(table)
-            yield table, message.layout, message.notes
 
 
 def _or(limits: tuple[Any, Any], own: tuple[Any, Any]) -> tuple[Fraction | None, Fraction | None]:

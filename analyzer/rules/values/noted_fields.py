@@ -37,8 +37,28 @@ class NotedColumn:
     high: Fraction | None
     word: str = ""  # the field whose part it is, which `special` is about
 
-    def outside(self, shown: Array) -> Array:
-        """Return which numbers are beyond the limits; not a number is not."""
+    @property
+    def rule(self) -> str:
+        """The rule that judges it: names go before limits."""
+        return NAMES if self.enum else LIMITS
+
+    @property
+    def allowed(self) -> str:
+        """The values that would have been right, in words."""
+        if self.enum:
+            named = [f"{code} {text}" for code, text in list(self.enum.items())[:_MOST_NAMED]]
+            return f"named are {', '.join(named)}{', ...' if len(self.enum) > _MOST_NAMED else ''}"
+        low, high = (None if limit is None else f"{float(limit * self.scale):g}" for limit in (self.low, self.high))
+        if low is None or high is None:
+            return f"at most {high} allowed" if low is None else f"at least {low} allowed"
+        return f"{low} to {high} allowed"
+
+    def wrong(self, shown: Array) -> Array:
+        """Return which numbers have no name in the enumeration or, without one, are beyond the limits."""
+        return self._nameless(shown) if self.enum else self._outside(shown)
+
+    def _outside(self, shown: Array) -> Array:
+        """Return which numbers are beyond the limits; NaN is not."""
         # Half a step lies between a limit and the next raw value, whatever a scaled number was rounded to.
         half, scale = Fraction(1, 2) if self.whole else Fraction(0), self.scale
         wrong = np.zeros(len(shown), bool)
@@ -48,22 +68,11 @@ class NotedColumn:
             wrong |= shown > float((self.high + half) * scale)
         return wrong if self.word else wrong & ~self._in(shown, self.special)
 
-    def nameless(self, shown: Array) -> Array:
-        """Return which numbers the enumeration does not name."""
+    def _nameless(self, shown: Array) -> Array:
         return ~self._in(shown, self.enum if self.word else [*self.enum, *self.special])
 
     def _in(self, shown: Array, codes: Iterable[int]) -> Array:
         return np.isin(np.rint(shown / float(self.scale)), list(codes)) if codes else np.zeros(len(shown), bool)
-
-    def allowed(self, rule: str) -> str:
-        """Say what would have been right."""
-        if rule == NAMES:
-            named = [f"{code} {text}" for code, text in list(self.enum.items())[:_MOST_NAMED]]
-            return f"named are {', '.join(named)}{', ...' if len(self.enum) > _MOST_NAMED else ''}"
-        low, high = (None if limit is None else f"{float(limit * self.scale):g}" for limit in (self.low, self.high))
-        if low is None or high is None:
-            return f"at most {high} allowed" if low is None else f"at least {low} allowed"
-        return f"{low} to {high} allowed"
 
 
 def columns_of(name: str, note: Note, layout: CompoundType) -> Iterator[NotedColumn]:
