@@ -23,6 +23,8 @@ _STRICT = 0.25  # what fewer rounds may be off
 _FAR, _COMMON = 3, 8
 _ALIKE = 2.5  # times that another pace may be off
 _SLOWEST = 5 * SECOND // 2  # a longer time is no pace before it is seen twice
+# By then a node has said that it restarted, and transfers without an end are given up.
+_LATER = 5 * SECOND // 2
 
 
 def period_of(times: Array, lost: Array, fewest: int) -> float:
@@ -68,6 +70,15 @@ class Break:
     def settled(self, now: int) -> bool:
         """Return whether it is known at a time what it is."""
         return self.lowered is not None or not self.kept or now - self.stop > _ALIKE * (self.stop - self.start)
+
+    @property
+    def told(self) -> int:
+        """The time by which whatever explains it has been sent."""
+        return self.stop + _LATER
+
+    def due(self, now: int | None) -> bool:
+        """Return whether it can be judged at a time: all is known that may explain it, or nothing follows (None)."""
+        return now is None or (now > self.told and self.settled(now))
 
     def may_be_slower(self, now: int) -> bool:
         """Return whether a sender that only reports less often would have shown no more by then."""

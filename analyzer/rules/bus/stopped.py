@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from dissectors.kit import Severity, Values, View
 
 _MESSAGE = KINDS.index("message")
-_LATER = 5 * SECOND // 2  # by then a node has said that it restarted
 _SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
 _MOST = 4096  # breaks that wait
 _MOST_UNPROVED = 16  # of a session that may be another protocol's
@@ -153,10 +152,10 @@ class Stopped(Rule):
     def _judge(self, view: View, now: int | None) -> Iterator[Occurrence]:
         waiting = []
         for one in self._doubts:
-            if now is not None and (now <= one.found.stop + _LATER or not one.found.settled(now)):
-                waiting.append(one)
-            else:
+            if one.found.due(now):
                 yield from self._judged(view, one)
+            else:
+                waiting.append(one)
         self._doubts = waiting
 
     def _judged(self, view: View, doubt: _Doubt) -> Iterator[Occurrence]:
@@ -164,7 +163,7 @@ class Stopped(Rule):
         (bus, node, _), found = doubt.session, doubt.found
         if found.may_be_slower(view.end):
             return
-        if self._starts.between(bus, node, found.start, found.stop, found.stop + _LATER):
+        if self._starts.between(bus, node, found.start, found.stop, found.told):
             return
         limit = max(view.number("BUS-035", "periods") * found.period, self._least(view))
         most = _MOSTLY * (found.stop - found.start)

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from dissectors.kit import Array, DecodedTable, Occurrences, View
 
-_LATER = 5 * SECOND // 2  # by then a node has said that it restarted, and transfers without an end are given up
 _SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
 _Evidence = tuple[tuple[int, ...], tuple[str, ...]]
 
@@ -115,10 +114,10 @@ class Dropouts(Rule):
     def _judge(self, view: View, now: int | None) -> Iterator[Occurrence]:
         waiting = []
         for one in self._doubts:
-            if now is not None and (now <= one.found.stop + _LATER or not one.found.settled(now)):
-                waiting.append(one)
-            else:
+            if one.found.due(now):
                 yield from self._judged(view, one, view.end)
+            else:
+                waiting.append(one)
         self._doubts = waiting
 
     def _judged(self, view: View, doubt: _Doubt, now: int) -> Iterator[Occurrence]:
@@ -126,7 +125,7 @@ class Dropouts(Rule):
         unit, found = doubt.unit, doubt.found
         if found.may_be_slower(now) or self._pauses is None:
             return
-        if self._starts.between(unit.bus, unit.node, found.start, found.stop, found.stop + _LATER):
+        if self._starts.between(unit.bus, unit.node, found.start, found.stop, found.told):
             return
         pauses = self._pauses
         silent, start, stop = max(
