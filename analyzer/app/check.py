@@ -13,7 +13,7 @@ from analyzer.app.criteria import Criteria
 from analyzer.app.judged import JudgedRun
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
-from analyzer.rules.gate import DEFAULT, Least
+from analyzer.rules.gate import DEFAULT, LEAST_SECONDS, LEAST_TRANSFERS, Least
 from analyzer.sources import CaptureError
 from analyzer.sources.merge import Plan
 from analyzer.sources.origin import given
@@ -36,8 +36,8 @@ def check(
     ignore: Iterable[str] = (),
     origins: Iterable[str] = (),
     fail_on: str = DEFAULT,
-    least_transfers: int = 20,
-    least_seconds: float = 1.0,
+    least_transfers: int = LEAST_TRANSFERS,
+    least_seconds: float = LEAST_SECONDS,
     bit_rate: int | None = None,
     dialects: Mapping[int, Collection[str]] | None = None,
     same_bus: bool = False,

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 DEFAULT = "protocol:error,device:error"
 NEVER = "never"
+LEAST_TRANSFERS, LEAST_SECONDS = 20, 1.0  # which a capture must have to be judged
 CLEAN, FAILED, DAMAGED, NOT_JUDGED = 0, 1, 3, 4
 _NAMED = 3
 _LEAST = re.compile(r"transfers=(\d{1,9})|seconds=(\d{1,9}(?:\.\d{1,9})?)", re.ASCII)
@@ -67,8 +68,8 @@ class Least:
     Below it nothing passes, as there was next to nothing to judge; errors fail all the same.
     """
 
-    transfers: int = 20
-    seconds: float = 1.0
+    transfers: int = LEAST_TRANSFERS
+    seconds: float = LEAST_SECONDS
 
     @classmethod
     def parse(cls, texts: Iterable[str]) -> Least:

@@ -10,6 +10,7 @@ import pytest
 from kit.command import CAPTURES
 
 from analyzer.cli import main
+from analyzer.rules.gate import DEFAULT, LEAST_SECONDS, LEAST_TRANSFERS
 from analyzer.views.terminal import display_width
 
 if TYPE_CHECKING:
@@ -57,6 +58,14 @@ def test_rules_of_which_none_was_judged_are_no_pass(command: Command, rule: str,
 
 def test_one_rule_that_was_judged_is_enough(command: Command) -> None:
     assert command("check", HOVER, "--select", "CAN-004,CAN-002")[0] == 0
+
+
+def test_help_and_manual_state_the_defaults(command: Command) -> None:
+    text = " ".join(command("check", "--help")[1].split())
+    assert f"(default: {DEFAULT})" in text
+    assert f"transfers={LEAST_TRANSFERS}, seconds={LEAST_SECONDS:g} are the defaults" in text
+    manual = " ".join(command("help", "check")[1].split())
+    assert f"fewer than {LEAST_TRANSFERS} complete transfers, or of less than {LEAST_SECONDS:g} s," in manual
 
 
 # ---- the headline ---------------------------------------------------------------------------------------------------
