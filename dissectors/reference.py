@@ -29,6 +29,7 @@ _ABOUT = {
     "NO_TIME": "In place of a time that a capture does not have.",
     "SECOND": "Nanoseconds.",
     "Severity": "`error`, `warning` or `note`.",
+    "Worst": "Which of a row's numbers is worst: `lowest`, `highest`, or by size `slowest`, `strongest`.",
     "Values": "What an occurrence says, by name: it fills the page's `text` and makes up its `key`.",
 }
 

@@ -69,7 +69,7 @@ def _course(run: OccurrenceRun, doubt: str) -> dict[str, Any]:
         "last": _place(*run.last),
         "frames": tuple(frames)[:MOST_FRAMES],
         "cause": ", ".join(filter(None, (doubt, "" if shown is None else shown.cause))),
-        "text": "" if shown is None else shown.text,
+        "text": run.text or ("" if shown is None else shown.text),
         "examples": tuple(map(_example, run.examples)),
     }
 

@@ -21,7 +21,7 @@ Tone = Literal["good", "caution", "bad", "idle"]
 RANKS: tuple[Category, ...] = ("protocol", "device", "capture")
 _TONES: dict[str, Tone] = {"FAIL": "bad", "NOT JUDGED": "idle", "PASS": "good"}
 _NAMED = 3
-_LONGEST = 120  # characters of what is told of the worst problem
+_LONGEST = 160  # characters of what is told of the worst problem
 _PERIODS = 3  # so many times its own period before the end, something still goes on
 _TENTH = 100_000_000  # ns
 

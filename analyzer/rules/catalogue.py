@@ -6,6 +6,7 @@ file are `ProfileError` with file and line.
 
 from __future__ import annotations
 
+import re
 import string
 from dataclasses import dataclass
 from functools import lru_cache
@@ -33,6 +34,7 @@ LAYERS = {
 
 _TEXTS = ("title", "checks", "matters", "example", "next", "text")
 _FORMAT = string.Formatter()
+_OF_EPISODE = re.compile("lasted|worst_.*").fullmatch
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +43,9 @@ class Page:
 
     `text` is the line of a finding, filled from the values of an occurrence, of which `key` keeps findings apart.
     `tests` are checks of single fields that need no code of their own; `judged` are the fields that they or the rule's
-    code judge. `drops`: its breaches are notes where the
-    recorder lost frames, which may be why. `values` are those that an occurrence has to have. `body` is the page as it
-    was read, with what stands for keys that it leaves out.
+    code judge. `drops`: its breaches are notes where the recorder lost frames, which may be why. `episode` is the line
+    of a finding that tells a state that lasted. `values` are those that an occurrence has to have. `body` is the page
+    as it was read, with what stands for keys that it leaves out.
     """
 
     rule: str
@@ -64,10 +66,15 @@ class Page:
     drops: bool = False
     explained: tuple[str, ...] = ()
     judged: frozenset[str] = frozenset()
+    episode: str = ""
 
     def say(self, values: Values) -> str:
         """Say what is wrong, in a line."""
         return _FORMAT.vformat(self.text, (), values)
+
+    def say_episode(self, values: Values) -> str:
+        """Say in a line what lasted, with its onset and what was worst."""
+        return _FORMAT.vformat(self.episode or self.text, (), values)
 
     def key_of(self, values: Values) -> str:
         """Return what keeps this finding apart from others of the same rule, node and type."""
@@ -127,7 +134,9 @@ def page(rule: str, table: TomlTable) -> Page:
     for key in ("severity", "origin"):
         table.string(key)
     keys, given = table.strings("key"), table.strings("values")
-    names = dict.fromkeys([*(name for _, name, _, _ in _FORMAT.parse(texts["text"]) if name), *keys])
+    episode = table.string("episode")
+    named = [name for text in (texts["text"], episode) for _, name, _, _ in _FORMAT.parse(text) if name]
+    names = dict.fromkeys([*(name for name in named if not _OF_EPISODE(name)), *keys])
     if given and not names.keys() <= {*given}:
         table.fail(f"not among the values: {', '.join(sorted({*names} - {*given}))}", "text")
     settings = table.table("settings")
@@ -157,6 +166,7 @@ def page(rule: str, table: TomlTable) -> Page:
         drops=drops,
         explained=table.strings("explained"),
         judged=frozenset((*table.strings("judges"), *_tested(tests))),
+        episode=episode,
     )
     table.finish()
     return made

@@ -5,11 +5,11 @@ The result does not depend on the order in which occurrences come in, as long as
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from analyzer.rules.episodes import episode_of
 from analyzer.rules.runs import (
     MOST_EXAMPLES,
     PAUSE,
@@ -23,14 +23,14 @@ from analyzer.rules.runs import (
     same_piece,
     without_pause,
 )
-from dissectors.kit import Occurrence, Occurrences
+from dissectors.kit import NO_TIME, Occurrence, Occurrences
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from analyzer.facts.dialects import Statement
     from analyzer.rules.catalogue import Page
-    from dissectors.kit import Severity, View
+    from dissectors.kit import Severity, Values, View
 
 MOST_PIECES = 24  # of a run that may be explained in parts; of more, those long past that are alike are put together
 MOST_GROUPS = 4096  # of rule, node, type and key; what comes later is one finding a rule
@@ -76,10 +76,17 @@ class Findings:
         elif len(found.t):
             self._add_many(found, view, near_drops)
 
-    def results(self, readings: Iterable[Statement]) -> list[tuple[Key, OccurrenceRun]]:
+    def results(
+        self, readings: Iterable[Statement], end: int = NO_TIME, *, over: bool = True
+    ) -> list[tuple[Key, OccurrenceRun]]:
         """Return every run by place; what is no breach in the reading that its node turned out to use is left out.
 
         It may be asked for again after more has been added.
+
+        Args:
+            readings: how the doubtful fields of nodes are read.
+            end: the time of the last frame.
+            over: no more will be added.
         """
         choices: dict[tuple[int, int], set[str]] = {}
         for one in readings:
@@ -93,8 +100,9 @@ class Findings:
             if severity is not None:
                 known = settled.setdefault(key._replace(severity=severity, dialects=()), [])
                 for run in runs:
-                    merge(known, replace(run, examples=list(run.examples)), self._close(key))
+                    merge(known, run.copy(), self._close(key))
         found = [(key, run) for key, runs in self._caused(settled).items() for run in runs]
+        found = list(self._told(found, end, over=over))
         found.sort(key=lambda one: (one[1].first, one[0]))
         for _, run in found[RICH:]:
             del run.examples[1:]
@@ -115,6 +123,26 @@ class Findings:
                     run.examples = [one._replace(cause=one.cause or cause) for one in run.examples]
                 merge(found.setdefault(key._replace(severity="note") if rules else key, []), run, without_pause)
         return found
+
+    def _told(
+        self, found: Iterable[tuple[Key, OccurrenceRun]], end: int, *, over: bool
+    ) -> Iterator[tuple[Key, OccurrenceRun]]:
+        """Yield runs, episodes with their text; those of one node that came and went together are one."""
+        together: dict[tuple[object, ...], list[tuple[Key, OccurrenceRun, Values]]] = {}
+        for key, run in found:
+            if run.episode is None:
+                yield key, run
+                continue
+            course = key._replace(key=""), run.first, run.last, run.count, run.episode.times
+            values = run.episode.values(run.count, (run.first[0], run.last[0]), end, over=over)
+            together.setdefault(course, []).append((key, run, values))
+        for alike in together.values():
+            key, run, values = alike[0]
+            page = self._pages[key.rule]
+            joint = {name: ", ".join(str(one[name]) for _, _, one in alike) for name in page.key}
+            values = {**values, **joint} if len(alike) > 1 else values
+            run.text = page.say(values) if run.count == 1 else page.say_episode(values)
+            yield key._replace(key=page.key_of(values) if len(alike) > 1 else key.key), run
 
     def _add_one(self, one: Occurrence, view: View, near_drops: bool) -> None:
         page = self._pages[one.rule]
@@ -157,7 +185,10 @@ class Findings:
             return Shown(*place(row), page.say(values), str(values.get("cause", "")), frames, view.lines(frames))
 
         run = OccurrenceRun(place(int(rows[0])), place(int(rows[-1])), len(rows))
+        run.episode = episode_of(found, rows)
         if not self._continues(key, run):
+            if run.episode is not None:
+                run.episode.onset = found.values(int(rows[0]))
             most = MOST_EXAMPLES if self._total < KEPT else 1
             run.examples = [example(int(row)) for row in rows[:most]]
         return run

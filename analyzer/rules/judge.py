@@ -95,7 +95,8 @@ class Judge:
     def so_far(self) -> Outcome:
         """Return what is known before the end: runs as they stand now, without what only the end will tell."""
         readings = tuple(self._past.dialects.statements())
-        return Outcome(tuple(self._findings.results(readings)), frozenset(), dict(self._labels), readings)
+        runs = self._findings.results(readings, self._past.end, over=False)
+        return Outcome(tuple(runs), frozenset(), dict(self._labels), readings)
 
     def finish(self) -> Outcome:
         """Return everything, after the last batch."""
@@ -106,7 +107,7 @@ class Judge:
             self._release(view, None)
         readings = tuple(self._past.dialects.statements())
         return Outcome(
-            runs=tuple(self._findings.results(readings)),
+            runs=tuple(self._findings.results(readings, self._past.end)),
             words=self._exercises.words(),
             labels=self._labels,
             readings=readings,

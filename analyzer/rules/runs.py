@@ -14,6 +14,8 @@ from dissectors.kit import SECOND
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+    from analyzer.rules.episodes import Episode
+
 PAUSE = 10 * SECOND  # a run ends when this time passes without an occurrence
 PIECE = 10 * SECOND
 _PAST = 60 * SECOND  # after so long no cause is found any more
@@ -34,15 +36,26 @@ class Shown(NamedTuple):
 
 @dataclass(slots=True)
 class OccurrenceRun:
-    """Occurrences of one key without a pause of 10 s. Places are (t, frame)."""
+    """Occurrences of one key without a pause of 10 s. Places are (t, frame). `text` is what is said of an episode."""
 
     first: tuple[int, int]
     last: tuple[int, int]
     count: int
     examples: list[Shown] = field(default_factory=list)
+    episode: Episode | None = None
+    text: str = ""
+
+    def copy(self) -> OccurrenceRun:
+        """Return one that grows apart from this."""
+        episode = None if self.episode is None else self.episode.copy()
+        return OccurrenceRun(self.first, self.last, self.count, list(self.examples), episode, self.text)
 
     def take(self, other: OccurrenceRun) -> None:
         """Join another run of the same key."""
+        if self.episode is not None and other.episode is not None:
+            earlier, after = sorted((self, other), key=lambda run: run.first)
+            between = after.first[0] - earlier.last[0]
+            self.episode.take(other.episode, between, later=self.first <= other.first)
         self.first, self.last = min(self.first, other.first), max(self.last, other.last)
         self.count += other.count
         for example in other.examples:

@@ -19,7 +19,7 @@ _KINDS = {0x01: "bit", 0x02: "form", 0x04: "stuff"}
 _AFTERMATH = (
     *("BUS-007", "BUS-020", "BUS-025", "BUS-028"),
     *("TRF-005", "TRF-006", "TRF-007", "TRF-016"),
-    *("TYP-305", "TYP-501"),
+    *("TYP-305", "TYP-501", "PUSH-410"),
 )
 
 _NOISE, _SILENCE = 150 * MILLISECOND, 1600 * MILLISECOND

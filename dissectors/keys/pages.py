@@ -45,6 +45,9 @@ PAGE = Keys("LAYER-NUMBER", 'One rule, as in `["TYP-208"]`. Layers: CAN, TRF, TY
     _text("example", "What a breach looks like.", '"14.2 bar"'),
     _text("next", "What to do now.", '"Look at the valve."'),
     _text("text", "The line of a finding: `{value}` of an occurrence, as Python formats it.", '"{pressure:.1f} bar"'),
+    Key("episode", "text", "The line of a finding that tells a state that lasts, in place of `text`, which its "
+        "examples have: also how long it `{lasted}`, and `{worst_NAME}` of each number whose worst the rule keeps.",
+        '"{pressure:.1f} bar {lasted}, at worst {worst_pressure:.1f} bar"'),
     Key("values", "texts", "All values that occurrences have.", '["pressure"]', "those of `text` and `key`"),
     Key("key", "texts", "Values that keep findings apart, beside rule, bus, node and type.", "[]"),
     SETTINGS,

@@ -15,7 +15,7 @@ from dissectors.kit.array import Array
 from dissectors.kit.collection import rules_of
 from dissectors.kit.conformance import Conformance, Exercise, Measures
 from dissectors.kit.definitions import Types
-from dissectors.kit.occurrence import Occurrence, Occurrences, Severity, Values
+from dissectors.kit.occurrence import Occurrence, Occurrences, Severity, Values, Worst
 from dissectors.kit.paces import Break, PacedReports
 from dissectors.kit.pauses import Pauses
 from dissectors.kit.rows import NODES, breach, frames_of, rows_by_bus, sender, sound, usable
@@ -30,6 +30,6 @@ __all__ = [
     "MICROSECOND", "MILLISECOND", "NODES", "NO_TIME", "SECOND", "Array", "Break", "Conformance", "DecodedTable",
     "EventTable", "Exercise", "Feed", "FrameTable", "Kept", "Latest", "Measures", "Occurrence", "Occurrences",
     "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "Second", "Severity", "Starts", "TransferTable", "Types",
-    "Values", "View", "breach", "frames_of", "rows_by_bus", "rule", "rules_of", "sender", "set_back", "sound",
+    "Values", "View", "Worst", "breach", "frames_of", "rows_by_bus", "rule", "rules_of", "sender", "set_back", "sound",
     "usable",
 ]  # fmt: skip

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 Values = Mapping[str, Any]
 Severity = Literal["error", "warning", "note"]
+Worst = Literal["lowest", "highest", "slowest", "strongest"]  # by size, whatever the sign: the last two
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,10 @@ class Occurrences:
     `t`, `bus`, `node` (-1 for none), `frame` (-1 for none) and `type` (codes of `View.type_name`) are arrays of equal
     length. `key` tells rows apart whose values may give different keys. `values` and `frames` are asked for the few
     rows that are shown.
+
+    `worst` maps names to which of a row's numbers is worst, and these: then a run of breaches is told as an episode,
+    whose text may name `worst_NAME` beside the values at its onset, and how long it `lasted`. `rises` marks rows that a
+    sender's report without the breach went before.
     """
 
     rule: str
@@ -61,3 +66,5 @@ class Occurrences:
     dialects: Mapping[str, Severity | None] = field(default_factory=dict)
     drops: bool = False
     since: Array | None = None
+    worst: Mapping[str, tuple[Worst, Array]] = field(default_factory=dict)
+    rises: Array | None = None

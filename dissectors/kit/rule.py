@@ -45,6 +45,7 @@ class PageKeys(TypedDict, total=False):
     example: str
     next: str
     text: str
+    episode: str
     key: list[str]
     settings: dict[str, float]
     exercised: str

@@ -60,7 +60,7 @@ def judge(text: str | bytes, rules: Rules = None, step: int | None = None, **set
     return [
         Said(
             key.rule, key.severity, key.bus, key.node, key.type, key.key, run.count, run.first[1] + 1, run.last[1] + 1,
-            run.examples[0].text, tuple(example.frame + 1 for example in run.examples), run.examples[0].cause,
+            run.text or run.examples[0].text, tuple(one.frame + 1 for one in run.examples), run.examples[0].cause,
         )
         for key, run in outcome(text, rules, step, **settings).runs
     ]  # fmt: skip

@@ -101,16 +101,6 @@ def _bits(wrong: Callable[[Message], bool]) -> Finder:
     return lambda log: [one.numbers for sent in _status(log).values() for one in sent if wrong(one)]
 
 
-def fault_bits(log: Log) -> Found:
-    """TYP-305: one of bits 11..0 is set that was not in the ESCStatus before."""
-    return [
-        one.numbers
-        for sent in _status(log).values()
-        for before, one in pairwise(sent)
-        if one["error_count"] & ~before["error_count"] & 0xFFF
-    ]
-
-
 def counter(log: Log) -> Found:
     """TYP-307: a node never shows a mode of 1..8, and its first word never falls and rises by small steps only."""
     found = []
@@ -150,7 +140,7 @@ FINDERS: dict[str, Finder] = {
     "TYP-302": lambda log: where(log, ("ESCStatus",), lambda one: one["power_rating_pct"] > 100),
     "TYP-303": _bits(lambda one: one["error_count"] >> 16 > 16383),
     "TYP-304": _bits(lambda one: not 1 <= mode(one) <= 8),
-    "TYP-305": fault_bits,
+    "TYP-305": _bits(lambda one: bool(one["error_count"] & 0xFFF)),
     "TYP-306": _bits(lambda one: mode(one) == 6),
     "TYP-307": counter,
     "TYP-308": implausible,

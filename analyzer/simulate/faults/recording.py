@@ -96,7 +96,7 @@ FAULTS: tuple[Fault, ...] = (
         options={"seconds": 1.5},
         limits={"seconds": (1.1, 3600)},
         lasts=1800 * MILLISECOND,
-        also=("TRF-016", "TRF-019", "TYP-305", "TYP-501", "PUSH-009", "BUS-007", "BUS-020", "BUS-025"),
+        also=("TRF-016", "TRF-019", "TYP-305", "TYP-501", "PUSH-009", "PUSH-410", "BUS-007", "BUS-020", "BUS-025"),
     ),
     Fault(
         "CAP-003",

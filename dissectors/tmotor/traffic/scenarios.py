@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _UNDER_VOLTAGE, _THROTTLE_LOSS, _OVER_TEMPERATURE = 1, 3, 5
 _LOOK = 20 * MILLISECOND
+_TOLD = ("PUSH-410",)  # MotorStatus tells the same flags
 # uavcan.protocol.NodeStatus: health of a device that cannot do its work.
 _HEALTH_ERROR = 2
 # The failing ESC gives up this many K above its limit.
@@ -51,7 +52,11 @@ def _overheat(story: Story, esc: Any) -> None:
     story.tell(f"the ESC with index {esc.index} (node {node}) loses its cooling: {watts} W too much heat it up")
     esc.heat += watts
     if not esc.stock:
-        _shows(story.case("TYP-305", f"over-temperature of node {node}, limit {limit} degC"), node, _OVER_TEMPERATURE)
+        _shows(
+            story.case("TYP-305", f"over-temperature of node {node}, limit {limit} degC", _TOLD),
+            node,
+            _OVER_TEMPERATURE,
+        )
     warned = False
 
     def look() -> None:
@@ -88,7 +93,7 @@ def _give_up(story: Story, esc: Any) -> None:
         )
     )
     if not esc.stock:
-        error = story.case("TYP-306", f"error mode of node {node}", ("PUSH-401",))
+        error = story.case("TYP-306", f"error mode of node {node}", ("PUSH-401", "PUSH-410"))
         error.watch(
             lambda sending: (
                 STATUS(sending) and sending.node == node and sending.values["error_count"] >> 12 & 15 == ERROR
@@ -109,7 +114,7 @@ def _stop_commanding(story: Story) -> None:
     for esc in vehicle.escs:
         node = esc.node.number
         if not esc.stock:
-            _shows(story.case("TYP-305", f"throttle loss of node {node}"), node, _THROTTLE_LOSS)
+            _shows(story.case("TYP-305", f"throttle loss of node {node}", _TOLD), node, _THROTTLE_LOSS)
     lost = story.case("BUS-007", "no RawCommand until the end of the recording; the ESCs stop after their timeout")
     begin = story.world.now + 100 * MILLISECOND
     lost.watch(lambda sending: STATUS(sending) and sending.t > begin)
@@ -168,7 +173,9 @@ def _weaken(story: Story) -> None:
     for esc in vehicle.escs:
         node = esc.node.number
         if not esc.stock:
-            _shows(story.case("TYP-305", f"under-voltage of node {node}, below {low:.1f} V"), node, _UNDER_VOLTAGE)
+            _shows(
+                story.case("TYP-305", f"under-voltage of node {node}, below {low:.1f} V", _TOLD), node, _UNDER_VOLTAGE
+            )
     said = False
 
     def look() -> None:

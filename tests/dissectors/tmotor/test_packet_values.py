@@ -40,7 +40,7 @@ def test_a_clean_flight_has_none() -> None:
 def test_the_block_of_the_vectors() -> None:
     text = (VECTORS / "violations.log").read_text(encoding="ascii")
     assert [(one.rule, one.severity, one.first, one.text) for one in judge(text, RULES) if one.first > 103] == [
-        ("PUSH-401", "warning", 117, "system status 0x22, unknown"),
+        ("PUSH-401", "warning", 117, "system status 0x22, unknown; 50.0 V, 10.0 A, -5 degC, 3000 rpm"),
         ("PUSH-403", "warning", 117, "700.0 us"),
         ("PUSH-404", "warning", 117, "100.4 %"),
         ("PUSH-405", "note", 117, "65036 read as hundredths of a degree below zero"),
@@ -52,12 +52,16 @@ def test_the_block_of_the_vectors() -> None:
     ("rule", "values", "expected"),
     [
         ("PUSH-401", {"system_status": 0x11}, []),
-        ("PUSH-401", {"system_status": 0xCC}, [("warning", "system status 0xCC, fault")]),
+        (
+            "PUSH-401",
+            {"system_status": 0xCC},
+            [("warning", "system status 0xCC, fault; 48.5 V, 1.2 A, 41 degC, 3011 rpm")],
+        ),
         ("PUSH-410", {"fault": 0}, []),
         (
             "PUSH-410",
             {"fault": 0x1020},
-            [("warning", "MOS over temperature, bit 12, 0x1020; 48.5 V, 1.2 A, 41 degC, 3011 rpm")],
+            [("warning", "MOS over temperature (0x0020), bit 12 (0x1000); 48.5 V, 1.2 A, 41 degC, 3011 rpm")],
         ),
         ("PUSH-403", {"pwm": 0}, []),
         ("PUSH-403", {"pwm": 10_400}, []),

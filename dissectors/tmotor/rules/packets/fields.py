@@ -1,4 +1,4 @@
-"""PUSH-101, -302, -401, -403 to -406, -408, -501 and -502: values of packets that cannot be, or need a remark."""
+"""PUSH-101, -302, -403 to -406, -408, -501 and -502: values of packets that cannot be, or need a remark."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ _SAVE_CUT = 2  # the printed list of 4.4.5 table 2 no 54 breaks off behind "2-"
 # 4.4.4 table 4 no 8-9: duty cycle, current, speed, brake current; then position.
 _LIMITS = dict.fromkeys((0x55, 0x5A, 0x44, 0x4A, 0x33, 0x3A, 0xBB), 10_000) | dict.fromkeys((0x11, 0x1A, 0x88), 3600)
 _NO_LIMIT = 0xFFFF
-_QUIET, _LOCKED, _FAULT = 0x00, 0x11, 0xCC
 _USUAL_PULSE, _KNOWN_PULSE = (1040, 1950), (800, 2200)  # us; 4.4.1 explanation 5
 _BELOW_ZERO, _KELVIN = 0x8000, (23_315, 47_315)  # raw; -40 to 200 degC
 _LIMIT = 32_767
@@ -67,26 +66,20 @@ def set_points(view: View) -> Iterator[Occurrences]:
     yield view.among_rows("PUSH-302", table, rows, values, key=mode[rows])
 
 
-@rule("PUSH-401", "PUSH-403", "PUSH-404", "PUSH-405", "PUSH-406", "PUSH-408")
+@rule("PUSH-403", "PUSH-404", "PUSH-405", "PUSH-406", "PUSH-408")
 def motor_status(view: View) -> Iterator[Occurrences]:
     """Find wrong values of a status packet, each alone (4.4.5 table 1)."""
     table = view.table("PUSHCAN.MotorStatus")
     if table is not None:
-        yield from _states(view, table)
+        yield from _motor_states(view, table)
         yield from _pulses(view, table)
         yield from _temperatures(view, table)
         yield from _limits(view, table)
 
 
-def _states(view: View, table: DecodedTable) -> Iterator[Occurrences]:
-    good, status, other = sound(table), table["system_status"], table["motor_status"]
-    rows = np.flatnonzero(good & (status != _QUIET) & (status != _LOCKED))
-
-    def state(row: int) -> dict[str, object]:
-        return {"value": int(status[row]), "meaning": "fault" if status[row] == _FAULT else "unknown"}
-
-    yield view.among_rows("PUSH-401", table, rows, state, key=status[rows])
-    rows = np.flatnonzero(good & (other != 0))
+def _motor_states(view: View, table: DecodedTable) -> Iterator[Occurrences]:
+    other = table["motor_status"]
+    rows = np.flatnonzero(sound(table) & (other != 0))
     yield view.among_rows("PUSH-406", table, rows, lambda row: {"value": int(other[row])}, key=other[rows])
 
 

@@ -8,19 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import NODES, Previous, Rule, rule, sender, usable
+from dissectors.tmotor.rules.values.fault_flags import FAULTS, FaultFlags, is_over_voltage, measured, named, worst
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from dissectors.kit import Array, DecodedTable, Occurrences, Severity, Values, View
 
-# Bits 0 to 11 of the status word.
-FAULTS = (
-    "over voltage", "under voltage", "over current", "throttle loss", "throttle abnormal", "MOS over temperature",
-    "capacitor over temperature", "stall", "amplifier fault", "upper bridge fault", "lower bridge fault",
-    "encoder error",
-)  # fmt: skip
-_THROTTLE_LOSS = 3
 _FAULT_BITS = (1 << len(FAULTS)) - 1
 _ERROR_MODE = 6
 _UNKNOWN_MODE = -1
@@ -87,56 +81,46 @@ def _measured(field: str, column: Array) -> Callable[[int], Values]:
     return lambda row: {"field": field, "value": float(column[row])}
 
 
-def _named(fault: str) -> Callable[[int], Values]:
-    return lambda _row: {"fault": fault}
+def _flag(table: DecodedTable, bit: int) -> Callable[[int], Values]:
+    return lambda row: {"fault": named(bit), **measured(table, row)}
 
 
 class Faults(Rule):
-    """Fault bits as they appear, and error mode with what went before."""
+    """Fault bits, and error mode with what went before; each is an episode."""
 
     rules = ("TYP-305", "TYP-306")
 
     def __init__(self) -> None:
-        self._bits = Previous(0)
-        self._quiet = True  # no node's last report had a fault
+        self._flags = FaultFlags()
         self._mode = np.full(NODES, _UNKNOWN_MODE)  # the last one of each node that was not error mode
-        self._commanded: int | None = None  # the first transfer that carried throttle
+        self._failed = Previous(0)
 
     def feed(self, view: View) -> Iterator[Occurrences]:
         """Judge the reports of this batch, in order."""
-        commands = view.table("RawCommand")
-        if self._commanded is None and commands is not None and commands.trusted.any():
-            self._commanded = int(commands["transfer"][int(np.argmax(commands.trusted))])
+        self._flags.note_commands(view)
         table = view.table("ESCStatus")
         if table is None:
             return
         rows = np.flatnonzero(usable(table))
         word, node = table["error_count"][rows], sender(table, rows)
-        faulty = bool(np.bitwise_or.reduce(word) & _FAULT_BITS)
-        if faulty or not self._quiet:
-            yield from self._rises(view, table, rows, word & _FAULT_BITS, node)
-            self._quiet = self._bits.all(0)
+        faults = (word & _FAULT_BITS).astype(np.int64)
+        for bit, at, rises, severity in self._flags.feed(table, rows, node, faults):
+            some = rows[at]
+            numbers = worst(table, some, over_voltage=is_over_voltage(bit))
+            yield view.among_rows(
+                "TYP-305", table, some, _flag(table, bit), severity=severity, dialects=_NOT_STOCK, worst=numbers,
+                rises=rises,
+            )  # fmt: skip
         modes = mode(word)
         yield from self._errors(view, table, rows, modes, node)
         others = modes != _ERROR_MODE
         self._mode[node[others]] = modes[others]  # of a node's rows the last one stays
 
-    def _rises(self, view: View, table: DecodedTable, rows: Array, faults: Array, node: Array) -> Iterator[Occurrences]:
-        (before,), _ = self._bits.feed(node, faults)
-        rise = faults & ~before
-        for bit, name in enumerate(FAULTS):
-            mine = rows[np.flatnonzero(rise & 1 << bit)]
-            early = np.zeros(len(mine), bool)
-            if bit == _THROTTLE_LOSS:
-                early |= self._commanded is None or table["transfer"][mine] < self._commanded
-            for some, severity in ((mine[~early], None), (mine[early], "note")):
-                if some.size:
-                    yield view.among_rows(
-                        "TYP-305", table, some, _named(name), severity=severity, dialects=_NOT_STOCK
-                    )  # fmt: skip
-
     def _errors(self, view: View, table: DecodedTable, rows: Array, modes: Array, node: Array) -> Iterator[Occurrences]:
         wrong = np.flatnonzero(modes == _ERROR_MODE)
+        if not wrong.size and self._failed.all(0):
+            return
+        (failed,), _ = self._failed.feed(node, (modes == _ERROR_MODE).astype(np.int64))
         if not wrong.size:
             return
         before = np.full(len(rows), _UNKNOWN_MODE)
@@ -150,9 +134,12 @@ class Faults(Rule):
             earlier = "unknown" if before[at] == _UNKNOWN_MODE else int(before[at])
             word = int(table["error_count"][rows[at]])
             faults = ", ".join(name for bit, name in enumerate(FAULTS) if word >> bit & 1)
-            return {"before": earlier, "faults": faults or "none"}
+            return {"before": earlier, "faults": faults or "none", **measured(table, int(rows[at]))}
 
-        found = view.among_rows("TYP-306", table, rows[wrong], lambda _row: {}, dialects=_NOT_STOCK)
+        found = view.among_rows(
+            "TYP-306", table, rows[wrong], lambda _row: {}, dialects=_NOT_STOCK, worst=worst(table, rows[wrong]),
+            rises=failed[wrong] == 0,
+        )  # fmt: skip
         yield replace(found, values=values_of)
 
 

@@ -125,7 +125,7 @@ def _channels(more: int, say: str) -> Fault:
 
     return Fault(
         rule, say, start=start, options={"seconds": 2.5}, limits={"seconds": (1.5, 3600)}, lasts=2600 * MILLISECOND,
-        also=("TYP-103", "BUS-028", "TYP-305"),
+        also=("TYP-103", "BUS-028", "TYP-305", "PUSH-410"),
     )  # fmt: skip
 
 
@@ -154,7 +154,7 @@ FAULTS: tuple[Fault, ...] = (
         options={"seconds": 0.4},
         limits={"seconds": (0.15, 60)},
         lasts=800 * MILLISECOND,
-        also=("TYP-305", "BUS-028", "BUS-025"),
+        also=("TYP-305", "PUSH-410", "BUS-028", "BUS-025"),
     ),
     Fault(
         "BUS-016",
@@ -162,7 +162,7 @@ FAULTS: tuple[Fault, ...] = (
         start=_silent_about_it,
         options={"seconds": 0.5},
         lasts=SECOND,
-        also=("TYP-101", "BUS-028"),
+        also=("TYP-101", "PUSH-410", "BUS-028"),
     ),
     Fault(
         "BUS-023",

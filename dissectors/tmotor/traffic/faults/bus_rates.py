@@ -217,7 +217,7 @@ FAULTS: tuple[Fault, ...] = (
         options={"seconds": 0.5},
         limits={"seconds": (0.2, 60)},
         lasts=700 * MILLISECOND,
-        also=("TYP-101", "TYP-305", "BUS-016", "BUS-028"),
+        also=("TYP-101", "TYP-305", "PUSH-410", "BUS-016", "BUS-028"),
     ),
     Fault(
         "BUS-024",

@@ -104,6 +104,7 @@ FAULTS: tuple[Fault, ...] = (
         options={"bit": _MOS_OVER_TEMPERATURE, "seconds": 3.0},
         limits={"bit": (0, 11)},
         lasts=SECOND,
+        also=("PUSH-410",),
     ),
     Fault(
         "TYP-306",
@@ -111,6 +112,6 @@ FAULTS: tuple[Fault, ...] = (
         start=_error,
         options={"seconds": 0.8},
         lasts=SECOND,
-        also=("TYP-305", "PUSH-401", "BUS-028"),
+        also=("TYP-305", "PUSH-401", "PUSH-410", "BUS-028"),
     ),
 )

@@ -61,7 +61,7 @@ FAULTS: tuple[Fault, ...] = (
         start=_sag,
         options={"seconds": 1.0},
         lasts=SECOND,
-        also=("TYP-305",),
+        also=("TYP-305", "PUSH-410"),
     ),
     Fault("CAP-005", "the recording ends in flight", start=_watch, also=("TRF-008",)),
 )

@@ -44,7 +44,7 @@ def _channels(case: Case, sending: Sending) -> Step:
         return Step.SKIP
     put(sending, "cmd", cmd[:wanted] + [0] * more)
     left = case.state["left"] = case.state.get("left", int(case.options["commands"])) - 1
-    case.answer.also = ("BUS-027",) if more > 0 else ("BUS-026", "TYP-305")
+    case.answer.also = ("BUS-027",) if more > 0 else ("BUS-026", "TYP-305", "PUSH-410")
     case.say(f"{int(case.options['commands']) - left} commands with {wanted} channels for {len(cmd)} ESCs")
     return Step.MORE if left > 0 else Step.DONE
 
@@ -81,7 +81,7 @@ FAULTS: tuple[Fault, ...] = (
         fits=_COMMAND,
         choices=_ONLY,
         options={"channel": 0, "value": -1000},
-        also=("TYP-305",),
+        also=("TYP-305", "PUSH-410"),
     ),
     Fault(
         "TYP-102",
@@ -90,7 +90,7 @@ FAULTS: tuple[Fault, ...] = (
         fits=_COMMAND,
         choices=_ONLY,
         options={"channel": 0},
-        also=("TYP-101", "TYP-305"),
+        also=("TYP-101", "TYP-305", "PUSH-410"),
     ),
     Fault(
         "TYP-103",
