@@ -187,7 +187,7 @@ def test_a_window_has_what_goes_on_in_it(command: Main, tmp_path: Path) -> None:
         for one in whole.values()
         if one.first.frame is not None and one.first.frame <= 6500 and one.last.frame >= 6000
     ]
-    assert [one.rule for one in inside] == ["TYP-306", "PUSH-410", "PUSH-401", "BUS-022", "TYP-208"]
+    assert [one.rule for one in inside] == ["TYP-306", "TYP-305", "PUSH-410", "PUSH-401", "BUS-022", "TYP-208"]
     assert {said.message[:8].rstrip() for _, said in logged} == {one.rule for one in inside}
     first = analyzer.open_capture(FAILURE).table("frames").column("t").cast("int64")[5999].as_py()
     for t, said in logged:
