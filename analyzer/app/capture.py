@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
+    from analyzer.app.source import RunSource
     from analyzer.decode.engine import Batch, Engine, Totals
-    from analyzer.sources import CaptureError, Source
-    from analyzer.sources.merge import Merged
+    from analyzer.sources import CaptureError
     from analyzer.sources.origin import Origin
     from dissectors import Registry
 
@@ -56,7 +56,7 @@ class Capture:
         return self._run.registry
 
     @property
-    def source(self) -> Source | Merged:
+    def source(self) -> RunSource:
         """The captures as they are read."""
         return self._run.source
 

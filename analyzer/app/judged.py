@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from analyzer.app.run import Run
     from analyzer.decode.engine import Batch
     from analyzer.rules.checking import Measured
+    from analyzer.rules.judge import Judge
 
 _ROOM = 2  # batches that wait to be judged
 
@@ -36,6 +37,17 @@ class JudgedRun:
         self._ends = not run.request.window.leaves_off
         self._check = Check(run.registry, criteria.settings if self._ends else criteria.endless)
         self._unopened = ""
+
+    @property
+    def judge(self) -> Judge:
+        """The rules at work."""
+        return self._check.judge
+
+    def feed(self, batch: Batch) -> Iterator[Measured]:
+        """Judge a batch of the run in this thread, and yield it."""
+        for measured in self._check.measured([batch]):
+            self._check.feed(measured)
+            yield measured
 
     def batches(self, decoded: Iterable[Batch]) -> Iterator[Measured]:
         """Yield the batches of the run once they are judged; files are decoded in a thread beside.
@@ -71,18 +83,22 @@ class JudgedRun:
             for judged in waiting:
                 judged.result()
 
-    def taken(self, label: str) -> JudgedCapture:
-        """Return what a report needs of the capture, which it calls `label`, after the last batch."""
+    def taken(self, label: str, arguments: Iterable[str] = ()) -> JudgedCapture:
+        """Return what a report needs of the capture, which it calls `label`, after the last batch.
+
+        `arguments` stand behind the request's own ones where a command line reads the capture again.
+        """
         run = self.run
+        parts = run.source.parts
         return JudgedCapture(
             id=label,
-            path=run.source.parts[0].name,
-            checked=self._check.finish(run.source.parts, run.engine),
+            path=parts[0].name if parts else run.source.name,
+            checked=self._check.finish(parts, run.engine),
             damage=self._unopened or _damage(run),
             unopened=bool(self._unopened),
             live=run.source.live,
             ends=self._ends,
-            arguments=tuple(run.request.again()),
+            arguments=(*run.request.again(), *arguments),
         )
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from analyzer._native import FrameBatch
     from analyzer.app.request import Request
-    from analyzer.sources import Source
+    from analyzer.app.source import RunSource
     from dissectors import Registry
 
 # Complaints about single lines before it says only how many there were.
@@ -65,17 +65,17 @@ class Run(AbstractContextManager["Run"]):
         request: Request,
         complain: Callable[[str], None] = unheard,
         registry: Registry | None = None,
-        source: Source | Merged | None = None,
+        source: RunSource | None = None,
     ) -> None:
         self.request, self.complain = request, complain
-        self.source = source or open_captures(request.captures, request.merging, follow=request.follow)
+        self.source: RunSource = source or open_captures(request.captures, request.merging, follow=request.follow)
         self.registry = dissectors.load(request.dissectors, request.trusted) if registry is None else registry
         self.engine = Engine(self.registry)
         self.totals = Totals(dict.fromkeys(LINES, 0))
         self.transfers = 0
         self._state: RunState = "whole"
         self._complaints = 0
-        self._reading = self.source
+        self._reading: RunSource = self.source
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> bool:
         """Take what cannot be opened or written as the state that it leaves, not as a failure."""

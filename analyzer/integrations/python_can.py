@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import logging
 import os
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from threading import Lock, Timer
 from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar
@@ -15,7 +17,6 @@ from can import Message
 from can.io.generic import BinaryIOMessageReader, BinaryIOMessageWriter
 
 from analyzer._native import Rows
-from analyzer.sources import Source
 from analyzer.sources.can_rows import BRS, DLC_SHIFT, ESI, EXTENDED, FD, REMOTE, TX, Unreadable, add, from_float
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
     from analyzer._native import FrameBatch
 
-_CHUNK = 1 << 20
 # Messages that wait at most, and for how many seconds at most: what a killed process loses.
 _MOST = 4096
 _PATIENCE = 1.0
@@ -44,22 +44,17 @@ class CaptureReader(BinaryIOMessageReader):
 
     def __init__(self, file: StringPathLike | BinaryIO | BufferedIOBase, **_: Any) -> None:
         super().__init__(file)
-        self._source = _Open(_name(file))
+        self._named = _Named(self.file, _name(file))
 
     def __iter__(self) -> Generator[Message, None, None]:
         """Yield the messages in the order of the capture; close the file behind the last one."""
-        from analyzer.sources.native import rows  # noqa: PLC0415 - only when something is read
+        from analyzer.app.request import Request  # noqa: PLC0415 - only when something is read
+        from analyzer.app.run import Run  # noqa: PLC0415
+        from analyzer.sources.origin import given  # noqa: PLC0415
 
-        self._source.file = self.file
-        unreadable = 0
-        for piece in rows(self._source.chunks()):
-            if not isinstance(piece, bytes):
-                unreadable += piece.lines["unreadable"]
-                yield from _messages(piece)
-        if unreadable:
-            _log.warning("%s: %d unreadable records", self._source.name, unreadable)
-        if self._source.damage is not None:
-            _log.warning("%s", self._source.damage)
+        run = Run(Request((given(self._named),)), partial(_log.warning, "%s"))
+        for batch in run.frame_batches():
+            yield from _messages(batch)
         self.stop()
 
 
@@ -67,15 +62,15 @@ def _name(file: object) -> str:
     return os.fspath(file) if isinstance(file, str | os.PathLike) else str(getattr(file, "name", "capture"))
 
 
-class _Open(Source):
-    """A capture whose file is open already."""
+@dataclass(frozen=True, slots=True)
+class _Named:
+    """A file object, with the name that python-can knows it by."""
 
     file: BinaryIO | BufferedIOBase
+    name: str
 
-    def stored(self) -> Iterator[bytes]:
-        while data := self.file.read(_CHUNK):
-            self.size += len(data)
-            yield data
+    def __getattr__(self, what: str) -> Any:
+        return getattr(self.file, what)
 
 
 def _messages(piece: FrameBatch) -> Iterator[Message]:

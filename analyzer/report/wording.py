@@ -23,6 +23,7 @@ _NEAR = 5  # frames to each side, where no time says what is near
 _MARGIN = "+-50ms"
 _NAMED = 4
 _BROKEN = ("FAIL", "WARN", "WAIVED", "KNOWN")
+_UNITS = ((10**9, "GB"), (10**6, "MB"), (10**3, "kB"))  # as conditions of a recording have them
 _COMMANDS = re.compile(r"#(#)(?=\w*\[)|:(:)(?=\w)")  # how commands to CI services begin in their logs
 _HARMLESS = re.compile(r"[\w%+,./:=@^-]+", re.ASCII)
 
@@ -35,6 +36,14 @@ def safe(text: str) -> str:
 def plural(count: int, noun: str) -> str:
     """Write `1 error`, `2 errors`."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def size(count: int) -> str:
+    """Write a number of bytes in words."""
+    for unit, name in _UNITS:
+        if count >= unit:
+            return f"{count / unit:.1f} {name}"
+    return f"{count} bytes"
 
 
 def captures_by_id(report: Report) -> dict[str, CaptureSummary]:

@@ -17,10 +17,12 @@ from kit.live import Fault, Frame, Lost, Note, Row, cut, stored
 from analyzer._native import AsRecorded
 from analyzer.app.live import run as live_run
 from analyzer.app.live.session import LiveSession
-from analyzer.app.live.session_recording import SessionRecording
+from analyzer.app.live.session_recording import RecordingOptions, SessionPlan, SessionRecording
+from analyzer.app.live.source import LiveSource
 from analyzer.cli.commands import parser
 from analyzer.cli.live import Wanted
-from analyzer.report.draft import JudgedCapture
+from analyzer.live.capture_loop import SessionControl
+from analyzer.sources.native import rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.usefixtures("no_can_configuration")
 ROWS = 700
+NOTHING = RecordingOptions(None, None, None, False, (), (), None, (), None, None)
 
 
 def bus(name: str, log: str) -> list[Row]:
@@ -42,9 +45,9 @@ def bus(name: str, log: str) -> list[Row]:
 
 def flown() -> list[Row]:
     """Two buses with faults, by time."""
-    rows = [*bus("can0", "mission-8-faults.log"), *bus("can1", "reordering.log")]
-    start = {name: min(row.t for row in rows if row.bus == name) for name in ("can0", "can1")}
-    moved = [replace(row, t=row.t - start[row.bus] + start["can0"]) for row in rows]
+    both = [*bus("can0", "mission-8-faults.log"), *bus("can1", "reordering.log")]
+    start = {name: min(row.t for row in both if row.bus == name) for name in ("can0", "can1")}
+    moved = [replace(row, t=row.t - start[row.bus] + start["can0"]) for row in both]
     return sorted(moved, key=lambda row: row.t)
 
 
@@ -56,6 +59,7 @@ class Steps:
 
     def __init__(self, pieces: Sequence[FrameBatch], recording: SessionRecording) -> None:
         self._pieces, self._recording, self._recorded = list(pieces), recording, AsRecorded()
+        self.control = SessionControl()
 
     @property
     def ended(self) -> bool:
@@ -103,13 +107,12 @@ def lived(pieces: Sequence[FrameBatch], path: Path) -> tuple[list[dict], Told]:
     told = Told()
     with ExitStack() as stack:
         recording = SessionRecording(wanted.request.plan, stack)
-        session = LiveSession(Steps(pieces, recording), wanted.criteria, [told], 0.0)  # type: ignore[arg-type,list-item]
+        session = LiveSession(Steps(pieces, recording), recording, "", wanted.criteria, [told], 0.0)  # type: ignore[arg-type,list-item]
         session.run()
         recording.close()
-        checked = session.conclude(recording.stored())
-        assert checked is not None
+        taken = session.conclude()
+        assert taken is not None
         assert not session.problems
-        taken = JudgedCapture(id=recording.name, path=str(path), checked=checked)
         report = wanted.criteria.report([taken])
     from analyzer.report.json import render  # noqa: PLC0415
 
@@ -131,11 +134,11 @@ HAPPENS = st.tuples(
 
 def with_events(events: Sequence[tuple[int, str, Row]]) -> list[Row]:
     """The flight, with losses, error frames and marks in it."""
-    rows = list(FLOWN)
+    mixed = list(FLOWN)
     for at, name, event in events:
         named = event if isinstance(event, Note) else replace(event, bus=name)
-        rows.insert(at, replace(named, t=rows[at].t))
-    return rows
+        mixed.insert(at, replace(named, t=mixed[at].t))
+    return mixed
 
 
 @given(
@@ -157,6 +160,23 @@ def test_any_cut_and_any_format(
     assert json.dumps(found) == json.dumps(checked)
     assert len(told.begun) == len(set(told.begun))
     assert len(found) > 3
+
+
+def test_what_is_recorded_can_be_read_again(tmp_path: Path) -> None:
+    """A session is a source like others: its rows exist only once if nothing is recorded."""
+    wanted = Wanted(parser().parse_args(["live", "virtual:here", "-q", "-w", str(tmp_path / "x.mcap")]))
+    with ExitStack() as stack:
+        recording = SessionRecording(wanted.request.plan, stack)
+        steps = Steps(cut(FLOWN, [100, 300]), recording)
+        source = LiveSource(steps, recording, "here", 0.0, lambda: None)  # type: ignore[arg-type]
+        given = sum(batch.frames for batch in rows(source.chunks()) if not isinstance(batch, bytes))
+        recording.close()
+    path = str(tmp_path / "x.mcap")
+    assert (source.live, source.name, [part.name for part in source.parts]) == (False, path, [path])
+    again = sum(batch.frames for batch in rows(source.again().chunks()) if not isinstance(batch, bytes))
+    assert given == again == len(FLOWN)
+    nothing = LiveSource(steps, SessionRecording(SessionPlan(NOTHING, (), ""), ExitStack()), "here", 0.0, lambda: None)  # type: ignore[arg-type]
+    assert (nothing.live, nothing.name, nothing.parts) == (True, "here", [])
 
 
 class Fed:
@@ -187,12 +207,12 @@ class Fed:
 def test_two_interfaces_that_lose_and_complain(
     name: str, command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    rows = {one: [row for row in FLOWN if row.bus == one] for one in ("can0", "can1")}
-    t = rows["can0"][200].t
-    rows["can0"][200:200] = [Lost(t, "can0", 7), Fault(t, "can0", 0x20, bytes(8))]
-    fed = {one: Fed(one, cut(mine, range(50, 700, 90))) for one, mine in rows.items()}
+    sent = {one: [row for row in FLOWN if row.bus == one] for one in ("can0", "can1")}
+    t = sent["can0"][200].t
+    sent["can0"][200:200] = [Lost(t, "can0", 7), Fault(t, "can0", 0x20, bytes(8))]
+    fed = {one: Fed(one, cut(mine, range(50, 700, 90))) for one, mine in sent.items()}
     monkeypatch.setattr(live_run, "open_receiver", lambda interface, *_, **__: fed[interface.name])
-    frames = sum(isinstance(row, Frame) for mine in rows.values() for row in mine)
+    frames = sum(isinstance(row, Frame) for mine in sent.values() for row in mine)
     record, live, check = tmp_path / name, tmp_path / "live.json", tmp_path / "check.json"
     status, _, err = command("live", "can0", "can1", "-q", "-c", frames, "-w", record, "--json", live)
     assert "-- can0: 708 frames = 701 received + 7 dropped" in err

@@ -5,8 +5,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
-from analyzer.app.live.status import Status, account, size
+from analyzer.app.live.status import Status, account
 from analyzer.live.interfaces.hub import InterfaceCounts
+from analyzer.report import wording
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,5 +73,5 @@ def test_the_account_adds_up() -> None:
 
 def test_sizes_in_words() -> None:
     """Units are those of -a and -b."""
-    assert [size(n) for n in (0, 999, 1000, 5 * 10**6)] == ["0 bytes", "999 bytes", "1.0 kB", "5.0 MB"]
-    assert size(3 * 10**9) == "3.0 GB"
+    assert [wording.size(n) for n in (0, 999, 1000, 5 * 10**6)] == ["0 bytes", "999 bytes", "1.0 kB", "5.0 MB"]
+    assert wording.size(3 * 10**9) == "3.0 GB"

@@ -20,7 +20,6 @@ from analyzer.live.capture_loop import CaptureLoop
 from analyzer.live.interfaces.hub import Hub
 from analyzer.live.interfaces.receiver import open_receiver
 from analyzer.live.printer import Printer
-from analyzer.report.draft import JudgedCapture
 from analyzer.sinks import losses
 
 if TYPE_CHECKING:
@@ -76,11 +75,11 @@ class LiveRun:
                 hub, recording.recorder, recording.autostop, self._control, recording.close, recording.header,
                 self._interval(),
             )  # fmt: skip
-            session = LiveSession(loop, self._criteria, self._views, self._interval())
+            session = LiveSession(loop, recording, request.name, self._criteria, self._views, self._interval())
             self._add_views(stack, session, recording, say)
             with loop:
                 self._go(session, say)
-            report = self._concluded(session, recording)
+            report = self._concluded(session)
         if self._list is not None:
             self._list.look(session)
         failed = (f"{one.name}: {one.failed}" for one in self._receivers if one.failed is not None)
@@ -141,23 +140,14 @@ class LiveRun:
 
             show(session, self._display, EventLines(several=self._several, say=say))
 
-    def _concluded(self, session: LiveSession, recording: SessionRecording) -> Report | None:
+    def _concluded(self, session: LiveSession) -> Report | None:
         """Return the verdict, with the last that the views have to show; None if the rules have failed."""
-        checked = session.conclude(recording.stored())
-        if checked is None:
+        taken = session.conclude()
+        if taken is None:
             return None
-        files = recording.files
-        first, *more = files or [self._request.name]
-        taken = JudgedCapture(
-            id=recording.name or self._request.name,
-            path=first,
-            checked=checked,
-            live=not files,
-            arguments=(*more, "--same-bus") if more else (),
-        )
         report = self._criteria.report([taken])
         if self._plot is not None and not self._plot.failed:
-            self._plot.end(report, checked.facts)
+            self._plot.end(report, taken.checked.facts)
         if self._list is not None and not self._list.failed:
             self._list.end()
         return report

@@ -6,19 +6,22 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
-from analyzer.decode.engine import Engine
+from analyzer.app.judged import JudgedRun
+from analyzer.app.live.source import LiveSource
+from analyzer.app.request import Request
+from analyzer.app.run import Run
 from analyzer.report.newest import Newest
-from analyzer.rules.checking import Check
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Sequence
 
     from analyzer.app.criteria import Criteria
+    from analyzer.app.live.session_recording import SessionRecording
     from analyzer.decode.engine import Batch
-    from analyzer.facts.summary import StoredCapture
     from analyzer.live.capture_loop import CaptureLoop
+    from analyzer.report.draft import JudgedCapture
     from analyzer.report.newest import Change
-    from analyzer.rules.checking import Checked, Measured
+    from analyzer.rules.checking import Measured
 
 
 class SessionView(Protocol):
@@ -46,6 +49,8 @@ class LiveSession:
 
     Args:
         loop: receives and records.
+        recording: what it records.
+        name: of the capture, if nothing is recorded.
         criteria: rules and types.
         views: show it; more may be added until it runs.
         interval: seconds between two batches.
@@ -55,17 +60,20 @@ class LiveSession:
     def __init__(
         self,
         loop: CaptureLoop,
+        recording: SessionRecording,
+        name: str,
         criteria: Criteria,
         views: list[SessionView],
         interval: float,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         self.loop = loop
-        self.engine = Engine(criteria.registry)
-        self._check: Check | None = Check(criteria.registry, criteria.settings)
-        self.newest = Newest(self._check.judge, criteria.settings, criteria.revisions(), now=now)
+        source = LiveSource(loop, recording, name, interval, self._look)
+        self._run = Run(Request((name,)), registry=criteria.registry, source=source)
+        self._judged: JudgedRun | None = JudgedRun(self._run, criteria)
+        self.newest = Newest(self._judged.judge, criteria.settings, criteria.revisions(), now=now)
         self.problems: list[str] = []
-        self._views, self._interval = views, interval
+        self._views, self._recording = views, recording
 
     def stop(self) -> None:
         """Ask it to end soon."""
@@ -77,19 +85,8 @@ class LiveSession:
 
     def run(self) -> None:
         """Run until the capture loop has ended and everything is judged."""
-        last = False
-        while not last:
-            last = self.loop.ended
-            self.step()
-
-    def step(self) -> None:
-        """Decode, judge and show what has come since, after gathering for a moment."""
-        for piece in self.loop.take(self._interval):
-            for batch in self.engine.feed(piece):
-                self._judge(batch)
-        self._judge(self.engine.flush())
-        self.tell(*self.loop.notes())
-        self._show(lambda view: view.look(self))
+        for batch in self._run.batches():
+            self._judge(batch)
 
     def tell(self, *texts: str) -> None:
         """Tell every view something about the session itself."""
@@ -102,33 +99,36 @@ class LiveSession:
         self.problems.append(problem)
         other.note(problem)
 
-    def conclude(self, stored: Iterable[StoredCapture]) -> Checked | None:
-        """Have the rules say what they only can now; None if they failed. `stored` are the files of the recording."""
-        self._judge(self.engine.finish())
-        checked = None
-        if self._check is not None:
+    def conclude(self) -> JudgedCapture | None:
+        """Have the rules say what they only can now; None if they failed."""
+        taken = None
+        if self._judged is not None:
+            first, *more = self._recording.files or [self._run.source.name]
             try:
-                checked = self._check.finish(stored, self.engine)
-                self._look(last=True)
+                taken = self._judged.taken(self._recording.name or first, (*more, "--same-bus") if more else ())
+                self._tell_findings(last=True)
             except Exception as error:  # noqa: BLE001 - the recording is there all the same
                 self._give_up(error)
-        return checked
+        return taken
+
+    def _look(self) -> None:
+        """Show what is due."""
+        self.tell(*self.loop.notes())
+        self._show(lambda view: view.look(self))
 
     def _judge(self, batch: Batch) -> None:
         empty = not any(map(len, (batch.frames, batch.transfers, batch.events, batch.settled)))
-        if self._check is None or empty:
+        if self._judged is None or empty:
             return
         try:
-            for measured in self._check.measured([batch]):
-                self._check.feed(measured)
+            for measured in self._judged.feed(batch):
                 self._show(partial(_batch, measured))
-            self._look()
+            self._tell_findings()
         except Exception as error:  # noqa: BLE001 - whatever it is, receiving and recording go on
             self._give_up(error)
 
-    def _look(self, *, last: bool = False) -> None:
-        """Tell of findings."""
-        changes = self.newest.look(self.engine.buses, last=last)
+    def _tell_findings(self, *, last: bool = False) -> None:
+        changes = self.newest.look(self._run.engine.buses, last=last)
         if changes:
             self.loop.take_findings(changes)
             self._show(lambda view: view.found(changes))
@@ -143,7 +143,7 @@ class LiveSession:
                 self._fail(f"what is shown has ended: {_said(error)}")
 
     def _give_up(self, error: Exception) -> None:
-        self._check = None
+        self._judged = None
         self._fail(f"judging has ended: {_said(error)}")
 
     def _fail(self, problem: str) -> None:

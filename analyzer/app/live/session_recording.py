@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analyzer.app.live.status import size
 from analyzer.app.request import short_names
 from analyzer.app.targets import capture_form
 from analyzer.board.snapshot import RecordingState as State
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from contextlib import ExitStack
 
     from analyzer.live.capture_loop import Recorder
+    from analyzer.sources.errors import CaptureError
 
 
 _FORMS = {"candump": "candump text", "mcap": "MCAP", "pcapng": "pcapng"}
@@ -82,6 +82,13 @@ class RecordedFile:
     notes: list[str] = field(default_factory=list)
     unit: str = "record"
     digest: str = ""
+    hashed: bool = False
+    damage: CaptureError | None = None
+
+    @property
+    def origin(self) -> str:
+        """The path."""
+        return self.name
 
 
 class SessionRecording:
@@ -140,7 +147,7 @@ class SessionRecording:
         now = self.now()
         if now is None:
             return ""
-        return f"recording has ended: {now.problem}" if now.problem else f"{now.file}: {size(now.size)}"
+        return f"recording has ended: {now.problem}" if now.problem else f"{now.file}: {wording.size(now.size)}"
 
     def problems(self) -> list[str]:
         """Return why it is not whole."""
@@ -165,7 +172,7 @@ class SessionRecording:
         where = wording.safe(names[-1]) if names else "nothing"
         more = f" and {wording.plural(len(names) - 1, 'file')} before it" if len(names) > 1 else ""
         lost = f", {recorder.lost:,} not recorded" if recorder.lost else ""
-        yield f"recorded: {recorder.frames:,} frames, {size(recorder.bytes)}, in {where}{more}{lost}"
+        yield f"recorded: {recorder.frames:,} frames, {wording.size(recorder.bytes)}, in {where}{more}{lost}"
         if len(self.files) == 1:
             rate = "" if bit_rate is None else f" --bitrate {bit_rate}"
             yield f"the same verdict: tailbyte check {wording.argument(self.files[0])}{rate}"

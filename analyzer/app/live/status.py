@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from analyzer.rules.checking import Measured
 
 _NAMED = 3
-# As conditions of -a and -b have them.
-_UNITS = ((10**9, "GB"), (10**6, "MB"), (10**3, "kB"))
 
 
 class Status:
@@ -86,14 +84,6 @@ def _new(found: Counter[tuple[str, str]]) -> Iterator[str]:
             names = [rule for rule, _ in rules.most_common(_NAMED)]
             more = ", ..." if len(rules) > _NAMED else ""
             yield f"{wording.plural(rules.total(), f'new {severity}')} ({', '.join(names)}{more})"
-
-
-def size(count: int) -> str:
-    """Write a size in bytes in words."""
-    for unit, name in _UNITS:
-        if count >= unit:
-            return f"{count / unit:.1f} {name}"
-    return f"{count} bytes"
 
 
 def account(counts: Mapping[str, InterfaceCounts], counted: Collection[str]) -> Iterator[str]:
