@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import io
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING
 import pytest
 import zstandard
 from cli.test_live import Live, wait_until
-from kit.command import CAPTURES, CODE, HOVER, LIMIT, commands, environment, log, run, start
+from kit.command import CAPTURES, CODE, HOVER, LIMIT, commands, environment, log, run, run_in_room, start
 from kit.rows import Fault, Frame, read, records, text
 from mcap.reader import make_reader
 
@@ -256,9 +255,7 @@ def test_a_full_disk(large: Path, tmp_path: Path, suffix: str, room: int) -> Non
     folder.mkdir()
     out = folder / f"out.{suffix}"
     room //= 20 if suffix in ("log.gz", "log.zst", "mcap") else 1
-    done = run(
-        "convert", large, out, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
-    )  # fmt: skip
+    done = run_in_room(room, "convert", large, out)
     assert (done.returncode, done.stdout, done.stderr.decode()) == (3, b"", f"tailbyte: {out}: File too large\n")
     assert list(folder.iterdir()) == []
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import gzip
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING
 import pyarrow.parquet as pq
 import pytest
 from kit import encode
-from kit.command import CAPTURES, HOVER, START, commands, environment, log, run, start, wait_until
+from kit.command import CAPTURES, HOVER, START, commands, environment, log, run, run_in_room, start, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -99,10 +98,7 @@ def test_a_full_disk_leaves_what_was_there(tmp_path: Path, form: str) -> None:
         target.mkdir()
         (target / f"frames.{form}").write_bytes(b"before")
 
-    def small_files() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))
-
-    done = run("export", HOVER, "-o", target, "-F", form, preexec_fn=small_files)
+    done = run_in_room(8192, "export", HOVER, "-o", target, "-F", form)
     assert done.returncode == 3
     assert done.stderr.count(b"\n") == 1
     assert b"File too large" in done.stderr

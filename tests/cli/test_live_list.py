@@ -83,7 +83,7 @@ def test_a_reader_that_has_seen_enough(tmp_path: Path) -> None:
         Reader(live.stdout.fileno()).until(b"ESCStatus")
         live.stdout.close()
         err = live.stderr.read()
-        assert live.wait(LIMIT) == 0
+        assert live.wait(LIMIT) in {0, 4}  # it may be too little to judge
     assert b"Broken" not in err
     assert b"tailbyte: " not in err
     assert b" received + 0 dropped, as far as its driver tells\n" in err

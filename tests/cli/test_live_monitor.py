@@ -116,7 +116,7 @@ def test_marks_by_key_and_by_signal_are_in_the_recording(tmp_path: Path) -> None
         seen.process.send_signal(signal.SIGUSR1)
         wait_until(lambda: b"mark 2" in record.read_bytes())
         seen.press(b"q")
-        assert seen.ended()[0] in {0, 1}
+        assert seen.ended()[0] in {0, 1, 4}
     assert re.findall(rb"# \(\d+\.\d+\) (mark \d)\n", record.read_bytes()) == [b"mark 1", b"mark 2"]
 
 
@@ -151,7 +151,7 @@ def test_it_is_drawn_again_when_the_terminal_changes() -> None:
         size(seen.terminal.fileno(), 50, 200)
         seen.reader.until(b"worst gap")
         seen.press(b"q")
-        assert seen.ended()[0] in {0, 1}
+        assert seen.ended()[0] in {0, 1, 4}  # it may be too little to judge
 
 
 @pytest.mark.slow

@@ -68,6 +68,6 @@ def test_one_that_goes_away_ends_nothing_but_the_plot(tmp_path: Path) -> None:
         wait_until(lambda: record.read_bytes().count(b"\n") > before + 500)
         live.terminate()
         rest = told.rest()
-        assert live.wait(LIMIT) in {0, 1}
+        assert live.wait(LIMIT) in {0, 1, 4}
     assert b" received + 0 dropped, as far as its driver tells\n" in rest
     assert b"Traceback" not in rest

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import signal
 import subprocess
 import sys
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from kit.command import CODE, LIMIT, environment, run, start
+from kit.command import CODE, LIMIT, environment, run, run_in_room, start
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -74,10 +73,7 @@ def test_ctrl_c_after_the_last_frame_is_heard() -> None:
 @pytest.mark.parametrize("name", ["out.log", "out.log.gz", "out.mcap", "out.pcapng"])
 @pytest.mark.parametrize("room", [0, 3000])
 def test_a_full_disk(name: str, room: int) -> None:
-    done = run(
-        "simulate", "-o", name, "--key", "key.json", "--duration", "2",
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)),
-    )  # fmt: skip
+    done = run_in_room(room, "simulate", "-o", name, "--key", "key.json", "--duration", "2")
     assert (done.returncode, done.stdout, done.stderr.decode()) == (3, b"", f"tailbyte: {name}: File too large\n")
     assert files() == {}
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+import resource
 import selectors
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +43,12 @@ def run(*args: object, env: Mapping[str, str] | None = None, **more: Any) -> sub
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | more
     command = [*LAUNCH, *map(os.fsencode, map(_text, args))]
     return subprocess.run(command, env=environment(env), timeout=LIMIT, check=False, **streams)
+
+
+def run_in_room(size: int, *args: object) -> subprocess.CompletedProcess[bytes]:
+    """With no room for a file of more than `size` bytes; nor is bytecode written, half of which others would load."""
+    limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (size, size))
+    return run(*args, env={"PYTHONDONTWRITEBYTECODE": "1"}, preexec_fn=limit)
 
 
 def _text(arg: object) -> str | bytes:

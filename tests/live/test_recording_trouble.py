@@ -45,10 +45,10 @@ if TYPE_CHECKING:
     from analyzer._native import FrameBatch
 
 FULL = """
-import resource, signal
+import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+sys.dont_write_bytecode = True  # half a file of it
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
-import sys
 sys.path[:0] = sys.argv[2].split(":")
 from pathlib import Path
 from kit.command import wait_until

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import resource
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from kit.command import run
+from kit.command import run, run_in_room
 from kit.pictures import batches, cells, draw, read_back
 from kit.simulated import flown
 from rerun.chunk import RrdReader
@@ -114,7 +113,7 @@ def test_findings_stand_at_their_frames_by_severity(command: Command) -> None:
 def test_the_summary_says_what_info_and_check_say(command: Command) -> None:
     command("plot", "flight.log", "--max-points", "20")
     (text,) = read_back(Path("flight.rrd")).static["/summary"]["TextDocument:text"]
-    assert "### tailbyte check:" in text
+    assert "tailbyte check: " in text
     assert "<" not in text.replace("<=", "")
     info = command("info", "flight.log")[1]
     assert info in text
@@ -281,10 +280,7 @@ def test_no_room_leaves_what_was_there(tmp_path: Path) -> None:
     """The recording of an earlier run stays, and the exit status says that this one could not be written."""
     Path("flight.rrd").write_bytes(b"earlier")
 
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 14, 1 << 14))
-
-    done = run("plot", tmp_path / "flight.log", preexec_fn=limit)
+    done = run_in_room(1 << 14, "plot", tmp_path / "flight.log")
     assert done.returncode == 3
     assert b"File too large" in done.stderr
     assert Path("flight.rrd").read_bytes() == b"earlier"

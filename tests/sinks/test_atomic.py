@@ -69,6 +69,7 @@ def child(code: str, *args: object) -> subprocess.Popen[bytes]:
 
 FULL = """
 import resource, sys
+sys.dont_write_bytecode = True  # half a file of it
 from analyzer.sinks.atomic import Target, TargetError
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), int(sys.argv[2])))
 try:
