@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 from witness.packets import Piece, packets, pieces
 from witness.push_form import near
-from witness.views import MILLISECOND, SECOND, Finder, Found, Latest, Message, by_node
+from witness.views import MILLISECOND, SECOND, Finder, Found, Latest, Message, by_node, messages
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from witness.reader import Log
 
 SET, FEEDBACK = "PUSHSCI.FocParameters", "PUSHCAN.FocFeedback"
 QUERY, STATUS, CONTROL = "PUSHSCI.FocQuery", "PUSHCAN.MotorStatus", "PUSHSCI.OutputControl"
 MODES = bytes.fromhex("00EE228866555A444A333A111ABB")
+REST = bytes.fromhex("8866")  # lock and free are for motors at rest
 TEN_THOUSAND, TURN = bytes.fromhex("555A444A333ABB"), bytes.fromhex("111A88")
 SHARED = ("acceleration_limit", "deceleration_limit", "rotation_direction", "led", "report_rate")
 
@@ -144,6 +147,27 @@ def _agrees(values: dict[str, Any], status: Message) -> bool:
     )
 
 
+def turning(log: Log) -> Found:
+    """PUSH-305: what is only for motors at rest, within 1 s of an ESCStatus of 100 rpm or more of the one addressed."""
+    asked = [(piece, piece.unit - 0xA1) for piece, values in packets(log, SET) if any(_sets(values))]
+    asked += [(piece, piece.unit - 0xA1) for piece, values in packets(log, CONTROL) if values["control_mode"] in REST]
+    asked += [(piece, piece.unit - 0xA1) for piece, _ in packets(log, "PUSHSCI.SetZero")]
+    reports, found = defaultdict(list), []
+    for one in messages(log, "ESCStatus"):
+        reports[one["esc_index"]].append(one)
+    for piece, index in asked:
+        before = Latest(reports[index]).between(piece.t - SECOND, piece.t)
+        if before and abs(before[-1]["rpm"]) >= 100:
+            found.append(piece.numbers)
+    return found
+
+
+def _sets(values: dict[str, Any]) -> Iterator[bool]:
+    yield values["save_option"] == 1
+    kept = {"bus_rate": 0xFF, "save_option": values["save_option"]}
+    yield from (values[name] != kept.get(name, 0xFFFF) for name in values)
+
+
 def text(values: dict[str, Any]) -> bool:
     """PUSH-501: a byte before the padding (the first NUL, or spaces) that is no printable ASCII."""
     versions = [values[name].split(b"\0")[0].rstrip(b" ") for name in ("hardware_version", "software_version")]
@@ -159,6 +183,7 @@ FINDERS: dict[str, Finder] = {
     "PUSH-302": _where(CONTROL, set_point),
     "PUSH-303": _where(CONTROL, lambda values: values["reserved"] != 0),
     "PUSH-304": _unanswered(CONTROL, STATUS, 200 * MILLISECOND),
+    "PUSH-305": turning,
     "PUSH-401": _where(STATUS, lambda values: values["system_status"] not in {0x00, 0x11, 0xCC}),
     "PUSH-402": _where(STATUS, lambda values: values["position"] > 36_000),
     "PUSH-403": _where(STATUS, pulse),

@@ -54,15 +54,16 @@ def ambiguous(log: Log) -> Found:
 
 
 def written_in_flight(log: Log) -> Found:
-    """TYP-210: parameters are to be kept, and within the second before a throttle or a speed was not zero."""
-    turning = [one for one in messages(log, "RawCommand") if any(value > 0 for value in one["cmd"])]
-    turning += [one for one in messages(log, "ESCStatus") if one["rpm"]]
-    times = Latest(turning)
-    return where(
-        log,
-        ("ParamCfg",),
-        lambda one: one["esc_save_option"] == 1 and bool(times.between(one.t - SECOND, one.t)),
-    )
+    """TYP-210: parameters are to be kept, within the second behind a speed of 100 rpm of the ESC with that index."""
+    reports: dict[int, list[Message]] = {}
+    for one in messages(log, "ESCStatus"):
+        reports.setdefault(one["esc_index"], []).append(one)
+    return where(log, ("ParamCfg",), lambda one: one["esc_save_option"] == 1 and _turned(one, reports))
+
+
+def _turned(one: Message, reports: dict[int, list[Message]]) -> bool:
+    before = Latest(reports.get(one["esc_index"], [])).between(one.t - SECOND, one.t)
+    return bool(before) and abs(before[-1]["rpm"]) >= 100
 
 
 def _finite(one: Message) -> bool:

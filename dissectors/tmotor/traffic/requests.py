@@ -38,13 +38,22 @@ def preparation(vehicle: SimulatedVehicle, pace: float) -> Iterator[float]:
     ground.configure(0, esc_id_set=0, esc_led_mode=led(hertz=1.0), esc_save_option=save)
     yield 0.15 * pace
     for unit in units:
-        ground.push("SetZero", unit)
+        _push_at_rest(vehicle, "SetZero", unit)
         yield 0.25 * pace / len(units)
-    ground.push("FocParameters", units[-1], led=led(enable=0b010), throttle_priority=1, report_rate=vehicle.rate)
+    settings = {"led": led(enable=0b010), "throttle_priority": 1, "report_rate": vehicle.rate}
+    _push_at_rest(vehicle, "FocParameters", units[-1], **settings)
     yield 0.1 * pace
     ground.push("OutputControl", units[0], control_mode=control.QUERY)
     yield max(0.1 * pace, asked + APART * vehicle.slow - vehicle.seconds)
     ground.ask_all()
+
+
+def _push_at_rest(vehicle: SimulatedVehicle, name: str, unit: int, **values: int) -> None:
+    """Send what is only for motors at rest; while one turns, a packet that leaves all FOC parameters as they are."""
+    if vehicle.resting:
+        vehicle.push(name, unit, **values)
+    else:
+        vehicle.push("FocParameters", unit)
 
 
 def watch(vehicle: SimulatedVehicle, wait: float) -> Iterator[float]:
@@ -59,7 +68,7 @@ def watch(vehicle: SimulatedVehicle, wait: float) -> Iterator[float]:
         yield wait
         ground.configure(index, esc_led_mode=led(hertz=turn % 20 / 2))
         yield wait
-        ground.push("FocParameters", unit, acceleration_limit=300 + turn % 5 * 20)
+        _push_at_rest(vehicle, "FocParameters", unit, acceleration_limit=300 + turn % 5 * 20)
         yield wait
         ground.configure(index)
         yield wait

@@ -46,7 +46,6 @@ class Capture:
     [
         ("TYP-209", "note", "esc_acc_threshold = 0x00FF"),
         ("TYP-209:field=esc_led_mode", "note", "esc_led_mode = 0x00FF"),
-        ("TYP-210", "warning", "saved while node 10 sends throttle above 0 and node 11 reports a speed"),
         ("TYP-401", "note", "16 bytes"),
         ("TYP-401:bytes=31", "note", "31 bytes"),
         ("TYP-402", "warning", "esc_startup_times 376, then 371"),
@@ -62,7 +61,7 @@ def test_a_fault_is_found_where_it_is(order: str, severity: str, text: str) -> N
 
 @pytest.mark.slow
 def test_a_sound_flight_has_queries_only() -> None:
-    assert not judge(flight(escs=5), ("TYP-209", "TYP-210", "TYP-401", "TYP-402", "TYP-403"))
+    assert not judge(flight(escs=5), ("TYP-209", "TYP-401", "TYP-402", "TYP-403"))
     (one,) = exact("TYP-208", flight(escs=5))
     assert (one.severity, one.text) == ("note", "asked by node 125")
 
@@ -76,18 +75,6 @@ def test_a_query_has_all_its_bytes() -> None:
 def test_a_uuid_is_doubtful_if_its_low_bytes_are_ones() -> None:
     for uuid, doubtful in ((0xFF, True), (0xFFFF, True), (0xFFFFFF, True), (0xFFFFFFFF, False), (0xFF00FF00, False)):
         assert bool(Capture().write(0, esc_uuid=uuid).told("TYP-209")) == doubtful, hex(uuid)
-
-
-def test_saving_is_judged_by_the_second_before() -> None:
-    def saved(command: int, t: int, option: int = 1) -> list[str]:
-        capture = Capture().send(0, "RawCommand", 10, cmd=[0, command])
-        return capture.write(t, esc_save_option=option).send(t + 9, "RawCommand", 10, cmd=[9]).told("TYP-210")
-
-    assert saved(1, 1000) == ["saved while node 10 sends throttle above 0"]
-    assert not saved(1, 1001)
-    assert not saved(0, 500)
-    assert not saved(-1, 500)
-    assert not saved(1, 500, option=0)
 
 
 def test_a_counter_wraps_at_16_bits() -> None:

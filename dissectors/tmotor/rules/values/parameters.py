@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, Rule, breach, rule, usable
+from dissectors.kit import Rule, breach, rule, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, Values, View
+    from dissectors.kit import Occurrence, Occurrences, Values, View
 
 _QUERY = b"\xff" * 27
 # Fields of ParamCfg with 16 bits; the UUID is the only one with 32.
@@ -21,7 +21,6 @@ _WORDS = (
     "esc_dacc_threshold", "esc_rotate_dir", "esc_led_mode", "esc_fdb_rate",
 )  # fmt: skip
 _PARTLY_ONES = (0xFF, 0xFFFF, 0xFFFFFF)  # masks of the low bytes of a 32-bit field
-_PERMANENT = 1
 _RESERVED = (0, 32)
 _COUNTERS = ("esc_startup_times", "esc_startup_duration", "esc_error_count")
 _NEARLY_FULL, _JUST_BEGUN = 65_000, 500  # of 16 bits
@@ -61,69 +60,6 @@ def ambiguous(view: View) -> Iterator[Occurrences]:
                 return {"field": name, "value": int(table[name][row])}
 
             yield view.among_rows("TYP-209", table, rows, values_of)
-
-
-class _Latest:
-    """The last row of a kind before a transfer, across batches."""
-
-    def __init__(self) -> None:
-        self.t, self.node = NO_TIME, 0
-
-    def take(self, table: DecodedTable, rows: Array) -> _Latest:
-        """Go on to the last of `rows`."""
-        if rows.size:
-            self.t, self.node = int(table.t[rows[-1]]), int(table.src[rows[-1]])
-        return self
-
-
-class Saving(Rule):
-    """Settings saved for good while throttle or speed was there shortly before, on any bus."""
-
-    rules = ("TYP-210",)
-
-    def __init__(self) -> None:
-        self._throttle, self._speed = _Latest(), _Latest()
-
-    def feed(self, view: View) -> Iterator[Occurrences]:
-        """Judge the writes of this batch; what ended before one counts for it."""
-        window = round(view.number("TYP-210", "window_s") * SECOND)
-        sources = []
-        for name, latest, active in (("RawCommand", self._throttle, _driven), ("ESCStatus", self._speed, _turning)):
-            table = view.table(name)
-            if table is not None:
-                sources.append((table, latest, active(table)))
-        writes = view.table("ParamCfg")
-        if writes is not None:
-            saved = (writes["esc_save_option"] == _PERMANENT) & usable(writes) & (writes.t != NO_TIME)
-            found: dict[int, Values] = {}
-            for row in np.flatnonzero(saved).tolist():
-                for table, latest, rows in sources:
-                    latest.take(table, rows[table["transfer"][rows] < writes["transfer"][row]])
-                what = self._what(int(writes.t[row]) - window)
-                if what:
-                    found[row] = {"what": what}
-            if found:
-                yield view.among_rows("TYP-210", writes, np.array(list(found)), found.__getitem__)
-        for table, latest, rows in sources:
-            latest.take(table, rows)
-
-    def _what(self, since: int) -> str:
-        throttle, speed = self._throttle, self._speed
-        seen = (
-            (throttle.t, f"node {throttle.node} sends throttle above 0"),
-            (speed.t, f"node {speed.node} reports a speed"),
-        )
-        return " and ".join(text for t, text in seen if t != NO_TIME and t >= since)
-
-
-def _driven(commands: DecodedTable) -> Array:
-    starts, values = commands.lists("cmd")
-    positive = np.append(0, np.cumsum(values > 0))[starts]
-    return np.flatnonzero((positive[1:] > positive[:-1]) & usable(commands))
-
-
-def _turning(reports: DecodedTable) -> Array:
-    return np.flatnonzero((reports["rpm"] != 0) & usable(reports))
 
 
 @rule("TYP-401")
@@ -187,4 +123,4 @@ def _format(value: int) -> str:
     return "seconds since 1970" if value >= _SECONDS_FROM else "unknown"
 
 
-RULES: tuple[type[Rule], ...] = (queries, ambiguous, Saving, reserved, Lifetime, dates)
+RULES: tuple[type[Rule], ...] = (queries, ambiguous, reserved, Lifetime, dates)

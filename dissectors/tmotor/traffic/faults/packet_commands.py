@@ -1,4 +1,4 @@
-"""Faults of packets that the ground station sends (4.4.4): PUSH-006, -101, -102, -201 and PUSH-301 to PUSH-304.
+"""Faults of packets that the ground station sends (4.4.4): PUSH-006, -101, -102, -201 and PUSH-301 to PUSH-305.
 
 It sends one more than it would, at the time of the fault, to a motor that turns: an ESC takes no control mode then, and
 no value out of range ever.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from dissectors.times import MILLISECOND, SECOND
-from dissectors.tmotor.traffic.control import LIMITS, QUERY, SPEED
+from dissectors.tmotor.traffic.control import FREE, LIMITS, LOCK, QUERY, SPEED
 from dissectors.tmotor.traffic.faults.carried import (
     COMPARED,
     UNSAID,
@@ -20,6 +20,7 @@ from dissectors.tmotor.traffic.faults.carried import (
     forbidden,
     who,
 )
+from dissectors.tmotor.traffic.faults.occasions import once
 from dissectors.tmotor.traffic.packets import EVERY_UNIT
 from dissectors.traffic import Fault
 
@@ -29,6 +30,14 @@ if TYPE_CHECKING:
 _FOC = ("FocParameters", "FocQuery")
 # FOC parameters with a range, and the first value behind it.
 _BEYOND = {"throttle_priority": 2, "position_loop": 2, "bus_rate": 6, "report_rate": 401, "save_option": 2}
+# What an ESC should not be asked while its motor turns: packet and values.
+_AT_REST: dict[str, tuple[str, dict[str, int]]] = {
+    "lock": ("OutputControl", {"control_mode": LOCK}),
+    "free": ("OutputControl", {"control_mode": FREE}),
+    "zero": ("SetZero", {}),
+    "foc": ("FocParameters", {"acceleration_limit": 300}),
+}
+_TURNING = 300  # rpm, well above what counts as standing
 # How long an answer stays away: the rule's limit, and what the command needs to get through.
 _FEEDBACK, _STATUS = 1100 * MILLISECOND, 230 * MILLISECOND
 
@@ -64,7 +73,7 @@ def _out_of_range(case: Case) -> None:
     if not forbidden(description(case, "PUSHSCI", "FocParameters"), place, raw):
         return
     if field in COMPARED:
-        case.answer.also = ("PUSH-103",)
+        case.answer.also = ("PUSH-103", *case.answer.also)
     _push(case, "FocParameters", f"{field} is {value}", **{place: raw})
 
 
@@ -112,19 +121,33 @@ def _asks(sending: Sending, unit: int, commands: tuple[str, ...]) -> bool:
     return found is not None and found[0] in commands and found[1]["unit_id"] in {unit, EVERY_UNIT}
 
 
+def _interlock(case: Case) -> None:
+    """Send what is only for motors at rest once the motor of the ESC that is chosen turns."""
+    esc = able(case)
+    if esc is None:
+        return
+    name, values = _AT_REST[str(case.options["what"])]
+
+    def send() -> None:
+        _send(case, esc, name, f"its motor turns at {esc.motor.rpm:.0f} rpm", **values)
+
+    once(case, lambda: case.vehicle.command(esc.index) > 0 and abs(esc.motor.rpm) > _TURNING, send)
+
+
 FAULTS: tuple[Fault, ...] = (
-    Fault("PUSH-006", "a checksum over bytes 1 to 28 of FocParameters", start=_range),
+    Fault("PUSH-006", "a checksum over bytes 1 to 28 of FocParameters", start=_range, also=("PUSH-305",)),
     Fault(
         "PUSH-101",
         "a FOC parameter out of range",
         start=_out_of_range,
         options={"field": "save_option", "value": UNSAID},
+        also=("PUSH-305",),
     ),
     Fault(
         "PUSH-102",
         "FOC parameters are set, and nothing is fed back",
         start=_unanswered("FocParameters", "FocFeedback", _FEEDBACK, *_FOC, save_option=0),
-        also=("PUSH-201",),
+        also=("PUSH-201", "PUSH-305"),
         lasts=5 * SECOND // 4,
     ),
     Fault(
@@ -146,6 +169,14 @@ FAULTS: tuple[Fault, ...] = (
         "PUSH-304",
         "a control packet, and no status follows",
         start=_unanswered("OutputControl", "MotorStatus", _STATUS, "OutputControl", control_mode=QUERY),
+        lasts=SECOND // 2,
+    ),
+    Fault(
+        "PUSH-305",
+        "the ground station asks for what is only for motors at rest while one turns: what=",
+        start=_interlock,
+        options={"what": "lock"},
+        choices={"what": tuple(_AT_REST)},
         lasts=SECOND // 2,
     ),
 )

@@ -84,7 +84,13 @@ def _out_of_range(case: Case) -> None:
 
 
 FAULTS: tuple[Fault, ...] = (
-    Fault("PUSH-103", "FOC parameters are fed back otherwise than set", start=_differs, options={"by": 10}),
+    Fault(
+        "PUSH-103",
+        "FOC parameters are fed back otherwise than set",
+        start=_differs,
+        options={"by": 10},
+        also=("PUSH-305",),
+    ),
     Fault(
         "PUSH-501",
         "a version text with a byte that is no character",

@@ -66,16 +66,17 @@ def _permanent(case: Case) -> None:
         put(sending, "esc_save_option", 1)
         case.say(
             f"esc_led_mode {case.options['led']} written permanently (esc_save_option 1) to the ESC with index "
-            f"{esc.index}, whose throttle is {case.vehicle.command(esc.index)}"
+            f"{esc.index}, whose motor turns at {esc.motor.rpm:.0f} rpm"
         )
         return Step.DONE
 
     def write() -> None:
         provoke(case, "ParamCfg", "values", save, esc)
 
-    once(case, lambda: case.vehicle.command(esc.index) > 0, write, SECOND // 10)
+    once(case, lambda: case.vehicle.command(esc.index) > 0 and abs(esc.motor.rpm) > _TURNING, write, SECOND // 10)
 
 
+_TURNING = 300  # rpm, well above what counts as standing
 _LED = {"led": (0, 0xFFFF)}
 
 FAULTS: tuple[Fault, ...] = (
