@@ -245,6 +245,7 @@ def test_another_type_with_this_id_is_named() -> None:
 ORDERS = [
     *(f"TRF-003@1.2:how={how}" for how in ("flip", "lost", "swapped")), "TRF-009@1.2", "TRF-010@1.2:count=4",
     *(f"TRF-011@1.2:how={how}" for how in ("nosignature", "swapped", "trailing", "padding")),
+    *(f"TRF-011@1.2:how={how}" for how in ("reversed", "fromzero", "finalxor")),
     "TRF-030@1.2:how=nonzero", "TRF-030@1.2:how=long", "TRF-031@1.2", "CAN-020@1.2", "TRF-012@1.2",
 ]  # fmt: skip
 

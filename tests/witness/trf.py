@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from binascii import crc_hqx
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -147,8 +148,26 @@ def explained(one: Transfer) -> str:
     return ""
 
 
+def ways(one: Transfer) -> set[str]:
+    """Which mistakes of 5.1 make the CRC right; one transfer alone may be right by chance."""
+    signature = one.signature.to_bytes(8, "little")
+    other = {
+        "reversed": crc_hqx(signature[::-1] + one.payload, 0xFFFF),
+        "from 0": crc_hqx(signature + one.payload, 0),
+        "inverted": crc_hqx(signature + one.payload, 0xFFFF) ^ 0xFFFF,
+    }
+    return {name for name, value in other.items() if value == one.crc}
+
+
 def find_trf_011(log: Log) -> Found:
-    return [one.numbers for one in many(log) if one.status == "bad crc" and explained(one)]
+    wrong = [one for one in many(log) if one.status == "bad crc"]
+    known = [one for one in wrong if one.name]
+    twice = [
+        one
+        for one in known
+        if any(ways(one) & ways(more) for more in known if more is not one and more.first.session == one.first.session)
+    ]
+    return [one.numbers for one in wrong if one in twice or explained(one)]
 
 
 def find_trf_012(log: Log) -> Found:

@@ -12,7 +12,7 @@ from analyzer.rules.diagnosis.proofs import Cause
 from dissectors.kit.definitions import CRC_BEGIN, crc_start
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from dissectors.kit import Array
 
@@ -21,9 +21,13 @@ DOUBTFUL = "corrupted, or a wrong signature"  # of a sender without a right CRC 
 OF = "the signature of "  # and the name of a type
 NO_SIGNATURE = "no signature"
 FROM_ZERO = "no signature, a CRC that starts from 0"
+REVERSED = "the bytes of the signature in reversed order"
+BEGUN_AT_ZERO = "a CRC that starts from 0 in front of the signature"
+FINAL_XOR = "a final XOR with FFFF"
 BYTES_SWAPPED = "CRC bytes swapped"
 CRC_BEHIND = "CRC behind the payload"
 PADDING = "zero padding"
+BY_PAYLOAD = {BYTES_SWAPPED, CRC_BEHIND, PADDING}  # no start value tells these
 SHORT_FRAME = "a frame inside not full"
 MOST_PADDING = 63  # zeros that a last frame may have been filled up with
 MOST_BYTES = 80  # of a payload in which one turned bit is named: in longer ones it would fit too often by chance
@@ -56,6 +60,42 @@ def wrong_crc(wire: int, payload: bytes, signatures: Sequence[int], mistaken: Ma
         if any(crc_hqx(payload[:-count], start) == wire for start in starts):
             return Cause(PADDING, f": {count} zero byte{'s' if count > 1 else ''} at the end")
     return None
+
+
+class Formula(NamedTuple):
+    """Another way to compute a CRC: what it is called, the value in front of the payload, what is applied behind it."""
+
+    name: str
+    start: int
+    xor: int = 0
+
+    def gives(self, wire: int, payload: bytes) -> bool:
+        """Return whether it gives the CRC of a payload as received."""
+        return crc_hqx(payload, self.start) ^ self.xor == wire
+
+
+def formulas(
+    wire: int, payload: bytes, signatures: Sequence[int], names: Callable[[int], Sequence[str]]
+) -> list[Formula]:
+    """Return the mistakes that give the CRC `wire`, likely ones first; one alone may do so by chance.
+
+    Args:
+        wire: the CRC as received, the first two bytes of the transfer.
+        payload: all bytes behind it.
+        signatures: those of the type.
+        names: gives the types whose CRCs start from a value.
+    """
+    ways = [(FROM_ZERO, 0, 0)]
+    for signature in signatures:
+        ways += [
+            (REVERSED, crc_hqx(signature.to_bytes(8, "big"), CRC_BEGIN), 0),
+            (BEGUN_AT_ZERO, crc_hqx(signature.to_bytes(8, "little"), 0), 0),
+            (FINAL_XOR, crc_start(signature), 0xFFFF),
+        ]
+    found = [way for way in (Formula(*one) for one in ways) if way.gives(wire, payload)]
+    start = start_of(wire, payload)
+    others = names(start)
+    return [*found, Formula(f"{OF}{' or '.join(others)}", start)] if others else found
 
 
 class BytePlace(NamedTuple):
@@ -91,6 +131,11 @@ def _turned() -> Mapping[int, int]:
     return {
         crc_hqx(bytes((1 << bit, *bytes(behind))), 0): behind for behind in range(MOST_BYTES) for bit in range(8)
     }  # fmt: skip
+
+
+def start_of(wire: int, payload: bytes) -> int:
+    """Return from which value the CRC of a payload ends as `wire`."""
+    return int(starts_of(np.array([wire]), [payload])[0])
 
 
 def starts_of(wire: Array, payloads: Sequence[bytes]) -> Array:

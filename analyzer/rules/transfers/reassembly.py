@@ -14,10 +14,12 @@ import numpy as np
 
 from analyzer.rules.diagnosis import checksums, proofs
 from analyzer.rules.diagnosis.budgets import LIKE, MOST_SENDERS, NOT_SEARCHED, KnownCauses, SearchBudget
+from analyzer.rules.diagnosis.checksums import Formula
 from analyzer.rules.diagnosis.losses import NO_ORDER, missing
 from analyzer.rules.diagnosis.neighbours import AHEAD, NeighbourFinder
 from analyzer.rules.diagnosis.proofs import Cause
 from analyzer.rules.diagnosis.tail_bits import EVERY_ID, in_a_row
+from analyzer.rules.transfers.formulas import Formulas
 from analyzer.rules.transfers.incomplete import (
     CHECKSUM,
     CUT,
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
 _TOGGLE, _CRC, _ABANDONED, _TIMEOUT = (
     1 << TRANSFER_ANOMALIES.index(name) for name in ("toggle", "crc", "abandoned", "timeout")
 )
+_DAMAGES = 2  # after so many of a sender two have to agree on any mistake
 _NEXT = 20 * MILLISECOND  # in which the next frame of a transfer would have come
 
 
@@ -62,7 +65,9 @@ class Reassembly(Rule):
         self._waiting: dict[str, deque[Incomplete]] = {rule: deque() for rule in rules}
         self._unsearched: list[Unsearched] = []
         self._neighbours = NeighbourFinder()
-        self._starts: dict[tuple[int, int, int], tuple[int, str]] = {}
+        self._ways: dict[tuple[int, int, int], Formula] = {}
+        self._formulas = Formulas()
+        self._damages: dict[tuple[int, int, int], int] = {}  # wrong CRCs of a sender that no mistake explains
         self._mistaken: set[tuple[int, int, int]] = set()
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
@@ -83,6 +88,7 @@ class Reassembly(Rule):
         for waiting in self._waiting.values():
             for one in waiting:
                 yield from self._explained(view, one)
+        yield from self._formulas.finish()
         for unsearched in self._unsearched:
             yield unsearched.alone(view)
 
@@ -99,8 +105,8 @@ class Reassembly(Rule):
 
     def _known(self, one: Incomplete) -> Cause | None:
         """Return the mistake that was found before and explains this one too."""
-        start, mistake = self._starts.get(one.sender, (0, ""))
-        return Cause(mistake) if mistake and crc_hqx(one.payload, start) == one.wire else None
+        way = self._ways.get(one.sender)
+        return Cause(way.name) if way is not None and way.gives(one.wire, one.payload) else None
 
     def _explained(self, view: View, one: Incomplete) -> Iterator[Occurrence]:
         if one.rule == CHECKSUM:
@@ -156,6 +162,27 @@ class Reassembly(Rule):
                 Unsearched(to, mistake, noted=False, drops=False) for to in (one, one._replace(rule="TRF-011"))
             )
             return
+        fits = self._formulas.of(view, one) if one.searched else []
+        proved = self._formulas.proved(one, fits)
+        if proved is not None:
+            self._learn(one, proved)
+            yield from self._formulas.told(view, one, proved)
+            return
+        yield from self._formulas.release(one)
+        if one.sender in self._damages or len(self._damages) < MOST_SENDERS:
+            self._damages[one.sender] = min(self._damages.get(one.sender, 0) + 1, _DAMAGES)
+        if not fits:
+            yield from self._damaged(view, one, alone=False)
+            return
+        before = len(self._unsearched)
+        found = [*self._damaged(view, one, alone=True)]
+        found += (unsearched.alone(view) for unsearched in self._unsearched[before:])
+        del self._unsearched[before:]
+        if not self._formulas.hold(view, one, fits, found):
+            yield from found
+
+    def _damaged(self, view: View, one: Incomplete, *, alone: bool) -> Iterator[Occurrence]:
+        """Yield a wrong CRC that no known mistake explains, but its surroundings may; `alone`: no other one like it."""
         here = self._neighbours.of(view, one.frames, one.code, fd=one.fd) if one.searched else None
         if here is None:
             self._like(view, one)
@@ -179,9 +206,9 @@ class Reassembly(Rule):
             self._causes[CHECKSUM].note(one.sender, one.shape, cause.what)
             yield replace(occurrence(view, one, cause), severity="note")
             return
-        common = "" if bit.detail else _common(view, one, here)
+        common = "" if alone or bit.detail else _common(view, one, here)
         if common:
-            self._remember(one, common)
+            self._remember(one, Formula(common, _start_of(one)))
             yield occurrence(view, one, Cause(common))
             yield occurrence(view, one._replace(rule="TRF-011"), Cause(common))
             return
@@ -196,22 +223,28 @@ class Reassembly(Rule):
         Of what is not searched any more only a mistake that it has made before.
         """
         known = self._known(one)
-        if known is not None or not (one.searched or one.sender in self._mistaken):
+        again = one.sender in self._mistaken
+        if known is not None or not (one.searched or again):
             return known
-        found = checksums.wrong_crc(
-            one.wire, one.payload, view.types.signatures(one.code), view.types.mistaken(one.code)
-        )
+        if not again and self._damages.get(one.sender, 0) >= _DAMAGES:
+            return None
+        found = self._formulas.common(view, one)
         if found is not None:
-            if found.what == checksums.NO_SIGNATURE or found.what.startswith(checksums.OF):
-                self._remember(one, found.what)
-            elif len(self._mistaken) < MOST_SENDERS:
-                self._mistaken.add(one.sender)
+            self._learn(one, Formula(found.what, _start_of(one)))
         return found
 
-    def _remember(self, one: Incomplete, mistake: str) -> None:
-        """Remember what the CRCs of a sender start from."""
-        if len(self._starts) < MOST_SENDERS:
-            self._starts.setdefault(one.sender, (_start_of(one), mistake))
+    def _learn(self, one: Incomplete, mistake: Formula) -> None:
+        """Note a mistake of a sender, so that further ones cost no search."""
+        if mistake.name in checksums.BY_PAYLOAD:
+            if len(self._mistaken) < MOST_SENDERS:
+                self._mistaken.add(one.sender)
+        else:
+            self._remember(one, mistake)
+
+    def _remember(self, one: Incomplete, way: Formula) -> None:
+        """Remember how a sender computes its CRCs."""
+        if len(self._ways) < MOST_SENDERS:
+            self._ways.setdefault(one.sender, way)
 
 
 def _copy(here: Neighbours) -> Cause | None:
@@ -245,7 +278,7 @@ def _belongs_to_another(cause: Cause, order: Sequence[Part], parts: Sequence[Par
 
 
 def _start_of(one: Incomplete) -> int:
-    return int(checksums.starts_of(np.array([one.wire]), [one.payload])[0])
+    return checksums.start_of(one.wire, one.payload)
 
 
 def _bit(one: Incomplete) -> Cause:

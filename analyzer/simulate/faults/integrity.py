@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from analyzer.simulate import wire
 from analyzer.simulate.bits import FD_LENGTHS
 from analyzer.simulate.faults.helpers import nanoseconds, number, repeat, sender, telemetry, transmit, unknown
-from dissectors.times import MILLISECOND
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.traffic import Fault, Step
 
 if TYPE_CHECKING:
@@ -53,18 +53,42 @@ def _padded(sending: Sending) -> bytes:
     return body + bytes(-len(body) % 7)
 
 
+def _with_crc(sending: Sending, crc: int) -> bytes:
+    return crc.to_bytes(2, "little") + sending.payload
+
+
+def _reversed(sending: Sending) -> bytes:
+    return _with_crc(sending, wire.crc16(sending.signature.to_bytes(8, "big") + sending.payload))
+
+
+def _from_zero(sending: Sending) -> bytes:
+    return _with_crc(sending, wire.crc16(sending.signature.to_bytes(8, "little") + sending.payload, 0))
+
+
+def _inverted(sending: Sending) -> bytes:
+    return _with_crc(sending, wire.crc16(sending.payload, wire.seed(sending.signature)) ^ 0xFFFF)
+
+
 _MISTAKES: dict[str, tuple[Callable[[Sending], bytes], str]] = {
     "nosignature": (_without, "the CRC was computed without the signature"),
     "swapped": (_swapped, "the CRC was sent high byte first"),
     "trailing": (_at_the_end, "the CRC was sent behind the payload"),
     "padding": (_padded, "the last frame was filled up with zeros that the CRC does not cover"),
+    "reversed": (_reversed, "the CRC was computed with the bytes of the signature in reversed order"),
+    "fromzero": (_from_zero, "the CRC was computed from 0 instead of FFFF"),
+    "finalxor": (_inverted, "the CRC was inverted at the end"),
 }
+# What one transfer alone does not prove: it takes two of one sender.
+_BY_TWO = ("reversed", "fromzero", "finalxor")
 
 
 def _mistaken(case: Case, sending: Sending) -> Step:
     if len(sending.frames) < 2:
         return Step.SKIP
     signature, how = number(case, "signature"), str(case.options["how"])
+    session = case.state.setdefault("session", (sending.node, sending.name))
+    if (sending.node, sending.name) != session:
+        return Step.SKIP
     make, done = _MISTAKES[how]
     if signature:
         body = wire.checked(sending.payload, signature)
@@ -77,7 +101,8 @@ def _mistaken(case: Case, sending: Sending) -> Step:
     case.say(done)
     if how == "padding":
         case.answer.also = (*case.answer.also, "TYP-002")
-    return Step.DONE
+    left = case.state["left"] = case.state.get("left", 1 + (how in _BY_TWO and not signature)) - 1
+    return Step.MORE if left else Step.DONE
 
 
 def _fd_padding(case: Case, sending: Sending) -> Step:
@@ -147,6 +172,7 @@ FAULTS: tuple[Fault, ...] = (
         options={"how": "nosignature", "signature": 0},
         choices={"how": tuple(_MISTAKES)},
         also=("TRF-010",),
+        lasts=SECOND // 4,
     ),
     Fault(
         "TRF-029",
