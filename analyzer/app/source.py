@@ -1,4 +1,4 @@
-"""What a run reads: captures, or the rows of a live session."""
+"""The sources of a run: captures, or the rows of a live session."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ _TENTH = 100_000_000  # ns
 
 @dataclass(frozen=True, slots=True)
 class Headline:
-    """What a report says first.
+    """The first lines of a report.
 
     `verdict` is PASS, PASS WITH WARNINGS, ERRORS NOT GATED, FAIL or NOT JUDGED, and beside it DAMAGED; `tone` is the
     colour of that: only a whole capture without a warning is good. `summary` counts the troubles, `worst` says what

@@ -14,7 +14,7 @@ class Receiver(Protocol):
     """One open interface. All methods but `wake` and `notes` are called by one thread at a time."""
 
     name: str
-    """What a person calls it, and the only bus of its rows."""
+    """The name that a person gives it, and the only bus of its rows."""
     failed: str | None
     """Why it cannot go on; `receive` then gives what is left and then None at once."""
 

@@ -1,4 +1,4 @@
-"""What a power unit says of its own failure: fault flags, and its system status (4.4.5 table 1 no 7, 21-22)."""
+"""Reports of a power unit about its own failure: fault flags, and its system status (4.4.5 table 1 no 7, 21-22)."""
 
 from __future__ import annotations
 
