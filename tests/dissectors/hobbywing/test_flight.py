@@ -127,10 +127,12 @@ def test_details_name_units_and_codes(command: Any) -> None:
 def test_the_picture_has_a_line_for_each_esc() -> None:
     drawn, _ = draw(LOG.read_bytes())
     for quantity in ("voltage", "current", "speed", "power", "temperature/ESC", "temperature/MOS", "temperature/motor"):
-        assert [path.rpartition("/")[2] for path in drawn.under(f"/{quantity}/node")] == [f"node{n}" for n in ESCS]
+        assert [path.rpartition("/")[2] for path in drawn.under(f"/{quantity}/esc_node")] == [
+            f"esc_node{n}" for n in ESCS
+        ]
     assert drawn.under("/throttle/commanded") == [f"/throttle/commanded/channel{k}" for k in (1, 2, 3, 4)]
-    assert max(drawn.values(f"/temperature/ESC/node{HOT}")) == 138
-    assert drawn.values(f"/voltage/node{HOT}")[0] == pytest.approx(50.2)
+    assert max(drawn.values(f"/temperature/ESC/esc_node{HOT}")) == 138
+    assert drawn.values(f"/voltage/esc_node{HOT}")[0] == pytest.approx(50.2)
 
 
 def test_tables_have_physical_units(command: Any, tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, Occurrences, View
 
 MOST_KEPT = 1 << 16  # frames of a bus that are remembered; a second with more counts as that many
+MOST_HELD = 1024  # overloads of a bus of which nobody knows whether motors turn
 _STRIDE = 256
 _EXTENDED = 1
 _TALKERS = 3
@@ -56,17 +57,24 @@ class _Past:
 
 
 class FrameRate(Rule):
-    """Sliding seconds with too many frames; one occurrence for overloads less than 1 s apart."""
+    """Sliding seconds with too many frames; one occurrence for overloads less than 1 s apart.
+
+    What is found on a bus is held back until a throttle or an ESC of the document is heard there: of others nobody
+    knows here whether their motors rest.
+    """
 
     rules = ("BUS-001", "BUS-002", "BUS-003")
 
     def __init__(self) -> None:
         self._motion = Motion()
         self._past: dict[int, _Past] = {}
+        self._held: dict[int, list[Occurrence]] = {}
 
     def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Judge every second that ends in this batch."""
         changes = self._motion.feed(view)
+        for bus in [bus for bus in self._held if self._motion.known(bus)]:
+            yield from self._held.pop(bus)
         frames = view.frames
         for bus, rows in rows_by_bus(frames.bus, frames.t):
             past = self._past.setdefault(bus, _Past(since=view.starts[bus]))
@@ -133,7 +141,7 @@ class FrameRate(Rule):
         (bus, past), (t, ordered, sender), (rows, first) = where, frames, at
         known = past.peaks.get(limit)
         if known is not None and t[rows[0]] - known.last > SECOND:
-            yield _overload(bus, limit, past.peaks.pop(limit))
+            yield from self._known(bus, _overload(bus, limit, past.peaks.pop(limit)))
         peak = past.peaks.setdefault(limit, _Peak(int(t[rows[0]]), first, view.lines((first,)), int(t[rows[-1]])))
         peak.last = int(t[rows[-1]])
         sample = _counts(ordered, rows[::_STRIDE])
@@ -150,7 +158,13 @@ class FrameRate(Rule):
     def _over_by(self, bus: int, past: _Past, t: int | None) -> Iterator[Occurrence]:
         for limit, peak in list(past.peaks.items()):
             if t is None or peak.last < t:
-                yield _overload(bus, limit, past.peaks.pop(limit))
+                yield from self._known(bus, _overload(bus, limit, past.peaks.pop(limit)))
+
+    def _known(self, bus: int, found: Occurrence) -> Iterator[Occurrence]:
+        if self._motion.known(bus):
+            yield found
+        elif len(held := self._held.setdefault(bus, [])) < MOST_HELD:
+            held.append(found)
 
 
 def _ends(view: View, numbers: Array) -> Array:
