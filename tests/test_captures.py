@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from bench import make_captures
+from kit.hobbywing_types import physical
 from kit.traffic import differing, same
 
 from analyzer.app.capture import open_capture
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 CASES = make_captures.cases()
 # Packet fields that are shown in a unit: raw value times this (document 4.4.5).
 SCALES = {"position": 0.01, "pwm": 0.1, "throttle": 0.4, "voltage": 0.01, "current": 0.01, "temperature": 0.01}
-TENTHS = {"com.hobbywing.esc.StatusMsg2": ("input_voltage", "current")}  # fields that are sent in tenths of the unit
 ORDERED = sorted(CASES)
 
 
@@ -105,18 +105,13 @@ def test_values(decoded: dict[str, Any], name: str) -> None:
         assert row["trusted"] == (one.status == "ok")
         if one.status == "bad crc":
             continue
-        assert differing(physical(one), row) == {}, (one.name, one.frames)
+        assert differing(physical(one.name, one.fields), row) == {}, (one.name, one.frames)
         assert row["bits_left"] >= 0
         assert not row["pad_nonzero"]
         seen += 1
         if one.packet:
             check_packet(packets[number, one.packet[0]], *one.packet)
     assert seen == sum(one.status == "ok" and one.fields is not None for one in case.sent)
-
-
-def physical(one: Any) -> dict[str, Any]:
-    tenths = TENTHS.get(one.name, ())
-    return {name: value / 10 if name in tenths else value for name, value in one.fields.items()}
 
 
 def check_packet(row: dict[str, Any], name: str, values: dict[str, Any]) -> None:

@@ -14,7 +14,7 @@ from dissectors.kit.cells import numbers
 from dissectors.schema import ArrayType, CompoundType, PrimitiveType
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
     from fractions import Fraction
 
     import numpy.typing as npt
@@ -77,10 +77,13 @@ def enrich(
     """Return named columns with units: every field in wire order, each followed by its parts, then the derived ones."""
     raw = dict(zip((m.name for m in members(layout)), arrays, strict=True))
     out: list[tuple[pa.Field, pa.Array]] = []
+    inside = {path for path, note in notes.items() if "." in path and note.scale is not None}
     for name, array in raw.items():
         note = notes.get(name)
         if note is None:
-            out.append((pa.field(name, array.type), array))
+            within = {path for path in inside if path.startswith(f"{name}.")}
+            whole = _scaled_inside(array, name, within, notes) if within else array
+            out.append((pa.field(name, whole.type), whole))
             continue
         about = metadata(
             unit=note.unit, enum={**note.enum, **note.special}, clause=note.clause, name=note.name,
@@ -102,6 +105,20 @@ def scaled(array: pa.Array, scale: Fraction, offset: Fraction | int = 0) -> pa.A
     if pa.types.is_list(array.type):
         return _relist(array, scaled(array.values, scale, offset))
     return _masked(linear(numbers(array), scale, offset), array)
+
+
+def _scaled_inside(array: pa.Array, path: str, within: Collection[str], notes: Mapping[str, Note]) -> pa.Array:
+    """Return structures, or lists of them, with the members `within` scaled."""
+    if pa.types.is_list(array.type):
+        return _relist(array, _scaled_inside(array.values, path, within, notes))
+    if pa.types.is_struct(array.type):
+        members_ = [array.type.field(k) for k in range(array.type.num_fields)]
+        made = [_scaled_inside(array.field(k), f"{path}.{one.name}", within, notes) for k, one in enumerate(members_)]
+        fields = [pa.field(one.name, child.type) for one, child in zip(members_, made, strict=True)]
+        bitmap = array.buffers()[0] if array.null_count else None
+        return pa.Array.from_buffers(pa.struct(fields), len(array), [bitmap], offset=array.offset, children=made)
+    scale = notes[path].scale if path in within else None
+    return array if scale is None else scaled(array, scale)
 
 
 def linear(raw: Array, scale: Fraction, offset: Fraction | int = 0) -> npt.NDArray[np.float64]:

@@ -10,6 +10,7 @@ from analyzer.devices.definitions import Definitions
 from analyzer.rules.catalogue import load
 from analyzer.rules.field_tests import judged
 from analyzer.rules.values.noted_fields import LIMITS, NAMES, NotedColumn, columns_of
+from analyzer.rules.values.shapes import column_of
 from dissectors.kit import Rule
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ class NotedFields(Rule):
                 self._columns[name] = tuple(self._of(name))
             table = view.table(name) if self._columns[name] else None
             for column in self._columns[name] if table is not None else ():
-                if table is not None and (column.listed or column.name in table):
+                if table is not None and (column.inner or column.name in table):
                     yield from self._check(view, table, column)
 
     def _check(self, view: View, table: DecodedTable, column: NotedColumn) -> Iterator[Occurrences]:
@@ -64,16 +65,28 @@ class NotedFields(Rule):
 
 
 def _wrong(table: DecodedTable, column: NotedColumn) -> tuple[Array, Array]:
-    """Return rows that can be relied on and are wrong, with what they show; of a list the first wrong element."""
-    if not column.listed:
-        shown = table[column.name]
-        rows = np.flatnonzero(column.wrong(shown))
-        rows = rows[judged(table, column.name, rows)] if len(rows) else rows
-        if column.word and column.special and len(rows):
-            rows = rows[~np.isin(table[column.word][rows], column.special)]
-        return rows, shown[rows]
-    offsets, elements = table.lists(column.name)
-    places = np.flatnonzero(column.wrong(elements))
-    rows, first = np.unique(np.searchsorted(offsets, places, "right") - 1, return_index=True)
+    """Return rows that can be relied on and are wrong, with what they show; of several numbers the first wrong one."""
+    if column.inner:
+        return _wrong_inside(table, column)
+    name = column.read or column.name if column.word else column_of(table, column.read or column.name)
+    shown = table[name]
+    rows = np.flatnonzero(column.wrong(shown))
+    rows = rows[judged(table, name, rows)] if len(rows) else rows
+    if column.word and column.special and len(rows):
+        rows = rows[~np.isin(table[column_of(table, column.word)][rows], column.special)]
+    if column.only is not None and len(rows):
+        field, code = column.only
+        rows = rows[table[column_of(table, field)][rows] == code]
+    return rows, shown[rows]
+
+
+def _wrong_inside(table: DecodedTable, column: NotedColumn) -> tuple[Array, Array]:
+    head, *members = (column.word or column.name).split(".")
+    whole, found = table.inner(column_of(table, head), *members)
+    shown = column.part_of(found) if column.word else found
+    places = np.flatnonzero(column.wrong(shown))
+    if column.word and column.special:
+        places = places[~np.isin(found[places], column.special)]
+    rows, first = np.unique(whole[places], return_index=True)
     good = table.trusted[rows]
-    return rows[good], elements[places[first]][good]
+    return rows[good], shown[places[first]][good]

@@ -71,8 +71,10 @@ def _structures(kind: CompoundType, cells: list[Any], name: str, of: Message | P
     columns: dict[str, list[Any]] = {}
     for member in kind.fields:
         if member.name:
-            inner = step_into(cells, member.name)
-            columns[member.name] = _column(member.type, inner, inner, f"{name}.{member.name}", of)
+            inner, path = step_into(cells, member.name), f"{name}.{member.name}"
+            scale = of.notes[path].scale if path in of.notes else None
+            raw = inner if scale is None else _unscaled(inner, member.type, scale)
+            columns[member.name] = _column(member.type, raw, raw, path, of)
     rows = zip(*columns.values(), strict=True) if columns else iter([()] * len(cells))
     objects = [dict(zip(columns, row, strict=True)) for row in rows]
     return [

@@ -241,6 +241,13 @@ class DecodedTable:
             self._lists[name] = listed(self._batch.column(name))
         return self._lists[name]
 
+    def inner(self, name: str, *members: str) -> tuple[Array, Array]:
+        """Return the numbers of a column, also those in its lists and structures: the row of each, and the values.
+
+        `members` lead to them, one step for each structure; what has no value is left out.
+        """
+        return _inner(self._batch.column(name), np.arange(len(self)), members)
+
     def counts(self, name: str) -> Array:
         """Return how many elements each list of a column has; 0 in a column of anything else."""
         array = self._batch.column(name)
@@ -263,6 +270,19 @@ def column(array: pa.Array, *, time: bool = False) -> Array:
     if time and array.null_count:
         values = np.where(valid(array), values, NO_TIME)
     return values
+
+
+def _inner(array: pa.Array, rows: Array, members: Sequence[str]) -> tuple[Array, Array]:
+    if array.null_count:
+        has = valid(array)
+        array, rows = array.filter(pa.array(has)), rows[has]
+    if pa.types.is_list(array.type):
+        ends = np.asarray(array.offsets).astype(np.int64)
+        inside = array.values.slice(ends[0], ends[-1] - ends[0])
+        return _inner(inside, np.repeat(rows, np.diff(ends)), members)
+    if members:
+        return _inner(array.field(members[0]), rows, members[1:])
+    return rows, numbers(array)
 
 
 def _not_finite(array: pa.Array, name: str) -> Iterator[tuple[str, Array, Array]]:

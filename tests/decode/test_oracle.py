@@ -14,6 +14,7 @@ import dronecan
 import pytest
 from dronecan import dsdl, transport
 from kit.encode import DLC_LENGTHS
+from kit.hobbywing_types import physical
 from kit.peer import HALVES, fill, frames, names_on_disk, new, plain, transfer
 from kit.traffic import differing, lines
 
@@ -62,7 +63,7 @@ def test_values_of_every_type(decode: Callable[..., Any], fd: bool) -> None:
         assert (row["kind"], row["type_id"], row["transfer_id"]) == (kind, known.default_dtid, at % EXAMPLES)
         assert row["payload"][: len(payload)] == payload
         table, message = got.message_of(number)
-        odd = differing(plain(value), message)
+        odd = differing(physical(known.full_name, plain(value)), message)
         spare = 8 * (len(row["payload"]) - len(payload))
         if odd or not spare <= message["bits_left"] < spare + 8 or message["bad_tag"] or message["pad_nonzero"]:
             wrong.setdefault(table, (odd, message["bits_left"], spare))

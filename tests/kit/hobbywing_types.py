@@ -1,5 +1,9 @@
 """Types of Hobbywing's ESCs for `kit.encode`, in the form of its own ones: written by hand from the public DSDL."""
 
+from __future__ import annotations
+
+from typing import Any
+
 HOBBYWING = """\
 com.hobbywing.esc.GetEscID message 20013 0000000000004E2D payload:u8[<3]
 com.hobbywing.esc.StatusMsg1 message 20050 0813B3E2C4AD670E rpm:u16 pwm:u16 status:u16
@@ -14,3 +18,9 @@ com.hobbywing.esc.GetMajorConfig.Request request 242 1506774DA3930BFD option:u8
 com.hobbywing.esc.GetMajorConfig.Response response 242 1506774DA3930BFD direction:u1 throttle_source:u1
     throttle_channel:u6 led_status:u5 led_color:u3 MSG2_rate:u4 MSG1_rate:u4 positioning_angle:u16 reserved:u8[2]
 """
+TENTHS = {"com.hobbywing.esc.StatusMsg2": ("input_voltage", "current")}  # fields that are sent in tenths of the unit
+
+
+def physical(name: str, fields: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a type as its table shows them."""
+    return {field: value / 10 if field in TENTHS.get(name, ()) else value for field, value in fields.items()}

@@ -8,34 +8,42 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.layout import ArrayType, PrimitiveType
+from dissectors.layout import ArrayType, CompoundType, PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from dissectors.kit import Array
-    from dissectors.layout import CompoundType, Type
+    from dissectors.layout import Type
     from dissectors.schema import Bits, Note
 
 LIMITS, NAMES = "TYP-013", "TYP-014"
 _MOST_NAMED = 8  # codes that a text lists
-_SCALARS = ("uint", "int", "float")
+_SCALARS = ("uint", "int", "float", "bool")
 
 
 @dataclass(frozen=True, slots=True)
 class NotedColumn:
-    """A column with what its note allows, in raw values; `scale` makes them those that the column shows."""
+    """A column with what its note allows, in raw values; `scale` makes them those that the column shows.
+
+    `inner` are numbers in lists or structures. A part of bits, from `low_bit` on, names its `word`, which `special` is
+    about. `only` are rows in which a field has a raw value; their numbers are in another column, `read`.
+    """
 
     name: str
     unit: str
     scale: Fraction
-    whole: bool
-    listed: bool
+    float_bits: int  # 0 of whole numbers
+    inner: bool
     special: tuple[int, ...]
     enum: Mapping[int, str]
     low: Fraction | None
     high: Fraction | None
-    word: str = ""  # the field whose part it is, which `special` is about
+    word: str = ""
+    low_bit: int = 0
+    bits: int = 0
+    only: tuple[str, int] | None = None
+    read: str = ""
 
     @property
     def rule(self) -> str:
@@ -59,14 +67,25 @@ class NotedColumn:
 
     def _outside(self, shown: Array) -> Array:
         """Return which numbers are beyond the limits; NaN is not."""
-        # Half a step lies between a limit and the next raw value, whatever a scaled number was rounded to.
-        half, scale = Fraction(1, 2) if self.whole else Fraction(0), self.scale
         wrong = np.zeros(len(shown), bool)
         if self.low is not None:
-            wrong |= shown < float((self.low - half) * scale)
+            wrong |= shown < self._limit(self.low, -1)
         if self.high is not None:
-            wrong |= shown > float((self.high + half) * scale)
+            wrong |= shown > self._limit(self.high, 1)
         return wrong if self.word else wrong & ~self._in(shown, self.special)
+
+    def _limit(self, raw: Fraction, side: int) -> float:
+        """Return a limit as the column would show it, beyond which numbers are wrong on one side."""
+        if self.float_bits:  # as a sender rounds it; the column rounds once more where it is scaled
+            sent = float(np.dtype(f"f{self.float_bits // 8}").type(float(raw)))
+            return sent if self.scale == 1 else float(np.nextafter(sent * float(self.scale), side * np.inf))
+        # Half a step lies between a limit and the next raw value, whatever a scaled number was rounded to.
+        return float((raw + Fraction(side, 2)) * self.scale)
+
+    def part_of(self, words: Array) -> Array:
+        """Return this part of words, scaled."""
+        part: Array = (words >> words.dtype.type(self.low_bit)) & words.dtype.type((1 << self.bits) - 1)
+        return part if self.scale == 1 else part * float(self.scale)
 
     def _nameless(self, shown: Array) -> Array:
         return ~self._in(shown, self.enum if self.word else [*self.enum, *self.special])
@@ -76,25 +95,44 @@ class NotedColumn:
 
 
 def columns_of(name: str, note: Note, layout: CompoundType) -> Iterator[NotedColumn]:
-    """Yield the columns of a field whose note says what is allowed: the field itself, and parts of its bits."""
-    kind = layout.member(name)
+    """Yield the columns of a field whose note says what is allowed: the field itself, and parts of its bits.
+
+    A dotted name is that of a member in a structure, or in each of a list of them.
+    """
+    kind, inner = _reach(layout, name)
     scalar = _scalar(kind)
     if scalar is None:
         return
+    inner = inner or isinstance(kind, ArrayType)
+    bits = scalar.bits if scalar.kind == "float" else 0
     if note.enum or (note.low, note.high) != (None, None):
         yield NotedColumn(
-            name, note.unit, note.scale or Fraction(1), scalar.kind != "float", isinstance(kind, ArrayType),
-            tuple(note.special), note.enum, note.low, note.high,
-        )  # fmt: skip
+            name, note.unit, note.scale or Fraction(1), bits, inner, tuple(note.special), note.enum, note.low, note.high
+        )
     if isinstance(kind, PrimitiveType):
-        yield from (_part(name, note, bits) for bits in note.parts if bits.enum or _limited(bits))
+        yield from (_part(name, note, part, inner=inner) for part in note.parts if part.enum or _limited(part))
+    if note.unit_by is not None and not inner:
+        for code, one in note.unit_by.table.items():
+            if one.high is not None:
+                yield NotedColumn(
+                    name, one.unit, one.scale or Fraction(1), bits, inner, (), {}, None, one.high,
+                    only=(note.unit_by.field, code), read=f"{name}.value",
+                )  # fmt: skip
 
 
-def _part(name: str, note: Note, bits: Bits) -> NotedColumn:
-    scale = bits.scale or Fraction(1)
+def _reach(layout: CompoundType, name: str) -> tuple[Type | None, bool]:
+    """Return the type of a field by its dotted name, and whether it is inside of another one."""
+    kind: Type | None = layout
+    for step in name.split("."):
+        kind = kind.element if isinstance(kind, ArrayType) else kind
+        kind = kind.member(step) if isinstance(kind, CompoundType) else None
+    return kind, "." in name
+
+
+def _part(name: str, note: Note, part: Bits, *, inner: bool) -> NotedColumn:
     return NotedColumn(
-        f"{name}.{bits.name}", bits.unit, scale, whole=True, listed=False, special=tuple(note.special),
-        enum=bits.enum, low=bits.low_limit, high=bits.high_limit, word=name,
+        f"{name}.{part.name}", part.unit, part.scale or Fraction(1), 0, inner, tuple(note.special), part.enum,
+        part.low_limit, part.high_limit, word=name, low_bit=part.low, bits=part.width,
     )  # fmt: skip
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import pyarrow.parquet as pq
 import pytest
 from kit import CAPTURES, encode, hobbywing
-from kit.flight import ESCS, Sender, hover
-from kit.hobbywing import HOT, SPACE
+from kit.flight import ESCS, SECOND, START, Sender, hover
+from kit.hobbywing import HOT, SPACE, reports
 from kit.judged import judge, whole
 from kit.pictures import draw
 
@@ -31,7 +31,7 @@ def report(*given: tuple[str, dict[str, Any]], node: int = ESCS[0], **more: Any)
     """Thirty reports of each kind that are fine, and those that are `given` at last, one a tenth of a second."""
     net = Sender()
     for k in range(30):
-        for name, fields in hobbywing.reports(ESCS[1], 100).items():
+        for name, fields in reports(ESCS[1], 100).items():
             net.send(k * 100, SPACE + name, node, fields)
     for k, (name, fields) in enumerate(given):
         net.send(3000 + k * 100, SPACE + name, node, fields, **more)
@@ -108,6 +108,26 @@ def test_the_rules_do_not_depend_on_batches() -> None:
     assert [(one.rule, one.node, one.count) for one in found] == [
         ("HW-003", HOT, 1), ("HW-001", HOT, 9), ("HW-001", HOT, 4), ("HW-001", HOT, 3),
     ]  # fmt: skip
+
+
+def busy(**last: Any) -> str:
+    """A second with more frames than T-Motor's document allows when motors rest; `last` is commanded behind it."""
+    frames = [
+        replace(frame, t=START + k * 230_000)
+        for k in range(6000)
+        for frame in encode.transfer(f"{SPACE}StatusMsg1", reports(11, 2000)["StatusMsg1"], 11 + k % 4, k // 4).frames()
+    ]
+    frames += [
+        one for name, fields in last.items() for one in encode.transfer(name, fields, 1).frames(START + 2 * SECOND)
+    ]
+    return "".join(encode.log_line(frame) + "\n" for frame in frames)
+
+
+def test_nobody_says_that_motors_rest_whose_messages_the_document_does_not_have() -> None:
+    rules = ("BUS-001", "BUS-002", "BUS-003")
+    assert whole(busy(), rules, (997,), bit_rate=500_000) == []
+    found = whole(busy(RawCommand={"cmd": [0, 0]}), rules, (997,), bit_rate=500_000)
+    assert {one.rule for one in found} == {"BUS-002", "BUS-003"}
 
 
 def test_info_counts_the_reports(command: Any) -> None:

@@ -9,6 +9,7 @@ import dronecan
 import pytest
 from dronecan.dsdl import CompoundType
 from kit import VECTORS, encode
+from kit.hobbywing_types import physical
 from kit.traffic import differing
 
 from dissectors.registry import load
@@ -71,18 +72,13 @@ def test_what_another_encoder_sent_is_what_is_shown(decode: Callable[..., Any]) 
     got = decode(TEXT.encode())
     assert {row["status"] for row in got.transfers} == {"ok"}
     assert len(got.transfers) == len(SENT)
-    scales = {"input_voltage": 10, "current": 10}
     for number, (one, row) in enumerate(zip(SENT, got.transfers, strict=True)):
         assert [frame + 1 for frame in row["frame"]] == one["lines"]
         assert (row["type_id"], row["src"], row["dst"]) == (one["type_id"], one["source"], one["dest"])
         table, message = got.message_of(number)
         assert table == one["type"]
         assert message["bits_left"] >= 0
-        for name, value in one["fields"].items():
-            if name in scales:
-                assert message[name] == pytest.approx(value / scales[name], abs=1e-9)
-        rest = {name: value for name, value in one["fields"].items() if name not in scales}
-        assert differing(rest, message) == {}, one
+        assert differing(physical(table, one["fields"]), message) == {}, one
 
 
 @pytest.mark.parametrize("one", SENT[::4], ids=lambda one: one["type"].removeprefix(SPACE))
