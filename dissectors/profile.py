@@ -16,7 +16,7 @@ from dissectors import packets
 from dissectors.dsdl import DsdlError
 from dissectors.keys import PROFILE
 from dissectors.keys.profile import NESTED
-from dissectors.layout import ArrayType, CompoundType
+from dissectors.layout import ArrayType, CompoundType, PrimitiveType
 from dissectors.namespace import Compiled, Namespace
 from dissectors.notes import NoteReader, columns
 from dissectors.schema import Dissector, Evidence, Message, Reading
@@ -132,10 +132,10 @@ class Profile:
             self._built[key] = self._build(kind, self.namespace.compile(full_name))
         return self._built[key]
 
-    def carriers(self) -> Iterator[Message]:
-        """Yield the messages that carry packets; only these are built."""
+    def having(self, key: str) -> Iterator[Message]:
+        """Yield the messages that have a key, such as `packets`; only these are built."""
         for name, body in self.table.tables("message"):
-            if "packets" in body.body:
+            if key in body.body:
                 yield self.message("message", body.string("type") or name)
 
     def dissector(self) -> Dissector:
@@ -214,12 +214,20 @@ class Profile:
             clause=clause,
             summary=self.reader.summary(table, layout, notes, derived),
             aliases=table.strings("aliases"),
+            turns=self._turns(table, layout),
             actuates=table.flag("actuates"),
         )
         for key in ("type", "dsdl"):
             table.string(key)
         table.finish()
         return message
+
+    def _turns(self, table: TomlTable, layout: CompoundType) -> str:
+        column = table.string("turns")
+        kind = layout.member(column)
+        if column and not (isinstance(kind, PrimitiveType) and kind.kind not in ("bool", "void")):
+            table.fail(f"{column!r} is no number of {layout.name}", "turns")
+        return column
 
     def _layout(self, name: str) -> CompoundType | None:
         """Return the layout of a message that the profile lists."""

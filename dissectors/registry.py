@@ -73,7 +73,14 @@ class Registry:
 
     def carriers(self) -> tuple[Message, ...]:
         """Return every message that carries packets, of all folders."""
-        return tuple(message for profile in self.profiles for message in profile.carriers())
+        return self._having("packets")
+
+    def turning(self) -> tuple[Message, ...]:
+        """Return every message of an ESC that says whether its motor turns, of all folders."""
+        return self._having("turns")
+
+    def _having(self, key: str) -> tuple[Message, ...]:
+        return tuple(message for profile in self.profiles for message in profile.having(key))
 
     def names(self) -> tuple[str, ...]:
         """Return every table name that `resolve` knows, sorted."""

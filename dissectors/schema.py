@@ -230,6 +230,7 @@ class Reading:
 class Message:
     """A data type, or one half of a service: its identity on the bus, its layout and what its values mean.
 
+    `turns` is the column that is not 0 while the motor of its sender, an ESC, turns; empty if it tells of none.
     `actuates` says that whoever receives it may move, release or enable something, or change what it has stored: not
     to be sent by accident.
     """
@@ -248,6 +249,7 @@ class Message:
     clause: str = ""
     summary: str = ""
     aliases: tuple[str, ...] = ()
+    turns: str = ""
     actuates: bool = False
 
     @property

@@ -70,6 +70,9 @@ def _buses(one: JudgedCapture, pages: Mapping[str, Page], settings: Settings) ->
         for rule, page in pages.items()
         if "limit_per_s" in page.settings and ":" not in page.exercised
     }
+    words = one.checked.outcome.words
+    if words and words.isdisjoint(limits):
+        limits = {}  # they are of a vendor of whom nothing was heard
     for bus in facts.buses:
         index = facts.bus_names.index(bus.name)
         a_step = (settings.bit_rate or 0) * course.step // SECOND  # bits that fit

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.rules.turning import Turning
 from analyzer.tables import FD, KINDS, STATUSES, distinct
 from dissectors.kit import Measures
 from dissectors.schema import ArrayType, CompoundType, PrimitiveType
@@ -59,6 +60,7 @@ class Exercises:
             for packet in message.packets.packets
         }
         self._more = [kind() for kind in more]
+        self._turning = Turning(registry)
         self._words: set[str] = set()
         self._kinds: dict[str, _Kind] = {}
         self._spans: dict[str, tuple[int, int]] = {}
@@ -73,6 +75,7 @@ class Exercises:
             kind = self._kind(view, name)
             if table is not None and kind is not None:
                 self._table(name, table, kind)
+        self._turning.feed(view)
         for one in self._more:
             one.feed(view)
 
@@ -81,8 +84,12 @@ class Exercises:
         return frozenset(self._words.union(self._pairs(), *(one.words() for one in self._more)))
 
     def facts(self) -> dict[str, float]:
-        """Return numbers of the whole capture, as dissectors offer them."""
-        return {name: value for one in self._more if isinstance(one, Measures) for name, value in one.facts().items()}
+        """Return numbers of the whole capture, as dissectors offer them; ESCs of several vendors add up."""
+        found = {name: value for one in self._more if isinstance(one, Measures) for name, value in one.facts().items()}
+        if own := self._turning.facts():
+            found["escs"] = found.get("escs", 0) + own["escs"]
+            found["running_s"] = max(found.get("running_s", 0.0), own["running_s"])
+        return found
 
     def _transport(self, view: View) -> None:
         frames, transfers = view.frames, view.transfers

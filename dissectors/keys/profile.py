@@ -36,6 +36,7 @@ MESSAGE = Keys("message.NAME, request.NAME, response.NAME", "One type, by the na
     Key("prefix", "flag", "Senders may put the length of the last array in front on classic CAN.", "true", "false"),
     Key("packets", "text", "File of the packets that it carries, from this folder.", '"packets/PUSHCAN.toml"'),
     by_name("reading", READING.about, READING),
+    Key("turns", "text", "Its sender counts as an ESC; this column is not 0 while its motor turns.", '"rpm"'),
     Key("actuates", "flag", "It makes something move, so `simulate` and `replay` ask before they send it.", "true",
         "false"),
 ))  # fmt: skip

@@ -90,6 +90,7 @@ PACKETS = 'carrier = "list"\nheader = [1, 2]\nid_at = 2\ncount_at = 2\nunit_at =
         (FIELD.replace("\n\n", "\nsummary = '{'\n"), 4, "summary: "),
         (FIELD.replace("\n\n", "\nsummary = '{f:x}'\n"), 4, "'x' does not suit f"),
         (FIELD.replace("\n\n", "\nsummary = '{a:.1f}'\n") + "enum = { 1 = 'x' }", 4, "'.1f' does not suit a"),
+        (FIELD.replace("\n\n", "\nturns = 'list'\n"), 4, "'list' is no number of acme.Ping"),
         (FIELD.replace("\n\n", "\nactuates = 'yes'\n"), 4, "true or false is expected, not 'yes'"),
         (FIELD.replace("field.a", "reading.r") + "field = 'a'\nchoices = ['x', 'y']", 5, "and evidence"),
         (FIELD.replace("message", "request"), 1, "is a message"),

@@ -95,7 +95,7 @@ types = ["NodeStatus", "PUSHCAN.MotorStatus", "MotorStatus"]
 
 
 def test_without_a_profile_that_says_how_many_any_number_of_escs_will_do(tmp_path: Path) -> None:
-    plain = Registry([profile for profile in registry().profiles if not list(profile.carriers())])
+    plain = Registry([profile for profile in registry().profiles if not list(profile.having("packets"))])
     path = tmp_path / "vehicle.toml"
     path.write_text("escs = 30\n[unit]\n0xB1 = 12\n")
     found = load(path, PAGES, plain)

@@ -137,7 +137,7 @@ def _of(data: bytes) -> Form:
 def _by_name() -> dict[str, Form]:
     return {
         packet.name: _form(packet, carrier.packets)
-        for carrier in Profile.open(_FOLDER).carriers()
+        for carrier in Profile.open(_FOLDER).having("packets")
         if carrier.packets is not None
         for packet in carrier.packets.packets
     }

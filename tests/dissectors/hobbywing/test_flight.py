@@ -11,7 +11,7 @@ import pytest
 from kit import CAPTURES, encode, hobbywing
 from kit.flight import ESCS, SECOND, START, Sender, hover
 from kit.hobbywing import HOT, SPACE, reports
-from kit.judged import judge, whole
+from kit.judged import judge, outcome, whole
 from kit.pictures import draw
 
 import analyzer
@@ -130,6 +130,30 @@ def test_nobody_says_that_motors_rest_whose_messages_the_document_does_not_have(
     assert {one.rule for one in found} == {"BUS-002", "BUS-003"}
 
 
+VEHICLE = "escs = 4\n[node.12]\nrates = { StatusMsg1 = 20 }\n[require]\nescs = 4\nrunning_s = 2\n"
+
+
+def test_a_vehicle_file_counts_escs_and_turning_motors(command: Any, tmp_path: Path) -> None:
+    vehicle = tmp_path / "quad.toml"
+    vehicle.write_text(VEHICLE)
+    _, out, _ = command("check", str(LOG), "--vehicle", str(vehicle))
+    lines = [line.split() for line in out.splitlines()]
+    for words in (
+        "expects 4 ESCs: met, found 4",
+        "expects StatusMsg1 of node 12 at 20/s: met, found 20/s",
+        "requires at least 4 ESCs: met, found 4",
+        "requires motors turning for 2 s: met, found 2.8 s",
+    ):
+        assert words.split() in lines
+
+
+@pytest.mark.parametrize("lines", [1, 50, 10_000])
+def test_motors_turn_from_the_first_speed_on(lines: int) -> None:
+    facts = outcome(LOG.read_bytes(), step=lines).facts
+    assert facts["escs"] == 4
+    assert facts["running_s"] == pytest.approx(2.779, abs=0.001)  # 0.201 to 2.980 s
+
+
 def test_info_counts_the_reports(command: Any) -> None:
     _, out, _ = command("info", str(LOG))
     lines = [line.split()[:5] for line in out.splitlines()]
@@ -153,6 +177,13 @@ def test_the_picture_has_a_line_for_each_esc() -> None:
     assert drawn.under("/throttle/commanded") == [f"/throttle/commanded/channel{k}" for k in (1, 2, 3, 4)]
     assert max(drawn.values(f"/temperature/ESC/esc_node{HOT}")) == 138
     assert drawn.values(f"/voltage/esc_node{HOT}")[0] == pytest.approx(50.2)
+
+
+def test_the_report_draws_no_limits_of_another_vendor() -> None:
+    (bus,) = analyzer.check(LOG).captures[0].buses
+    assert dict(bus.limits) == {}
+    (bus,) = analyzer.check(CAPTURES / "hover.log").captures[0].buses
+    assert dict(bus.limits) == {"motors running": 2400, "motors at rest": 4000}
 
 
 def test_tables_have_physical_units(command: Any, tmp_path: Path) -> None:

@@ -1,0 +1,74 @@
+"""ESCs that are heard and motors that turn, by the messages of which a profile says that they tell it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.kit import NO_TIME, SECOND, sender, usable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors import Registry
+    from dissectors.kit import DecodedTable, View
+
+_NODE_BITS = 7
+
+_Step = tuple[int, int, int, bool]  # number of the transfer, its time, the sender, whether its motor turns from then on
+
+
+class Turning:
+    """Follows them over batches. `nodes` are senders by bus and node, each an ESC."""
+
+    def __init__(self, registry: Registry) -> None:
+        self._columns = {message.table: message.turns for message in registry.turning()}
+        self.nodes: dict[int, bool] = {}  # sender: whether its motor turns
+        self._count: dict[int, int] = {}  # of turning motors, by bus
+        self._since: dict[int, int] = {}
+        self._ran: dict[int, int] = {}
+        self._end = NO_TIME
+
+    def feed(self, view: View) -> None:
+        """Add the next batch."""
+        steps: list[_Step] = []
+        for name, column in self._columns.items():
+            table = view.table(name)
+            if table is not None and column in table:
+                steps += self._steps(table, column)
+        for _, t, node, on in sorted(steps):
+            self._take(t, node >> _NODE_BITS, on)
+        self._end = view.end
+
+    def facts(self) -> dict[str, float]:
+        """Return how many ESCs there are, and seconds with motors turning on the bus with the most; none without one.
+
+        Buses may repeat each other, so a node counts once.
+        """
+        if not self.nodes:
+            return {}
+        going_on = {bus: max(self._end - since, 0) for bus, since in self._since.items()}
+        buses = self._ran.keys() | going_on.keys()
+        ran = max((self._ran.get(bus, 0) + going_on.get(bus, 0) for bus in buses), default=0)
+        return {"escs": len({node & (1 << _NODE_BITS) - 1 for node in self.nodes}), "running_s": ran / SECOND}
+
+    def _steps(self, table: DecodedTable, column: str) -> Iterator[_Step]:
+        """Yield the rows in which a motor begins or stops to turn."""
+        rows = np.flatnonzero(usable(table) & (table.t != NO_TIME))
+        nodes, on = sender(table, rows), table[column][rows] != 0
+        for node in np.unique(nodes).tolist():
+            mine = np.flatnonzero(nodes == node)
+            before = self.nodes.get(node, False)
+            changed = mine[on[mine] != np.concatenate(([before], on[mine][:-1]))]
+            self.nodes[node] = bool(on[mine[-1]])
+            for k in changed.tolist():
+                yield int(table["transfer"][rows[k]]), int(table.t[rows[k]]), node, bool(on[k])
+
+    def _take(self, t: int, bus: int, on: bool) -> None:
+        before = self._count.get(bus, 0)
+        self._count[bus] = before + (1 if on else -1)
+        if not before:
+            self._since[bus] = t
+        elif not self._count[bus]:
+            self._ran[bus] = self._ran.get(bus, 0) + max(t - self._since.pop(bus), 0)
