@@ -52,7 +52,7 @@ def recorded(request: Request, registry: Registry) -> Iterator[FrameBatch]:
 def extract(report: Report, request: Request, criteria: Criteria, folder: str) -> bool:
     """Write the parts of what was requested and judged, and say on standard error what was written.
 
-    Returns whether all of it could be written.
+    Returns whether each finding that is to have a file has one; one that cannot be written does not stop the others.
 
     Every file is there whole or not at all; what the folder already has stays, but for files of the same name.
     """
@@ -60,26 +60,32 @@ def extract(report: Report, request: Request, criteria: Criteria, folder: str) -
 
     found = list(report.findings)
     names = list(_names(found[:MOST_FILES]))
-    count, frames = 0, 0
+    count, lines = 0, 0
     try:
         _make(folder)
-        for capture, part_of in request.each().items():
-            here = [(one, name) for one, name in zip(found, names, strict=False) if one.capture == capture]
-            wanted = {id(part): (name, part) for name, part in ((name, _wanted(one)) for one, name in here)}
-            parts = [part for _, part in wanted.values()]
-            for made in _extracts(parts, part_of, criteria):
-                name = wanted[id(made.wanted)][0]
-                if not made.shown:
-                    streams.complain(f"{name}: no part of {capture} shows the finding, nothing is written")
-                    continue
-                _write(str(Path(folder, name)), made.text, request)
-                count, frames = count + 1, frames + made.frames
-    except (TargetError, ValueError) as error:
+    except TargetError as error:
         streams.complain(str(error))
         return False
-    more = f"; {len(found) - MOST_FILES} more findings have none" if len(found) > MOST_FILES else ""
-    streams.tell(f"-- {count} of {len(found)} findings written to {folder}, {frames} frames{more}\n")
-    return True
+    for capture, part_of in request.each().items():
+        here = [(one, name) for one, name in zip(found, names, strict=False) if one.capture == capture]
+        wanted = {id(part): (name, part) for name, part in ((name, _wanted(one)) for one, name in here)}
+        parts = [part for _, part in wanted.values()]
+        for made in _extracts(parts, part_of, criteria):
+            name = wanted[id(made.wanted)][0]
+            if not made.shown:
+                streams.complain(f"{name}: no part of {capture} shows the finding, nothing is written")
+                continue
+            try:
+                _write(str(Path(folder, name)), made.text, request)
+            except (TargetError, ValueError) as error:
+                streams.complain(str(error))
+                continue
+            count, lines = count + 1, lines + made.lines
+    missing = len(names) - count
+    more = f"; {missing} could not be written" if missing else ""
+    more += f"; {len(found) - MOST_FILES} more findings have none" if len(found) > MOST_FILES else ""
+    streams.tell(f"-- {count} of {len(found)} findings written to {folder}, {lines} lines{more}\n")
+    return not missing
 
 
 def _extracts(parts: Sequence[WantedFinding], request: Request, criteria: Criteria) -> Iterator[Extract]:

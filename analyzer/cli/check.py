@@ -116,9 +116,11 @@ class _Wanted:
         rules.tell_gate(self.request.rules, report)
         if self._github:
             written = reports.tell_github(report, aside=silent) and written
-        if self._extract and not interrupted:
-            written = extracting.extract(report, self.request, self._criteria, self._extract) and written
-        return status.INTERRUPTED if interrupted else status.of_report(report, complete=written)
+        if interrupted:
+            return status.INTERRUPTED
+        if self._extract and not extracting.extract(report, self.request, self._criteria, self._extract):
+            return status.DAMAGED  # whatever was found: who asks for the parts counts on them
+        return status.of_report(report, complete=written)
 
     def initial(self) -> int:
         """Write a vehicle file instead of a report; return the exit status."""

@@ -26,6 +26,12 @@ def findings(path: Path, *select: str) -> list[dict[str, Any]]:
     return [asdict(one) for one in check(path, select=select).findings]
 
 
+def criteria(request: Request) -> Criteria:
+    from kit.judged import registry  # noqa: PLC0415
+
+    return Criteria(request.rules, registry())
+
+
 @pytest.mark.slow
 def test_every_file_shows_its_finding_alone(tmp_path: Path) -> None:
     done = run("check", FAULTS, "--extract", tmp_path / "out")
@@ -77,7 +83,7 @@ def test_of_several_captures_each_has_its_own(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_nothing_found_nothing_written(tmp_path: Path) -> None:
     done = run("check", HOVER, "--select", "TRF", "--extract", tmp_path)
-    assert (done.returncode, done.stderr) == (0, f"-- 0 of 0 findings written to {tmp_path}, 0 frames\n".encode())
+    assert (done.returncode, done.stderr) == (0, f"-- 0 of 0 findings written to {tmp_path}, 0 lines\n".encode())
     assert list(tmp_path.iterdir()) == []
 
 
@@ -106,7 +112,9 @@ def test_a_capture_is_not_written_over(tmp_path: Path, capfd: pytest.CaptureFixt
     content = path.read_bytes()
     less = ["--fail-on", "never", "--least", "transfers=1,seconds=0"]
     assert main(["check", str(path), "--select", "TRF-010", *less, "--extract", str(tmp_path)]) == 3
-    assert "is the capture" in capfd.readouterr().err
+    err = capfd.readouterr().err
+    assert "is the capture" in err
+    assert "-- 0 of 1 findings written" in err
     assert (path.read_bytes(), list(tmp_path.iterdir())) == (content, [path])
 
 
@@ -130,12 +138,62 @@ def test_what_is_not_written_is_told(
 
 
 def test_a_finding_that_no_part_shows_is_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    from kit.judged import registry  # noqa: PLC0415
-
     request = Request((str(FAULTS),))
     made = report(finding("TRF-003", node=99, type="ESCStatus", capture=FAULTS.name))
-    assert extracting.extract(made, request, Criteria(request.rules, registry()), str(tmp_path))
+    assert not extracting.extract(made, request, criteria(request), str(tmp_path))
     err = capfd.readouterr().err
     assert f"TRF-003-node99-ESCStatus-1.log: no part of {FAULTS.name} shows the finding" in err
-    assert "-- 0 of 1 findings written" in err
+    assert f"-- 0 of 1 findings written to {tmp_path}, 0 lines; 1 could not be written" in err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_one_that_cannot_be_written_does_not_stop_the_others(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    log = CAPTURES / "faults.log"
+    (tmp_path / "CAN-004-1.log").mkdir()
+    assert main(["check", str(log), "--select", "CAN-004,CAP-004", "--extract", str(tmp_path)]) == 3
+    err = capfd.readouterr().err
+    assert "CAN-004-1.log: is a directory" in err
+    assert "-- 2 of 3 findings written" in err
+    assert err.rstrip().endswith("; 1 could not be written")
+    assert (tmp_path / "CAP-004-1.log").read_bytes().endswith(b"on 'can0' socket (total drops 3)\n")
+
+
+def test_of_an_unreadable_line_there_is_no_part(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    args = ["check", str(CAPTURES / "faults.log"), "--select", "CAP-003", "--fail-on", "capture:error"]
+    assert main(args) == 1
+    assert main([*args, "--extract", str(tmp_path)]) == 3
+    assert "CAP-003-1.log: no part of faults.log shows the finding" in capfd.readouterr().err
+
+
+# Whatever candump or our own writer puts into a log, with a finding of CAN-004 among it.
+KINDS = [
+    "(1700000000.000100) can0 05040601#A63500000000009C R",
+    "(1700000000.000200) can0 7FF#",
+    "(1700000000.000300) can0 123##1112233",
+    "(1700000000.000400) can0 123#R8_F T",
+    "(1700000000.000500) can0 123#1122334455667788_B",
+    "(1700000000.000600) can0 20000004#0100000000000000 T",
+    "DROPCOUNT: dropped 5 CAN frames on 'can0' socket (total drops 12)",
+    "DROPCOUNT: dropped 7 CAN frames on 'any' socket (total drops 19) (1700000000.000700)",
+    "DROPCOUNT: dropped 1 CAN frame on 'can0' socket (total drops 20)",
+    "# a comment",
+    "#",
+    "; (1700000000.000800) one with a time",
+    "",
+]
+
+
+@pytest.mark.parametrize("stamped", [True, False])
+def test_every_kind_of_line_may_stand_near_a_finding(tmp_path: Path, *, stamped: bool) -> None:
+    lines = [line if stamped or not line.startswith("(") else line.partition(") ")[2] for line in KINDS]
+    log = tmp_path / "all.log"
+    log.write_text("\n".join(lines) + "\n")
+    found = findings(log, "CAN-004", "CAP-004")
+    assert {one["rule"] for one in found} == {"CAN-004", "CAP-004"}
+    out, request = tmp_path / "out", Request((str(log),))
+    assert extracting.extract(check(log, select=["CAN-004", "CAP-004"]), request, criteria(request), str(out))
+    parts = list(out.iterdir())
+    assert len(parts) == len(found)
+    for path in parts:
+        assert set(path.read_text().splitlines()) <= set(lines)
+        assert path.stat().st_size < log.stat().st_size / 2

@@ -51,11 +51,11 @@ class WantedFinding:
 
 @dataclass(frozen=True, slots=True)
 class Extract:
-    """A piece as candump text of `frames` lines. `shown` is False if not even the largest piece shows the finding."""
+    """A piece as candump text of some `lines`. `shown` is False if not even the largest piece shows the finding."""
 
     wanted: WantedFinding
     text: bytes
-    frames: int
+    lines: int
     shown: bool
 
 

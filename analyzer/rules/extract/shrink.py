@@ -19,6 +19,7 @@ MOST_WORK = 4_000_000  # lines judged in all trials together
 _MOST_GROUPS = 12  # that are left out one by one, the largest first
 _ERROR = 0x20000000  # bit of an identifier in candump text
 _NODE = 0x7F
+_REMARKS = (b"#", b";", b"DROPCOUNT:")  # what lines without a frame begin with
 
 
 class Shrinker:
@@ -99,15 +100,19 @@ class Shrinker:
 
 
 def _identifier(line: bytes) -> tuple[bytes, bytes]:
-    """Return interface and identifier of a line of `candump -l`."""
-    _, bus, frame = line.split(maxsplit=2)
+    """Return interface and identifier of a line of `candump -l`; of one without a frame no interface, and its mark."""
+    for mark in _REMARKS:
+        if line.startswith(mark):
+            return b"", mark
+    words = line.split(maxsplit=3)
+    bus, frame = words[1:3] if line.startswith(b"(") else words[:2]  # not every frame has a time
     return bus, frame.partition(b"#")[0]
 
 
 def _sender(line: bytes) -> tuple[bytes, object]:
-    """Return who sent it, as far as the identifier says; error frames are nobody's."""
+    """Return who sent it, as far as the identifier says; error frames and remarks are nobody's."""
     bus, text = _identifier(line)
-    number = int(text, 16)
-    if len(text) < 8:
+    if not bus or len(text) < 8:
         return bus, text
+    number = int(text, 16)
     return bus, "error frame" if number & _ERROR else number & _NODE
