@@ -194,7 +194,21 @@ def words(log: Log) -> Found:
             and one["cmd"][1] == (word >> 8 & 3) * 64 != 0
         )
 
-    return where(log, ("RawCommand",), wrong)
+    return where(log, ("RawCommand",), wrong) + _arrays(log)
+
+
+def _arrays(log: Log) -> Found:
+    """Eight commands of a sender in a row that are 16-bit throttles, and that 14 bits do not explain."""
+    found: Found = []
+    rows: dict[int, list[Message]] = {}
+    for one in messages(log, "RawCommand"):
+        row = rows.setdefault(one.src, [])
+        size = len(one.payload)
+        fits = size and not size % 2 and all(abs(value) <= 8191 for value in memoryview(one.payload).cast("h"))
+        row[:] = [*row, one] if fits and (size in {8, 10, 12} and one.payload[-1]) else []
+        if len(row) >= 8:
+            found += [each.numbers for each in (row if len(row) == 8 else row[-1:])]
+    return found
 
 
 FINDERS: dict[str, Finder] = {

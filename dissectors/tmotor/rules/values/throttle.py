@@ -56,30 +56,3 @@ def empty(view: View) -> Iterator[Occurrences]:
     if rows.size:
         rows = rows[usable(table)[rows] & (view.transfers.length[table.row[rows]] == 0)]
         yield view.among_rows("TYP-104", table, rows, lambda _row: {})
-
-
-@rule("TYP-105")
-def words(view: View) -> Iterator[Occurrences]:
-    """Find one value as low byte, high byte and five zeros, where four channels of 14 bits belong (4.4.1, example).
-
-    The low two bits of the high byte come out as 64 times as much in the second channel.
-    """
-    table = view.table("RawCommand")
-    if table is None:
-        return
-    starts, values = table.lists("cmd")
-    rows = np.flatnonzero(np.diff(starts) == 4)
-    at = starts[rows]
-    rows = rows[(values[at + 3] == 0) & (values[at + 2] == 0) & np.isin(values[at + 1], (64, 128, 192))]
-    if not rows.size:
-        return
-    first = values[starts[rows]]
-    exact = (first >= 0) & (first < 1 << 12) & (table["layout"][rows] == 0) & (table["bits_left"][rows] == 0)
-    single = ~view.transfers.has("crc_wire")[table.row[rows]]
-    rows = rows[exact & single & table.trusted[rows]]
-
-    def values_of(row: int) -> Values:
-        one, two = (int(value) for value in values[starts[row] : starts[row] + 2])
-        return {"word": one & 0xFF | (one >> 8 << 2 | two >> 6) << 8, "first": one, "second": two}
-
-    yield view.among_rows("TYP-105", table, rows, values_of)

@@ -1,10 +1,10 @@
-"""Faults of RawCommand (4.4.1): TYP-101 to TYP-105; each is one command, only a wrong number of channels stays."""
+"""Faults of RawCommand (4.4.1): TYP-101 to TYP-105; each is one command, or a row of them with wrong channels."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.times import MILLISECOND
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.faults.occasions import put
 from dissectors.traffic import Fault, Step, of
 
@@ -56,6 +56,23 @@ def _empty(case: Case, sending: Sending) -> Step:
 
 
 def _words(case: Case, sending: Sending) -> Step:
+    return _array(case, sending) if case.options["how"] == "array" else _word(case, sending)
+
+
+def _array(case: Case, sending: Sending) -> Step:
+    """Send all channels as two bytes each, low byte first, in a row of commands."""
+    cmd = sending.values["cmd"]
+    left = case.state.get("left", int(case.options["commands"]))
+    if not any(value >> 8 & 3 for value in cmd) and "left" not in case.state:
+        return Step.SKIP
+    sending.payload = b"".join(value.to_bytes(2, "little", signed=True) for value in cmd)
+    case.state["left"] = left = left - 1
+    case.answer.also = (*_MISREAD, "BUS-026", "BUS-027")
+    case.say(f"{int(case.options['commands']) - left} commands with 16 bits for each of {len(cmd)} channels")
+    return Step.MORE if left > 0 else Step.DONE
+
+
+def _word(case: Case, sending: Sending) -> Step:
     """Send one channel as two bytes, the two high bits cut off, in a frame that is filled with zeros."""
     low, high = (int(case.options["value"]) & 0x3FFF).to_bytes(2, "little")
     if not high & 3:
@@ -71,6 +88,8 @@ def _words(case: Case, sending: Sending) -> Step:
     return Step.DONE
 
 
+# What else is said of throttles that are unpacked with 14 bits.
+_MISREAD = ("TYP-003", "TYP-004", "TYP-101", "TYP-102", "TYP-103", "TYP-305", "BUS-016", "BUS-028")
 _ONLY = {"type": ("RawCommand",)}
 
 FAULTS: tuple[Fault, ...] = (
@@ -114,7 +133,8 @@ FAULTS: tuple[Fault, ...] = (
         "a throttle packed as a 16-bit word",
         transfer=_words,
         fits=_COMMAND,
-        choices=_ONLY,
-        options={"value": 1000},
+        options={"value": 1000, "how": "word", "commands": 80},
+        choices={**_ONLY, "how": ("word", "array")},
+        lasts=SECOND // 4,
     ),
 )
