@@ -13,7 +13,7 @@ from zlib import crc32
 
 import can
 import can.util
-import kit.laws  # noqa: F401 - its profiles
+import kit.strategies  # noqa: F401 - its profiles of hypothesis
 import pyarrow as pa
 import pytest
 from hypothesis import settings

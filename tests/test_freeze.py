@@ -1,13 +1,12 @@
-"""freeze.py: nothing differs from itself; a planted difference is seen, and where it begins."""
+"""bench/freeze.py: nothing differs from itself; a planted difference is seen, and where it begins."""
 
 from __future__ import annotations
 
 import json
 from typing import TYPE_CHECKING
 
-import freeze
-import frozen_outputs
 import pytest
+from bench import freeze, frozen_outputs
 from kit.command import HOVER
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from kit.command import CAPTURES
-from kit.laws import examples
 from kit.live import Fault, Frame, Lost, Note, Row, cut, stored
+from kit.strategies import examples
 
 from analyzer._native import AsRecorded
 from analyzer.app.live import run as live_run

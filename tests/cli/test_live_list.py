@@ -7,8 +7,7 @@ import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
-from kit.command import CAPTURES, LIMIT, Reader
-from kit.flying import BUS, started
+from kit.command import BUS, CAPTURES, LIMIT, Reader, start_with_bus
 
 from analyzer.app.live.list import TransferList
 from analyzer.cli import main
@@ -50,9 +49,11 @@ def entries(form: str, text: str) -> list[str]:
 def test_it_is_that_of_decode(options: str, tmp_path: Path) -> None:
     """Line by line, but for the order of those that were not complete when others were listed."""
     record = tmp_path / "x.log"
-    with started(FAULTY, "live", BUS, *options.split(), "-c", 900, "-w", record, stdout=PIPE, stderr=PIPE) as live:
+    with start_with_bus(
+        FAULTY, "live", BUS, *options.split(), "-c", 900, "-w", record, stdout=PIPE, stderr=PIPE
+    ) as live:
         out, err = live.communicate(timeout=LIMIT)
-    with started("-", "decode", *options.split(), record, stdout=PIPE, stderr=PIPE) as decode:
+    with start_with_bus("-", "decode", *options.split(), record, stdout=PIPE, stderr=PIPE) as decode:
         expected, _ = decode.communicate(timeout=LIMIT)
     assert b"has ended" not in err
     assert b"not listed" not in err
@@ -76,7 +77,7 @@ def test_a_reader_that_has_seen_enough(tmp_path: Path) -> None:
     """Ends it quietly: the recording is finished, and the exit status is that of the verdict."""
     record = tmp_path / "x.log"
     hover = CAPTURES / "hover-4.log"
-    live = started(hover, "live", BUS, "-w", record, "--fail-on", "never", stdout=PIPE, stderr=PIPE)
+    live = start_with_bus(hover, "live", BUS, "-w", record, "--fail-on", "never", stdout=PIPE, stderr=PIPE)
     with live:
         assert live.stdout is not None
         assert live.stderr is not None
@@ -93,7 +94,7 @@ def test_a_reader_that_has_seen_enough(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_reader_of_the_recording_that_has_seen_enough() -> None:
     hover = CAPTURES / "hover-4.log"
-    live = started(hover, "live", BUS, "-w", "-", "--fail-on", "never", stdout=PIPE, stderr=PIPE)
+    live = start_with_bus(hover, "live", BUS, "-w", "-", "--fail-on", "never", stdout=PIPE, stderr=PIPE)
     with live:
         assert live.stdout is not None
         assert live.stderr is not None
@@ -108,7 +109,7 @@ def test_a_reader_of_the_recording_that_has_seen_enough() -> None:
 @pytest.mark.slow
 def test_an_output_that_is_full() -> None:
     with open("/dev/full", "wb") as full:  # noqa: PTH123 - not a path of ours
-        live = started(FAULTY, "live", BUS, "--fail-on", "never", stdout=full, stderr=PIPE)
+        live = start_with_bus(FAULTY, "live", BUS, "--fail-on", "never", stdout=full, stderr=PIPE)
     with live:
         _, err = live.communicate(timeout=LIMIT)
     assert live.returncode in {3, 4}  # it may be too little to judge

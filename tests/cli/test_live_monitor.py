@@ -12,8 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import pytest
-from kit.command import CAPTURES, LIMIT, Reader, run, wait_until
-from kit.flying import BUS, started
+from kit.command import BUS, CAPTURES, LIMIT, Reader, run, start_with_bus, wait_until
 
 if TYPE_CHECKING:
     import subprocess
@@ -55,7 +54,7 @@ def watched(*args: object, flies: object = FAULTY, **env: str) -> Iterator[Seen]
     """A session that was started on a terminal."""
     ours, theirs = os.openpty()
     size(theirs, 24, 80)
-    process = started(
+    process = start_with_bus(
         flies, "live", BUS, *args, env={"TERM": "xterm"} | env, stdin=theirs, stdout=theirs, stderr=theirs,
         start_new_session=True, preexec_fn=_own_terminal,
     )  # fmt: skip

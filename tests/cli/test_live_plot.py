@@ -6,8 +6,7 @@ import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
-from kit.command import CAPTURES, LIMIT, Reader, wait_until
-from kit.flying import BUS, started
+from kit.command import BUS, CAPTURES, LIMIT, Reader, start_with_bus, wait_until
 from kit.pictures import keeper, taken
 
 from analyzer.plot import viewer_program as plot_viewer
@@ -25,7 +24,9 @@ def test_nobody_there(tmp_path: Path) -> None:
     """It is said once, and the session goes on."""
     url = f"rerun+http://127.0.0.1:{plot_viewer.free_port('127.0.0.1')}/proxy"
     record = tmp_path / "x.log"
-    with started(HOVER, "live", BUS, "-q", "-w", record, "-c", 3000, "--plot", url, stdout=PIPE, stderr=PIPE) as live:
+    with start_with_bus(
+        HOVER, "live", BUS, "-q", "-w", record, "-c", 3000, "--plot", url, stdout=PIPE, stderr=PIPE
+    ) as live:
         _, err = live.communicate(timeout=LIMIT)
     assert err.count(b"-- the viewer gets no more: ") == 1
     assert b"Traceback" not in err
@@ -35,7 +36,7 @@ def test_nobody_there(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_no_display() -> None:
     env = {"DISPLAY": "", "WAYLAND_DISPLAY": ""}
-    with started("-", "live", BUS, "-q", "--plot", env=env, stdout=PIPE, stderr=PIPE) as live:
+    with start_with_bus("-", "live", BUS, "-q", "--plot", env=env, stdout=PIPE, stderr=PIPE) as live:
         out, err = live.communicate(timeout=LIMIT)
     assert (live.returncode, out) == (3, b"")
     assert err == b"tailbyte: --plot: there is no display for a viewer: give the URL of one\n"
@@ -46,7 +47,7 @@ def test_no_display() -> None:
 def test_it_has_what_was_on_the_bus(tmp_path: Path) -> None:
     with keeper(tmp_path) as (address, kept):
         args = ("live", BUS, "-q", "-c", 3000, "--plot", str(address))
-        with started(HOVER, *args, stdout=PIPE, stderr=PIPE) as live:
+        with start_with_bus(HOVER, *args, stdout=PIPE, stderr=PIPE) as live:
             _, err = live.communicate(timeout=LIMIT)
         assert b"the viewer" not in err
         wait_until(lambda: {"/voltage/esc1", "/speed/esc4"} <= set(taken(kept).rows))
@@ -58,7 +59,7 @@ def test_one_that_goes_away_ends_nothing_but_the_plot(tmp_path: Path) -> None:
     record = tmp_path / "x.log"
     args = ("live", BUS, "-q", "-w", record, "--plot")
     with keeper(tmp_path) as (address, _):
-        live = started(HOVER, *args, str(address), stdout=PIPE, stderr=PIPE)
+        live = start_with_bus(HOVER, *args, str(address), stdout=PIPE, stderr=PIPE)
         wait_until(lambda: record.exists() and record.read_bytes().count(b"\n") > 500)
     assert live.stderr is not None
     with live:

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kit import encode
 from kit.encode import Frame, Transfer
-from kit.laws import examples
+from kit.strategies import examples
 from kit.traffic import MS, START, lines, push, status, throttle
 
 import analyzer

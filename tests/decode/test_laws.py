@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kit import encode, strategies
 from kit.hobbywing_types import physical
-from kit.laws import examples
+from kit.strategies import examples
 from kit.traffic import differing
 
 from analyzer.tables import EXTENDED, STATUSES

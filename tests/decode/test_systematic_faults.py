@@ -11,8 +11,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from kit.encode import Frame
 from kit.judged import judge, whole
-from kit.laws import examples
 from kit.simulated import flight
+from kit.strategies import examples
 from kit.traffic import MS, at, lines, status
 
 if TYPE_CHECKING:

@@ -48,8 +48,7 @@ def finding(rule: str, second: float = 600.4, until: float | None = None, **chan
         "type": "ESCStatus", "count": 3, "frames": (1380921, 1380950, 1381002), "cause": "lost frame", "text": text,
         "examples": (Example(first.frame, first.t_ns, "frame 2 of 3 is missing", LINES),), "fails": False,
     }  # fmt: skip
-    titled = rule if rule in reports.TITLES else "TRF-003"
-    return replace(reports.finding(titled), **usual | {"rule": rule, "first": first, "last": last} | changes)
+    return replace(reports.finding(rule), **usual | {"first": first, "last": last} | changes)
 
 
 def node(number: int, channel: int, **changes: Any) -> NodeUse:

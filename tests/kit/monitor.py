@@ -20,8 +20,8 @@ from analyzer.terminal.app import Monitor
 from dissectors.times import SECOND
 from kit import encode
 from kit.command import CAPTURES, START
-from kit.findings import change
 from kit.flight import node_info
+from kit.reports import change
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator

@@ -1,4 +1,7 @@
-"""Reports made by hand: what `check` might say of captures that are healthy, faulty, empty, damaged or hostile."""
+"""Reports and findings made by hand: what `check` or a live session might say, without a capture.
+
+The reports are of captures that are healthy, faulty, empty, damaged or hostile.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,7 @@ from analyzer.report.model import (
     RuleVerdict,
     Waiver,
 )
+from analyzer.report.newest import Change
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -53,8 +57,8 @@ TEXTS = st.lists(st.sampled_from(NASTY) | st.text(st.characters(codec=None), max
 
 
 def finding(rule: str, at: int | None = 0, *, node: int | None = 24, frame: int | None = 1, **more: Any) -> Finding:
-    """One finding of a rule; `at` is its time in ns from the start of the capture."""
-    title, severity, category, origin, clause = TITLES[rule]
+    """One finding of a rule, which is called like TRF-003 if it stands not above; `at` is in ns from the start."""
+    title, severity, category, origin, clause = TITLES.get(rule, TITLES["TRF-003"])
     t = None if at is None else START + at
     last = more.pop("last", 0)
     end = Place(None if frame is None else frame + bool(last), None if t is None else t + last)
@@ -68,6 +72,15 @@ def finding(rule: str, at: int | None = 0, *, node: int | None = 24, frame: int 
     if "examples" not in values and frame is not None:
         values["examples"] = (Example(frame, t, values["text"], (LINE.format(frame % 256),)),)
     return Finding(**values)
+
+
+def change(
+    rule: str = "TRF-010", severity: Severity = "error", t: int | None = None, *, fresh: bool = True, count: int = 1,
+    **more: Any,
+) -> Change:  # fmt: skip
+    """A finding as a live session tells it: new, or come up again so often; `t` is its time in ns."""
+    given = {"node": None, "severity": severity} | more
+    return Change(finding(rule, None if t is None else t - START, frame=None, **given), fresh, count)
 
 
 def rules(findings: Iterable[Finding] = (), missing: Iterable[str] = ("CAN-004", "BUS-005")) -> tuple[RuleVerdict, ...]:

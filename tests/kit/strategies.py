@@ -1,4 +1,6 @@
-"""Hypothesis strategies: valid traffic on paper, then damaged.
+"""Laws: how often hypothesis tries one, and strategies for traffic that is valid on paper, then damaged.
+
+A law is tried a fifth as often in the fast run, as often as it says with `--all-examples`.
 
 Random bytes hardly ever reach a wrong toggle or a late frame; traffic that was valid a moment ago does. `captures()`
 gives the bytes of a candump log together with what was sent and what was done to it.
@@ -9,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 from kit import encode
@@ -16,6 +19,19 @@ from kit.encode import Frame, Transfer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+SAMPLE, FEW = 20, 5
+# No law depends on how fast a machine is, nor whether it can be tried there.
+_CALM = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.function_scoped_fixture]
+settings.register_profile("sample", deadline=None, suppress_health_check=_CALM, max_examples=SAMPLE)
+settings.register_profile("all", deadline=None, suppress_health_check=_CALM, max_examples=100)
+
+
+def examples(count: int, **more: Any) -> settings:
+    """Return settings for a law that is tried `count` times, or a fifth of that in the fast run."""
+    everything = settings.get_current_profile_name() == "all"
+    return settings(max_examples=count if everything else min(count, max(FEW, count // 5)), **more)
+
 
 MS, US = 1_000_000, 1000
 START = 1_700_000_000 * 10**9

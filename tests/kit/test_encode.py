@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kit import VECTORS, encode, strategies
-from kit.laws import examples
+from kit.strategies import examples
 
 FULL_NAMES = {
     "ESCStatus": "uavcan.equipment.esc.Status",

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kit.laws import examples
 from kit.live import START, Lost, Note, Row, cut, made, sessions
 from kit.rows import BRS, ESI, EXTENDED, FD, REMOTE, RX, TX, Frame
+from kit.strategies import examples
 
 from analyzer._native import AsRecorded, FrameBatch, Reader, Rows, Writer
 

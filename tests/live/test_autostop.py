@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from kit.findings import change, finding
 from kit.live import Note, Row, cut, sessions, taken
+from kit.reports import change, finding
 from kit.rows import Frame
 
 from analyzer.live.autostop import Autostop, AutostopPlan, parse_autostop
@@ -70,9 +70,9 @@ def test_conditions_that_are_none(text: str, why: str) -> None:
     ],
 )
 def test_what_a_finding_meets(wanted: FindingPattern, met: list[bool]) -> None:
-    found = [finding(), finding("TRF-016", "warning"), finding("CAP-004", "error", category="capture")]
+    found = [finding("TRF-010"), finding("TRF-016", severity="warning"), finding("CAP-004", category="capture")]
     assert [wanted.matches(one) for one in found] == met
-    assert not any(wanted.matches(finding(one.rule, one.severity, baseline="known")) for one in found)
+    assert not any(wanted.matches(replace(one, baseline="known")) for one in found)
 
 
 @example(rows=[Frame(), Note(1, "behind it")], cuts=[], most=1)

@@ -13,7 +13,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from kit.command import HOVER, LIMIT, wait_until
 from kit.judged import registry
-from kit.laws import examples
 from kit.live import (
     MS,
     Lost,
@@ -32,6 +31,7 @@ from kit.live import (
     traffic,
 )
 from kit.rows import Fault, Frame, text
+from kit.strategies import examples
 
 from analyzer.decode.engine import Engine
 from analyzer.live.recording.file_recorder import FileRecorder

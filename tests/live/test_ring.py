@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from kit.command import wait_until
-from kit.laws import examples
 from kit.live import MS, Note, Row, as_recorded, cut, made, plan, record, sessions, stored, taken, traffic
 from kit.rows import Frame
+from kit.strategies import examples
 
 from analyzer.live.recording import files as files_module
 from analyzer.live.recording.file_recorder import FileRecorder

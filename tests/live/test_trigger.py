@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from kit.command import wait_until
-from kit.findings import change as changed
 from kit.live import MS, START, Lost, Note, Row, cut, made, plan, stored, taken, traffic
+from kit.reports import change as changed
 from kit.rows import Fault, Frame
 from live.test_autostop import RULES
 
@@ -63,7 +63,7 @@ def test_arguments_that_are_none(given_: tuple, why: str) -> None:
 
 def change(at: int, fresh: bool = True, severity: Severity = "error") -> Change:
     """A finding at the time of a frame of `traffic`."""
-    return changed(severity=severity, fresh=fresh, at=START + at * MS)
+    return changed(severity=severity, fresh=fresh, t=START + at * MS, text="wrong CRC")
 
 
 def numbers(rows: Sequence[Row]) -> list[int | str]:
@@ -226,7 +226,7 @@ def test_interfaces_with_clocks_of_their_own(skew: int, bus: str, size: int) -> 
         out += taken(trigger.feed(made([*traffic(size, first=n), *other], ["can0", "can1"])))
         if n == 10_000:
             t = START + n * MS + (skew if bus == "can1" else 0)
-            out += taken(trigger.take_findings([changed(bus=bus, at=t)]))
+            out += taken(trigger.take_findings([changed(bus=bus, t=t)]))
     late = 400 if abs(skew) < SECOND else 2  # such clocks are taken for one
     for name in ("can0", "can1"):
         got = [int.from_bytes(row.data, "big") for row in out if isinstance(row, Frame) and row.bus == name]
@@ -243,7 +243,7 @@ def test_what_the_host_says_does_not_move_the_clock_of_a_controller() -> None:
     rows[45:45] = [Note(START, "can0: link up after 0.1 s"), Fault(START + MS, "can0"), Lost(START + 2 * MS, "can0", 3)]
     trigger.feed(made(rows[:30]))
     trigger.feed(made(rows[30:]))
-    out = taken(trigger.take_findings([changed(at=50 * MS)]))
+    out = taken(trigger.take_findings([changed(t=50 * MS)]))
     frames = [row for row in out if isinstance(row, Frame)]
     assert [row.t for row in frames] == [n * MS for n in range(40, 56)]
     assert len(out) - len(frames) == 3 + 3
@@ -302,7 +302,7 @@ def test_rows_go_out_once_in_order_and_only_around_findings(
             if when < fed:
                 due.remove((when, at))
                 last = max(sent(out), default=-1)
-                out += taken(trigger.take_findings([changed(at=rows[at].t)]))
+                out += taken(trigger.take_findings([changed(t=rows[at].t)]))
                 told |= {at}
                 assert at in sent(out) or last > at
     out += taken(trigger.finish())

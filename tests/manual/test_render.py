@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from kit.command import SGR
-from kit.laws import examples
 from kit.pages import MANUAL, PAGES, blocks, name_of
+from kit.strategies import examples
 
 from analyzer.views.page.markdown import render
 from analyzer.views.terminal import Palette, display_width

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from kit import html_samples as samples
-from kit.laws import examples
 from kit.reports import START
+from kit.strategies import examples
 
 from analyzer.report.html import render
 from analyzer.report.html.evidence import frame_line

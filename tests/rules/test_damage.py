@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from kit import encode
 from kit.encode import Frame, Transfer, log_line
 from kit.judged import whole
-from kit.laws import examples
+from kit.strategies import examples
 
 from analyzer.rules.diagnosis import checksums, losses, proofs
 

@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from kit import encode
 from kit.judged import registry
-from kit.laws import examples
+from kit.strategies import examples
 
 from dissectors.profile import Profile, ProfileError
 from dissectors.registry import Registry

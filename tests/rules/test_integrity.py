@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from kit import VECTORS, encode
 from kit.encode import Frame, Transfer, log_line
 from kit.judged import Said, judge, whole
-from kit.laws import examples
 from kit.simulated import flight
+from kit.strategies import examples
 from witness.proof import finder
 from witness.reader import Log
 

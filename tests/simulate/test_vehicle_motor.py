@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from kit.laws import examples
+from kit.strategies import examples
 
 from dissectors.tmotor.traffic import control
 from dissectors.tmotor.traffic.control import LIMITS, MODES, MotorControl

@@ -12,7 +12,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from hypothesis import given
 from hypothesis import strategies as st
 from kit.exported import same
-from kit.laws import examples
+from kit.strategies import examples
 
 from analyzer import _native
 from analyzer.sinks.telemetry_rows import encode

@@ -8,8 +8,8 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kit.laws import examples
 from kit.mcaps import COMPRESSIONS, LAYOUTS, Builder, Frame, Got, Layout, from_pieces
+from kit.strategies import examples
 
 OTHER = Layout(
     "x/msg/Speed", "ros2msg", b"float64 speed", "cdr", lambda frame: b"\0\1\0\0" + struct.pack("<q", frame.t)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kit.command import CAPTURES, HOVER, START
 from kit.exported import by_time, flight, merge, piece, seen, text, write
-from kit.laws import examples
+from kit.strategies import examples
 
 from analyzer._native import Merger
 from analyzer.decode.engine import Engine

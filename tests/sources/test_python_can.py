@@ -12,8 +12,8 @@ import pytest
 import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
-from kit.laws import examples
 from kit.rows import BRS, ESI, EXTENDED, FD, REMOTE, RX, TX, Fault, Frame, Record, events, records
+from kit.strategies import examples
 from kit.with_can import FD_LENGTHS, TEXT, WRITERS, frames, read, total, written
 
 from analyzer._native import FrameBatch

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from kit import VECTORS, encode
-from kit.laws import examples
-from kit.strategies import Capture, captures
+from kit.strategies import Capture, captures, examples
 from kit.traffic import SECOND, START, at, lines, push, retail, status, throttle
 
 from analyzer.facts.summary import Summary

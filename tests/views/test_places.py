@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from kit import VECTORS, encode
-from kit.laws import examples
-from kit.strategies import MESSAGES, SERVICES, fields_of
+from kit.strategies import MESSAGES, SERVICES, examples, fields_of
 
 from analyzer.views.places import FieldPlace, places, raw_bits, span
 from analyzer.views.rows import TransferRows

@@ -13,8 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from kit import VECTORS, encode
-from kit.laws import examples
-from kit.strategies import fields_of
+from kit.strategies import examples, fields_of
 from kit.traffic import START, lines, push, same, status, throttle
 
 from analyzer.views.fields import Fields, field_names

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit import encode
-from kit.judged import judge, proved
-from kit.packet_log import STATUS, Sent, capture, motor
+from kit.judged import STATUS, Sent, capture, judge, motor, proved
 from kit.simulated import flight
 
 if TYPE_CHECKING:

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 from kit import encode
-from kit.judged import judge, proved
-from kit.packet_log import STATUS, Sent, capture, motor, said
+from kit.judged import STATUS, Sent, capture, judge, motor, proved, said
 from kit.simulated import flight
 
 RULES = ("PUSH-102", "PUSH-103", "PUSH-201", "PUSH-304", "PUSH-409")

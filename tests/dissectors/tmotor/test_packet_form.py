@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit import VECTORS, encode
-from kit.judged import judge, outcome, proved, whole
-from kit.packet_log import STATUS, capture, motor, said, summed
+from kit.judged import STATUS, capture, judge, motor, outcome, proved, said, summed, whole
 from kit.simulated import SEED, flight
 from witness.flights import fly
 from witness.proof import finder
@@ -15,7 +14,7 @@ from witness.proof import finder
 from analyzer.rules import recent
 
 if TYPE_CHECKING:
-    from kit.packet_log import Sent
+    from kit.judged import Sent
 
 FORM = ("PUSH-001", "PUSH-002", "PUSH-003", "PUSH-004", "PUSH-005", "PUSH-006", "PUSH-007", "PUSH-008", "PUSH-009")
 QUERY = "PUSHSCI.FocQuery"

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 from kit import VECTORS, encode
-from kit.judged import judge, proved
-from kit.packet_log import MOTOR, Sent, capture, motor, motors, said
+from kit.judged import MOTOR, Sent, capture, judge, motor, motors, proved, said
 from kit.simulated import flight
 
 RULES = (

@@ -1,4 +1,4 @@
-"""The outputs that freeze.py compares: a capture -> the text of every command, and of every file that it writes.
+"""The outputs that bench/freeze.py compares: a capture -> the text of every command, and of every file that it writes.
 
 Everything runs in this process by `analyzer.cli.main`, in the current folder, and nothing else of the product is
 imported: the rooms below the command line may move as they like.

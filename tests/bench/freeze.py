@@ -1,7 +1,7 @@
 """What every command gives, frozen before a change and compared after it.
 
-    python tests/freeze.py save DIR                      # keeps captures, simulated flights, and all outputs in DIR
-    python tests/freeze.py compare DIR [--only GLOB]     # one paragraph a difference; exit status 1 if there is any
+    python tests/bench/freeze.py save DIR  # keeps captures, simulated flights, and all outputs in DIR
+    python tests/bench/freeze.py compare DIR [--only GLOB]  # one paragraph a difference; exit status 1 if there is any
 
 All captures of captures/ and 50 simulated flights go through decode, info, check, convert, export and plot, in process.
 `compare` reads the captures and flights that DIR holds, and simulates the flights again: these are compared, too.
@@ -26,11 +26,10 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from bench import frozen_outputs
 from kit import CAPTURES
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-import frozen_outputs
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
