@@ -17,7 +17,7 @@ _KINDS = {0x01: "bit", 0x02: "form", 0x04: "stuff"}
 
 # What a receiver finds out about it afterwards.
 _AFTERMATH = (
-    *("BUS-007", "BUS-020", "BUS-025", "BUS-028"),
+    *("BUS-007", "BUS-017", "BUS-020", "BUS-025", "BUS-028"),
     *("TRF-005", "TRF-006", "TRF-007", "TRF-016"),
     *("TYP-305", "TYP-501", "PUSH-410"),
 )

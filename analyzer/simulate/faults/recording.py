@@ -87,7 +87,7 @@ FAULTS: tuple[Fault, ...] = (
         limits={"back": (0.01, 60)},
         harmless=True,
         exact=True,
-        also=("CAP-002", "BUS-007", "BUS-025"),
+        also=("CAP-002", "BUS-007", "BUS-017", "BUS-025"),
     ),
     Fault(
         "CAP-002",
@@ -96,7 +96,18 @@ FAULTS: tuple[Fault, ...] = (
         options={"seconds": 1.5},
         limits={"seconds": (1.1, 3600)},
         lasts=1800 * MILLISECOND,
-        also=("TRF-016", "TRF-019", "TYP-305", "TYP-501", "PUSH-009", "PUSH-410", "BUS-007", "BUS-020", "BUS-025"),
+        also=(
+            "TRF-016",
+            "TRF-019",
+            "TYP-305",
+            "TYP-501",
+            "PUSH-009",
+            "PUSH-410",
+            "BUS-007",
+            "BUS-017",
+            "BUS-020",
+            "BUS-025",
+        ),
     ),
     Fault(
         "CAP-003",

@@ -29,6 +29,7 @@ class VehicleExercise:
         self._since: dict[int, int] = {}
         self._ran: dict[int, int] = {}
         self._commanded: dict[int, int] = {}
+        self._channels: dict[int, int] = {}  # of the last command, by bus
         self._end = NO_TIME
 
     @property
@@ -83,6 +84,9 @@ class VehicleExercise:
             last = self._commanded.get(bus, int(sent.t[0]))
             if "bad throttle" not in self._words and (np.diff(sent.t, prepend=last) > 100 * MILLISECOND).any():
                 self._words.add("bad throttle")
+            if self._channels.get(bus, 0) > int(sent.counts.min()) or (np.diff(sent.counts) < 0).any():
+                self._words.add("bad throttle")  # a channel is left out
+            self._channels[bus] = int(sent.counts[-1])
             self._commanded[bus] = int(sent.t[-1])
         if any(view.end - t > 100 * MILLISECOND for t in self._commanded.values()):
             self._words.add("bad throttle")

@@ -115,7 +115,9 @@ def _stop_commanding(story: Story) -> None:
         node = esc.node.number
         if not esc.stock:
             _shows(story.case("TYP-305", f"throttle loss of node {node}", _TOLD), node, _THROTTLE_LOSS)
-    lost = story.case("BUS-007", "no RawCommand until the end of the recording; the ESCs stop after their timeout")
+    lost = story.case(
+        "BUS-007", "no RawCommand until the end of the recording; the ESCs stop after their timeout", ("BUS-017",)
+    )
     begin = story.world.now + 100 * MILLISECOND
     lost.watch(lambda sending: STATUS(sending) and sending.t > begin)
 

@@ -15,13 +15,15 @@ FULL = 8191
 class Throttle:
     """One channel. `raw` is the last valid command, `heard` and `valid` are in ns.
 
-    They are the times of the last command of any kind and of the last valid one, -1 before there was one.
+    They are the times of the last command of any kind and of the last valid one, -1 before there was one. `timeout` is
+    how long it is held, in ns.
     """
 
     raw: int = 0
     heard: int = -1
     valid: int = -1
     abnormal: bool = False
+    timeout: int = TIMEOUT
 
     def hear(self, command: int, now: int) -> None:
         """Take a RawCommand. A negative one is an anomaly; the last valid one is held until the timeout."""
@@ -32,7 +34,7 @@ class Throttle:
 
     def lost(self, now: int) -> bool:
         """Return if commands came and have stopped."""
-        return self.heard >= 0 and now - self.heard > TIMEOUT
+        return self.heard >= 0 and now - self.heard > self.timeout
 
     @property
     def started(self) -> bool:
@@ -41,4 +43,4 @@ class Throttle:
 
     def value(self, now: int) -> int:
         """Return the throttle to follow, 0 to 8191."""
-        return self.raw if self.valid >= 0 and now - self.valid <= TIMEOUT else 0
+        return self.raw if self.valid >= 0 and now - self.valid <= self.timeout else 0

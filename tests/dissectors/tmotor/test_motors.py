@@ -99,33 +99,6 @@ def test_stock_escs_need_not_report_negative_throttle() -> None:
     assert found(vehicle, "BUS-016") == []
 
 
-@pytest.mark.slow
-def test_how_long_throttle_is_held() -> None:
-    vehicle = Vehicle()
-    vehicle.commands(0, 1000, 3000)
-    vehicle.statuses(0, 1100, rpm=3000, power_rating_pct=37)
-    zero = vehicle.statuses(1100, 1500, rpm=1000)
-    (one,) = found(vehicle, "BUS-017")
-    assert (one.frames, one.text) == ((zero[0].frames[0],), "held 37 % for 110 ms")
-    landing = Vehicle()
-    landing.commands(0, 1000, 3000)
-    landing.commands(1000, 2000, 0)
-    landing.statuses(0, 1015, rpm=3000, power_rating_pct=37)
-    landing.statuses(1020, 2000, rpm=1000)
-    assert found(landing, "BUS-017") == []
-
-
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize(("throttle", "texts"), [(-100, ["held 37 % for 110 ms"]), (3000, [])])
-def test_an_esc_that_stops_while_commands_go_on(throttle: int, texts: list[str]) -> None:
-    vehicle = Vehicle()
-    vehicle.commands(0, 1000, 3000)
-    vehicle.commands(1000, 2000, throttle)
-    vehicle.statuses(0, 1100, rpm=3000, power_rating_pct=37)
-    vehicle.statuses(1100, 2000, rpm=1000)
-    assert [one.text for one in found(vehicle, "BUS-017")] == texts
-
-
 def following(throttle: int, rpm: int, seconds: float, **more: int) -> tuple[Vehicle, list[Sent]]:
     vehicle = Vehicle()
     vehicle.commands(0, seconds * 1000, throttle)

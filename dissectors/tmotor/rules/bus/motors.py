@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach, sound
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach
+from dissectors.tmotor.rules.bus.driven import DrivenUnits
 from dissectors.tmotor.rules.bus.joins import MOST_UNITS, NO_CHANNEL, Commands, ReportingEsc, commands, units
-from dissectors.tmotor.rules.packets.carried import ALL_UNITS, FIRST_UNIT
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -20,19 +20,16 @@ _FULL = 8191
 _CHANNELS = 32
 _HIGH, _ZERO = 1, 2  # what a channel is: above the limit, or 0; 0 stands for anything else
 _UNDRIVEN = (5, 7, 8)  # coast down and both folds turn without throttle
-_RELEASED = (0x00, 0x66)  # control modes that drive nothing
-_LATE = 20 * MILLISECOND  # a command that is so old is missing
 
 
 class _Throttle:
-    """A bus's commands up to the batch: the last one, what each channel is and since when, its last good value."""
+    """A bus's commands up to the batch: the last one, what each channel is and since when."""
 
     def __init__(self) -> None:
         self.t = NO_TIME
         self.cmd = np.full(_CHANNELS, NO_CHANNEL, np.int16)
         self.kind = np.zeros(_CHANNELS, np.int8)
         self.since = np.full(_CHANNELS, NO_TIME)
-        self.good = np.full((2, _CHANNELS), NO_TIME)  # times and values
 
     def feed(self, sent: Commands, high: int, timeout: int) -> None:
         """Make this batch's commands the last ones."""
@@ -42,10 +39,6 @@ class _Throttle:
         changed |= sent.paused(self.t, timeout)
         for channel in np.flatnonzero(changed.any(axis=1)).tolist():
             self.since[channel] = sent.t[np.flatnonzero(changed[channel])[-1]]
-        fine = sent.cmd[:count] >= 0
-        for channel in np.flatnonzero(fine.any(axis=1)).tolist():
-            last = -1 if fine[channel, -1] else int(np.flatnonzero(fine[channel])[-1])
-            self.good[:, channel] = sent.t[last], sent.cmd[channel, last]
         self.cmd[:] = NO_CHANNEL
         self.kind[:] = 0
         self.cmd[:count], self.kind[:count], self.t = sent.cmd[:count, -1], kind[:, -1], int(sent.t[-1])
@@ -53,12 +46,11 @@ class _Throttle:
 
 @dataclass(slots=True)
 class _State:
-    """An ESC's reports up to the batch: its runs that may go on, and its last throttle."""
+    """An ESC's reports up to the batch: its runs that may go on."""
 
     kind: int = 0
     first: int = NO_TIME
     breach: bool = False
-    pct: int = 0
     negative: Occurrence | None = None
     reports: int = 0
     confirmed: bool = False
@@ -79,12 +71,12 @@ class _Joined(NamedTuple):
 class Following(Rule):
     """ESCs against the throttle of their channel."""
 
-    rules = ("BUS-016", "BUS-017", "BUS-028")
+    rules = ("BUS-016", "BUS-028")
 
     def __init__(self) -> None:
         self._throttles: dict[int, _Throttle] = {}
         self._states: dict[ReportingEsc, _State] = {}
-        self._driven: dict[tuple[int, int], bool] = {}
+        self._driven = DrivenUnits()
 
     def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Join each report with the command before it."""
@@ -93,20 +85,17 @@ class Following(Rule):
             return
         high = int(view.number("BUS-028", "high_pct") / 100 * _FULL)
         timeout = round(view.number("BUS-007", "timeout_ms") * MILLISECOND)
-        driven = _driven(view)
+        self._driven.feed(view)
         for unit, rows in units(view).items():
             throttle, sent = self._throttles.get(unit.bus, _Throttle()), now.get(unit.bus)
             if table is None or (unit not in self._states and len(self._states) >= MOST_UNITS):
                 continue
             state, joined = self._states.setdefault(unit, _State()), _join(table, unit, rows, throttle, sent)
             fresh = (joined.command_t != NO_TIME) & (joined.t - np.maximum(joined.command_t, 0) <= timeout)
-            yield from self._follow(view, state, joined, (fresh, throttle, sent, driven, high, timeout))
+            yield from self._follow(view, state, joined, (fresh, throttle, sent, high, timeout))
             yield from _negative(view, state, joined, fresh & (joined.cmd < 0) & (joined.cmd != NO_CHANNEL))
-            yield from _held(view, state, joined, throttle, sent)
         for bus, sent in now.items():
             self._throttles.setdefault(bus, _Throttle()).feed(sent, high, timeout)
-        for place, said in driven.items():
-            self._driven[place] = said[-1][1]
 
     def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Yield negative throttle up to the end."""
@@ -114,14 +103,16 @@ class Following(Rule):
             yield from _judge(view, state)
 
     def _follow(self, view: View, state: _State, joined: _Joined, what: Any) -> Iterator[Occurrence]:
-        fresh, throttle, sent, driven, high, timeout = what
+        fresh, throttle, sent, high, timeout = what
         table, rows, unit = joined.table, joined.rows, joined.unit
         rpm = table["rpm"][rows]
         kind = np.where(joined.cmd > high, _HIGH, np.where(joined.cmd == 0, _ZERO, 0)) * fresh
         turning = np.abs(rpm) > view.number("BUS-028", "turning_rpm")
         suspect = np.where(((kind == _HIGH) & (rpm == 0)) | ((kind == _ZERO) & turning), kind, 0)
         if (suspect == _ZERO).any():
-            excused = np.isin(table["error_count.mode"][rows], _UNDRIVEN) | self._drives(joined, driven)
+            number = table["transfer"][rows].astype(np.int64)
+            driven = self._driven.at(unit.bus, unit.index, number)
+            excused = np.isin(table["error_count.mode"][rows], _UNDRIVEN) | driven
             suspect[(suspect == _ZERO) & excused] = 0
         if not suspect.any():
             state.kind, state.breach = 0, False
@@ -137,17 +128,6 @@ class Following(Rule):
             values = {"channel": unit.index + 1, "throttle_pct": pct, "rpm": int(rpm[at])}
             yield _report(view, "BUS-028", joined, at, values)
         state.kind, state.first, state.breach = int(suspect[-1]), int(first[-1]), bool(breach[-1])
-
-    def _drives(self, joined: _Joined, driven: Mapping[tuple[int, int], list[tuple[int, bool]]]) -> Array:
-        """Return reports of an ESC whose unit a control packet drives."""
-        out = np.zeros(len(joined.rows), bool)
-        number = joined.table["transfer"][joined.rows].astype(np.int64)
-        for unit in (ALL_UNITS, FIRST_UNIT + joined.unit.index):
-            place = (joined.unit.bus, unit)
-            said = driven.get(place, [])
-            states = np.array([self._driven.get(place, False), *(one for _, one in said)])
-            out |= states[np.searchsorted(np.array([at for at, _ in said], np.int64), number)]
-        return out
 
 
 def _kinds(cmd: Array, high: int) -> Array:
@@ -204,36 +184,6 @@ def _judge(view: View, state: _State) -> Iterator[Occurrence]:
         severity: Severity | None = "note" if state.confirmed else None
         yield replace(state.negative, values=values, severity=severity, dialects={"dronecan": None})
     state.negative, state.reports, state.confirmed = None, 0, False
-
-
-def _held(
-    view: View, state: _State, joined: _Joined, throttle: _Throttle, sent: Commands | None
-) -> Iterator[Occurrence]:
-    """Yield ESCs that go to zero by themselves after bad or missing throttle (BUS-017)."""
-    pct = joined.table["power_rating_pct"][joined.rows]
-    before = np.concatenate(([state.pct], pct[:-1]))
-    state.pct = int(pct[-1])
-    for at in np.flatnonzero((pct == 0) & (before > 0)).tolist():
-        t, cmd, k, channel = int(joined.t[at]), int(joined.cmd[at]), int(joined.k[at]), joined.unit.index
-        good_t, good = int(throttle.good[0, channel]), int(throttle.good[1, channel])
-        if sent is not None and channel < len(sent.cmd):
-            fine = np.flatnonzero(sent.cmd[channel, :k] >= 0)
-            if len(fine):
-                good_t, good = int(sent.t[fine[-1]]), int(sent.cmd[channel, fine[-1]])
-        if good > 0 and (cmd < 0 or t - int(joined.command_t[at]) > _LATE):
-            values = {"held_pct": int(before[at]), "milliseconds": (t - good_t) / MILLISECOND}
-            yield _report(view, "BUS-017", joined, at, values)
-
-
-def _driven(view: View) -> dict[tuple[int, int], list[tuple[int, bool]]]:
-    """Return by bus and unit byte from which transfer on a control packet drives it, or releases it."""
-    table, found = view.table("PUSHSCI.OutputControl"), dict[tuple[int, int], list[tuple[int, bool]]]()
-    if table is not None:
-        for row in np.flatnonzero(sound(table)).tolist():
-            driven = int(table["control_mode"][row]) not in _RELEASED
-            place = int(table.bus[row]), int(table["unit_id"][row])
-            found.setdefault(place, []).append((int(table["transfer"][row]), driven))
-    return found
 
 
 RULES: tuple[type[Rule], ...] = (Following,)

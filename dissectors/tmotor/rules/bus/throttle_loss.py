@@ -1,4 +1,4 @@
-"""Throttle commands that stop, and what takes over then."""
+"""Throttle commands that stop."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Pauses, Rule, breach, sound
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, commands
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Pauses, Rule, breach
+from dissectors.tmotor.rules.bus.joins import commands
 from dissectors.tmotor.rules.bus.motion import Motion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator
 
-    from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, View
+    from dissectors.kit import Array, Occurrence, Occurrences, View
     from dissectors.tmotor.rules.bus.joins import Commands
 
 _RUNNING = 5  # so many commands without a pause are a stream that can stop
@@ -111,45 +111,4 @@ def _losing(view: View) -> dict[int, tuple[Array, Array]]:
     return {place: (number[bus == place], index[bus == place]) for place in np.flatnonzero(np.bincount(bus)).tolist()}
 
 
-class TakenOver(Rule):
-    """Motors that go on turning by PWM after commands stopped; one occurrence a node and pause."""
-
-    rules = ("BUS-034",)
-
-    def __init__(self) -> None:
-        self._last: dict[int, int] = {}
-        self._reported: dict[tuple[int, int], int] = {}
-
-    def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
-        """Join status packets with the last command before them."""
-        if view.start == NO_TIME:
-            return
-        now, table = commands(view), view.table("PUSHCAN.MotorStatus")
-        if table is not None:
-            wait = view.number("BUS-034", "wait_ms") * MILLISECOND
-            turning = sound(table) & (table["speed"] != 0)
-            since = self._since(table, now)
-            late = (since != NO_TIME) & (table.t - np.maximum(since, 0) > wait)
-            for row in np.flatnonzero(turning & late & (table["pwm"] > 0) & (table["throttle"] > 0)).tolist():
-                bus, node, last = int(table.bus[row]), int(table.src[row]), int(since[row])
-                if self._reported.get((bus, node)) != last and len(self._reported) < MOST_UNITS:
-                    self._reported[bus, node] = last
-                    values = {"microseconds": float(table["pwm"][row]), "rpm": int(table["speed"][row])}
-                    yield breach(view, table, row, "BUS-034", values)
-        for bus, sent in now.items():
-            self._last[bus] = int(sent.t[-1])
-
-    def _since(self, table: DecodedTable, now: Mapping[int, Commands]) -> Array:
-        """Return the time of the last command before each row, `NO_TIME` without any."""
-        since = np.full(len(table), NO_TIME)
-        for bus in self._last.keys() | now.keys():
-            mine, t = table.bus == bus, np.array([self._last.get(bus, NO_TIME)])
-            if bus in now:
-                t = np.concatenate((t, now[bus].t))
-                since[mine] = t[now[bus].before(table, mine)]
-            else:
-                since[mine] = t[0]
-        return since
-
-
-RULES: tuple[type[Rule], ...] = (Stopped, TakenOver)
+RULES: tuple[type[Rule], ...] = (Stopped,)

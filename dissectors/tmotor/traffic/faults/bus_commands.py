@@ -1,4 +1,4 @@
-"""Faults between throttle commands and motors: BUS-006, -007, -016, -023, -026 to -028."""
+"""Faults between throttle commands and motors: BUS-006, -007, -016, -023, -026 to -028 and -038."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.faults.occasions import chosen, misreport, once, put, span, unsent
 from dissectors.tmotor.traffic.faults.status import STATUS, status_of
+from dissectors.tmotor.traffic.throttle import TIMEOUT
 from dissectors.traffic import Fault, Step
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ _ABNORMAL = 4
 _TURN = 50 * MILLISECOND
 _SECOND_SOURCE = 99
 _DRIVEN = 1000  # a throttle at which a motor turns
+_STILL = 2 * SECOND - 20 * MILLISECOND  # so long after the last command a motor must not turn any more
+_FOR_EVER = 1 << 62
 
 
 def _slow(case: Case) -> None:
@@ -54,6 +57,27 @@ def _stop(case: Case) -> None:
         vehicle.commanding = True
 
     once(case, lambda: any(vehicle.pilot.last) and vehicle.commanding, begin)
+
+
+def _run_on(case: Case) -> None:
+    """Stop the commands; one ESC never stops to hold its last throttle (4.4.1 explanation 2)."""
+    esc, vehicle, world = chosen(case), case.vehicle, case.world
+    shown = status_of(esc.node.number)
+
+    def begin() -> None:
+        since, until = world.now, world.now + span(case)
+        vehicle.commanding, esc.throttle.timeout = False, _FOR_EVER
+        case.watch(lambda sending: shown(sending) and since + _STILL <= sending.t < until, until)
+        case.say(
+            f"no RawCommand for {float(case.options['seconds']):g} s; the ESC with index {esc.index} holds "
+            f"{vehicle.command(esc.index)} all the time"
+        )
+        world.at(until, go_on)
+
+    def go_on() -> None:
+        vehicle.commanding, esc.throttle.timeout = True, TIMEOUT
+
+    once(case, lambda: vehicle.command(esc.index) > _DRIVEN and vehicle.commanding, begin)
 
 
 def negative(index: int) -> Callable[[list[int]], list[int]]:
@@ -125,7 +149,7 @@ def _channels(more: int, say: str) -> Fault:
 
     return Fault(
         rule, say, start=start, options={"seconds": 2.5}, limits={"seconds": (1.5, 3600)}, lasts=2600 * MILLISECOND,
-        also=("TYP-103", "BUS-028", "TYP-305", "PUSH-410"),
+        also=("TYP-103", "BUS-017", "BUS-028", "TYP-305", "PUSH-410"),
     )  # fmt: skip
 
 
@@ -154,7 +178,7 @@ FAULTS: tuple[Fault, ...] = (
         options={"seconds": 0.4},
         limits={"seconds": (0.15, 60)},
         lasts=800 * MILLISECOND,
-        also=("TYP-305", "PUSH-410", "BUS-028", "BUS-025"),
+        also=("TYP-305", "PUSH-410", "BUS-017", "BUS-028", "BUS-025"),
     ),
     Fault(
         "BUS-016",
@@ -162,7 +186,7 @@ FAULTS: tuple[Fault, ...] = (
         start=_silent_about_it,
         options={"seconds": 0.5},
         lasts=SECOND,
-        also=("TYP-101", "PUSH-410", "BUS-028"),
+        also=("TYP-101", "PUSH-410", "BUS-017", "BUS-028"),
     ),
     Fault(
         "BUS-023",
@@ -182,5 +206,14 @@ FAULTS: tuple[Fault, ...] = (
         limits={"seconds": (1.2, 60)},
         lasts=2 * SECOND,
         also=("PUSH-409",),
+    ),
+    Fault(
+        "BUS-038",
+        "a motor turns on after the commands stopped",
+        start=_run_on,
+        options={"seconds": 2.6},
+        limits={"seconds": (2.3, 60)},
+        lasts=2800 * MILLISECOND,
+        also=("TYP-305", "PUSH-410", "BUS-007", "BUS-017", "BUS-025", "BUS-028"),
     ),
 )

@@ -243,6 +243,6 @@ FAULTS: tuple[Fault, ...] = (
         options={"seconds": 1.0},
         limits={"seconds": (0.5, 60)},
         lasts=1300 * MILLISECOND,
-        also=("BUS-007",),
+        also=("BUS-007", "BUS-017"),
     ),
 )

@@ -44,7 +44,7 @@ def _channels(case: Case, sending: Sending) -> Step:
         return Step.SKIP
     put(sending, "cmd", cmd[:wanted] + [0] * more)
     left = case.state["left"] = case.state.get("left", int(case.options["commands"])) - 1
-    case.answer.also = ("BUS-027",) if more > 0 else ("BUS-026", "TYP-305", "PUSH-410")
+    case.answer.also = ("BUS-027",) if more > 0 else ("BUS-026", "BUS-017", "TYP-305", "PUSH-410")
     case.say(f"{int(case.options['commands']) - left} commands with {wanted} channels for {len(cmd)} ESCs")
     return Step.MORE if left > 0 else Step.DONE
 

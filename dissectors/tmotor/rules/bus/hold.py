@@ -1,0 +1,114 @@
+"""What an ESC does without throttle: it holds the last one, then goes to zero (4.4.1 explanation 2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND
+
+if TYPE_CHECKING:
+    from dissectors.kit import Array, Occurrence
+
+STILL = 60  # rpm: a motor that is slower stands
+_VAGUE = 100 * MILLISECOND
+_KEEPS = 0.9  # of its speed: a motor that is faster still has its throttle
+
+
+class Sample(NamedTuple):
+    """One report: time, rpm, throttle in %, A."""
+
+    t: int
+    rpm: int
+    pct: float
+    current: float
+
+
+class Samples(NamedTuple):
+    """Many of them, in order."""
+
+    t: Array
+    rpm: Array
+    pct: Array
+    current: Array
+
+    def at(self, k: int) -> Sample:
+        """Return one."""
+        return Sample(int(self.t[k]), int(self.rpm[k]), float(self.pct[k]), float(self.current[k]))
+
+    def part(self, rows: slice) -> Samples:
+        """Return some of them."""
+        return Samples(*(column[rows] for column in self))
+
+    def joined(self, other: Samples) -> Samples:
+        """Return both, one after the other."""
+        return Samples(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+
+
+@dataclass(slots=True)
+class Hold:
+    """One loss of throttle of one ESC.
+
+    `since` is the time of the last valid throttle, `base` the last report before. A silence of the bus that is longer
+    than `spare` is none of the ESC's. What it had is `gone` with the first report of zero throttle (at a lower speed if
+    it tells no throttle), `had` is the time of the report before; `still` is when it stands.
+    """
+
+    since: int
+    base: Sample
+    place: Occurrence
+    spare: int
+    had: int = NO_TIME
+    gone: int = NO_TIME
+    still: int = NO_TIME
+    last: Sample = field(init=False)
+    told: bool = False
+    over: bool = False  # it has lasted so long that no ESC may hold any more
+
+    def __post_init__(self) -> None:
+        """Begin with the report before the loss."""
+        self.last = self.base
+
+    @property
+    def rests(self) -> bool:
+        """There was nothing to hold: the motor stood, without throttle."""
+        return abs(self.base.rpm) <= STILL and not self.base.pct
+
+    def feed(self, some: Samples) -> None:
+        """Add the next reports."""
+        speed = np.abs(some.rpm)
+        if self.gone == NO_TIME:
+            lost = some.pct == 0 if self.base.pct else speed < _KEEPS * abs(self.base.rpm)
+            at = int(np.argmax(lost)) if lost.any() else len(lost)
+            self.had = int(some.t[at - 1]) if at else self.last.t
+            self.gone = int(some.t[at]) if at < len(lost) else NO_TIME
+        if self.still == NO_TIME and (speed <= STILL).any():
+            self.still = int(some.t[np.argmax(speed <= STILL)])
+        self.last = some.at(-1)
+
+    def course(self, end: str, pwm: str) -> str:
+        """Say what it did: how long it held what, whether it went to zero and stood.
+
+        Args:
+            end: what ended the loss.
+            pwm: what took over, empty for nothing.
+        """
+        what = f"held {self.base.pct:.0f} %" if self.base.pct else f"kept {self.base.rpm} rpm"
+        if pwm:
+            return f"{what}, then {pwm}"
+        if self.gone == NO_TIME:
+            return f"{what} for {_seconds(self.last.t - self.since)}, {end}"
+        long = _seconds(self.gone - self.since)
+        if self.gone - self.had > _VAGUE:  # nobody knows when
+            long = f"{_seconds(max(self.had - self.since, 0))} to {long}"
+        gone = "went to zero" if self.base.pct else "slowed down"
+        rest = f"still {self.last.rpm} rpm after {_seconds(self.last.t - self.since)}, {end}"
+        if self.still != NO_TIME:
+            rest = f"stood still after {_seconds(self.still - self.since)}"
+        return f"{what} for {long}, then {gone}; {rest}"
+
+
+def _seconds(ns: int) -> str:
+    return f"{ns / MILLISECOND:.0f} ms" if ns < SECOND else f"{ns / SECOND:.1f} s"
