@@ -100,6 +100,8 @@ def _facts(page: Page) -> Iterator[tuple[str, str]]:
         yield "Proof", f"inconclusive without: {', '.join(page['inconclusive'])}"
     if page.get("text"):
         yield "Says", str(page["text"])
+    if page.get("episode"):
+        yield "Lasting", str(page["episode"])
     if page.get("also"):
         yield "See also", ", ".join(page["also"])
 

@@ -17,7 +17,8 @@ PAGE: dict[str, Any] = {
     "clause": "4.1.3, 5.1", "dronecan": "4.1 transfer CRC", "enabled": False,
     "checks": "The CRC over signature and payload. " * 4,
     "matters": "Receivers drop the transfer.", "example": "Received 0x29BE, computed 0x9EDF.",
-    "next": "tailbyte decode FILE --frames A-B -x", "text": "received {crc_wire:04X}", "values": ["crc_wire"],
+    "next": "tailbyte decode FILE --frames A-B -x", "text": "received {crc_wire:04X}",
+    "episode": "{crc_wire:04X} {lasted}", "values": ["crc_wire"],
     "key": [], "settings": {"window_s": 2.0, "most": 8}, "exercised": "type:A|pair:B>C,frames|packet:P.Q",
     "inconclusive": ["errors", "times"],
     "note": "Note for stock devices.", "also": ["TRF-011", "CAN-020"], "fault": True,
@@ -32,7 +33,7 @@ def test_a_page() -> None:
     assert got[0].endswith("  error")
     assert [line.split("  ")[0] for line in got[1:] if line[:1].strip()] == [
         "Checks", "Matters", "Example", "Next", "Origin", "Clause", "Category", "Default", "Severity", "Settings",
-        "Needs", "Proof", "Says", "See also",
+        "Needs", "Proof", "Says", "Lasting", "See also",
     ]  # fmt: skip
     for line in (
         "Clause    4.1.3, 5.1; DroneCAN 4.1 transfer CRC", "Settings  window_s = 2, most = 8",

@@ -214,6 +214,6 @@ FAULTS: tuple[Fault, ...] = (
         options={"seconds": 2.6},
         limits={"seconds": (2.3, 60)},
         lasts=2800 * MILLISECOND,
-        also=("TYP-305", "PUSH-410", "BUS-007", "BUS-017", "BUS-025", "BUS-028"),
+        also=("TYP-305", "PUSH-410", "BUS-007", "BUS-017", "BUS-025", "BUS-028", "BUS-035"),
     ),
 )
