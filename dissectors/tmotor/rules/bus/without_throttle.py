@@ -29,6 +29,7 @@ _HALF = 0.5  # of its speed: without drive a propeller is slower by then; of its
 # A PWM width stands for so much throttle, in us: UAV, spraying drone (4.4.1 explanation 5).
 _WIDTHS, _RANGE = (1040.0, 1050.0), 900.0
 _SAME_WIDTH, _ALIKE_PCT = 1.5, 6.0  # us, %
+_REPEATS = 20.0  # us: a width so close to the throttle by CAN is that one, or one just before
 _FRESH = 20 * MILLISECOND  # a throttle that an ESC follows right now
 _TAKEOVERS = 4  # the last ones of an ESC that a loss may still end with
 _LEAST_WIDTH = 1060.0  # us: of a throttle above 0
@@ -114,7 +115,7 @@ class WithoutThrottle(Rule):
             throttle = self._at(bus, index, number, now)
             width, pct = table["pwm"][rows], table["throttle"][rows]
             late = (throttle.t != NO_TIME) & (t - np.maximum(throttle.t, 0) > wait)
-            held = _held_width(width, throttle.value)
+            held, repeats = (_stands_for(width, throttle.value, within) for within in (_SAME_WIDTH, _REPEATS))
             turns = late & (table["speed"][rows] != 0) & (pct > 0) & (width >= _LEAST_WIDTH) & ~held
             track = self._tracks.get(ReportingEsc(bus, node, index))
             if track is None:
@@ -130,11 +131,11 @@ class WithoutThrottle(Rule):
                     known.add(since)
                     values = {"microseconds": float(width[k]), "rpm": int(table["speed"][rows[k]])}
                     text = f"{values['microseconds']:.1f} us, {values['rpm']} rpm"
-                    sure = not (track.repeats if last < 0 else bool(held[last]))
+                    sure = not (track.repeats if last < 0 else bool(repeats[last]))
                     track.takeovers.append(_Takeover(since, int(number[k]), text, sure))
                     yield breach(view, table, int(rows[k]), "BUS-034", values)
             if before[-1] >= 0:
-                track.width, track.repeats = float(width[before[-1]]), bool(held[before[-1]])
+                track.width, track.repeats = float(width[before[-1]]), bool(repeats[before[-1]])
 
     def _follow(
         self, view: View, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, Commands]
@@ -260,12 +261,12 @@ def _taken(one: _Takeover | None) -> str:
     return f"{what} ({one.text})"
 
 
-def _held_width(width: Array, value: Array) -> Array:
-    """Return which widths (us) are those of the throttle that was commanded last."""
-    held = np.zeros(len(width), bool)
+def _stands_for(width: Array, value: Array, within: float) -> Array:
+    """Return which widths (us) are those of throttles that were commanded, within some us."""
+    found = np.zeros(len(width), bool)
     for low in _WIDTHS:
-        held |= np.abs(width - (low + _RANGE * value / _FULL)) <= _SAME_WIDTH
-    return held
+        found |= np.abs(width - (low + _RANGE * value / _FULL)) <= within
+    return found
 
 
 def _alike(width: float, pct: float) -> bool:
