@@ -232,6 +232,14 @@ def test_pwm_that_takes_over(before: int, after: int, severities: list[str], cou
     assert text == f"ch1: held 36 %, then {course}" if course else text.startswith("ch1: held 36 % for 5.0 s")
 
 
+def test_an_esc_that_reports_throttle_loss_is_not_driven_by_pwm() -> None:
+    vehicle = lost(5000, bits=8)
+    for k in range(60):
+        width = WIDTH if k < 11 else 14_000
+        vehicle.push(k * 100 + 2, "PUSHCAN.MotorStatus", 11, 0xA1, speed=3000, throttle=90, pwm=width)
+    assert [severity for severity, _ in told(vehicle, "BUS-038")] == ["error"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("step", [1, 7])
 def test_it_is_the_same_however_the_capture_is_cut(step: int) -> None:

@@ -17,10 +17,14 @@ if TYPE_CHECKING:
 
 _LAST_INDEX = 31
 _NO_MODE = 0
+_THROTTLE_LOSS = 1 << 3
 
 
 class SpeedReports(NamedTuple):
-    """Reports of one ESC in order, `rows` of a table: transfer number, time, rpm, throttle in %, A, operating mode."""
+    """Reports of one ESC in order, `rows` of a table: transfer number, time, rpm, throttle in %, A, operating mode.
+
+    `lost` marks those with the flag of throttle loss.
+    """
 
     table: DecodedTable
     rows: Array
@@ -30,6 +34,7 @@ class SpeedReports(NamedTuple):
     pct: Array
     current: Array
     mode: Array
+    lost: Array
 
 
 class PacketRows(NamedTuple):
@@ -65,6 +70,7 @@ class SpeedReporters:
                 yield ReportingEsc(bus, node, packets.esc_index), SpeedReports(
                     status, rows, packets.number, status.t[rows], status["speed"][rows].astype(np.int64),
                     status["throttle"][rows], status["current"][rows], np.full(len(rows), _NO_MODE),
+                    status["fault"][rows] & _THROTTLE_LOSS != 0,
                 )  # fmt: skip
         for unit, rows in units(view).items():
             if table is not None:
@@ -72,6 +78,7 @@ class SpeedReporters:
                     table, rows, table["transfer"][rows].astype(np.int64), table.t[rows],
                     table["rpm"][rows].astype(np.int64), table["power_rating_pct"][rows].astype(np.float64),
                     table["current"][rows], table["error_count.mode"][rows],
+                    table["error_count"][rows] & _THROTTLE_LOSS != 0,
                 )  # fmt: skip
 
     def packets(self, view: View) -> Iterator[tuple[tuple[int, int], PacketRows]]:

@@ -213,8 +213,9 @@ class WithoutThrottle(Rule):
         wrong = turns & driven & ~excused & (some.t[part] - hold.since >= least)
         rows = [k for k in np.flatnonzero(wrong).tolist() if self._lasted(unit.bus, hold, int(some.t[part[k]]), least)]
         taken = [track.pwm(hold.since, int(some.number[part[k]])) for k in rows]
-        alone = [k for k, one in zip(rows, taken, strict=True) if one is None]
-        doubtful = [k for k, one in zip(rows, taken, strict=True) if one is not None and not one.sure]
+        says = some.lost[part]  # what PWM drives has not lost its throttle
+        alone = [k for k, one in zip(rows, taken, strict=True) if one is None or (says[k] and not one.sure)]
+        doubtful = [k for k, one in zip(rows, taken, strict=True) if one is not None and not (one.sure or says[k])]
         if alone:
             yield _still(view, unit, some, part[alone], throttle)
         if doubtful:
