@@ -64,6 +64,11 @@ def test_all_of_them_in_one_flight(seed: int) -> None:
         assert mine.isdisjoint(theirs) or {one, other} & {"PUSH-201", "PUSH-102"}, (one, other)
 
 
+def test_a_channel_that_is_left_out_while_it_is_negative() -> None:
+    flight = fly("BUS-016@1.5:node=14", "BUS-026@1.5", "BUS-017@1.6:node=14", seconds=6, seed=5)
+    assert flight.answers("BUS-026")
+
+
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize("seed", range(6))
 def test_any_mixture_with_any_rates_ends_well(seed: int) -> None:

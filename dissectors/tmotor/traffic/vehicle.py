@@ -129,8 +129,8 @@ class SimulatedVehicle:
         self.pilot.hook = hook
 
     def command(self, index: int) -> int:
-        """Return the last throttle that was sent to an ESC, 0 to 8191."""
-        return self.pilot.last[index]
+        """Return the last throttle that was sent to an ESC, 0 to 8191; 0 if the command was too short for it."""
+        return self.pilot.last[index] if index < len(self.pilot.last) else 0
 
     def query(self) -> Sending:
         """Let the ground station ask every ESC for its parameters (4.4.2 explanation 2)."""

@@ -110,7 +110,11 @@ def _silent_about_it(case: Case) -> None:
 
     hook(case, negative(index), until)
     case.touch("values", hide)
-    case.watch(lambda sending: sending.name == _COMMAND and sending.values["cmd"][index] < 0, until + SECOND)
+
+    def negated(sending: Sending) -> bool:
+        return sending.name == _COMMAND and any(one < 0 for one in sending.values["cmd"][index : index + 1])
+
+    case.watch(negated, until + SECOND)
     case.say(f"throttle -600 for the ESC with index {index}, which never sets bit 4")
 
 

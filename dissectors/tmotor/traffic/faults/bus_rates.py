@@ -119,7 +119,7 @@ def _bad_throttle(case: Case) -> None:
         case.watch(shown, until)
         case.say(f"throttle -600 for the ESC with index {index}, which holds its own for a moment")
 
-    once(case, lambda: case.vehicle.pilot.last[index] > 0, begin)
+    once(case, lambda: case.vehicle.command(index) > 0, begin)
 
 
 def _configured(case: Case) -> None:
