@@ -31,7 +31,7 @@ PUSH-402 value=36000 value=102036; PUSH-403 value=0 value=10400 value=19500; PUS
 PUSH-405 by=0 by=65536; PUSH-406 value=0 value=257; PUSH-407 by=0 by=-60 field=voltage;
 PUSH-408 value=32766 value=32768 field=voltage field=colour; PUSH-409 percent=0 percent=2 field=speed:percent=-4
  field=current:percent=9 field=position; PUSH-501 value=65 value=0 value=0x1B5 field=led;
-PUSH-502 value=1 field=bus_rate:value=0 field=report_rate:value=400 field=position_loop:value=7
+PUSH-502 value=1 field=bus_rate:value=0 field=report_rate:value=400 field=position_loop:value=1 field=led:value=7
 """
 
 

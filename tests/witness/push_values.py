@@ -39,8 +39,9 @@ def set_range(values: dict[str, Any]) -> bool:
 
 
 def feedback_range(values: dict[str, Any]) -> bool:
-    """PUSH-502: bus rate, report rate or save option out of range."""
-    return values["bus_rate"] > 5 or values["report_rate"] > 400 or values["save_option"] > 1
+    """PUSH-502: position loop, throttle priority, bus rate, report rate or save option out of range."""
+    switches = values["position_loop"], values["throttle_priority"], values["save_option"]
+    return values["bus_rate"] > 5 or values["report_rate"] > 400 or max(switches) > 1
 
 
 def _sent(log: Log, name: str) -> dict[int, list[tuple[Piece, dict[str, Any]]]]:

@@ -19,7 +19,7 @@ _SWITCHES = {
     "position loop": "throttle_priority.position_loop",
     "save option": "save_option",
 }
-_MOST_RATE, _MOST_REPORTS, _MOST_SAVE = 5, 400, 1
+_MOST_RATE, _MOST_REPORTS, _MOST_SAVE, _MOST_SWITCH = 5, 400, 1, 1
 _SAVE_CUT = 2  # the printed list of 4.4.5 table 2 no 54 breaks off behind "2-"
 # 4.4.4 table 4 no 8-9: duty cycle, current, speed, brake current; then position.
 _LIMITS = dict.fromkeys((0x55, 0x5A, 0x44, 0x4A, 0x33, 0x3A, 0xBB), 10_000) | dict.fromkeys((0x11, 0x1A, 0x88), 3600)
@@ -144,7 +144,10 @@ def foc_feedback(view: View) -> Iterator[Occurrence]:
             if not _readable(version):
                 values = {"field": f"{part} version", "bytes": hexadecimal(version)}
                 yield occurrence(view, table, row, "PUSH-501", values)
-        limits = {"bus rate": _MOST_RATE, "report rate": _MOST_REPORTS, "save option": _MOST_SAVE}
+        limits = {
+            "position loop": _MOST_SWITCH, "throttle priority": _MOST_SWITCH,
+            "bus rate": _MOST_RATE, "report rate": _MOST_REPORTS, "save option": _MOST_SAVE,
+        }  # fmt: skip
         for name, most in limits.items():
             value = int(table[name.replace(" ", "_")][row])
             if value > most:

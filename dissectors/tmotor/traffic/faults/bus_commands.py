@@ -1,4 +1,4 @@
-"""Faults between throttle commands and motors: BUS-006, -007, -016, -023, -026 to -028 and -038."""
+"""Faults between throttle commands and motors: BUS-006, -007, -016, -023, -026 to -028, -038 and -040."""
 
 from __future__ import annotations
 
@@ -173,6 +173,18 @@ def _stuck(case: Case) -> None:
     once(case, lambda: case.vehicle.command(esc.index) > _DRIVEN, begin)
 
 
+def _less(case: Case) -> None:
+    """Let an ESC report some throttle that it is not commanded, without a word about why."""
+    esc = chosen(case)
+    shown, percent = status_of(esc.node.number), int(case.options["percent"])
+
+    def begin() -> None:
+        misreport(case, shown, "power_rating_pct", percent, case.world.now + span(case))
+        case.say(f"the ESC with index {esc.index} reports {percent} % at throttle {case.vehicle.command(esc.index)}")
+
+    once(case, lambda: case.vehicle.command(esc.index) > _DRIVEN, begin)
+
+
 FAULTS: tuple[Fault, ...] = (
     Fault("BUS-006", "RawCommand at half its rate", start=_slow, early=True, also=("BUS-018",)),
     Fault(
@@ -219,5 +231,13 @@ FAULTS: tuple[Fault, ...] = (
         limits={"seconds": (2.3, 60)},
         lasts=2800 * MILLISECOND,
         also=("TYP-305", "PUSH-410", "BUS-007", "BUS-017", "BUS-025", "BUS-028", "BUS-035"),
+    ),
+    Fault(
+        "BUS-040",
+        "an ESC reports another throttle than it is commanded",
+        start=_less,
+        options={"seconds": 6.0, "percent": 90},
+        limits={"seconds": (5.5, 60), "percent": (0, 100)},
+        lasts=7 * SECOND,
     ),
 )

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _FEEDBACK = carries("FocFeedback")
 _VERSIONS = ("hardware_version", "software_version")
 # FOC parameters with a range, and a value behind it; the document breaks off where it says what a save option of 2 is.
-_BEYOND = {"bus_rate": 6, "report_rate": 401, "save_option": 3}
+_BEYOND = {"position_loop": 2, "throttle_priority": 2, "bus_rate": 6, "report_rate": 401, "save_option": 3}
 
 
 def _next(case: Case, esc: Any, do: Touch) -> None:
