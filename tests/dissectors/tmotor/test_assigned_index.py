@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 from kit import encode
-from kit.judged import judge
-from kit.packet_log import STATUS, Sent, capture, said
+from kit.judged import STATUS, Sent, capture, judge, said
 from kit.simulated import flight
 
 RULE = "BUS-039"

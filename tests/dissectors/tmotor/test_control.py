@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit import encode
-from kit.judged import judge
-from kit.packet_log import Sent, capture, motor
+from kit.judged import Sent, capture, judge, motor
 from kit.simulated import flight
 
 if TYPE_CHECKING:

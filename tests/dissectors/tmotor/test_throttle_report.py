@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from kit.judged import judge
-from kit.packet_log import STATUS, Sent, capture
+from kit.judged import STATUS, Sent, capture, judge
 from kit.simulated import flight
 
 RULE = ("BUS-040",)
