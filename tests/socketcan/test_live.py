@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from kit.command import CAPTURES, HOVER, Reader, wait_until
 from kit.live import stored
 from kit.rows import EXTENDED, FD, REMOTE, RX, TX, Frame
-from socketcan.kernel import ip
+from socketcan.kernel import SlcanAdapter, ip
 from socketcan.sessions import (
     NAMES,
     Sender,
@@ -26,7 +26,6 @@ from socketcan.sessions import (
     numbered,
     quiet,
 )
-from socketcan.slcan_adapter import SlcanAdapter
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -14,7 +14,7 @@ from kit.command import wait_until
 from kit.live import Lost, frames_in, stored
 from kit.monitor import batches, registry
 from kit.rows import Fault, Frame
-from socketcan.kernel import ip
+from socketcan.kernel import SlcanAdapter, ip
 from socketcan.sessions import (
     NAMES,
     UNPRIVILEGED,
@@ -29,7 +29,6 @@ from socketcan.sessions import (
     numbers,
     quiet,
 )
-from socketcan.slcan_adapter import SlcanAdapter
 
 from analyzer.board.board import Board
 

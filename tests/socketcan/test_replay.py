@@ -12,8 +12,7 @@ import pytest
 from kit.command import CAPTURES, HOVER, start, wait_until
 from kit.live import got
 from kit.rows import EXTENDED, FD, Frame, piece, records, text
-from socketcan.kernel import Recorder, ip
-from socketcan.slcan_adapter import SlcanAdapter
+from socketcan.kernel import Recorder, SlcanAdapter, ip
 
 from analyzer.sinks import open_sink
 

@@ -8,8 +8,7 @@ import threading
 from typing import TYPE_CHECKING
 
 import pytest
-from socketcan.kernel import Recorder, ip, route
-from socketcan.slcan_adapter import SlcanAdapter
+from socketcan.kernel import Recorder, SlcanAdapter, ip, route
 
 from analyzer.live.interfaces.links import Link, list_gateways, list_links
 from analyzer.live.replay.safety import find_doubt
@@ -146,7 +145,7 @@ def test_an_interface_that_goes_away(command: Command, tmp_path: Path) -> None:
     recorder.close()
     told, reason = err.splitlines()
     assert (status, reason) == (3, "tailbyte: vcan6: has been removed")
-    assert told.startswith(f"-- {json.loads(key.read_text())['capture']['frames']} frames, ")
+    assert told.startswith(f"-- {json.loads(key.read_text())['capture']['frames']:,} frames, ")
 
 
 def test_frames_of_can_fd_need_an_interface_for_them(command: Command, tmp_path: Path) -> None:
