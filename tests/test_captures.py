@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from bench import make_captures
-from kit.hobbywing_types import physical
 from kit.traffic import differing, same
+from kit.vendors import physical
 
 from analyzer.app.capture import open_capture
 from analyzer.sources import Source

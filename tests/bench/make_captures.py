@@ -16,7 +16,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from kit import CAPTURES, encode, hobbywing
+from kit import CAPTURES, encode, vendors
 from kit.encode import Frame
 from kit.flight import AUTOPILOT, ESCS, MS, SECOND, START, Row, Sender, Sent, hover, node_status, parameters
 from kit.simulated import FLIGHTS, fly
@@ -298,7 +298,7 @@ def dialects() -> Case:
 
 def cases() -> dict[str, Case]:
     """Every capture by file name."""
-    good, fd, hot = hover(), hover(250, fd=True), hobbywing.flight()
+    good, fd, hot = hover(), hover(250, fd=True), vendors.flight()
     made = (
         Case("hover.log", good.rows(), good.sent),
         faults(),

@@ -16,7 +16,7 @@ import pytest
 import zstandard
 from cli.test_live import Live, wait_until
 from kit.command import CAPTURES, CODE, HOVER, LIMIT, commands, environment, log, run, run_in_room, start
-from kit.rows import Fault, Frame, read, records, text
+from kit.rows import Fault, Frame, records, sound, text
 from mcap.reader import make_reader
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ FORM = {"log": "candump", "txt": "candump", "pcapng": "pcapng", "mcap": "mcap"}
 
 
 def frames_of(path: Path) -> list[Frame | Fault]:
-    return records(read(FORM[path.suffix[1:]], path.read_bytes(), path.parent))
+    return records(sound(FORM[path.suffix[1:]], path.read_bytes()))
 
 
 @pytest.mark.sampled(3)

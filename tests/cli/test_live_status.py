@@ -5,20 +5,14 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
+from kit.waiting import Clock
+
 from analyzer.app.live.status import Status, account
 from analyzer.live.interfaces.hub import InterfaceCounts
 from analyzer.report import wording
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.seconds = 100.0
-
-    def __call__(self) -> float:
-        return self.seconds
 
 
 def session(frames: int, **counts: InterfaceCounts) -> SimpleNamespace:
@@ -35,7 +29,7 @@ def new(*findings: str, fresh: bool = True) -> Sequence[SimpleNamespace]:
 
 def test_a_line_says_what_is_new_since_the_last_one() -> None:
     clock, lines = Clock(), []
-    status = Status(60.0, lines.append, lambda: "a.log: 1.0 kB", clock)
+    status = Status(60.0, lines.append, lambda: "a.log: 1.0 kB", clock.now)
     clock.seconds += 59.9
     status.look(session(100))
     assert not lines
@@ -55,7 +49,7 @@ def test_a_line_says_what_is_new_since_the_last_one() -> None:
 
 def test_no_more_rules_are_named_than_fit() -> None:
     clock, lines = Clock(), []
-    status = Status(1.0, lines.append, str, clock)
+    status = Status(1.0, lines.append, str, clock.now)
     status.found(new("note A-1", "note B-1", "note B-1", "note C-1", "note D-1"))
     clock.seconds += 1.0
     status.look(session(0))

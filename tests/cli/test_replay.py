@@ -12,10 +12,10 @@ import can
 import pytest
 from cli.test_progress import Terminal
 from kit.command import HOVER, LIMIT
+from kit.libraries import WRITERS, written
 from kit.live import Arrival, got
-from kit.replayed import SECOND, START, Clock, frames, log, replays_wait_by, standard_input
 from kit.rows import EXTENDED, FD, REMOTE, Fault, Frame, records, text
-from kit.with_can import WRITERS, written
+from kit.waiting import SECOND, START, Clock, frames, log, replays_wait_by, standard_input
 
 from analyzer.cli import reading
 from analyzer.cli.progress import Progress
@@ -82,20 +82,20 @@ def test_captures_of_every_format(command: Command, receiver: can.BusABC, suffix
 def test_times_are_those_of_the_capture(command: Command, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     """By the clock of the sender; the first frame takes as long as a bus needs for it."""
     clock.over = 50_000
-    begin, seen = clock.now, list[int]()
+    begin, seen = clock.passed, list[int]()
     send = outlet.Outlet.send
-    monkeypatch.setattr(outlet.Outlet, "send", lambda *a, **k: seen.append(clock.now - begin) or send(*a, **k))
+    monkeypatch.setattr(outlet.Outlet, "send", lambda *a, **k: seen.append(clock.passed - begin) or send(*a, **k))
     found = [f for f in records(text(HOVER.read_bytes())) if isinstance(f, Frame) and f.t is not None]
     for speed, factor in (("1", 1), ("0.5", 2)):
         seen.clear()
-        begin = clock.now
+        begin = clock.passed
         assert command("replay", HOVER, "virtual:x", "--speed", speed)[0] == 0
         late = [at - (f.t - found[0].t) * factor for at, f in zip(seen, found, strict=True)]  # type: ignore[operator]
         assert all(0 <= each <= 200_000 for each in late)
         assert max(late[-100:]) <= 50_000 + 131_000
-    begin = clock.now
+    begin = clock.passed
     assert command("replay", HOVER, "virtual:x", "--speed", "100")[0] == 0
-    assert clock.now - begin == pytest.approx(2 * SECOND / 100, rel=0.01)
+    assert clock.passed - begin == pytest.approx(2 * SECOND / 100, rel=0.01)
 
 
 def test_as_fast_as_it_goes(command: Command, receiver: can.BusABC, clock: Clock) -> None:
@@ -205,13 +205,13 @@ def test_times_that_are_missing_or_run_backwards(command: Command, receiver: can
 
 def test_silences(command: Command, clock: Clock) -> None:
     capture = log("x.log", frames(1, 2, 3, step=3600 * SECOND))
-    begin = clock.now
+    begin = clock.passed
     status, _, err = command("replay", capture, "virtual:x")
-    assert (status, clock.now - begin) == (0, 7200 * SECOND)
+    assert (status, clock.passed - begin) == (0, 7200 * SECOND)
     assert err.splitlines()[0] == "tailbyte: a silence of 3,600 s is kept (--max-gap 5s shortens it)"
-    begin = clock.now
+    begin = clock.passed
     status, _, err = command("replay", capture, "virtual:x", "--max-gap", "5s", "--speed", "5")
-    assert (status, clock.now - begin) == (0, 2 * SECOND)
+    assert (status, clock.passed - begin) == (0, 2 * SECOND)
     assert err == "-- 3 frames, 10.0 s sent on virtual:x; 3 lines = 3 frames\n"
 
 
@@ -231,7 +231,7 @@ def test_progress_shows_in_silences_too(
     terminal = Terminal()
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(reading, "Progress", partial(Progress, clock=lambda: clock.now / SECOND))
+    monkeypatch.setattr(reading, "Progress", partial(Progress, clock=lambda: clock.passed / SECOND))
     assert command("replay", capture, "virtual:x", *options)[0] == 0
     lines = terminal.text.split("\r\x1b[K")
     assert any(line.startswith(drawn) for line in lines), lines

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from kit.command import HOVER
 from kit.live import got
-from kit.replayed import RAW, START, STATUS, Clock, frames, log, replays_wait_by, standard_input
 from kit.rows import EXTENDED, REMOTE, Frame
+from kit.waiting import RAW, START, STATUS, Clock, frames, log, replays_wait_by, standard_input
 
 from analyzer.app import reel as replay_reel
 from analyzer.live.interfaces import links

@@ -15,8 +15,8 @@ import can
 import pytest
 from kit.command import CAPTURES, HOVER
 from kit.live import Failing, got
-from kit.replayed import START, Clock, frames, log, replays_wait_by
 from kit.rows import Fault, Frame
+from kit.waiting import START, Clock, frames, log, replays_wait_by
 
 from analyzer.app import reel as replay_reel
 from analyzer.live.replay import outlet

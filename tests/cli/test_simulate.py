@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 import zstandard
 from kit.command import run
-from kit.rows import read, records
+from kit.rows import records, sound
 
 from analyzer.simulate import START
 from analyzer.simulate.faults import catalogue
@@ -45,10 +45,10 @@ def test_every_format_holds_the_same_frames(command: Command) -> None:
     got = files()
     assert got["a.log"] == got["b.candump"] == gzip.decompress(got["c.log.gz"])
     assert zstandard.ZstdDecompressor().stream_reader(got["d.txt.zst"]).read() == got["a.log"]
-    frames = records(read("candump", got["a.log"], Path()))
+    frames = records(sound("candump", got["a.log"]))
     assert len(frames) > 20
     for name, form in (("e.mcap", "mcap"), ("f.pcapng", "pcapng")):
-        assert records(read(form, got[name], Path())) == frames
+        assert records(sound(form, got[name])) == frames
 
 
 @pytest.mark.slow

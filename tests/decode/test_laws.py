@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from hypothesis import given
 from hypothesis import strategies as st
 from kit import encode, strategies
-from kit.hobbywing_types import physical
 from kit.strategies import examples
 from kit.traffic import differing
+from kit.vendors import physical
 
 from analyzer.tables import EXTENDED, STATUSES
 

@@ -14,9 +14,9 @@ import dronecan
 import pytest
 from dronecan import dsdl, transport
 from kit.encode import DLC_LENGTHS
-from kit.hobbywing_types import physical
-from kit.peer import HALVES, fill, frames, names_on_disk, new, plain, transfer
+from kit.libraries import HALVES, fill, frames_of, names_on_disk, new, plain, transfer
 from kit.traffic import differing, lines
+from kit.vendors import physical
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,7 +52,7 @@ def test_values_of_every_type(decode: Callable[..., Any], fd: bool) -> None:
             fill(value, numbers, ("least", "most", "any")[min(number, 2)])
             theirs = transfer(kind, value, number, fd)
             sent.append((kind, known, value, bytes(theirs.payload)))  # before to_frames adds padding to it
-            text += frames(theirs)
+            text += frames_of(theirs)
     got = decode(lines(text))
     assert {row["status"] for row in got.transfers} == {"ok"}
     assert set(got.verdicts) == {"used"}
@@ -80,7 +80,7 @@ def test_the_padding_of_can_fd(decode: Callable[..., Any], size: int) -> None:
         theirs = transfer("message", value, number, fd=True)
         assert len(theirs.payload) == size
         values.append(plain(value))
-        text += frames(theirs)
+        text += frames_of(theirs)
     got = decode(lines(text))
     impossible = ["impossible length" in row["anomaly"] for row in got.frames]
     assert impossible == [len(frame.data) not in DLC_LENGTHS for frame in text]
@@ -95,7 +95,7 @@ def test_an_infinity_is_kept(decode: Callable[..., Any]) -> None:
     value = known(voltage=float("inf"))
     assert value.voltage == 65504
     transport.get_fields(value)["voltage"]._bits = format(0xFC00, "016b")
-    got = decode(lines(frames(transfer("message", value, 1, fd=False))))
+    got = decode(lines(frames_of(transfer("message", value, 1, fd=False))))
     assert got.messages["ESCStatus"][0]["voltage"] == float("-inf")
 
 
@@ -107,13 +107,13 @@ def test_an_over_long_array_and_a_short_payload(decode: Callable[..., Any]) -> N
     again = transport.Transfer()
     again.from_frames(theirs.to_frames())
     assert len(again.payload.data) == 257
-    row = decode(lines(frames(theirs))).messages["PUSHCAN"][0]
+    row = decode(lines(frames_of(theirs))).messages["PUSHCAN"][0]
     assert (len(row["data"]), row["bits_left"], row["layout"]) == (255, 16, 0)
 
     theirs.payload = theirs.payload[:3]
     with pytest.raises(ValueError, match="Not enough bits"):
         again.from_frames(theirs.to_frames())
-    row = decode(lines(frames(theirs))).messages["PUSHCAN"][0]
+    row = decode(lines(frames_of(theirs))).messages["PUSHCAN"][0]
     assert (row["bits_left"], row["data"]) == (-8, None)
 
 

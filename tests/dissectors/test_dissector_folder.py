@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from kit import encode
-from kit.vendor import ACME, PART, PROFILE, PUMP, capture
+from kit.vendors import ACME, PART, PROFILE, PUMP, capture
 
 import analyzer
 import dissectors

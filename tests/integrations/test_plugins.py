@@ -18,8 +18,8 @@ import pytest
 from can.io import logger, player
 from hypothesis import given
 from kit.command import LIMIT, ROOT, wait_until
+from kit.libraries import message
 from kit.rows import EXTENDED, RX, TX, Fault, Frame, Record, records, text
-from kit.with_can import message
 from sources.test_python_can import SAMPLE, T0, captures
 
 import analyzer

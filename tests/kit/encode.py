@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
 from heapq import heappop, heappush
+from pathlib import Path
 from typing import Any
-
-from kit.hobbywing_types import HOBBYWING
 
 HEADERS = {"PUSHSCI": b"\xec\x96", "PUSHCAN": b"\x7b\x8c"}
 DLC_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
@@ -74,6 +73,7 @@ uavcan.protocol.param.GetSet.Response response 11 A7B622F939D1A4D5 :v5 value:Val
 uavcan.protocol.file.Read.Request request 48 8DCDCA939F33F678 offset:u40 path:Path
 uavcan.protocol.file.Read.Response response 48 8DCDCA939F33F678 error:Error data:u8[<256]
 """
+_HOBBYWING = Path(__file__).with_name("hobbywing.txt").read_text()  # from the public DSDL of its ESCs
 # Packets inside PUSHSCI (header EC 96) and PUSHCAN (7B 8C), 4.4.4 and 4.4.5: frame id, fields as struct codes.
 # Raw values: position 0.01 deg, pwm 0.1 us, throttle 0.4 %, speed rpm, V, A and C in 0.01, rates Hz, times s.
 _LIMITS = "acceleration_limit:H deceleration_limit:H rotation_direction:H"
@@ -106,7 +106,7 @@ def _rows(table: str, columns: int) -> list[list[str]]:
 
 
 RECORDS = {name: layout.strip("= ") for name, layout in _rows(_RECORDS, 1)}
-TYPES = {row[0]: DataType(*row[:2], int(row[2]), int(row[3], 16), row[4]) for row in _rows(_TYPES + HOBBYWING, 4)}
+TYPES = {row[0]: DataType(*row[:2], int(row[2]), int(row[3], 16), row[4]) for row in _rows(_TYPES + _HOBBYWING, 4)}
 PACKETS = {name: (int(number, 16), fields) for name, number, fields in _rows(_PACKETS, 2)}
 
 

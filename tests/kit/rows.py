@@ -1,26 +1,31 @@
-"""Rows of a capture as plain values: drawn, made into pieces, and taken out of pieces again."""
+"""Rows of a capture as plain values: drawn, made into pieces, and taken out of pieces or files again."""
 
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, replace
+import random
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import pyarrow as pa
 from hypothesis import strategies as st
 
 from analyzer._native import FrameBatch, Reader, Rows
+from analyzer.decode.engine import LINES, Totals
 from analyzer.sinks import Sink, open_sink
 from analyzer.sources import Source
+from analyzer.sources.formats import detect
 from analyzer.sources.native import rows
 from analyzer.tables import EVENT_ROWS, EVENTS, wrap
 from analyzer.window.cut import RECORDED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from pathlib import Path
+
+    from analyzer.sources.errors import CaptureError
 
 EXTENDED, REMOTE, FD, BRS, ESI, TX, RX = 1, 2, 8, 16, 32, 64, 128
+NO_TIME = -(1 << 63)
 FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
@@ -34,6 +39,24 @@ class Frame:
     flags: int = 0
     data: bytes = b""
     code: int = 0
+
+    @property
+    def word(self) -> int:
+        """The identifier as the kernel has it."""
+        return self.id | (self.flags & EXTENDED) << 31 | (self.flags & REMOTE) << 29
+
+    @property
+    def line(self) -> str:
+        """The frame, which has a time, as candump logs it."""
+        assert self.t is not None
+        digits = f"{self.id:08X}" if self.flags & EXTENDED else f"{self.id:03X}"
+        body = self.data.hex().upper()
+        if self.flags & FD:
+            body = f"#{self.flags >> 4 & 3:X}{body}"
+        if self.flags & REMOTE:
+            body = f"R{self.code}"
+        direction = " T" if self.flags & TX else " R" if self.flags & RX else ""
+        return f"({self.t // 10**9}.{self.t % 10**9:09d}) {self.bus} {digits}#{body}{direction}\n"
 
 
 @dataclass(frozen=True)
@@ -66,6 +89,12 @@ def text(log: str | bytes) -> list[FrameBatch]:
     return [
         part for part in rows(iter([log if isinstance(log, bytes) else log.encode()])) if isinstance(part, FrameBatch)
     ]
+
+
+def batch(log: str | bytes) -> FrameBatch:
+    """The one piece that a short candump text is."""
+    (only,) = text(log)
+    return only
 
 
 def records(pieces: Iterable[FrameBatch]) -> list[Record]:
@@ -110,20 +139,90 @@ def written(form: str, pieces: Iterable[FrameBatch], compression: str = "zstd") 
     return file.getvalue(), sink
 
 
-def read(form: str, data: bytes, folder: Path) -> list[FrameBatch]:
-    """The pieces of a file, which must be sound."""
-    if form != "mcap":
+@dataclass
+class Result:
+    """All rows of a file: frames, kinds and texts of events, numbers of records, and what the reader counted."""
+
+    pieces: list[FrameBatch] = field(default_factory=list, compare=False)
+    frames: list[Frame] = field(default_factory=list)
+    events: list[tuple[str, str]] = field(default_factory=list)
+    numbers: list[int] = field(default_factory=list)
+    lines: dict[str, int] = field(default_factory=lambda: dict.fromkeys(LINES, 0))
+    damage: tuple[int, str] | CaptureError | None = None  # where and why, as the reader tells it
+
+    @property
+    def texts(self) -> list[str]:
+        return [text for _, text in self.events]
+
+    def take(self, piece: FrameBatch) -> None:
+        """Add the rows of the next piece."""
+        self.pieces.append(piece)
+        for name in self.lines.keys() & piece.lines.keys():
+            self.lines[name] += piece.lines[name]
+        recorded, told = piece.columns()
+        ends = memoryview(recorded["data_offset"]).cast("i")
+        cells = [
+            memoryview(recorded[name]).cast(code)
+            for name, code in (("t", "q"), ("bus", "B"), ("id", "I"), ("flags", "H"))
+        ]
+        for row, (t, bus, number, flags) in enumerate(zip(*cells, strict=True)):
+            data = bytes(recorded["data"][ends[row] : ends[row + 1]])
+            known = None if t == NO_TIME else t
+            self.frames.append(Frame(known, piece.buses[bus], number, flags & 0xFF, data, flags >> 8))
+        ends = memoryview(told["text_offset"]).cast("i")
+        for row, kind in enumerate(told["kind"]):
+            self.events.append((EVENTS[kind], bytes(told["text"][ends[row] : ends[row + 1]]).decode("ascii")))
+        for table in recorded, told:
+            self.numbers += memoryview(table["line"]).cast("I")
+
+
+def read(form: str, data: bytes, size: int = 1 << 20) -> Result:
+    """All rows of a file that comes in chunks of this size; each record is accounted for."""
+    result, chunks = Result(), (data[at : at + size] for at in range(0, len(data), size))
+    if form == "mcap":
+        source = Source("read.mcap")
+        source.format = detect(b"", source.name)
+        for part in source.reader()(source, chunks):
+            assert isinstance(part, FrameBatch)
+            result.take(part)
+        result.damage = source.damage
+    else:
         reader = Reader(form)
-        reader.feed(data)
+        for chunk in chunks:
+            reader.feed(chunk)
+            result.take(reader.take())
         reader.finish()
-        assert reader.damage is None
-        return [reader.take()]
-    path = folder / "read.mcap"
-    path.write_bytes(data)
-    source = Source(str(path))
-    pieces = [part for part in rows(source.chunks()) if isinstance(part, FrameBatch)]
-    assert source.damage is None
-    return pieces
+        result.take(reader.take())
+        result.damage = reader.damage
+    result.numbers.sort()
+    assert Totals(result.lines).balanced
+    assert len(set(result.numbers)) == len(result.numbers)
+    assert result.lines["frames"] == len(result.frames)
+    return result
+
+
+def sound(form: str, data: bytes) -> list[FrameBatch]:
+    """The pieces of a file without damage."""
+    result = read(form, data)
+    assert result.damage is None
+    return result.pieces
+
+
+def traffic(seed: int, count: int, start: int, step: int, fd_flags: int = BRS | ESI) -> list[Frame]:
+    """Frames of every kind a `step` of nanoseconds apart, on two buses, without directions."""
+    source, frames = random.Random(seed), []
+    for index in range(count):
+        flags, code = source.choice((0, EXTENDED)), 0
+        data = source.randbytes(source.randint(0, 8))
+        kind = source.randrange(4)
+        if kind == 0:
+            flags, code, data = flags | REMOTE, len(data), b""
+        elif kind == 1:
+            flags |= FD | source.choice((0, BRS, ESI, BRS | ESI)) & fd_flags
+            data = source.randbytes(source.choice(FD_LENGTHS))
+        number = source.getrandbits(29 if flags & EXTENDED else 11)
+        frames.append(Frame(start + index * step, source.choice(("can0", "can1")), number, flags, data, code))
+    return frames
 
 
 TIMES = st.one_of(st.integers(0, 2**63 - 1), st.integers(0, 2**41).map(lambda us: us * 1000))

@@ -1,10 +1,11 @@
-"""Simulated flights: every recorded frame, every transfer, their text, and the sample captures made of them."""
+"""Simulated flights: every recorded frame and transfer, their text and answer key, and the sample captures."""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import shlex
+import struct
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,7 @@ from dissectors.times import SECOND
 from dissectors.tmotor.traffic.packets import split
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from dissectors.tmotor.traffic import SimulatedVehicle
@@ -60,6 +61,22 @@ class Flown:
         """In the order of their last frames."""
         return [frame.sending for frame in self.frames if frame.sending and frame is frame.sending.frames[-1]]
 
+    @cached_property
+    def key(self) -> Mapping[str, Any]:
+        """The answers to the faults."""
+        return self.simulation.key()
+
+    def answer(self, rule: str) -> dict[str, Any]:
+        (found,) = (fault for fault in self.key["faults"] if fault["rule"] == rule)
+        return dict(found)
+
+    def shown(self, rule: str) -> list[Sending]:
+        """The transfers whose frames the answer lists; it lists all frames of each."""
+        numbers = set(self.answer(rule)["frames"])
+        found = [one for one in self.sent if {frame.number for frame in one.frames} & numbers]
+        assert {frame.number for one in found for frame in one.frames if frame.number} == numbers
+        return found
+
     def of(self, name: str, node: int | None = None) -> list[Sending]:
         """The transfers of a type, of one node or of all."""
         return [one for one in self.sent if one.name == name and node in {None, one.node}]
@@ -79,6 +96,16 @@ def flown(seconds: float = 6, **settings: Any) -> Flown:
     return Flown(simulation(seconds, **settings))
 
 
+def _fly(orders: tuple[str, ...], seconds: float, **settings: Any) -> Flown:
+    return Flown(simulation(seconds, orders=tuple(map(catalogue.order, orders)), **settings))
+
+
+@lru_cache(maxsize=8)
+def faulted(*orders: str, seconds: float = 4, **settings: Any) -> Flown:
+    """A flight with faults given as on the command line; some of them may find no occasion."""
+    return _fly(orders, seconds, **settings)
+
+
 def end(sending: Sending) -> int:
     """When its last frame was on the bus."""
     return sending.frames[-1].t
@@ -94,6 +121,16 @@ def peak(times: list[int], window: int = SECOND) -> int:
     return most
 
 
+def word(sending: Sending) -> int:
+    """The first four bytes as they were sent: error_count of an ESCStatus."""
+    return int.from_bytes(sending.payload[:4], "little")
+
+
+def codes(sending: Sending) -> tuple[int, ...]:
+    """The float16 values of an ESCStatus as they were sent."""
+    return struct.unpack_from("<3H", sending.payload, 4)
+
+
 def status_bits(sending: Sending) -> tuple[int, int, int]:
     """Fault bits, operating mode and encoder of an ESCStatus (4.4.3)."""
     word = sending.values["error_count"]
@@ -106,8 +143,7 @@ SEED = 5
 @lru_cache(maxsize=8)
 def flight(*orders: str, seconds: float = 4, seed: int = SEED, **settings: Any) -> str:
     """What `tailbyte simulate` writes with faults given as on its command line; each of them finds its occasion."""
-    wanted = tuple(catalogue.order(order) for order in orders)
-    flown = Flown(simulation(seconds, seed=seed, orders=wanted, **settings))
+    flown = _fly(orders, seconds, seed=seed, **settings)
     assert flown.simulation.unused == ()
     return flown.text
 

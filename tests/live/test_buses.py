@@ -9,7 +9,7 @@ from typing import Any
 import can
 import pytest
 from kit.command import START
-from kit.receiving import SECOND, Clock, everything, text
+from kit.waiting import SECOND, Clock, everything, text
 
 from analyzer.live.interfaces import drivers as buses
 from analyzer.live.interfaces import journal as watching

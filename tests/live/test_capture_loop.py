@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from kit.command import START, wait_until
-from kit.receiving import read
+from kit.rows import batch
 
 from analyzer._native import Rows
 from analyzer.live.autostop import Autostop, AutostopPlan
@@ -21,7 +21,7 @@ SECOND = 10**9
 
 def frames(first: int, count: int) -> FrameBatch:
     lines = (f"({START // SECOND}.{k:09d}) can0 1F040A0B#{k:08X}C0\n" for k in range(first, first + count))
-    return read("".join(lines))
+    return batch("".join(lines))
 
 
 class Hub:

@@ -6,8 +6,8 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import pytest
-from kit.replayed import SECOND, Clock
 from kit.rows import BRS, ESI, EXTENDED, FD, REMOTE, Frame, piece
+from kit.waiting import SECOND, Clock
 
 from analyzer.live.interfaces.naming import Interface
 from analyzer.live.replay.outlet import Outlet
@@ -98,7 +98,7 @@ class Recording(Outlet):
 
     def send(self, frame: ReplayFrame, *, esi: bool = False) -> bool:
         assert esi == frame.esi
-        self.seen.append((self.clock.now, frame))
+        self.seen.append((self.clock.passed, frame))
         return self.fd or not frame.fd
 
 
@@ -114,7 +114,7 @@ def player(
     clock = Clock(over=60_000)
     outlets = [Recording(clock, **how), Recording(clock, **how)]
     pace = Pacer(1_000_000, lambda: False, clock, clock.sleep)
-    return Player(outlets, Routes(maps), Timeline(Fraction(2), None), pace, most), outlets, clock.now
+    return Player(outlets, Routes(maps), Timeline(Fraction(2), None), pace, most), outlets, clock.passed
 
 
 def test_frames_go_out_as_they_are_recorded() -> None:

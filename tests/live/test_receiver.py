@@ -12,7 +12,7 @@ from unittest.mock import Mock
 
 import pytest
 from kit.command import START
-from kit.receiving import SECOND, Clock, everything, text
+from kit.waiting import SECOND, Clock, everything, text
 
 from analyzer._native import Rows
 from analyzer.live import remarks
@@ -221,7 +221,7 @@ def test_removed_and_back_with_another_number(kernel: Kernel, clock: Clock) -> N
     assert receiver.finish() == []
     receiver.wake()
     kernel.link, kernel.refuses = links.Link(9, "can0", "can", up=False), 2
-    assert everything(receiver, clock, 5) == ["# can0: back after 10.7 s, still down"]
+    assert everything(receiver, clock, 5) == ["# can0: back after 10.6 s, still down"]
     assert SocketReceiver.made == 2
     kernel.link = links.Link(9, "can0", "can", up=True)
     assert everything(receiver, clock)[0].startswith("# can0: link up after 4.")
@@ -234,7 +234,7 @@ def test_an_interface_of_the_same_number_that_is_another_one(kernel: Kernel, clo
     """After it was renamed the socket goes on, and its number says whether it is up."""
     receiver = opened(clock, DOWN)
     kernel.link = links.Link(3, "renamed", "can", up=True)
-    assert everything(receiver, clock) == ["# can0: link down", "# can0: link up after 0.3 s"]
+    assert everything(receiver, clock) == ["# can0: link down", "# can0: link up after 0.2 s"]
 
 
 def test_errors_that_nobody_foresaw(kernel: Kernel, clock: Clock) -> None:

@@ -14,6 +14,7 @@ from kit.command import wait_until
 from kit.live import MS, Note, Row, as_recorded, cut, made, plan, record, sessions, stored, taken, traffic
 from kit.rows import Frame
 from kit.strategies import examples
+from kit.waiting import Clock
 
 from analyzer.live.recording import files as files_module
 from analyzer.live.recording.file_recorder import FileRecorder
@@ -77,28 +78,15 @@ def test_names_are_split(path: str, parts: tuple[str, str]) -> None:
     assert split_name(path) == parts
 
 
-class Clock:
-    """Time that passes when it is told to, in nanoseconds."""
-
-    def __init__(self, wall: int) -> None:
-        self.passed, self._wall = 0, wall
-
-    def __call__(self) -> int:
-        return self.passed
-
-    def wall(self) -> float:
-        return (self._wall + self.passed) / SECOND
-
-
 def ring(clock: Clock, path: str = "d/a.log", **conditions: Any) -> Ring:
-    return Ring(RingPlan(**conditions), path, clock, clock.wall)
+    return Ring(RingPlan(**conditions), path, clock, lambda: clock.ns() / SECOND)
 
 
 def test_names_tell_number_and_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TZ", "UTC-2")
     time.tzset()
     try:
-        clock = Clock(1_795_287_600 * SECOND)  # 2026-11-21 19:00:00 UTC
+        clock = Clock(start=1_795_287_600 * SECOND)  # 2026-11-21 19:00:00 UTC
         one = ring(clock, "d.x/a.log.gz", frames=1)
         assert one.next_name() == "d.x/a_00001_20261121210000.log.gz"
         clock.passed += 61 * SECOND
@@ -109,7 +97,7 @@ def test_names_tell_number_and_time(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_file_lasts_so_long() -> None:
-    clock = Clock(0)
+    clock = Clock()
     one = ring(clock, duration=60 * SECOND)
     for _ in range(2):
         one.next_name()
@@ -121,7 +109,7 @@ def test_a_file_lasts_so_long() -> None:
 
 
 def test_a_file_ends_with_the_hour() -> None:
-    clock = Clock(1_795_287_600 * SECOND + 1800 * SECOND)
+    clock = Clock(start=1_795_287_600 * SECOND + 1800 * SECOND)
     one = ring(clock, interval=3600 * SECOND)
     one.next_name()
     clock.passed += 1799 * SECOND
@@ -135,11 +123,11 @@ def test_a_file_ends_with_the_hour() -> None:
 
 
 def test_a_file_has_so_many_bytes_and_frames() -> None:
-    one = ring(Clock(0), size=1000, frames=10)
+    one = ring(Clock(), size=1000, frames=10)
     one.next_name()
     assert [one.over(size) for size in (999, 1000)] == [False, True]
     assert [one.left(count) for count in (0, 9, 10, 11)] == [10, 1, 0, 0]
-    assert ring(Clock(0), size=1000).left(5) is None
+    assert ring(Clock(), size=1000).left(5) is None
 
 
 def ringed(path: Path, pieces: Sequence[FrameBatch], ring: RingPlan, **more: Any) -> FileRecorder:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import can
 import pytest
-from kit.replayed import Clock
+from kit.waiting import Clock
 
 from analyzer.live.interfaces.naming import InterfaceError
 from analyzer.live.replay.sender import BURST, LONGEST, MOST_BEHIND, PATIENCE, SLICE, Pacer, Sender
@@ -24,10 +24,10 @@ def frames(*times: int, data: bytes = b"") -> list[SimulatedFrame]:
 
 def sent(clock: Clock, waiting: list[SimulatedFrame], delays: dict[int, int] | None = None) -> tuple[list[int], Pacer]:
     """When each frame is let through; `delays` are what the sender of a frame loses."""
-    start, pace, times = clock.now, Pacer(1_000_000, lambda: False, clock, clock.sleep), []
+    start, pace, times = clock.passed, Pacer(1_000_000, lambda: False, clock, clock.sleep), []
     for number, _ in enumerate(pace.over(waiting)):
-        times.append(clock.now - start)
-        clock.now += (delays or {}).get(number, 0)
+        times.append(clock.passed - start)
+        clock.passed += (delays or {}).get(number, 0)
     return times, pace
 
 
@@ -138,10 +138,10 @@ def test_a_full_buffer_is_waited_for(error: Exception) -> None:
 @pytest.mark.parametrize("error", FULL)
 def test_but_not_for_ever(error: Exception) -> None:
     clock, bus = Clock(), Bus(error, 10**6)
-    start = clock.now
+    start = clock.passed
     with pytest.raises(InterfaceError) as caught:
         Sender(bus, "can0", clock, clock.sleep).send(can.Message())
-    assert PATIENCE <= clock.now - start <= PATIENCE + LONGEST
+    assert PATIENCE <= clock.passed - start <= PATIENCE + LONGEST
     assert str(caught.value) == (
         "can0: its transmit buffer stays full: does anybody acknowledge, is the controller bus-off?"
     )

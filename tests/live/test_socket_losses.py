@@ -10,7 +10,8 @@ import socket
 from typing import TYPE_CHECKING
 
 import pytest
-from kit.receiving import FOREVER, Pair, classic, columns, longs, lossy_pair, read, words
+from kit.rows import batch
+from kit.waiting import FOREVER, Pair, classic, columns, longs, lossy_pair, words
 
 from analyzer._native import SocketReceiver, Writer
 from analyzer.tables import EVENTS
@@ -65,7 +66,7 @@ def test_losses_are_told_where_they_happened(lossy: Pair) -> None:
     assert longs(events["t"]) == longs(frames["t"])[-1:]
     assert piece.lines["frames"] + piece.lines["dropped_frames"] == sent + 1
     writer = Writer("candump")
-    again = read((writer.start() + writer.write(piece)).decode())
+    again = batch((writer.start() + writer.write(piece)).decode())
     assert columns(again, "text", "text_offset")[1] == columns(piece, "text", "text_offset")[1]
     stamped = ("text", "text_offset")
     assert columns(again, *stamped)[0] == columns(piece, *stamped)[0]

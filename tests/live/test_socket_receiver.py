@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit.command import LIMIT, environment, wait_until
-from kit.receiving import FOREVER, Pair, classic, columns, fd, local_pair, longs, read, words
+from kit.rows import batch
+from kit.waiting import FOREVER, Pair, classic, columns, fd, local_pair, longs, words
 
 from analyzer._native import SocketReceiver
 from analyzer.tables import RX
@@ -96,7 +97,7 @@ def test_frames_are_what_the_reader_of_a_recording_makes_of_them(pair: Pair) -> 
     ordered = [times[line] for line in sorted(times)]
     assert before <= ordered[0] <= ordered[-1] <= time.time_ns()
     assert ordered == sorted(ordered)
-    same = read("".join(text(t, body) for t, (_, body) in zip(ordered, KINDS, strict=True)))
+    same = batch("".join(text(t, body) for t, (_, body) in zip(ordered, KINDS, strict=True)))
     assert columns(piece) == columns(same)
     assert (piece.lines, piece.buses, piece.stamps) == (same.lines, same.buses, same.stamps)
     assert piece.lines["error_frames"] == 3

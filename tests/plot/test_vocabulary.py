@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit.pictures import draw
-from kit.vendor import ACME, PART, PROFILE, PUMP, capture
+from kit.vendors import ACME, PART, PROFILE, PUMP, capture
 
 import dissectors
 from analyzer.devices.definitions import Definitions

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kit import VECTORS
 from kit.encode import DLC_LENGTHS
-from kit.peer import HALVES, fill, frames, new, plain, transfer
+from kit.libraries import HALVES, fill, frames_of, new, plain, transfer
 
 from analyzer.simulate import wire
 from analyzer.simulate.encode import compiled, float_code
@@ -52,7 +52,7 @@ def test_every_standard_type_as_pydronecan_packs_it(registry: Registry) -> None:
             )  # fmt: skip
             assert ours.payload == bytes(theirs.payload), message.full_name
             sent = [(frame.id, frame.data) for frame in wire.frames(ours)]
-            assert sent == [(frame.id, frame.data) for frame in frames(theirs)], message.full_name
+            assert sent == [(frame.id, frame.data) for frame in frames_of(theirs)], message.full_name
             compared += 1
     assert compared > 600
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from kit.sent_flights import flight, word
+from kit.simulated import faulted, word
 
 from analyzer.simulate.faults import catalogue
 from dissectors.traffic import Code, Sending
@@ -36,7 +36,7 @@ REFUSED: dict[str, Callable[[Sending], bool]] = {
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("rule", ["TYP-004", "TYP-005", "TYP-101", "TYP-102", "TYP-104", "TYP-105"])
 def test_one_command_that_is_not_obeyed_changes_no_more_than_the_speed_a_little(rule: str) -> None:
-    seen, clean = flight(rule), flight()
+    seen, clean = faulted(rule), faulted()
     assert len(seen.shown(rule)) == 1
     assert [(one.node, one.name) for one in seen.sent] == [(one.node, one.name) for one in clean.sent]
     for one, right in zip(seen.of("ESCStatus"), clean.of("ESCStatus"), strict=True):
@@ -77,13 +77,13 @@ def test_one_command_that_is_not_obeyed_changes_no_more_than_the_speed_a_little(
     ],
 )
 def test_settings_take_effect(order: str, holds: Callable[[Sending], bool]) -> None:
-    shown = flight(order).shown(order[:7])
+    shown = faulted(order).shown(order[:7])
     assert shown
     assert all(map(holds, shown))
 
 
 def test_a_permanent_write_comes_while_the_motors_turn() -> None:
-    seen = flight("TYP-210")
+    seen = faulted("TYP-210")
     (write,) = seen.shown("TYP-210")
     assert (write.values["esc_save_option"], write.values["esc_led_mode"]) == (1, 0x57)
     command = [one for one in seen.of("RawCommand") if one.t <= write.t][-1]
@@ -91,14 +91,14 @@ def test_a_permanent_write_comes_while_the_motors_turn() -> None:
 
 
 def test_a_query_is_27_bytes_of_ones() -> None:
-    (query,) = flight("TYP-208").shown("TYP-208")
+    (query,) = faulted("TYP-208").shown("TYP-208")
     assert query.payload == b"\xff" * 27
 
 
 @pytest.mark.slow
 def test_an_esc_refuses_what_it_must_not_take() -> None:
     for rule, holds in REFUSED.items():
-        seen = flight(rule)
+        seen = faulted(rule)
         (write,) = seen.shown(rule)
         reports = [one for one in seen.of("ParamGet") if one.t > write.t]
         assert reports
@@ -108,7 +108,7 @@ def test_an_esc_refuses_what_it_must_not_take() -> None:
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("escs", [1, 3, 8, 20])
 def test_lengths_go_wrong_for_any_number_of_channels(escs: int) -> None:
-    seen = flight("TYP-004", "TYP-105", "TYP-103:more=-1" if escs > 1 else "TYP-103", escs=escs, seconds=2.5)
+    seen = faulted("TYP-004", "TYP-105", "TYP-103:more=-1" if escs > 1 else "TYP-103", escs=escs, seconds=2.5)
     (odd,) = seen.shown("TYP-004")
     assert 8 * len(odd.payload) % 14 >= 8
     assert len(odd.payload) <= 35
@@ -129,7 +129,7 @@ def test_lengths_go_wrong_for_any_number_of_channels(escs: int) -> None:
     ],
 )
 def test_a_setting_that_breaks_no_rule_is_left_alone_and_told(order: str) -> None:
-    seen = flight(order, seconds=2.0)
+    seen = faulted(order, seconds=2.0)
     assert seen.key["faults"] == []
     assert seen.simulation.unused == (order,)
 
@@ -149,4 +149,4 @@ def test_a_setting_that_nothing_can_have_is_refused(order: str) -> None:
 
 @pytest.mark.slow
 def test_a_write_waits_until_the_motors_turn() -> None:
-    assert flight("TYP-210@0.1", seconds=3.0).answer("TYP-210")["time"] > 0.5
+    assert faulted("TYP-210@0.1", seconds=3.0).answer("TYP-210")["time"] > 0.5

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from kit.command import CAPTURES, ROOT
-from kit.peer import received
+from kit.libraries import received
 from kit.simulated import FLIGHTS, TEN, key_of
 from witness.flights import Flight
 from witness.proof import finder, prove

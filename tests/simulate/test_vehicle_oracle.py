@@ -8,7 +8,7 @@ from typing import Any
 import dronecan
 import pytest
 from dronecan import dsdl
-from kit.peer import plain, received
+from kit.libraries import plain, received
 from kit.simulated import FLIGHT_PLANS, Flown, flown
 
 # Of the six types of the document pydronecan has four by another name.

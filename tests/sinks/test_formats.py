@@ -23,8 +23,8 @@ from kit.rows import (
     events,
     piece,
     plain,
-    read,
     records,
+    sound,
     text,
     written,
 )
@@ -43,13 +43,13 @@ if TYPE_CHECKING:
 @example(capture=[Frame(t=2**31 * 10**9), Frame(t=2**63 - 1), Frame(t=0), Frame(t=1)], cuts=[])
 @example(capture=[Frame(None), Frame(7), Fault(None), Frame(None, flags=FD | TX), Frame(0), Fault(8)], cuts=[1, 3])
 @example(capture=[Fault(flags=TX), Fault(None, flags=RX), Fault(), Frame(flags=TX)], cuts=[])
-def test_what_is_written_is_read(form: str, capture: list[Record], cuts: list[int], tmp_path: Path) -> None:
+def test_what_is_written_is_read(form: str, capture: list[Record], cuts: list[int]) -> None:
     edges = [0, *sorted(min(cut, len(capture)) for cut in cuts), len(capture)]
     whole = piece(capture)
     lines = range(len(capture))
     parts = [whole.pick(*chosen(capture, lines[a:b])) for a, b in pairwise(edges)]
     data, sink = written(form, parts)
-    assert records(read(form, data, tmp_path)) == capture
+    assert records(sound(form, data)) == capture
     assert sink.lost == {}
     assert sink.frames == sum(isinstance(record, Frame) for record in capture)
 
@@ -64,12 +64,12 @@ def chosen(capture: list[Record], lines: range) -> tuple[bytes, bytes]:
 
 
 @given(capture=CAPTURES)
-def test_through_all_formats_and_back(capture: list[Record], tmp_path: Path) -> None:
+def test_through_all_formats_and_back(capture: list[Record]) -> None:
     """Candump text to each format and back is the same text."""
     first, _ = written("candump", [piece(capture)])
     for form in FORMS:
         through, _ = written(form, text(first))
-        assert written("candump", read(form, through, tmp_path))[0] == first
+        assert written("candump", sound(form, through))[0] == first
 
 
 ODD = """\
@@ -98,20 +98,20 @@ def test_candump_keeps_everything_that_is_legible() -> None:
     assert sink.frames == 5
 
 
-def test_pcapng_counts_what_it_cannot_hold(tmp_path: Path) -> None:
+def test_pcapng_counts_what_it_cannot_hold() -> None:
     data, sink = written("pcapng", text(ODD))
     assert sink.lost == {
         "classic frames of more than 8 bytes": 1, "interfaces of drop counts": 1,
     }  # fmt: skip
     assert sink.frames == 4
-    drops = events(read("pcapng", data, tmp_path), "drop")
+    drops = events(sound("pcapng", data), "drop")
     assert [(bus, count) for bus, count, _ in drops] == [("can0", 5), ("can1", 1), ("can0", 7)]
 
 
-def test_mcap_counts_what_it_cannot_hold(tmp_path: Path) -> None:
+def test_mcap_counts_what_it_cannot_hold() -> None:
     data, sink = written("mcap", text(ODD))
     assert sink.lost == {"classic frames of more than 8 bytes": 1, "interfaces of drop counts": 1}
-    pieces = read("mcap", data, tmp_path)
+    pieces = sound("mcap", data)
     faults = [record for record in records(pieces) if isinstance(record, Fault)]
     assert [(fault.bus, fault.error) for fault in faults] == [("can0", 4), ("can0", 4), ("can1", 128)]
     assert [(bus, count) for bus, count, _ in events(pieces, "drop")] == [("can0", 5), ("can1", 1), ("can1", 7)]
@@ -129,10 +129,10 @@ DROPCOUNT: dropped 4294967295 CAN frames on 'can1' socket (total drops 429496730
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_comments_and_drop_counts_keep_their_places_and_times(form: str, tmp_path: Path) -> None:
+def test_comments_and_drop_counts_keep_their_places_and_times(form: str) -> None:
     through, sink = written(form, text(REMARKS))
     assert sink.lost == {}
-    assert written("candump", read(form, through, tmp_path))[0].decode() == REMARKS
+    assert written("candump", sound(form, through))[0].decode() == REMARKS
 
 
 def test_long_error_frames() -> None:
@@ -143,20 +143,20 @@ def test_long_error_frames() -> None:
         assert written(form, [piece(capture)])[1].lost == {"error frames of more than 8 bytes": 1}
 
 
-def test_times_before_1970(tmp_path: Path) -> None:
+def test_times_before_1970() -> None:
     capture = [Frame(t=-1), Fault(t=-(2**62))]
     for form in FORMS:
         data, sink = written(form, [piece(capture)])
         assert sink.lost == {"times before 1970": 2}
-        assert [record.t for record in records(read(form, data, tmp_path))] == [None, None]
+        assert [record.t for record in records(sound(form, data))] == [None, None]
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_capture_without_times_has_none_afterwards(form: str, tmp_path: Path) -> None:
+def test_a_capture_without_times_has_none_afterwards(form: str) -> None:
     log = "DROPCOUNT: dropped 1 CAN frame on 'can0' socket (total drops 1)\ncan0 123#11\ncan1 20000004# T\n"
     data, sink = written(form, text(log))
     assert all("time" not in what for what in sink.lost)
-    pieces = read(form, data, tmp_path)
+    pieces = sound(form, data)
     assert {STAMPS[bit] for part in pieces for bit in range(8) if part.stamps >> bit & 1} == {"none"}
     rows = [row for part in pieces for form, cells in zip((RECORDED, EVENT_ROWS), part.columns(), strict=True)
             for row in plain(wrap(form, cells))]  # fmt: skip
@@ -164,11 +164,11 @@ def test_a_capture_without_times_has_none_afterwards(form: str, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_only_the_frames_without_a_time_have_none(form: str, tmp_path: Path) -> None:
+def test_only_the_frames_without_a_time_have_none(form: str) -> None:
     """A drop count has that of its neighbour, in all formats that know times of drop counts."""
     drop = "DROPCOUNT: dropped 1 CAN frame on 'can0' socket (total drops 1)"
     log = f"can0 1#\n{drop}\n(0.0) can0 2#\ncan0 3#\n(2.0) can0 4#\n"
-    pieces = read(form, written(form, text(log))[0], tmp_path)
+    pieces = sound(form, written(form, text(log))[0])
     frames = [record for record in records(pieces) if isinstance(record, Frame)]
     assert [(frame.id, frame.t) for frame in frames] == [(1, None), (2, 0), (3, None), (4, 2 * 10**9)]
     assert {part.stamps & 17 for part in pieces if part.frames} == {17}  # absolute and none
@@ -177,10 +177,10 @@ def test_only_the_frames_without_a_time_have_none(form: str, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_bus_without_a_name_is_one_bus(form: str, tmp_path: Path) -> None:
+def test_a_bus_without_a_name_is_one_bus(form: str) -> None:
     """With times or without."""
     data, _ = written(form, [piece([Frame(1, ""), Frame(None, ""), Frame(2)])])
-    assert [record.bus for record in records(read(form, data, tmp_path))] == ["can", "can", "can0"]
+    assert [record.bus for record in records(sound(form, data))] == ["can", "can", "can0"]
 
 
 def test_the_flag_digit_of_candump_has_two_bits_with_a_meaning() -> None:

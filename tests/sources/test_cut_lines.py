@@ -10,8 +10,8 @@ import pytest
 import zstandard
 from kit import CAPTURES
 from kit.command import HOVER
+from kit.libraries import written
 from kit.rows import Frame, records, text
-from kit.with_can import written
 
 import analyzer
 from analyzer.cli import main

@@ -6,7 +6,7 @@ import struct
 
 import pytest
 from kit.encode import DLC_LENGTHS
-from kit.reading import FD, Frame, read, traffic
+from kit.rows import FD, Frame, read, traffic
 
 FMT, CANF, CAFD, PARM = 128, 216, 217, 64
 BYTES = ",".join(f"B{at}" for at in range(8))
@@ -30,7 +30,7 @@ PARAMETER = b"\xa3\x95" + struct.pack("<BQ16sff", PARM, 5, b"CAN_P1_DRIVER", 1, 
 
 
 def record(frame: Frame) -> bytes:
-    code = DLC_LENGTHS.index(len(frame.data)) if frame.flags & FD else len(frame.data) or frame.flags >> 8
+    code = DLC_LENGTHS.index(len(frame.data)) if frame.flags & FD else len(frame.data) or frame.code
     kind, room = (CAFD, "64s") if frame.flags & FD else (CANF, "8s")
     values = frame.t // 1000, int(frame.bus[3:]), frame.word, code, frame.data
     return b"\xa3\x95" + struct.pack(f"<BQBIB{room}", kind, *values)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 from dronecan.driver.common import CANFrame
 from dronecan.driver.file import file as LogFile  # noqa: N812 - the driver's class is called file
-from kit.reading import EXTENDED, FD, REMOTE, Frame, read, traffic
+from kit.rows import EXTENDED, FD, REMOTE, Frame, read, traffic
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,7 +23,7 @@ def log(path: Path, seed: int, count: int) -> tuple[bytes, list[Frame]]:
     for frame in kept:
         t = frame.t / 1e9
         writer.send_frame(CANFrame(frame.id, frame.data, bool(frame.flags & EXTENDED), t, canfd=bool(frame.flags & FD)))
-        frames.append(frame._replace(t=int(t * 1e6) * 1000, bus="can0"))
+        frames.append(replace(frame, t=int(t * 1e6) * 1000, bus="can0"))
     writer.close()
     writer.file = None  # the driver closes it once more when it goes
     return path.read_bytes(), frames

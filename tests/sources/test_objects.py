@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 import zstandard
-from kit import mcaps, with_can
+from kit import libraries, mcaps
 from kit.command import CAPTURES, HOVER
 from kit.rows import Frame, piece, plain, written
 
@@ -39,8 +39,8 @@ CHUNK = 6  # opcode of MCAP
 def capture(name: str) -> bytes:
     """Return a small capture of the format of this name."""
     suffix = Path(name).suffix
-    if suffix in with_can.WRITERS:
-        return with_can.written(suffix, FRAMES)
+    if suffix in libraries.WRITERS:
+        return libraries.written(suffix, FRAMES)
     if suffix in (".mcap", ".pcapng"):
         return written(suffix[1:], [piece(FRAMES)])[0]
     if suffix == ".seed":

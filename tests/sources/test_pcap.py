@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from kit.reading import FD, NO_TIME, RX, TX, Frame, read, traffic
+from kit.rows import FD, RX, TX, Frame, read, traffic
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,7 +23,7 @@ def packet(frame: Frame, order: str = ">", *, padded: bool = True) -> bytes:
     if frame.flags & FD:
         flags, room = 4 | frame.flags >> 4 & 3, 64
     elif not frame.data:
-        length = frame.flags >> 8
+        length = frame.code
     fill = bytes(room - len(frame.data)) if padded else b""
     return struct.pack(order + "IBBxx", frame.word, length, flags) + frame.data + fill
 
@@ -79,7 +80,7 @@ class Section:
 @pytest.mark.parametrize("padded", [True, False])
 def test_pcap_reads_as_candump(order: str, magic: int, padded: bool) -> None:
     frames = [
-        frame._replace(bus="can0") for frame in traffic(1, 400, START, 1_001_001 if magic == NANOS else 1_001_000)
+        replace(frame, bus="can0") for frame in traffic(1, 400, START, 1_001_001 if magic == NANOS else 1_001_000)
     ]
     data = pcap(frames, order, magic, padded=padded)
     assert read("candump", "".join(frame.line for frame in frames).encode()).frames == frames
@@ -91,11 +92,11 @@ def test_pcap_reads_as_candump(order: str, magic: int, padded: bool) -> None:
 
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_cooked_pcap(order: str) -> None:
-    frames = [frame._replace(flags=frame.flags | TX * (frame.id & 1)) for frame in traffic(2, 300, START, 1_000_000)]
+    frames = [replace(frame, flags=frame.flags | TX * (frame.id & 1)) for frame in traffic(2, 300, START, 1_000_000)]
     result = read("pcap", pcap(frames, order, link=COOKED2), 100)
-    assert result.frames == [frame._replace(bus="if" + frame.bus[3:]) for frame in frames]
+    assert result.frames == [replace(frame, bus="if" + frame.bus[3:]) for frame in frames]
     result = read("pcap", pcap(frames, order, link=COOKED), 100)
-    assert result.frames == [frame._replace(bus="can0") for frame in frames]
+    assert result.frames == [replace(frame, bus="can0") for frame in frames]
 
 
 @pytest.mark.parametrize(
@@ -103,7 +104,7 @@ def test_cooked_pcap(order: str) -> None:
 )
 def test_pcapng_reads_as_candump(resolution: bytes, unit: int) -> None:
     frames = [
-        frame._replace(flags=frame.flags | (0, RX, TX)[frame.id % 3]) for frame in traffic(3, 400, START, 3 * unit)
+        replace(frame, flags=frame.flags | (0, RX, TX)[frame.id % 3]) for frame in traffic(3, 400, START, 3 * unit)
     ]
     data = b""
     for order, part in (("<", frames[:150]), (">", frames[150:300]), ("<", frames[300:])):
@@ -130,7 +131,7 @@ def test_pcapng_reads_as_candump(resolution: bytes, unit: int) -> None:
 def test_packets_without_time_and_drops() -> None:
     section = Section("<")
     section.interface()
-    frame = Frame(NO_TIME, "can0", 0x123, 0, b"\1\2")
+    frame = Frame(None, "can0", 0x123, 0, b"\1\2")
     section.block(3, struct.pack("<I", 16) + packet(frame))
     section.block(5, struct.pack("<III", 0, 0, 1) + section.options((4, bytes(8)), (5, struct.pack("<Q", 12))))
     result = read("pcapng", section.out)

@@ -12,9 +12,9 @@ import pytest
 import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
-from kit.rows import BRS, ESI, EXTENDED, FD, REMOTE, RX, TX, Fault, Frame, Record, events, records
+from kit.libraries import TEXT, WRITERS, frames, read, total, written
+from kit.rows import BRS, ESI, EXTENDED, FD, FD_LENGTHS, REMOTE, RX, TX, Fault, Frame, Record, events, records
 from kit.strategies import examples
-from kit.with_can import FD_LENGTHS, TEXT, WRITERS, frames, read, total, written
 
 from analyzer._native import FrameBatch
 from analyzer.sources import CaptureError, Source

@@ -7,8 +7,8 @@ import zlib
 from dataclasses import replace
 
 import pytest
-from kit.rows import BRS, EXTENDED, FD, REMOTE, RX, TX, Fault, Frame, Record, events, records
-from kit.with_can import FD_LENGTHS, frames, read, total, written
+from kit.libraries import frames, read, total, written
+from kit.rows import BRS, EXTENDED, FD, FD_LENGTHS, REMOTE, RX, TX, Fault, Frame, Record, events, records
 
 START = 1_600_000_000_000_000_000
 CLASSIC, CONTAINER, ERROR_EXT, FD_MESSAGE, FD_64 = 1, 10, 73, 100, 101

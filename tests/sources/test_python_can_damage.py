@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from kit.libraries import TEXT, frames, read, written
 from kit.rows import EXTENDED, RX, TX, Frame, Record, events, records
-from kit.with_can import TEXT, frames, read, written
 
 from analyzer.sources import CaptureError, Source
 

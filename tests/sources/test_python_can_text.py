@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from kit.libraries import frames, read, total, written
 from kit.rows import BRS, ESI, EXTENDED, FD, REMOTE, RX, TX, Fault, Frame, events, records
-from kit.with_can import frames, read, total, written
 
 from analyzer.sources import CaptureError
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow.parquet as pq
 import pytest
-from kit import CAPTURES, encode, hobbywing
+from kit import CAPTURES, encode, vendors
 from kit.flight import ESCS, SECOND, START, Sender, hover
-from kit.hobbywing import HOT, SPACE, reports
 from kit.judged import judge, outcome, whole
 from kit.pictures import draw
+from kit.vendors import HOT, SPACE, reports
 
 import analyzer
 
@@ -54,14 +54,14 @@ def test_what_is_wrong_with_the_sample_flight() -> None:
 
 
 def test_a_flight_without_the_heat_is_clean(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hobbywing, "HOT", 0)
-    assert judge(text(hobbywing.flight())) == []
+    monkeypatch.setattr(vendors, "HOT", 0)
+    assert judge(text(vendors.flight())) == []
 
 
 def test_on_a_bus_with_the_other_vendor_each_is_read_as_its_own() -> None:
     """T-Motor's flight and Hobbywing's on two buses of a capture: as much is found as of each alone."""
     rows = [row.frame for row in hover().rows()]
-    rows += [replace(row.frame, bus="can1") for row in hobbywing.flight().rows()]
+    rows += [replace(row.frame, bus="can1") for row in vendors.flight().rows()]
     both = "".join(encode.log_line(frame) + "\n" for frame in sorted(rows, key=lambda frame: frame.t))
     assert {one.rule for one in judge(both)} == {"HW-001", "HW-003"} | {one.rule for one in judge(text(hover()))}
 

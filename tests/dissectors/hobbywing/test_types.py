@@ -9,8 +9,8 @@ import dronecan
 import pytest
 from dronecan.dsdl import CompoundType
 from kit import VECTORS, encode
-from kit.hobbywing_types import physical
 from kit.traffic import differing
+from kit.vendors import physical
 
 from dissectors.registry import load
 

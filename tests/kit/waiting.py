@@ -1,40 +1,61 @@
-"""Receivers for tests: a pair of sockets in place of the kernel, and a clock that goes on when somebody waits."""
+"""What waits, without waiting: receivers at a pair of sockets, captures to be replayed, a clock."""
 
 from __future__ import annotations
 
+import os
 import re
 import socket
 import struct
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
 
-from analyzer._native import FrameBatch, Reader, Writer
+from analyzer._native import FrameBatch, Writer
+from analyzer.cli.replay import playing as replay_run
+from analyzer.sinks import open_sink
 from kit.command import LIMIT, START
+from kit.rows import EXTENDED, Fault, Frame, piece
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
-    from analyzer._native import FrameBatch
+    import pytest
+
     from analyzer.live.interfaces.receiver import Receiver
 
-SECOND = 10**9
+SECOND, MS = 10**9, 10**6
 
 
 class Clock:
-    """Goes on when somebody waits."""
+    """Time passes only in its sleeps, each of which may be a little too long, and when it is told to; in ns."""
 
-    def __init__(self) -> None:
-        self.seconds = 0.0
+    def __init__(self, over: int = 0, start: int = START) -> None:
+        self.passed, self.over, self.start = 0, over, start
+        self.slept: list[float] = []
+
+    def __call__(self) -> int:
+        return self.passed
 
     def ns(self) -> int:
-        return START + round(self.seconds * SECOND)
+        """Of the wall."""
+        return self.start + self.passed
+
+    @property
+    def seconds(self) -> float:
+        return self.passed / SECOND
+
+    @seconds.setter
+    def seconds(self, value: float) -> None:
+        self.passed = round(value * SECOND)
 
     def now(self) -> float:
         return self.seconds
 
     def sleep(self, seconds: float) -> None:
         assert seconds > 0
-        self.seconds += seconds
+        self.slept.append(seconds)
+        self.passed += max(1, round(seconds * SECOND)) + self.over
 
 
 def text(piece: FrameBatch | None) -> list[str]:
@@ -98,16 +119,44 @@ def columns(piece: FrameBatch, *left_out: str) -> list[dict[str, Any]]:
     return [{name: table[name] for name in table if name not in left_out} for table in piece.columns()]
 
 
-def read(log: str) -> FrameBatch:
-    reader = Reader("candump")
-    reader.feed(log.encode())
-    reader.finish()
-    return reader.take()
-
-
 def longs(column: bytes) -> list[int]:
     return list(memoryview(column).cast("q"))
 
 
 def words(column: bytes) -> list[int]:
     return list(memoryview(column).cast("I"))
+
+
+STATUS, RAW = 0x1F040A0B, 0x0A040601
+
+
+def replays_wait_by(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Clock:
+    monkeypatch.setattr(replay_run, "Pacer", partial(replay_run.Pacer, clock=clock, sleep=clock.sleep))
+    return clock
+
+
+def frames(*ids: int, step: int = MS, bus: str = "can0", flags: int = EXTENDED) -> list[Frame]:
+    return [Frame(START + k * step, bus, number, flags, bytes([k & 0xFF, 0xC0])) for k, number in enumerate(ids)]
+
+
+def log(path: str, found: Sequence[Frame | Fault]) -> str:
+    with Path(path).open("wb") as file:
+        sink = open_sink("candump", file)
+        sink.write(piece(found))
+        sink.close()
+    return path
+
+
+@contextmanager
+def standard_input() -> Iterator[BinaryIO]:
+    """Another end for it."""
+    end, begin = os.pipe()
+    before = os.dup(0)
+    os.dup2(end, 0)
+    os.close(end)
+    try:
+        with os.fdopen(begin, "wb", buffering=0) as pipe:
+            yield pipe
+    finally:
+        os.dup2(before, 0)
+        os.close(before)

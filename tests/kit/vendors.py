@@ -1,11 +1,54 @@
-"""Four Hobbywing ESCs and a flight controller, made by hand: power-up, hover, and one of them gets too hot."""
+"""Vendors beside T-Motor: a maker of pumps, made up for the tests, and Hobbywing with a flight made by hand.
+
+The pumps have a type of their own, with a profile, and a capture of it. Four Hobbywing ESCs and a flight controller
+power up and hover, and one of them gets too hot; their types stand in `hobbywing.txt`, as `kit.encode` takes them.
+"""
 
 from __future__ import annotations
 
+import struct
 from operator import itemgetter
 from typing import Any
 
+from kit import encode
 from kit.flight import AUTOPILOT, ESCS, Sender, node_status, throttle
+
+ACME = 20777
+PROFILE = """\
+name = "Acme"
+version = "1"
+tree = "."
+
+[enum.State]
+0 = "idle"
+2 = "spinning"
+
+[message.Pump]
+type = "acme.pump.Pump"
+clause = "7"
+
+[message.Pump.field.state]
+enum = "State"
+
+[message.Pump.field.pressure]
+unit = "bar"
+scale = 0.01
+"""
+PUMP = "uint3 state\nvoid5\nuint16 pressure\nfloat16 temperature\nPart[<=4] parts\n"
+PART = "uint8 number\nint16 value\n"
+
+
+def capture(signature: int) -> bytes:
+    """Three transfers of the new type between those of an old one."""
+    out = []
+    for k in range(3):
+        body = struct.pack("<BHe", 2 << 5, 150 + k, 21.5) + b"".join(struct.pack("<Bh", n, -n * k) for n in range(3))
+        one = encode.Transfer("message", ACME, 42, body, signature, k)
+        t = (1_700_000_000 + k) * 10**9
+        out += one.frames(t)
+        out += encode.transfer("RawCommand", {"cmd": [k] * 4}, 1, k).frames(t + 10**6)
+    return "".join(encode.log_line(frame) + "\n" for frame in out).encode()
+
 
 SPACE = "com.hobbywing.esc."
 HOT = ESCS[2]
@@ -65,3 +108,11 @@ def flight(ms: int = 3000) -> Sender:
     for t, name, node, fields, more in sorted(plans, key=itemgetter(0)):
         net.send(t, name, node, fields, **more)
     return net
+
+
+TENTHS = {"com.hobbywing.esc.StatusMsg2": ("input_voltage", "current")}  # fields that are sent in tenths of the unit
+
+
+def physical(name: str, fields: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a type as its table shows them."""
+    return {field: value / 10 if field in TENTHS.get(name, ()) else value for field, value in fields.items()}
