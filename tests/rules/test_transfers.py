@@ -211,3 +211,11 @@ def test_captures_without_times() -> None:
     text = lines(usual(), status(4).frames()[1:], timed=False)
     assert said(text, "TRF-007") == said(text, "TRF-027") == []
     assert said(text, "TRF-005") == [("error", 1, 13, "transfer ID 4, first frame lost (of 3)")]
+
+
+def test_what_is_left_of_a_damaged_transfer_is_not_called_needless() -> None:
+    """Two frames hold 7 bytes because the first one came short; its CRC says that there were more."""
+    first, *others = status(0).frames()
+    short = replace(first, data=first.data[:3] + first.data[-1:])
+    text = lines(short, others[-1])
+    assert [one.rule for one in judge(text, ("TRF-015", "TRF-012"))] == ["TRF-012"]

@@ -25,7 +25,8 @@ _ORPHAN = tuple(VERDICTS.index(name) for name in ("wrong transfer id", "orphan")
 _OK = STATUSES.index("ok")
 _USED = VERDICTS.index("used")
 _BEFORE = 48  # frames of a session among which a copy finds the one that it is of
-_COMPLETE = tuple(STATUSES.index(name) for name in ("ok", "unchecked", "bad crc"))
+_SOUND = tuple(STATUSES.index(name) for name in ("ok", "unchecked"))
+_COMPLETE = (*_SOUND, STATUSES.index("bad crc"))
 _SINGLE_WITH_TOGGLE = TAIL_START | TAIL_END | TAIL_TOGGLE
 _MARKED = 100.0  # ms; the core marks longer pauses
 _MOST = 4  # frames that are named in a line
@@ -33,14 +34,14 @@ NEAR = 4096  # frames that are looked through for the other one of two transfers
 
 
 class _Bit(NamedTuple):
-    """A rule, the bit of the core that shows its breaches, and what is said of one."""
+    """A rule, the bit of the core that shows its breaches, and what is said of one. `only`: of these statuses."""
 
     rule: str
     bit: str
     values: Callable[[View, int], Values]
     severity: Severity | None = None
     drops: bool = False
-    complete: bool = False
+    only: tuple[int, ...] = ()
 
 
 @rule("TRF-001", "TRF-007", "TRF-008", "TRF-012", "TRF-013", "TRF-014", "TRF-015", "TRF-026", "TRF-029")
@@ -55,8 +56,8 @@ def measured(view: View) -> Iterator[Occurrences]:
         rows = flagged(t.anomaly, bit)
         if one.rule == "TRF-012":
             rows = _followed(view, rows)
-        if one.complete:
-            rows = rows[np.isin(t.status[rows], _COMPLETE)]
+        if one.only:
+            rows = rows[np.isin(t.status[rows], one.only)]
         about = partial(one.values, view)
         if one.rule == "TRF-026":
             orphans = np.array([_only_orphans(view, row) for row in rows.tolist()], bool)
@@ -185,12 +186,12 @@ def _in_turn(view: View, row: int) -> Values:
 
 _BITS = (
     _Bit("TRF-001", "single toggle", _tail),
-    _Bit("TRF-007", "slow", _took, severity="note", complete=True),
+    _Bit("TRF-007", "slow", _took, severity="note", only=_COMPLETE),
     _Bit("TRF-008", "cut by end", _received),
     _Bit("TRF-012", "frame not full", _part_full),
     _Bit("TRF-013", "last frame empty", _last),
     _Bit("TRF-014", "first frame too short", _first),
-    _Bit("TRF-015", "needless multi", _length),
+    _Bit("TRF-015", "needless multi", _length, only=_SOUND),
     _Bit("TRF-026", "interleaved", _in_turn),
     _Bit("TRF-029", "long", _length),
 )

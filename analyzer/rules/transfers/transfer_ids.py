@@ -20,6 +20,7 @@ from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.transfers.id_patterns import EarlyWraps, SharedCounter, Uptimes, changed_places
 from analyzer.rules.transfers.id_steps import COPIED, GAP, MESSAGE, QUIET, REPEATED, RESTARTED, id_step, odd_rows
 from analyzer.rules.transfers.interleaved_senders import SeveralSenders, named
+from analyzer.rules.transfers.late_copies import see_copy
 from analyzer.rules.transfers.orphan_frames import OrphanFrames
 from analyzer.rules.transfers.session_starts import LatestFrames
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule
@@ -116,6 +117,8 @@ class _Node:
             self._release()
             if self.cause.rule != SHARED_ID:
                 self.senders.clear()
+        else:
+            see_copy(self.held, view, NEAR)
         over = len(self.held) - MOST_HELD
         while self.held and (over > 0 or self.held[0].t < one.t - LONGEST):
             oldest = self._oldest()

@@ -88,6 +88,19 @@ def test_channels_are_counted_only_after_a_second_of_reports() -> None:
     assert not found(2000), "a second after the last report nobody knows"
 
 
+def test_channels_are_counted_anew_a_second_after_a_gap_in_the_capture() -> None:
+    """Of those that report seldom some have not spoken again; both batches and a second gap are tried."""
+
+    def found(*late: int) -> list[tuple[int, int]]:
+        before: list[Sent] = [(0, report(0)), (10, report(1, 1)), (900, report(1, 2)), (1800, report(0, 3))]
+        after: list[Sent] = [(t + 100, report(0, 4 + k)) for k, t in enumerate((5000, 5800, 9000))]
+        sent: list[Sent] = [(t, command(1, 2, number=k)) for k, t in enumerate((1850, *late))]
+        return [(one.first, one.count) for one in whole(log(*before, *after, *sent), ("TYP-103",))]
+
+    assert not found(5150, 5900, 9150), "less than a second after each gap"
+    assert [count for _, count in found(5150, 6150, 6190, 9150)] == [2]
+
+
 def test_a_word_of_16_bits_needs_its_zeros_and_its_low_bits() -> None:
     assert len(judge(log((0, command(232, 192, 0, 0))), ("TYP-105",))) == 1
     for near in ((232, 192, 0, 1), (232, 193, 0, 0), (232, 0, 0, 0), (4096, 64, 0, 0), (-1, 64, 0, 0)):

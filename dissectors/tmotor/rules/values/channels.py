@@ -20,7 +20,8 @@ _INDEXES = 32  # esc_index has 5 bits
 class ChannelCount(Rule):
     """Channels against the indexes that ESCs reported in the time before (4.4.1 expl. 3).
 
-    Nothing is said until that time has passed since the first report on a bus: until then ESCs may be missing.
+    Nothing is said until that time has passed since the first report on a bus, and since a gap in the capture: until
+    then ESCs may be missing.
     """
 
     rules = ("TYP-103",)
@@ -39,6 +40,9 @@ class ChannelCount(Rule):
             mine = asked if commands is None else asked[commands.bus[asked] == bus]
             heard = reported if reports is None else reported[reports.bus[reported] == bus]
             wrong, highest = self._judge(bus, commands, mine, reports, heard, window)
+            if commands is not None and wrong.size:
+                known = commands.t[wrong] - _resumed(view, commands.t[wrong]) >= window
+                wrong, highest = wrong[known], highest[known]
             if commands is not None and wrong.size:
                 yield _miscount(view, commands, wrong, highest)
 
@@ -84,6 +88,18 @@ class ChannelCount(Rule):
 def _has_time(table: DecodedTable) -> Array:
     timed: Array = table.t != NO_TIME
     return timed
+
+
+def _resumed(view: View, t: Array) -> Array:
+    """Return since when frames have come without a gap at each of some times."""
+    first, ends = view.resumed(int(t.min())), []
+    end = view.resumed(int(t.max()))
+    while end > first:
+        ends.append(end)
+        end = view.resumed(end - 1)
+    begins = np.array([first, *reversed(ends)], np.int64)
+    resumed: Array = begins[np.searchsorted(begins, t, "right") - 1]
+    return resumed
 
 
 def _miscount(view: View, commands: DecodedTable, rows: Array, highest: Array) -> Occurrences:
