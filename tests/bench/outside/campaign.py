@@ -12,6 +12,7 @@ from bench.outside.in_dialogue import DIALOGUE
 from bench.outside.in_frames import FRAMES
 from bench.outside.in_transfers import TRANSFERS
 from bench.outside.in_values import VALUES
+from bench.outside.innocent import OF_CAPTURES, OF_FLIGHTS
 from bench.outside.kinds import Score, said, score
 from bench.outside.trace import Trace
 
@@ -19,9 +20,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from bench.outside.kinds import Case, Kind
+from bench.outside.kinds import Case, Kind
 
-HALVES = {"Transport faults": {**FRAMES, **TRANSFERS}, "Values and devices": {**VALUES, **DEVICES, **DIALOGUE}}
+HALVES = {
+    "Transport faults": {**FRAMES, **TRANSFERS, **OF_CAPTURES},
+    "Values and devices": {**VALUES, **DEVICES, **DIALOGUE, **OF_FLIGHTS},
+}
 ESCS = (4, 6, 5, 8)
 TRIES = 8  # places in one capture at which a kind looks for its occasion
 

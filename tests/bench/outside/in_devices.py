@@ -161,7 +161,7 @@ def second_source(flight: Flight, rng: Random) -> Case:
     new = [
         Message(t + 20 * k + 3, "RawCommand", node, {"cmd": [0] * flight.escs}) for k in range(rng.randrange(10, 40))
     ]
-    extra = [] if node == GROUND else [alive(1000 * k + 500, node) for k in range(9)]
+    extra = [] if node == GROUND else [alive(1000 * k + 500, node) for k in range(8)]
     return case(
         flight, [*flight.messages, *new, *extra], node, AUTOPILOT, *flight.nodes, about=f"node {node} at {t} ms"
     )
@@ -246,6 +246,18 @@ def low_battery(flight: Flight, rng: Random) -> Case:
     chosen = [m for m in flight.messages if m.name == "ESCStatus" and t < m.t < STOP]
     new = {m: {"error_count": m.fields["error_count"] | 2, "voltage": half(m.fields["voltage"])} for m in chosen}
     return altered(flight, chosen, lambda m: m.but(**new[m]), *flight.nodes, about=f"from {t} ms")
+
+
+@kind("messages of another device stop", "BUS-035", "BUS-020 TRF-016")
+def other_stops(flight: Flight, rng: Random) -> Case:
+    """A device that is no ESC tells its arming state at a steady pace, and then no more, or not for long."""
+    node, period, t = rng.randrange(30, 60), rng.choice([50, 100, 200, 400]), moment(rng)
+    back = rng.choice([END, t + 8 * period])
+    times = [k * period + 11.3 for k in range(END // period)]
+    name = "uavcan.equipment.safety.ArmingStatus"
+    new = [Message(ms, name, node, {"status": 0}, number=k) for k, ms in enumerate(times) if not t < ms < back]
+    beats = [alive(1000 * k + 333, node) for k in range(8)]
+    return case(flight, [*flight.messages, *new, *beats], node, about=f"node {node} every {period} ms until {t} ms")
 
 
 @kind("service not answered", "TRF-022", "")

@@ -308,3 +308,31 @@ def foreign(trace: Trace, rng: Random) -> Case:
             frames.append(Frame(0x0CF00400 | 0x21, data, frame.t, frame.bus))
             due += 10 * MS
     return trace.made(frames, 0x21)
+
+
+# What the recorder lost is nobody's fault.
+RECORDER = "TRF-*:note PUSH-*:note TYP-5*:note BUS-*:note CAP-002"
+
+
+def together(trace: Trace) -> set[int]:
+    """The nodes of a capture in which at least three send often, so that they can be silent together."""
+    nodes = [one.session & 0x7F for one in trace.whole]
+    if sum(nodes.count(node) >= 20 for node in set(nodes)) < 3:
+        raise LookupError("too few of them")
+    return set(nodes)
+
+
+@kind("recorder loses everything for a while", "CAP-006|CAP-004|CAP-002", RECORDER)
+def blind(trace: Trace, rng: Random) -> Case:
+    """No sender pauses alone: all are silent together, and their counters have gone on."""
+    length = rng.randrange(200, 600) * MS
+    begin = trace.frames[0].t + rng.randrange(300, 1100) * MS
+    frames = [frame for frame in trace.frames if not begin < frame.t < begin + length]
+    return trace.made(frames, *together(trace), about=f"for {length // MS} ms")
+
+
+@kind("recorder loses every third frame for a while", "CAP-006|CAP-004", RECORDER)
+def patchy(trace: Trace, rng: Random) -> Case:
+    begin = trace.frames[0].t + rng.randrange(100, 700) * MS
+    frames = [frame for frame in trace.frames if not begin < frame.t < begin + 1000 * MS or rng.random() > 0.3]
+    return trace.made(frames, *together(trace), about="for 1 s")

@@ -1,8 +1,9 @@
 """Kinds of faults with what must be said of each, and the score of what was said.
 
 An expectation is written by hand from the document (TM-UAVCAN V2.2), ISO 11898 and the DroneCAN specification, and
-names no more than codes of rules: `needs` are those that tell the cause ("A|B" is one of both, all words are needed),
-`also` what else the same fault explains. "TRF-*" is every rule of a layer.
+names no more than codes of rules: `needs` tell the cause ("A|B" is one of both, all words are needed), `also` is what
+else the same fault explains. "TRF-*" is every rule of a layer, "TRF-005:note" only a note of that rule. What needs
+nothing is no fault, but looks like one: then nothing may be said.
 """
 
 from __future__ import annotations
@@ -88,9 +89,10 @@ def said(text: str) -> dict[Said, tuple[int, str]]:
     return found
 
 
-def matches(rule: str, wanted: Iterable[str]) -> bool:
+def matches(key: Said, wanted: Iterable[str]) -> bool:
     """Whether one of `wanted` names it, "A|B" and "TRF-*" among them."""
-    return any(fnmatch(rule, one) for word in wanted for one in word.split("|"))
+    names = key[0], f"{key[0]}:{key[1]}"
+    return any(fnmatch(name, one) for word in wanted for one in word.split("|") for name in names)
 
 
 def score(kind: Kind, case: Case, usual: dict[Said, tuple[int, str]]) -> Score:
@@ -98,15 +100,15 @@ def score(kind: Kind, case: Case, usual: dict[Said, tuple[int, str]]) -> Score:
     now, result = said(case.text), Score(cases=1)
     news = {key: text for key, (times, text) in now.items() if key not in usual or times > usual[key][0]}
     mine = {key: text for key, text in news.items() if key[2] in {-1, *case.nodes} or key[0] in RELATED}
-    result.found = int(bool(mine))
-    told = all(any(matches(key[0], [need]) for key in mine) for need in kind.needs)
+    result.found = int(bool(mine) or not kind.needs)
+    told = all(any(matches(key, [need]) for key in mine) for need in kind.needs)
     if told and kind.says:
-        told = any(re.search(kind.says, text) for key, text in mine.items() if matches(key[0], kind.needs))
+        told = any(re.search(kind.says, text) for key, text in mine.items() if matches(key, kind.needs))
     result.cause = int(told)
     if not told:
         result.missed.append(f"wrong cause: {case.about}: said {sorted({key[0] for key in news}) or 'nothing'}")
     for key in news:
-        if key not in usual and not (matches(key[0], kind.needs + kind.also) and key in mine):
+        if key not in usual and not (matches(key, kind.needs + kind.also) and key in mine):
             result.wrong[f"{key[0]} ({key[1]}, node {key[2]}, {key[3]}) in {case.about}"] += 1
     return result
 
