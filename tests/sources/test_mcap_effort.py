@@ -229,10 +229,10 @@ def test_unpacking_ends_when_the_reading_is_stopped(packing: str) -> None:
         return asked == 3
 
     stored = PACK[packing](data)
-    got, _ = Chunk(len(data), 0, packing, 0).records(stored, stopped)
+    got, _ = Chunk(len(data), 0, packing, 0, len(stored)).records(stored, stopped)
     assert asked == 3
     assert 0 < len(got) <= 3 << 17
-    assert Chunk(len(data), 0, packing, 0).records(stored, lambda: False) == (data, "")
+    assert Chunk(len(data), 0, packing, 0, len(stored)).records(stored, lambda: False) == (data, "")
 
 
 def test_messages_that_say_nothing_end_when_the_reading_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:

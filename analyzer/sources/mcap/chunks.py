@@ -27,19 +27,22 @@ _ERRORS = (zstandard.ZstdError, RuntimeError, MemoryError, EOFError)
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """The fields of a chunk that matter; `start` is where its records begin in the body."""
+    """The fields of a chunk that matter; its records stand from `start` to `end`."""
 
     size: int
     crc: int
     compression: str
     start: int
+    end: int
 
     @classmethod
     def read(cls, data: bytes, at: int) -> Chunk:
         """Read the body at `at`, whose lengths are known to fit."""
         *_, size, crc, name = _FIELDS.unpack_from(data, at)
         start = at + _FIELDS.size + name
-        return cls(size, crc, data[start - name : start].decode(errors="backslashreplace"), start + 8)
+        compression = data[start - name : start].decode(errors="backslashreplace")
+        length = int.from_bytes(data[start : start + 8], "little")
+        return cls(size, crc, compression, start + 8, start + 8 + length)
 
     def refused(self) -> str:
         """Why the chunk is not unpacked at all, in words; empty if it is."""

@@ -9,8 +9,8 @@ from mcap.opcode import Opcode
 
 from analyzer.sources.mcap.chunks import Chunk
 from analyzer.sources.mcap.contents import Contents
-from analyzer.sources.mcap.records import BROKEN, DEFINITIONS, HEAD, LIMIT, LONGER, MAGIC, PREFIX, fit
-from analyzer.sources.mcap.search import Result, find, follows
+from analyzer.sources.mcap.records import BROKEN, DEFINITIONS, HEAD, LIMIT, LONGER, MAGIC, PREFIX, fit, goes_on
+from analyzer.sources.mcap.search import Result, find
 from analyzer.sources.mcap.stream import Stream
 from analyzer.sources.mcap.summary import counts
 
@@ -127,9 +127,9 @@ class Reader:
         opcode, length = HEAD.unpack_from(stream.data, stream.at)
         end = PREFIX + length
         found = fit(stream.data, stream.at)
-        if found == LONGER:  # as may be, if another record follows
-            next_fits = follows(stream.data, stream.at + end, opcode, final=final)
-            found = left + 1 if next_fits is None else LONGER if next_fits else BROKEN
+        if found == LONGER:  # as may be, if others follow
+            sound = goes_on(stream.data, stream.at, final=final)
+            found = left + 1 if sound is None else LONGER if sound else BROKEN
         if found == BROKEN or (opcode == Opcode.HEADER and stream.place != len(MAGIC)):
             return self._broken()
         needed = found if found > 0 else end if opcode in _KEPT and length <= LIMIT else 0
@@ -182,7 +182,7 @@ class Reader:
         stream = self._stream
         name = f"chunk at byte {stream.place}, {end} bytes"
         chunk = Chunk.read(stream.data, stream.at + PREFIX)
-        stored = stream.data[chunk.start : stream.at + end]
+        stored = stream.data[chunk.start : min(chunk.end, stream.at + end)]
         yield from self._contents.chunk(name, chunk, stored, unfinished=unfinished)
 
     def _broken(self) -> bool:

@@ -24,7 +24,9 @@ LIMIT = 1 << 28
 # Nor is a definition, or a message in a chain that is searched for.
 SMALL = 1 << 24
 # Bytes that later versions may have added to a record.
-_MORE = 64
+MORE = 1 << 16
+# Records in a row behind a longer one that can be trusted.
+_ROW = 4
 HEAD = struct.Struct("<BQ")
 DEFINITIONS = frozenset({Opcode.SCHEMA, Opcode.CHANNEL})
 _U32, _U64 = struct.Struct("<I"), struct.Struct("<Q")
@@ -59,21 +61,67 @@ def fit(data: bytes, at: int) -> int:
         return FITS if MESSAGE_HEADER <= length <= LIMIT else BROKEN
     if opcode in DEFINITIONS and length > SMALL:
         return BROKEN
-    shape = _SHAPES.get(opcode)
-    if shape is None:
+    if opcode not in _SHAPES:
         return LONGER if opcode and length <= LIMIT else BROKEN
+    size, there = _known(data, at, length)
+    if not there:
+        return size
+    return FITS if size == length else LONGER if 0 <= size < length <= size + MORE else BROKEN
+
+
+def _known(data: bytes, at: int, length: int) -> tuple[int, bool]:
+    """Return how many bytes the known fields of a record have, -1 if more than its length, and that it is sure.
+
+    Else return how many bytes of the record are needed to know.
+    """
     size = 0
-    for part in shape:
+    for part in _SHAPES[data[at]]:
         if part > 0:
             size += part
             continue
         form = _U32 if part == _DATA4 else _U64
         if size + form.size > length:
-            return BROKEN
+            return -1, True
         if at + PREFIX + size + form.size > len(data):
-            return PREFIX + size + form.size
+            return PREFIX + size + form.size, False
         size += form.size + form.unpack_from(data, at + PREFIX + size)[0]
-    return FITS if size == length else LONGER if size < length <= size + _MORE else BROKEN
+    return (size if size <= length else -1), True
+
+
+def goes_on(data: bytes, at: int, *, final: bool) -> bool | None:
+    """Return whether the record at `at`, longer than its fields, ends where others begin; None: more bytes are needed.
+
+    One that stands right behind the known fields shows that the length is wrong.
+    """
+    opcode, length = HEAD.unpack_from(data, at)
+    if opcode not in _SHAPES:
+        return _followed(data, at, final=final)
+    if length > SMALL:  # is not kept to look behind it
+        return True
+    followed = _followed(data, at, final=final)
+    if not followed:
+        return followed
+    behind = at + PREFIX + _known(data, at, length)[0]
+    found = fit(data, behind) if behind + PREFIX <= len(data) else BROKEN
+    return None if found > 0 and not final else found != FITS
+
+
+def _followed(data: bytes, at: int, *, final: bool) -> bool | None:
+    """Return whether others follow: as many as can be trusted, or up to one that fits its length exactly."""
+    for _ in range(_ROW):
+        opcode, length = HEAD.unpack_from(data, at)
+        at += PREFIX + length
+        mark = opcode == Opcode.FOOTER
+        if len(data) - at < (len(MAGIC) if mark else PREFIX):  # where the file is cut nothing is known
+            return (opcode in _SHAPES or at == len(data)) if final else None
+        if mark:
+            return data.startswith(MAGIC, at)
+        found = fit(data, at)
+        if found > 0:
+            return True if final else None
+        if found != LONGER:
+            return found == FITS
+    return True
 
 
 def whole(data: bytes, at: int) -> int | None:
@@ -81,7 +129,8 @@ def whole(data: bytes, at: int) -> int | None:
     if len(data) - at < PREFIX:
         return None
     end = at + PREFIX + HEAD.unpack_from(data, at)[1]
-    return end if end <= len(data) and fit(data, at) in {FITS, LONGER} else None
+    found = fit(data, at) if end <= len(data) else BROKEN
+    return end if found == FITS or (found == LONGER and goes_on(data, at, final=True)) else None
 
 
 class _Whole(ReadDataStream):

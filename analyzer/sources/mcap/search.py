@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mcap.opcode import Opcode
 
-from analyzer.sources.mcap.records import FITS, HEAD, LONGER, MESSAGE_HEADER, PREFIX, SMALL, fit
+from analyzer.sources.mcap.records import FITS, HEAD, MESSAGE_HEADER, PREFIX, SMALL, fit
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -35,19 +35,6 @@ class Found(NamedTuple):
     at: int
     result: Result
     places: int
-
-
-def follows(data: bytes, at: int, opcode: int, *, final: bool) -> bool | None:
-    """Return whether a record that fits, or the end of the input, stands at `at`; None: more bytes are needed to know.
-
-    Behind a record of another length than known, one more of the same kind will do.
-    """
-    if len(data) - at < PREFIX:
-        return at == len(data) if final else None
-    found = fit(data, at)
-    if found > 0 and not final:
-        return None
-    return found == FITS or (found == LONGER and data[at] == opcode)
 
 
 def find(data: bytes, start: int, channels: Collection[int], *, final: bool) -> Found:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from mcap.opcode import Opcode
 
 from analyzer.sources.errors import CaptureError
-from analyzer.sources.mcap.records import HEAD, MAGIC, PREFIX, definitions
+from analyzer.sources.mcap.records import HEAD, MAGIC, MORE, PREFIX, definitions
 from analyzer.sources.stored import CHUNK
 
 if TYPE_CHECKING:
@@ -51,15 +51,23 @@ def read(source: Stored, goes_on: Callable[[], bool]) -> list[Schema | Channel]:
     try:
         with closing(source.opened()) as file:
             size = file.seek(0, 2)
-            tail = _rest(file, max(0, size - PREFIX - _FOOTER - len(MAGIC)))
-            if len(tail) < PREFIX + 8 or HEAD.unpack_from(tail) != (Opcode.FOOTER, _FOOTER) or not tail.endswith(MAGIC):
-                return []
-            start = int.from_bytes(tail[PREFIX : PREFIX + 8], "little")
+            tail = _rest(file, max(0, size - PREFIX - _FOOTER - MORE - len(MAGIC)))
+            start = _start(tail)
             if not max(len(MAGIC), size - _LARGEST) <= start < size:
                 return []
             return list(definitions(_rest(file, start), goes_on))
     except (OSError, CaptureError):
         return []
+
+
+def _start(tail: bytes) -> int:
+    """Return where the summary begins: in the last footer whose length reaches to the end mark, 0 if there is none."""
+    end = len(tail) - len(MAGIC)
+    at = end - PREFIX - _FOOTER + 1
+    while tail.endswith(MAGIC) and (at := tail.rfind(Opcode.FOOTER, 0, max(at, 0))) >= 0:
+        if HEAD.unpack_from(tail, at)[1] == end - at - PREFIX:
+            return int.from_bytes(tail[at + PREFIX : at + PREFIX + 8], "little")
+    return 0
 
 
 def _rest(file: Opened, start: int) -> bytes:
