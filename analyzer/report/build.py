@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from analyzer.rules.verdicts import Ruling
     from dissectors import Registry
 
-_GAP = "CAP-002"  # what was sent meanwhile is not recorded
+_UNRECORDED = {"CAP-002", "CAP-006"}  # what was sent meanwhile is not recorded
 
 
 def build(
@@ -85,7 +85,7 @@ def _session(
     breaches = folding.breaches(one.id, findings, folded)
     facts = one.checked.facts
     proofs = verdicts.proofs_of(facts, settings.bit_rate, coarse=one.checked.coarse, ends=one.ends)
-    lossy = facts.lossy or any(breach.rule == _GAP for breach in breaches)
+    lossy = facts.lossy or any(breach.rule in _UNRECORDED for breach in breaches)
     return verdicts.RatedCapture(breaches, one.checked.outcome.words, proofs, lossy=lossy, coarse=one.checked.coarse)
 
 

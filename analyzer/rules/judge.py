@@ -58,7 +58,7 @@ class Judge:
         self.numbers = settings.all_numbers(self.pages)
         self._past = Past(registry, self.numbers, settings.bit_rate, settings.dialects)
         self._findings = Findings(self.enabled, settings.severities)
-        self._drops = Drops(round(self.numbers["CAP-004"]["around_s"] * SECOND))
+        self._drops = Drops(*(round(self.numbers[rule]["around_s"] * SECOND) for rule in ("CAP-004", "CAP-006")))
         conformances = discovery.conformances_of(registry)
         self._exercises = Exercises(registry, [kind for one in conformances for kind in one.exercises])
         self._name_units = [one.labels for one in conformances if one.labels is not None]
@@ -101,6 +101,7 @@ class Judge:
     def finish(self) -> Outcome:
         """Return everything, after the last batch."""
         view = self._past.finish()
+        self._drops.add(view.joint_losses)
         with np.errstate(all="ignore"):
             for rule in self._rules:
                 self._take(rule.finish(view), view)

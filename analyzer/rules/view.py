@@ -12,6 +12,7 @@ import numpy as np
 
 from analyzer.facts.dialects import Dialects
 from analyzer.facts.names import type_name
+from analyzer.rules.joint.losses import JointLosses
 from analyzer.rules.load import bit_times, split
 from analyzer.rules.recent import Recent
 from analyzer.tables import EVENT_ROWS, EXTENDED, FRAMES, KINDS, TRANSFERS, VERDICTS, distinct, empty
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from dissectors import Registry
-    from dissectors.kit import Array, Kept, Second, Values
+    from dissectors.kit import Array, JointLoss, Kept, Second, Values
     from dissectors.schema import Message
 
 GAP = SECOND  # without a frame of any interface
@@ -60,6 +61,7 @@ class Past:
         self.starts: dict[int, int] = {}
         self.gaps: list[tuple[int, int, bool]] = []
         self.resolution = SECOND
+        self._joint = JointLosses()
         self._latest: Array = np.empty(0, np.int64)
         self._names: dict[int, str] = {}
         self._definitions: dict[str, Message | None] = {}
@@ -77,11 +79,14 @@ class Past:
         for name, rows in batch.messages.items():
             if name in self._tables and len(rows):
                 self.dialects.feed(self.registry.resolve(name), rows)
+        view.joint_losses = self._joint.feed(view, view.bit_times)
         return view
 
     def finish(self) -> BatchView:
         """Return a view without rows, for what only the end shows."""
-        return BatchView(self, None)
+        view = BatchView(self, None)
+        view.joint_losses = self._joint.finish(view)
+        return view
 
     def name(self, code: int) -> str:
         """Return the table of a type by its code."""
@@ -168,12 +173,17 @@ class BatchView:
         self._settled = None if batch is None else batch.settled
         self._tables: dict[str, DecodedTable] = {}
         self.before = past.last
+        self.joint_losses: Sequence[JointLoss] = ()  # what is known now of frames that several senders lack at once
+
+    @cached_property
+    def bit_times(self) -> Array:
+        """How many bits each frame occupies the bus."""
+        return bit_times(self.frames) if self._bits is None else self._bits
 
     @cached_property
     def seconds(self) -> Sequence[Second]:
         """Frames and bits by interface and second, counted from the first frame of the capture."""
-        bits = bit_times(self.frames) if self._bits is None else self._bits
-        return split(self.frames, bits, self._past.origin)
+        return split(self.frames, self.bit_times, self._past.origin)
 
     @cached_property
     def settled(self) -> list[tuple[int, int, int]]:

@@ -23,13 +23,13 @@ from dissectors.kit.rule import Feed, PageKeys, Rule, rule
 from dissectors.kit.series import Latest, Previous, set_back
 from dissectors.kit.starts import Starts
 from dissectors.kit.tables import DecodedTable, EventTable, FrameTable, TransferTable
-from dissectors.kit.view import Kept, Second, View
+from dissectors.kit.view import JointLoss, Kept, Second, View
 from dissectors.times import MICROSECOND, MILLISECOND, NO_TIME, SECOND
 
 __all__ = [
     "MICROSECOND", "MILLISECOND", "NODES", "NO_TIME", "SECOND", "Array", "Break", "Conformance", "DecodedTable",
-    "EventTable", "Exercise", "Feed", "FrameTable", "Kept", "Latest", "Measures", "Occurrence", "Occurrences",
-    "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "Second", "Severity", "Starts", "TransferTable", "Types",
-    "Values", "View", "Worst", "breach", "frames_of", "rows_by_bus", "rule", "rules_of", "sender", "set_back", "sound",
-    "usable",
+    "EventTable", "Exercise", "Feed", "FrameTable", "JointLoss", "Kept", "Latest", "Measures", "Occurrence",
+    "Occurrences", "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "Second", "Severity", "Starts",
+    "TransferTable", "Types", "Values", "View", "Worst", "breach", "frames_of", "rows_by_bus", "rule", "rules_of",
+    "sender", "set_back", "sound", "usable",
 ]  # fmt: skip

@@ -39,6 +39,19 @@ class Second(NamedTuple):
     bits: int
 
 
+class JointLoss(NamedTuple):
+    """A place at which a sender lacks frames while others do, too: the recorder lost them.
+
+    They were sent between two times, and between the frames of these two numbers; `senders` lack some then.
+    """
+
+    bus: int
+    since: int
+    until: int
+    frames: tuple[int, int]
+    senders: int
+
+
 class View(Protocol):
     """All that a rule sees: one batch, the capture so far, and the settings."""
 
@@ -57,6 +70,10 @@ class View(Protocol):
     @property
     def seconds(self) -> Sequence[Second]:
         """Frames and bits by interface and second, counted from the first frame of the capture."""
+
+    @property
+    def joint_losses(self) -> Sequence[JointLoss]:
+        """Where several senders lack frames at the same time, of a few seconds ago: what is settled with this batch."""
 
     @property
     def settled(self) -> Sequence[tuple[int, int, int]]:

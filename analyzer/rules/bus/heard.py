@@ -144,22 +144,29 @@ class HeardNodes:
             del heard.gaps[:-_MOST_GAPS]
 
 
-class HeardSessions:
-    """Follows the frames of each type of a node: at most 4096 of these, and 511 types."""
+class SessionFrames(NamedTuple):
+    """Frames of a session in a batch: rows, tail bytes, times, and their places among all frames of the bus."""
+
+    row: Array
+    tail: Array
+    t: Array
+    place: Array
+
+
+class SessionOrder:
+    """Puts the frames of a batch in the order of sessions; at most 511 types are told apart."""
 
     def __init__(self) -> None:
         self._types = np.full(1 << 16, _NEW)
         self._numbers = [-1]  # type IDs by what `_types` says
-        self._last: dict[Session, _Last] = {}
 
-    def feed(self, frames: FrameTable) -> Iterator[tuple[Session, Starts]]:
-        """Add a batch; yield what began of each session."""
+    def of(self, frames: FrameTable) -> Iterator[tuple[Session, SessionFrames]]:
+        """Yield the sessions of a batch; places count frames that have a time and a sender."""
         for bus, ours in _ours(frames).items():
-            yield from self._sessions(bus, ours.identifier, frames, ours.rows)
+            yield from self._sessions(bus, ours, frames)
 
-    def _sessions(
-        self, bus: int, identifier: Array, frames: FrameTable, rows: Array
-    ) -> Iterator[tuple[Session, Starts]]:
+    def _sessions(self, bus: int, ours: _Ours, frames: FrameTable) -> Iterator[tuple[Session, SessionFrames]]:
+        identifier = ours.identifier
         type_id = (identifier >> 8 & 0xFFFF).astype(np.uint16)
         message = identifier & 0x80 == 0
         code = np.where(message, self._types[type_id], np.uint16(_OTHER))
@@ -169,23 +176,14 @@ class HeardSessions:
         code = code << 7 | (identifier & 0x7F).astype(np.uint16)
         order = np.argsort(code, kind="stable")
         order = order[np.searchsorted(code[order], _NODES) :]  # without what is no session
-        code, rows = code[order], rows[order]
-        if not len(rows):
+        if not len(order):
             return
-        tail = _tails(frames, rows)
-        t = frames.t[rows]
-        first = np.flatnonzero(np.diff(code, prepend=0))
-        begins = np.append(True, tail[:-1] & TAIL_END != 0) | (tail & TAIL_START != 0)
-        for a, b in zip(first.tolist(), [*first[1:].tolist(), len(rows)], strict=True):
+        code, rows = code[order], ours.rows[order]
+        tail, t = _tails(frames, rows), frames.t[rows]
+        first = np.flatnonzero(np.diff(code, prepend=0)).tolist()
+        for a, b in zip(first, [*first[1:], len(rows)], strict=True):
             session = Session(bus, int(code[a]) & 0x7F, self._numbers[int(code[a]) >> 7])
-            if session not in self._last and len(self._last) >= MOST_SESSIONS:
-                continue
-            last = self._last.setdefault(session, _Last())
-            begins[a] = last.ended or bool(tail[a] & TAIL_START)
-            at = a + np.flatnonzero(begins[a:b])
-            last.ended = bool(tail[b - 1] & TAIL_END)
-            if len(at):
-                yield session, Starts(t[at], frames.first + rows[at], _lost(tail[at] & TAIL_ID, last))
+            yield session, SessionFrames(rows[a:b], tail[a:b], t[a:b], order[a:b])
 
     def _number(self, type_ids: Array) -> None:
         for type_id in np.unique(type_ids).tolist():
@@ -193,6 +191,26 @@ class HeardSessions:
             self._types[type_id] = _OTHER if full else len(self._numbers)
             if not full:
                 self._numbers.append(type_id)
+
+
+class HeardSessions:
+    """Follows the frames of each type of a node: at most 4096 of these, and 511 types."""
+
+    def __init__(self) -> None:
+        self._order = SessionOrder()
+        self._last: dict[Session, _Last] = {}
+
+    def feed(self, frames: FrameTable) -> Iterator[tuple[Session, Starts]]:
+        """Add a batch; yield what began of each session."""
+        for session, (row, tail, t, _) in self._order.of(frames):
+            if session not in self._last and len(self._last) >= MOST_SESSIONS:
+                continue
+            last = self._last.setdefault(session, _Last())
+            begins = np.append(last.ended, tail[:-1] & TAIL_END != 0) | (tail & TAIL_START != 0)
+            at = np.flatnonzero(begins)
+            last.ended = bool(tail[-1] & TAIL_END)
+            if len(at):
+                yield session, Starts(t[at], frames.first + row[at], _lost(tail[at] & TAIL_ID, last))
 
 
 def _lost(transfer_id: Array, last: _Last) -> Array:

@@ -15,7 +15,7 @@ from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import Array, View
+    from dissectors.kit import Array, Severity, View
 
 OFFLINE = 3 * SECOND  # after which others take a node as offline
 _NODES = 128
@@ -109,7 +109,8 @@ class Silences(Rule):
         silence = active - start
         if silence > view.number("BUS-020", "late_s") * SECOND:
             values = {"seconds": silence / SECOND, "then": self._then(view, node, (start, active), end)}
-            yield replace(last, values=values, severity=None if silence > OFFLINE else "note")
+            severity: Severity | None = None if silence > OFFLINE else "note"
+            yield replace(last, values=values, severity=severity, drops=True, until=min(active, start + OFFLINE))
 
     def _gap(self, node: int, start: int, stop: int) -> Gap:
         """Return the longest time between two others in which a node was silent."""

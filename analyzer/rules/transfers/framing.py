@@ -192,6 +192,6 @@ _BITS = (
     _Bit("TRF-013", "last frame empty", _last),
     _Bit("TRF-014", "first frame too short", _first),
     _Bit("TRF-015", "needless multi", _length, only=_SOUND),
-    _Bit("TRF-026", "interleaved", _in_turn),
+    _Bit("TRF-026", "interleaved", _in_turn, drops=True),
     _Bit("TRF-029", "long", _length),
 )

@@ -97,7 +97,8 @@ def _sender_of(identifier: int, flags: int, verdict: int) -> tuple[int, int]:
 
 
 def _occurrence(rule: str, one: LooseFrame, node: int | None, type_: str, values: Values) -> Occurrence:
-    return Occurrence(rule, one.kept.t, one.kept.bus, node, type_, (one.number,), values, lines=one.lines)
+    where = one.kept.t, one.kept.bus, node, type_, (one.number,)
+    return Occurrence(rule, *where, values, drops=True, lines=one.lines)
 
 
 def _is_needed(near: Neighbours) -> bool:

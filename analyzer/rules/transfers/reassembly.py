@@ -215,7 +215,7 @@ class Reassembly(Rule):
         other = bit if here.expected.lengths else Cause(checksums.DOUBTFUL)
         cause = bit if bit.detail else missing(here.parts, here.expected) or other
         self._causes[CHECKSUM].note(one.sender, one.shape, cause.what)
-        yield replace(occurrence(view, one, cause), drops=not bit.detail)
+        yield replace(occurrence(view, one, cause), drops=True)
 
     def _mistake(self, view: View, one: Incomplete) -> Cause | None:
         """Return what the sender computed instead.

@@ -1,0 +1,1 @@
+"""Frames that the recorder lost without saying so: several senders lack some at the same time."""

@@ -1,0 +1,132 @@
+"""Where frames of a sender are missing: between two frames of a session that cannot follow each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.rules.bus.heard import MOST_SESSIONS, SessionOrder
+from analyzer.tables import ERROR, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, VERDICTS
+from dissectors.kit import MILLISECOND, NO_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from analyzer.rules.bus.heard import Session
+    from dissectors.kit import Array, FrameTable
+
+_FOREIGN = VERDICTS.index("foreign")
+_KNOWN_BY = 2  # frames that followed the one before them: a session of DroneCAN, and no other protocol's
+_MOST_UNKNOWN = 32  # frames that did not, of a session that may become known
+_SWAPPED = 100 * MILLISECOND  # within which a frame that was overtaken is still to come
+_FOLLOWS = TAIL_START | TAIL_TOGGLE | TAIL_ID  # whether a frame is the last one is not known before
+
+
+@dataclass(slots=True, eq=False)
+class Lack:
+    """Frames of a session are missing between two of its frames: their numbers, times and places on the bus.
+
+    A place counts the frames of the bus that have a sender and a time. `tail` is what the second frame has in its tail
+    byte, `wanted` what it should have. `void` says that nothing is missing: frames only came in another order.
+    """
+
+    session: Session
+    frames: tuple[int, int]
+    since: int
+    until: int
+    places: tuple[int, int]
+    tail: int
+    wanted: int
+    void: bool = False
+
+
+class _Frames(NamedTuple):
+    """Frames of a session: tail bytes, times, numbers and places."""
+
+    tail: Array
+    t: Array
+    number: Array
+    place: Array
+
+
+class _Last(NamedTuple):
+    """The last frame of a session, how many followed the one before them as they should, and how many did not."""
+
+    tail: int = 0
+    t: int = NO_TIME
+    number: int = -1
+    place: int = -1
+    known: int = 0
+    odd: int = 0
+
+
+class Lacks:
+    """Follows the tail bytes of all messages; sessions are at most 4096.
+
+    A type that begins anew at 0 lacks nothing: its node restarted.
+    """
+
+    def __init__(self) -> None:
+        self._order = SessionOrder()
+        self._last: dict[Session, _Last] = {}
+        self._latest: dict[Session, Lack] = {}
+        self._heard: dict[int, int] = {}  # frames by bus
+        self._known: dict[Session, int] = {}  # when each one became known
+        self.nodes: dict[int, dict[int, int]] = {}  # by bus: when each node became known
+
+    def feed(self, frames: FrameTable) -> list[Lack]:
+        """Add a batch; return what is missing, in the order of the frames behind it."""
+        found: list[Lack] = []
+        begins = dict(self._heard)
+        for session, own in self._order.of(frames):
+            base = begins.get(session.bus, 0)
+            self._heard[session.bus] = max(self._heard.get(session.bus, 0), base + int(own.place[-1]) + 1)
+            good = (frames.verdict[own.row] != _FOREIGN) & (frames.flags[own.row] & ERROR == 0)
+            if good.any() and (session in self._last or len(self._last) < MOST_SESSIONS):
+                columns = own.tail, own.t, own.row + frames.first, own.place + base
+                found += self._follow(session, _Frames(*(column[good] for column in columns)))
+        found.sort(key=lambda one: one.places[1])
+        for one in found:
+            self._compare(one)
+        return found
+
+    def known(self, one: Lack, within: int) -> bool:
+        """Return whether the session was known to be DroneCAN's up to a time after that."""
+        return self._known.get(one.session, one.until + within + 1) <= one.until + within
+
+    def _follow(self, session: Session, own: _Frames) -> Iterator[Lack]:
+        last = self._last.get(session, _Last())
+        tail = np.append(last.tail, own.tail).astype(np.int64)
+        wanted = np.where(tail & TAIL_END != 0, TAIL_START | (tail + 1) & TAIL_ID, tail & TAIL_ID | ~tail & TAIL_TOGGLE)
+        follows = tail[1:] & _FOLLOWS == wanted[:-1]
+        follows[0] &= last.number >= 0
+        known = last.known + np.cumsum(follows)
+        if last.known < _KNOWN_BY <= known[-1]:
+            nodes, at = self.nodes.setdefault(session.bus, {}), int(own.t[np.argmax(known >= _KNOWN_BY)])
+            self._known[session] = at
+            nodes[session.node] = min(nodes.get(session.node, at), at)
+        odd = ~follows & (tail[1:] != tail[:-1])
+        odd[0] &= last.number >= 0
+        odd &= (known >= _KNOWN_BY) | (np.cumsum(odd) + last.odd <= _MOST_UNKNOWN)
+        odd &= (tail[:-1] & TAIL_END == 0) | (tail[1:] & _FOLLOWS != TAIL_START)
+        for k in np.flatnonzero(odd).tolist():
+            before = _Last(*(int(column[k - 1]) for column in own)) if k else last
+            yield Lack(
+                session, (before.number, int(own.number[k])), before.t, int(own.t[k]),
+                (before.place, int(own.place[k])), int(tail[k + 1]) & _FOLLOWS, int(wanted[k]),
+            )  # fmt: skip
+        columns = (*own, known, last.odd + np.cumsum(odd))
+        self._last[session] = _Last(*(int(column[-1]) for column in columns))
+
+    def _compare(self, one: Lack) -> None:
+        """Take back what was missing if it comes now, and so what is odd about the frames around it."""
+        past = self._latest.get(one.session)
+        self._latest[one.session] = one
+        if past is None:
+            return
+        if not past.void and one.tail == past.wanted and one.until - past.until <= _SWAPPED:
+            past.void = one.void = True
+        elif past.void and past.frames[1] == one.frames[0]:
+            one.void = True

@@ -1,0 +1,48 @@
+"""Times in which a whole bus was silent: whatever is missing was sent in them, or behind them."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.rules.joint.times import LONGEST
+from dissectors.kit import rows_by_bus
+
+if TYPE_CHECKING:
+    from analyzer.rules.joint.lacks import Lack
+    from dissectors.kit import View
+
+_MOST = 256  # of a bus, the latest
+
+
+class Silences:
+    """Long silences of each bus."""
+
+    def __init__(self) -> None:
+        self._last: dict[int, int] = {}
+        self._known: dict[int, list[tuple[int, int]]] = {}
+
+    def feed(self, view: View) -> None:
+        """Add a batch."""
+        for bus, rows in rows_by_bus(view.frames.bus, view.frames.t):
+            t = view.frames.t if rows is None else view.frames.t[rows]
+            whole = np.append(self._last.get(bus, int(t[0])), t)
+            self._last[bus] = int(t[-1])
+            for k in np.flatnonzero(np.diff(whole) > LONGEST).tolist():
+                known = self._known.setdefault(bus, [])
+                known.append((int(whole[k]), int(whole[k + 1])))
+                del known[:-_MOST]
+
+    def shorten(self, one: Lack) -> int:
+        """Let what is missing begin with the last silence; return how long the bus was not silent meanwhile."""
+        took = one.until - one.since
+        if took <= LONGEST:
+            return took if took >= 0 else LONGEST + 1
+        known = self._known.get(one.session.bus, [])
+        at = bisect_left(known, one.until, key=lambda silence: silence[1] + 1) - 1
+        if at < 0 or known[at][0] < one.since:
+            return took
+        one.since = known[at][0]
+        return one.until - known[at][1]

@@ -1,0 +1,115 @@
+"""How hard it was for senders to get onto a bus: its load, and its error frames."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, insort
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.rules.drops import EVERY_BUS, when
+from analyzer.rules.events import error_frames
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, rows_by_bus
+
+if TYPE_CHECKING:
+    from dissectors.kit import Array, View
+
+STEP = 100 * MILLISECOND  # in which the load is measured
+NEAR = SECOND // 2  # of an error frame
+FULL = 0.85  # of the bit rate: beyond it senders wait longer than their messages are apart
+_BIT_RATES = (125_000, 250_000, 500_000, 1_000_000)
+_ROW = 16  # frames that follow each other as fast as the bus can carry them show its bit rate
+_INEXACT = 1.1  # times of a recorder make it higher by so much
+_MOST_ERRORS = 1 << 16
+
+
+@dataclass(slots=True)
+class _Step:
+    """Bits in it, and the most bits a second in a row of frames that ended there."""
+
+    bits: int = 0
+    fastest: float = 0.0
+
+
+@dataclass(slots=True)
+class _Bus:
+    """The last steps, the fastest row of frames before those, and times and bits of the last frames."""
+
+    steps: dict[int, _Step] = field(default_factory=dict)
+    fastest: float = 0.0
+    t: Array = field(default_factory=lambda: np.empty(0, np.int64))
+    bits: Array = field(default_factory=lambda: np.empty(0, np.int64))
+
+    def add(self, t: Array, bits: Array) -> None:
+        """Add frames."""
+        step = t // STEP
+        cuts = np.flatnonzero(np.diff(step, prepend=step[0] - 1))
+        sums = np.add.reduceat(bits, cuts, dtype=np.int64)
+        fastest = np.maximum.reduceat(self._speeds(t, bits), cuts)
+        for at, much, fast in zip(step[cuts].tolist(), sums.tolist(), fastest.tolist(), strict=True):
+            known = self.steps.setdefault(at, _Step())
+            known.bits += much
+            known.fastest = max(known.fastest, fast)
+
+    def _speeds(self, t: Array, bits: Array) -> Array:
+        """Return bits a second of the row of frames that each one ends, 0 while there are too few."""
+        old = len(self.t)
+        whole, much = np.concatenate((self.t, t)), np.concatenate((self.bits, bits.astype(np.int64)))
+        self.t, self.bits = whole[-_ROW:].copy(), much[-_ROW:].copy()
+        sent = np.cumsum(much)
+        took = np.maximum(whole[_ROW:] - whole[:-_ROW], 1)
+        speeds = np.zeros(len(whole))
+        speeds[_ROW:] = (sent[_ROW:] - sent[:-_ROW]) * (SECOND / took)
+        return speeds[old:]
+
+    def forget(self, before: int) -> None:
+        """Forget steps, but for how fast frames came in them."""
+        for at in [step for step in self.steps if step < before]:
+            self.fastest = max(self.fastest, self.steps.pop(at).fastest)
+
+    def bit_rate(self, last: int) -> int:
+        """Return the usual bit rate that the frames up to a step need."""
+        fastest = max((one.fastest for at, one in self.steps.items() if at <= last), default=0.0)
+        fastest = max(fastest, self.fastest)
+        return next((rate for rate in _BIT_RATES if fastest <= _INEXACT * rate), _BIT_RATES[-1])
+
+
+class Strain:
+    """Bits of each bus in steps, and times of error frames, of the last seconds."""
+
+    def __init__(self) -> None:
+        self._buses: dict[int, _Bus] = {}
+        self._errors: dict[int, list[int]] = {}
+
+    def feed(self, view: View, bits: Array) -> None:
+        """Add a batch; `bits` are the `bit_times` of its frames."""
+        for bus, rows in rows_by_bus(view.frames.bus, view.frames.t):
+            t, own = (view.frames.t, bits) if rows is None else (view.frames.t[rows], bits[rows])
+            self._buses.setdefault(bus, _Bus()).add(t, own)
+        events = view.events
+        for row, _ in error_frames(view):
+            t_error, at = when(view, row), int(events.bus[row]) if events.has("bus")[row] else EVERY_BUS
+            times = self._errors.setdefault(at, [])
+            if t_error != NO_TIME and len(times) < _MOST_ERRORS:
+                insort(times, t_error)
+
+    def forget(self, before: int) -> None:
+        """Forget what was before a time."""
+        for bus in self._buses.values():
+            bus.forget(before // STEP)
+        for times in self._errors.values():
+            del times[: bisect_left(times, before - NEAR)]
+
+    def on(self, bus: int, since: int, until: int, bit_rate: int | None) -> bool:
+        """Return whether senders could not get through: error frames are near, or the bus was full."""
+        for times in (self._errors.get(bus, ()), self._errors.get(EVERY_BUS, ())):
+            at = bisect_left(times, since - NEAR)
+            if at < len(times) and times[at] <= until + NEAR:
+                return True
+        known = self._buses.get(bus)
+        if known is None:
+            return False
+        first, last = since // STEP, until // STEP
+        bits = sum(one.bits for at, one in known.steps.items() if first <= at <= last)
+        return bits * SECOND >= FULL * (bit_rate or known.bit_rate(last)) * STEP * (last + 1 - first)
