@@ -42,11 +42,14 @@ def repeated(trace: Trace, rng: Random) -> Case:
 @kind("copy of a transfer after the next one", "TRF-017", STALE)
 def late_copy(trace: Trace, rng: Random) -> Case:
     one = trace.pick(rng)
-    at = trace.whole[one.after or 0].places[-1] + 1
+    after = trace.whole[one.after or 0]
+    if after.after is None:
+        raise LookupError("nothing shows that the counter goes on")
+    at = after.places[-1] + 1
     return trace.inserted(at, [trace.frames[place] for place in one.places])
 
 
-@kind("two transfers change places", "TRF-016|TRF-017|TRF-018|TRF-019|TRF-026", f"BUS-013 {STALE}")
+@kind("two transfers change places", "TRF-016|TRF-017|TRF-018|TRF-019|TRF-026", f"BUS-013 BUS-021 {STALE}")
 def exchanged(trace: Trace, rng: Random) -> Case:
     one = trace.pick(rng)
     other = trace.whole[one.after or 0]
@@ -59,7 +62,7 @@ def exchanged(trace: Trace, rng: Random) -> Case:
     return trace.made(frames, trace.node(one), about=f"frames {one.places} and {other.places}")
 
 
-@kind("two transfers take turns", "TRF-026|TRF-009|TRF-003", f"TRF-009 TRF-026 TRF-027 BUS-010 {BROKEN}")
+@kind("two transfers take turns", "TRF-026|TRF-009|TRF-003", f"TRF-009 TRF-026 TRF-027 BUS-010 PUSH-409 {BROKEN}")
 def interleaved(trace: Trace, rng: Random) -> Case:
     one = trace.pick(rng, 2)
     other = trace.whole[one.after or 0]
@@ -190,7 +193,9 @@ def too_many(trace: Trace, rng: Random) -> Case:
 
 
 @kind(
-    "source 0 in all frames of a transfer", "CAN-009", f"CAN-008 CAN-013 TYP-103 BUS-023 {LOST}"
+    "source 0 in all frames of a transfer",
+    "CAN-009",
+    f"CAN-008 CAN-013 TYP-103 TYP-208 TYP-301 TYP-403 BUS-009 BUS-023 {LOST}",
 )  # one more node sends throttle, then
 def nameless(trace: Trace, rng: Random) -> Case:
     one = trace.pick(rng, 2)
@@ -310,29 +315,30 @@ def foreign(trace: Trace, rng: Random) -> Case:
     return trace.made(frames, 0x21)
 
 
-# What the recorder lost is nobody's fault.
-RECORDER = "TRF-*:note PUSH-*:note TYP-5*:note BUS-*:note CAP-002"
+# What the recorder lost is nobody's fault; a rest without a start may be of any protocol.
+RECORDER = "CAN-018:note TRF-*:note PUSH-*:note TYP-5*:note BUS-*:note CAP-002"
 
 
-def together(trace: Trace) -> set[int]:
-    """The nodes of a capture in which at least three send often, so that they can be silent together."""
-    nodes = [one.session & 0x7F for one in trace.whole]
-    if sum(nodes.count(node) >= 20 for node in set(nodes)) < 3:
+def together(trace: Trace, begin: int) -> set[int]:
+    """The nodes of a capture in which at least three sent again and again just before, so that all lack the same."""
+    frames = (trace.frames[one.places[0]] for one in trace.whole)
+    nodes = [frame.id & 0x7F for frame in frames if begin - 300 * MS < frame.t < begin]
+    if sum(nodes.count(node) >= 5 for node in set(nodes)) < 3:
         raise LookupError("too few of them")
-    return set(nodes)
+    return {one.session & 0x7F for one in trace.whole}
 
 
 @kind("recorder loses everything for a while", "CAP-006|CAP-004|CAP-002", RECORDER)
 def blind(trace: Trace, rng: Random) -> Case:
     """No sender pauses alone: all are silent together, and their counters have gone on."""
-    length = rng.randrange(200, 600) * MS
+    length = rng.randrange(350, 700) * MS
     begin = trace.frames[0].t + rng.randrange(300, 1100) * MS
     frames = [frame for frame in trace.frames if not begin < frame.t < begin + length]
-    return trace.made(frames, *together(trace), about=f"for {length // MS} ms")
+    return trace.made(frames, *together(trace, begin), about=f"for {length // MS} ms")
 
 
 @kind("recorder loses every third frame for a while", "CAP-006|CAP-004", RECORDER)
 def patchy(trace: Trace, rng: Random) -> Case:
     begin = trace.frames[0].t + rng.randrange(100, 700) * MS
     frames = [frame for frame in trace.frames if not begin < frame.t < begin + 1000 * MS or rng.random() > 0.3]
-    return trace.made(frames, *together(trace), about="for 1 s")
+    return trace.made(frames, *together(trace, begin), about="for 1 s")
