@@ -110,7 +110,11 @@ class Findings:
 
     def _caused(self, settled: Mapping[Key, Sequence[OccurrenceRun]]) -> dict[Key, list[OccurrenceRun]]:
         """Make notes of what another finding of the same node at that time is the cause of, and of nothing else."""
-        causes = {key: runs for key, runs in settled.items() if key.severity != "note"}
+        causes = {
+            key: runs
+            for key, runs in settled.items()
+            if key.severity != "note" or self._pages[key.rule].severity == "note"
+        }
         found: dict[Key, list[OccurrenceRun]] = {}
         for key, runs in settled.items():
             stays = key.severity == "note" or key.rule in self._severities

@@ -120,6 +120,14 @@ class HeardNodes:
         heard = self._nodes.get((bus, node))
         return [] if heard is None else [gap for gap in heard.gaps if start <= gap.start and gap.stop <= stop]
 
+    def silent(self, bus: int, node: int, t: int, end: int) -> bool:
+        """Return whether a node that was heard lies in a gap at a time; `end` is the last time so far."""
+        heard = self._nodes.get((bus, node))
+        if heard is None:
+            return False
+        last = heard.t <= t and end - heard.t > self._least
+        return last or any(gap.start <= t < gap.stop for gap in heard.gaps)
+
     def feed(self, frames: FrameTable) -> None:
         """Add a batch."""
         for bus, ours in _ours(frames).items():

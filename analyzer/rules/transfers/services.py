@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from analyzer.rules.bus.heard import HeardNodes
 from analyzer.tables import EXTENDED, KINDS, STATUSES, distinct
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
 
@@ -20,6 +21,7 @@ REQUEST, RESPONSE = KINDS.index("request"), KINDS.index("response")
 ANSWER = SECOND  # when a client gives up
 SLOW = SECOND // 2
 OPEN = 2 * SECOND  # how long a response belongs to a request
+_GONE = 2 * SECOND  # a server that sends nothing for so long lives no more
 LATE = 3 * SECOND  # a request can come out 2.0 s after its start, if its end was lost
 MOST = 256  # transfers of a link that wait
 MOST_LINKS = 1024  # older ones are left out
@@ -82,11 +84,13 @@ class Services(Rule):
         self._talks: dict[_Link, _Talk] = {}
         self._heard: set[int] = set()
         self._held: set[_Link] = set()
+        self._nodes = HeardNodes(_GONE)
         self._now = NO_TIME
 
     def feed(self, view: View) -> Iterator[Occurrence]:
         """Yield calls of this batch, and those whose time is over."""
         self._note_held(view)
+        self._nodes.feed(view.frames)
         t = view.transfers
         if not len(t):
             return
@@ -106,14 +110,14 @@ class Services(Rule):
             client, server = (src, dst) if kind == REQUEST else (dst, src)
             link = (part.bus, int(t.type_id[row]), client, server)
             if link not in self._talks and len(self._talks) >= MOST_LINKS:
-                yield from _settled(self._talks.pop(next(iter(self._talks))), view)
+                yield from self._settled(self._talks.pop(next(iter(self._talks))), view)
             talk = self._talks.setdefault(link, _Talk(client, server))
             yield from self._release(talk, link, view)
             insort(talk.waiting, part)
             talk.asked |= kind == REQUEST
             talk.answered |= kind == RESPONSE
             if len(talk.waiting) > MOST:
-                yield from _next(talk, talk.waiting.pop(0), view)
+                yield from self._next(talk, talk.waiting.pop(0), view)
         self._heard.update(distinct(who[done:]))
         self._now = int(now[-1])
         for link, talk in self._talks.items():
@@ -122,7 +126,7 @@ class Services(Rule):
     def finish(self, view: View) -> Iterator[Occurrence]:
         """Yield what the end of the capture leaves open."""
         for talk in self._talks.values():
-            yield from _settled(talk, view)
+            yield from self._settled(talk, view)
 
     def _note_held(self, view: View) -> None:
         """Note links with frames that look like a response, whether or not that is out yet."""
@@ -140,63 +144,60 @@ class Services(Rule):
             return
         until = self._now - LATE
         while talk.waiting and talk.waiting[0].t < until:
-            yield from _next(talk, talk.waiting.pop(0), view)
+            yield from self._next(talk, talk.waiting.pop(0), view)
         for key, call in list(talk.calls.items()):
-            yield from _judged(talk, call, until, view)
+            yield from self._judged(talk, call, until, view)
             if until - call.request.t > OPEN:
                 del talk.calls[key]
 
+    def _settled(self, talk: _Talk, view: View) -> Iterator[Occurrence]:
+        """Yield all that waits, and what is still open at the end."""
+        for part in talk.waiting:
+            yield from self._next(talk, part, view)
+        for call in talk.calls.values():
+            yield from self._judged(talk, call, view.end, view)
 
-def _settled(talk: _Talk, view: View) -> Iterator[Occurrence]:
-    """Yield all that waits, and what is still open at the end."""
-    for part in talk.waiting:
-        yield from _next(talk, part, view)
-    for call in talk.calls.values():
-        yield from _judged(talk, call, view.end, view)
+    def _next(self, talk: _Talk, part: _Part, view: View) -> Iterator[Occurrence]:
+        """Take the next transfer in the order of the capture."""
+        call = talk.calls.get(part.transfer_id)
+        if part.kind == REQUEST:
+            if call is not None:
+                yield from self._judged(talk, call, part.t, view)
+            talk.calls[part.transfer_id] = _Call(part)
+        elif part.whole:
+            yield from self._answer(talk, call, part, view)
 
+    def _answer(self, talk: _Talk, call: _Call | None, part: _Part, view: View) -> Iterator[Occurrence]:
+        if call is None or part.t - call.request.t > OPEN:
+            begun = NO_TIME if part.t == NO_TIME else max(view.starts[part.bus], view.resumed(part.t))
+            early = part.t == NO_TIME or part.t - begun < OPEN
+            stray = _about("TRF-021", part, {"transfer_id": part.transfer_id, "dst": talk.client})
+            yield replace(stray, severity="note" if early else None, drops=True, since=part.t - OPEN)
+            return
+        request = call.request
+        timed = NO_TIME not in (part.t_end, request.t_end)
+        delay = part.t_end - request.t_end if timed else 0
+        if call.response is None:
+            yield from self._judged(talk, call, part.t_end, view)
+            call.response = part
+            if delay > SLOW:
+                yield _about("TRF-023", part, {"seconds": delay / SECOND}, request)
+        else:
+            yield _about("TRF-024", part, {"transfer_id": part.transfer_id}, call.response)
+        if part.priority != request.priority:
+            values = {"expected": request.priority, "priority": part.priority}
+            yield _about("TRF-025", part, values, request)
 
-def _next(talk: _Talk, part: _Part, view: View) -> Iterator[Occurrence]:
-    """Take the next transfer in the order of the capture."""
-    call = talk.calls.get(part.transfer_id)
-    if part.kind == REQUEST:
-        if call is not None:
-            yield from _judged(talk, call, part.t, view)
-        talk.calls[part.transfer_id] = _Call(part)
-    elif part.whole:
-        yield from _answer(talk, call, part, view)
-
-
-def _answer(talk: _Talk, call: _Call | None, part: _Part, view: View) -> Iterator[Occurrence]:
-    if call is None or part.t - call.request.t > OPEN:
-        begun = NO_TIME if part.t == NO_TIME else max(view.starts[part.bus], view.resumed(part.t))
-        early = part.t == NO_TIME or part.t - begun < OPEN
-        stray = _about("TRF-021", part, {"transfer_id": part.transfer_id, "dst": talk.client})
-        yield replace(stray, severity="note" if early else None, drops=True, since=part.t - OPEN)
-        return
-    request = call.request
-    timed = NO_TIME not in (part.t_end, request.t_end)
-    delay = part.t_end - request.t_end if timed else 0
-    if call.response is None:
-        yield from _judged(talk, call, part.t_end, view)
-        call.response = part
-        if delay > SLOW:
-            yield _about("TRF-023", part, {"seconds": delay / SECOND}, request)
-    else:
-        yield _about("TRF-024", part, {"transfer_id": part.transfer_id}, call.response)
-    if part.priority != request.priority:
-        values = {"expected": request.priority, "priority": part.priority}
-        yield _about("TRF-025", part, values, request)
-
-
-def _judged(talk: _Talk, call: _Call, now: int, view: View) -> Iterator[Occurrence]:
-    """Report a call once that `now` has waited too long; its answer may have come in a gap."""
-    request = call.request
-    if request.whole and call.response is None and not call.missed and NO_TIME not in (now, request.t_end):
-        call.missed = now - request.t_end > ANSWER
-        until = request.t_end + ANSWER
-        if call.missed and not view.paused(request.t_end, until):
-            silent = _about("TRF-022", request, {"dst": talk.server, "limit_s": ANSWER / SECOND})
-            yield replace(silent, drops=True, until=until)
+    def _judged(self, talk: _Talk, call: _Call, now: int, view: View) -> Iterator[Occurrence]:
+        """Report a call once that `now` has waited too long; its answer may have come in a gap."""
+        request = call.request
+        if request.whole and call.response is None and not call.missed and NO_TIME not in (now, request.t_end):
+            call.missed = now - request.t_end > ANSWER
+            until = request.t_end + ANSWER
+            gone = self._nodes.silent(request.bus, talk.server, until, view.end)
+            if call.missed and not gone and not view.paused(request.t_end, until):
+                silent = _about("TRF-022", request, {"dst": talk.server, "limit_s": ANSWER / SECOND})
+                yield replace(silent, drops=True, until=until)
 
 
 def _about(rule: str, part: _Part, values: Values, other: _Part | None = None) -> Occurrence:

@@ -45,7 +45,8 @@ _ID = "esc_id_set"
 class _Asked:
     """A ParamCfg; `t` is its end, `query` whether all its bytes are 0xFF.
 
-    `answered` are the nodes that sent a ParamGet, `expected` those that have to after a query to all.
+    `answered` are the nodes that sent a ParamGet, `expected` those that have to after a query to all. `living` is
+    whether an ESC reported shortly before, of those that had reported at all.
     """
 
     t: int
@@ -57,6 +58,7 @@ class _Asked:
     query: bool
     answered: set[int] = field(default_factory=set)
     expected: tuple[int, ...] = ()
+    living: bool = True
 
     @property
     def address(self) -> str:
@@ -137,8 +139,9 @@ class Dialogue(Rule):
         uuid, index = int(table["esc_uuid"][row]), int(table["esc_index"][row])
         query = open_ and (uuid, index, int(table[_ID][row])) == (_ANY_UUID, _ANY_INDEX, _OPEN16)
         asked = _Asked(t, bus, place, uuid, index, sets, query)
-        if asked.query:
-            asked.expected = tuple(sorted(self._reporting(view, bus, number, t)))
+        reporting = tuple(sorted(self._reporting(view, bus, number, t)))
+        asked.expected = reporting if query else ()
+        asked.living = bool(reporting) or not any(who[0] == bus and first <= t for who, first in self._since.items())
         self._pending.append(asked)
 
     def _reporting(self, view: View, bus: int, number: int, t: int) -> Iterator[int]:
@@ -207,7 +210,7 @@ class Dialogue(Rule):
                         place, rule="BUS-012", node=node, values=values, dialects={"dronecan": None}, drops=True,
                         until=asked.t + round(limits["BUS-012"] * SECOND),
                     )  # fmt: skip
-        elif not asked.answered and not asked.query:
+        elif not asked.answered and not asked.query and asked.living:
             until = asked.t + round(limits["BUS-011"] * SECOND)
             unanswered: dict[str, object] = {"address": asked.address, "limit_s": limits["BUS-011"]}
             yield replace(place, rule="BUS-011", values=unanswered, drops=True, until=until)

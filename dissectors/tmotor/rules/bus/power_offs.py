@@ -1,0 +1,62 @@
+"""ESCs that are switched off together once their motors stand."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Pauses, Rule, frames_of
+from dissectors.tmotor.rules.bus.joins import MOST_UNITS, ReportingEsc, units
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dissectors.kit import View
+
+_FEWEST = 2  # ESCs: one alone may have failed
+
+
+class _Report(NamedTuple):
+    """The last report of an ESC: time, whether its motor stood, and its frames with their lines."""
+
+    t: int
+    stands: bool
+    frames: tuple[int, ...]
+    lines: tuple[str, ...]
+
+
+class PowerOffs(Rule):
+    """Remembers the last report of each ESC; they are compared at the end."""
+
+    rules = ("BUS-042",)
+
+    def __init__(self) -> None:
+        self._last: dict[ReportingEsc, _Report] = {}
+        self._pauses = Pauses(SECOND)
+
+    def feed(self, view: View) -> Iterator[Occurrence]:
+        """Note the last reports of a batch."""
+        self._pauses.feed(view)
+        table = view.table("ESCStatus")
+        for unit, rows in units(view).items():
+            if table is not None and view.start != NO_TIME and (unit in self._last or len(self._last) < MOST_UNITS):
+                row, frames = int(rows[-1]), frames_of(view, table, int(rows[-1]))
+                report = _Report(int(table.t[row]), not table["rpm"][row], frames, view.lines(frames))
+                self._last[unit] = report
+        yield from ()
+
+    def finish(self, view: View) -> Iterator[Occurrence]:
+        """Yield a note for each ESC of a bus if all of them fell silent together, and none turned or goes on."""
+        together, silence = (round(view.number("BUS-042", name) * SECOND) for name in ("together_s", "silence_s"))
+        for bus, end in self._pauses.last.items():
+            latest = max((report.t for unit, report in self._last.items() if unit.bus == bus), default=end)
+            off = {
+                unit: report for unit, report in self._last.items() if unit.bus == bus and report.t >= latest - together
+            }
+            nodes = {unit.node for unit in off}
+            if end - latest < silence or len(nodes) < _FEWEST or not all(report.stands for report in off.values()):
+                continue
+            values = {"escs": len(off), "seconds": (end - latest) / SECOND}
+            for unit, report in off.items():
+                yield Occurrence(
+                    "BUS-042", report.t, bus, unit.node, "ESCStatus", report.frames, values, lines=report.lines
+                )
