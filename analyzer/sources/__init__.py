@@ -41,6 +41,7 @@ class Source(Stored):
     format: Format = CANDUMP
     packing: str = ""
     notes: list[str] = field(default_factory=list)
+    _unended: CaptureError | None = None
 
     @property
     def parts(self) -> tuple[Source, ...]:
@@ -77,6 +78,11 @@ class Source(Stored):
         if not self.stopped and self.damage is None:
             self.damage = CaptureError(self.name, place, reason)
 
+    def take_last_line(self) -> None:
+        """Take a last line for whole that has no line end: by its format nothing is missing."""
+        if self.damage is self._unended:
+            self.damage = None
+
     def _read(self, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
         head = b""
         for data in chunks:
@@ -103,7 +109,9 @@ class Source(Stored):
 
     def _cut(self, size: int) -> None:
         place = f"byte {size}{' of the unpacked data' if self.packing else ''}"
+        before = self.damage
         self.damaged(place, "the capture ends in the middle of a line")
+        self._unended = self.damage if before is None else None
 
     def reader(self) -> Read:
         """Return the reading function of the format, imported only now: some need heavy packages."""

@@ -48,7 +48,9 @@ def add(rows: Rows, message: Message, t: int, bus: str, class_: int | None = Non
     store(rows, message, t, bus, code=code, size=size, directed=True)
 
 
-def store(rows: Rows, message: Message, t: int, bus: str, *, code: int, size: int, directed: bool) -> None:
+def store(
+    rows: Rows, message: Message, t: int, bus: str, *, code: int, size: int, directed: bool, wide: bool = False
+) -> None:
     """Add a data or remote frame.
 
     Args:
@@ -59,23 +61,24 @@ def store(rows: Rows, message: Message, t: int, bus: str, *, code: int, size: in
         code: the length code (DLC), 0 to 15.
         size: bytes of data that the capture claims.
         directed: whether the format says who sent it.
+        wide: whether 11-bit frames may have larger identifiers, which no bus carries, in what a format holds.
 
     Raises `Unreadable` if it is not a frame that a bus can carry, or of one bus too many.
     """
-    if not 0 <= message.arbitration_id <= (0x1FFFFFFF if message.is_extended_id else 0x7FF):
+    if not 0 <= message.arbitration_id <= (0x1FFFFFFF if message.is_extended_id or wide else 0x7FF):
         raise Unreadable(f"identifier beyond {29 if message.is_extended_id else 11} bits")
     flags = EXTENDED if message.is_extended_id else 0
     if not 0 <= code <= 15:
         raise Unreadable("length code beyond 15")
     data = b"" if message.is_remote_frame else bytes(message.data)
     if message.is_remote_frame:
-        flags |= REMOTE | code << DLC_SHIFT
+        flags |= REMOTE | code << DLC_SHIFT | _fd(message)
     elif len(data) != size:
         raise Unreadable(f"{len(data)} data bytes, {size} expected")
     elif len(data) > (64 if message.is_fd else 8):
         raise Unreadable("data longer than a frame can be")
     elif message.is_fd:
-        flags |= FD | BRS * message.bitrate_switch | ESI * message.error_state_indicator
+        flags |= _fd(message)
     elif code > 8:
         flags |= code << DLC_SHIFT
     if directed:
@@ -84,6 +87,11 @@ def store(rows: Rows, message: Message, t: int, bus: str, *, code: int, size: in
         rows.frame(t, bus, message.arbitration_id, flags, data)
     except ValueError as error:
         raise Unreadable(str(error)) from None
+
+
+def _fd(message: Message) -> int:
+    """Return the flags of CAN FD, also of a remote frame: no bus carries such, some formats hold them."""
+    return (FD | BRS * message.bitrate_switch | ESI * message.error_state_indicator) if message.is_fd else 0
 
 
 def store_error(rows: Rows, t: int, bus: str, class_: int = BUS_ERROR, data: bytes = b"", flags: int = 0) -> None:

@@ -48,10 +48,14 @@ def capture(form: str) -> bytes:
 FORMS = (".log", "crlf.log", "screen.log", ".asc", ".trc", ".csv")
 
 
-def places(data: bytes, last: int) -> Iterator[int]:
-    """Where the last lines can be cut: behind each of their bytes but the ends of lines."""
+def places(form: str, data: bytes, last: int) -> Iterator[int]:
+    """Where the last lines can be cut: behind each of their bytes but the ends of lines.
+
+    TRC states how many bytes a line has: with the last of them it is whole.
+    """
     start = len(data) - sum(map(len, data.splitlines(keepends=True)[-last:]))
-    return (end for end in range(start + 1, len(data)) if data[end - 1] != ord("\n"))
+    ends = (end for end in range(start + 1, len(data)) if data[end - 1] != ord("\n"))
+    return (end for end in ends if form != ".trc" or data[end:].strip(b" ")[:1] not in b"\r\n")
 
 
 def broken(report: Any) -> set[tuple[str, str]]:
@@ -91,7 +95,7 @@ def test_a_line_may_be_cut_at_any_place(tmp_path: Path, form: str) -> None:
     whole = capture(form)
     path = tmp_path / f"cut{form}"
     before = broken(reported(path, whole))
-    for end in places(whole, 2):
+    for end in places(form, whole, 2):
         check_cut(path, whole, end, before)
 
 
@@ -101,7 +105,7 @@ def test_every_line_is_accounted_for(form: str) -> None:
     """At any place, in pieces of any size; what stands before the cut is as it was."""
     lines = capture(form).splitlines(keepends=True)[:40]
     whole, before = b"".join(lines), {k: _frames(form, b"".join(lines[:k])) for k in range(30, 40)}
-    for end in places(whole, 3):
+    for end in places(form, whole, 3):
         for size in (1 << 20, 7):
             engine = Engine()
             source = Source(_Named(f"cut{form}", whole[:end], size))

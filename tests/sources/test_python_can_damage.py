@@ -55,7 +55,7 @@ def test_cut_at_every_byte(suffix: str) -> None:
             assert str(source.damage) == f"capture.blf: byte {cut}: BLF data ends early"
     assert counts == sorted(counts)
     if suffix in TEXT:
-        assert {*counts} == {*range(len(expected) + 1)}
+        assert {*counts} == {*range(len(expected) + (suffix != ".csv"))}  # a cut line of CSV never counts
 
 
 @pytest.mark.slow

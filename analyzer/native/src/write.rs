@@ -11,7 +11,7 @@ pub mod records;
 
 use crate::events::{EventKind, Events};
 use crate::frame_batch::FrameBatch;
-use crate::frames::NO_TIME;
+use crate::frames::{EXTENDED, FD, MAX_STANDARD, NO_TIME, REMOTE};
 
 /// A format that is written row by row.
 pub trait Writer: Send + Sync {
@@ -47,15 +47,19 @@ pub enum Loss {
     RawCode,
     DropBus,
     Name,
+    WideId,
+    FdRemote,
 }
 
-const WORDS: [&str; 6] = [
+const WORDS: [&str; 8] = [
     "classic frames of more than 8 bytes",
     "error frames of more than 8 bytes",
     "times before 1970",
     "raw length codes",
     "interfaces of drop counts",
     "interface names, changed to fit",
+    "11-bit identifiers that need more bits, written as 29-bit ones",
+    "remote frames of CAN FD, written as data frames",
 ];
 
 /// How many frames are written, and how often which loss occurred.
@@ -68,6 +72,18 @@ pub struct Account {
 impl Account {
     pub fn add(&mut self, what: Loss) {
         self.lost[what as usize] += 1;
+    }
+
+    /// Whether a frame is written with a 29-bit identifier. No bus carries what is counted here, some formats hold it.
+    fn takes(&mut self, id: u32, flags: u16) -> bool {
+        let wide = flags & EXTENDED == 0 && id > MAX_STANDARD;
+        if wide {
+            self.add(Loss::WideId);
+        }
+        if flags & (FD | REMOTE) == FD | REMOTE {
+            self.add(Loss::FdRemote);
+        }
+        wide || flags & EXTENDED != 0
     }
 
     /// Words and counts of what was lost at all.

@@ -53,7 +53,10 @@ _HEADER_END = "internal events logged"
 def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
     """Return the batches of an ASC capture."""
     source.notes.append("ASC keeps no bus names (channel 1 is can0) and no kinds of error frames")
-    yield from lines.read(_Asc(source.notes), chunks)
+    grammar = _Asc(source.notes)
+    yield from lines.read(grammar, chunks)
+    if grammar.requests:
+        source.notes.append(f"requests of frames left out (TxRq): {grammar.requests}")
 
 
 class _Asc:
@@ -63,7 +66,7 @@ class _Asc:
         self._notes = notes
         self.header: tuple[str, ...] = ("base hex", _HEADER_END)
         self._relative = self._dated = False
-        self._now = 0
+        self._now = self.requests = 0
 
     def reader(self, file: lines.Lines) -> Iterable[Message]:
         return ASCReader(file)  # type: ignore[arg-type]  # iterating is all it does
@@ -81,7 +84,8 @@ class _Asc:
                 return Sort.OTHER, 0
             raise Unreadable("not a frame of a known form")
         if "txrq" in (str(message["classic"]).lower(), str(message["fd"]).lower()):
-            return Sort.OTHER, 0  # asked for, not on the bus
+            self.requests += 1  # asked for, not on the bus
+            return Sort.OTHER, 0
         return Sort.MESSAGE, self._now
 
     def _sort_header(self, line: str) -> Sort:
@@ -108,16 +112,18 @@ class _Asc:
             return
         message.is_fd, message.is_remote_frame = _kind(message)
         size = message.dlc if message.is_fd else min(8, message.dlc)
-        if "dec" not in self.header[0] and any(len(byte) != 2 for byte in _data(cells)[:size]):
+        digits_tell = "dec" not in self.header[0] and not message.is_remote_frame
+        if digits_tell and any(len(byte) != 2 for byte in _data(cells)[:size]):
             raise Unreadable("a data byte is not two digits")
         store(rows, message, t, bus, code=len2dlc(message.dlc), size=size, directed=True)
 
 
 def _kind(message: Message) -> tuple[bool, bool]:
-    """Return whether it is CAN FD, and a remote frame; to python-can an empty CAN FD frame is both, which none is."""
-    if message.is_fd and message.is_remote_frame:
-        return message.dlc == 0, message.dlc != 0
-    return message.is_fd, message.is_remote_frame
+    """Return whether it is CAN FD, and a remote frame; to python-can an empty CAN FD frame is a remote one, too.
+
+    A length of 0 behind another length code is that of a remote frame.
+    """
+    return message.is_fd, message.is_remote_frame and not (message.is_fd and message.dlc == 0)
 
 
 def _data(cells: list[str]) -> list[str]:

@@ -29,6 +29,7 @@ from analyzer.sources.errors import CaptureError
 from analyzer.sources.python_can.lines import Sort
 from analyzer.sources.python_can.messages import bus_name, channel, words
 from analyzer.sources.python_can.objects import SIGNATURE, Gap, Object, Objects
+from analyzer.sources.python_can.requests import Requests, Way
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -42,6 +43,8 @@ _EARLY = "BLF data ends early"
 _LARGEST_HEADER = 4096
 # Most bytes that one step unpacks: the memory of a container that is a bomb.
 _STEP = 1 << 20
+# Objects have a byte for it, a bus four bits.
+_LARGEST_CODE = 15
 _SALVAGE = 64
 # Objects that python-can is given at once.
 _RUN = 256
@@ -63,9 +66,9 @@ _NEEDS = {
 _SIZES = {kind: _NEEDS[kind] for kind in (library.CAN_MESSAGE, library.CAN_ERROR_EXT, library.CAN_FD_MESSAGE)}
 # Error frames without more than a channel, which python-can leaves out.
 _ERRORS = {2: struct.Struct("<H"), 104: struct.Struct("<B")}
-# Where an object says the direction. A frame that is asked for and not on the bus yet is a received one to python-can.
+# Where an object says the direction. A frame that was only asked for is a received one to python-can.
 _DIRECTION = {**dict.fromkeys((*_CLASSIC, library.CAN_FD_MESSAGE), 2), library.CAN_FD_MESSAGE_64: 34}
-_REQUESTED = 2
+_WAYS = {1: Way.SENT, 2: Way.REQUEST}
 # Application and format as python-can's writer states them. The class of an error frame is in its identifier there.
 _WRITER = (5, 0, 0, 0, 2, 6, 8, 1)
 
@@ -99,6 +102,7 @@ class _Blf:
         self._rows = Rows()
         self._objects = Objects(_SIZES)
         self._packed = Objects(_SIZES)
+        self._requests: Requests[tuple[Object | Gap, Sort | str]] = Requests()
         self._head = self._size = len(head)
         header = library.FILE_HEADER_STRUCT.unpack_from(head)
         self._by_python_can = header[2:10] == _WRITER
@@ -125,7 +129,8 @@ class _Blf:
             at, part = unfinished
             if part[12:_BODY] == library.LOG_CONTAINER.to_bytes(4, "little"):
                 yield from self._unpack(Object(at, library.LOG_CONTAINER, 1, part), cut=True)
-        self._add(self._objects.finish())
+        self._add(self._objects.finish(), last=True)
+        self._source.notes += self._requests.notes()
         yield self._rows.take()
         if unfinished is not None or self._objects.unfinished is not None or self._size < self._stated:
             unpacked = " of the unpacked data" if self._source.packing else ""
@@ -143,8 +148,11 @@ class _Blf:
         except Unreadable as error:
             self._rows.unreadable(f"container at byte {self._head + found.at}: {error}")
 
-    def _add(self, found: Iterable[Object | Gap]) -> None:
-        run = [(item, _sort(item)) for item in found]
+    def _add(self, found: Iterable[Object | Gap], *, last: bool = False) -> None:
+        known = ((item, _sort(item)) for item in found)
+        ways = ((one, _way(*one), 0 if isinstance(one[0], Gap) else len(one[0].data)) for one in known)
+        sifted = chain(self._requests.sift(ways), self._requests.finish() if last else ())
+        run = [(item, Sort.OTHER if left else sort) for (item, sort), left in sifted]
         messages = _messages([item.data for item, sort in run if sort is Sort.MESSAGE and isinstance(item, Object)])
         for item, sort in run:
             if sort is Sort.OTHER:
@@ -170,9 +178,10 @@ class _Blf:
             store_error(self._rows, t, bus, known or BUS_ERROR, bytes(message.data) if known else b"")
             return
         classic = item.kind in _CLASSIC
-        code = message.dlc if classic else len2dlc(message.dlc)
+        code = min(message.dlc, _LARGEST_CODE) if classic else len2dlc(message.dlc)
         size = min(8, code) if classic else len(message.data)
-        store(self._rows, message, t, bus, code=code, size=size, directed=True)
+        directed = _way(item, Sort.MESSAGE) is not Way.REQUEST
+        store(self._rows, message, t, bus, code=code, size=size, directed=directed, wide=True)
 
     def _time(self, item: Object) -> int:
         flags, *_, count = _TIMES[item.version][0].unpack_from(item.data, _BODY)
@@ -234,8 +243,15 @@ def _sort(item: Object | Gap) -> Sort | str:
         return f"{place}: does not have its size"
     if item.kind in _ERRORS:
         return Sort.ERROR_FRAME
-    at = header + _DIRECTION.get(item.kind, 0)
-    return Sort.OTHER if item.kind in _DIRECTION and item.data[at] & 0xF == _REQUESTED else Sort.MESSAGE
+    return Sort.MESSAGE
+
+
+def _way(item: Object | Gap, sort: Sort | str) -> Way:
+    """Return whether a frame was sent, or only asked for."""
+    if sort is not Sort.MESSAGE or isinstance(item, Gap) or item.kind not in _DIRECTION:
+        return Way.OTHER
+    at = _TIMES[item.version][1] + _DIRECTION[item.kind]
+    return _WAYS.get(item.data[at] & 0xF, Way.OTHER)
 
 
 def _messages(objects: list[bytes]) -> Iterator[Message | str]:

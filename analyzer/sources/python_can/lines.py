@@ -12,7 +12,7 @@ from analyzer.sources.can_rows import Unreadable
 from analyzer.sources.python_can.messages import quoted, words
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from analyzer._native import FrameBatch
 
@@ -49,8 +49,13 @@ class Grammar(Protocol):
         """Add the row; raises `Unreadable` when the message is not what the line says."""
 
 
-def read(grammar: Grammar, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
-    """Return a batch of rows for each chunk that ends a line."""
+def read(
+    grammar: Grammar, chunks: Iterator[bytes], is_whole: Callable[[str], bool] | None = None
+) -> Iterator[bytes | FrameBatch]:
+    """Return a batch of rows for each chunk that ends a line.
+
+    `is_whole` says of a last line without a line end whether nothing is missing, for formats that tell by its content.
+    """
     rows, cut = Rows(), _Cutter()
     for chunk in chunks:
         if not chunk:
@@ -59,7 +64,7 @@ def read(grammar: Grammar, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBat
             _add(grammar, rows, found)
             yield rows.take()
     if cut.rest:
-        if len(cut.rest) > LONGEST:
+        if len(cut.rest) > LONGEST or (is_whole is not None and is_whole(_text(cut.rest))):
             _add(grammar, rows, [_text(cut.rest)])
         else:
             rows.cut_short(cut.rest)

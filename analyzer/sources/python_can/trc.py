@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from can.io.trc import TRCReader
 from can.util import dlc2len
 
+from analyzer._native import Rows
 from analyzer.sources.can_rows import (
     DATE,
     FROM_START,
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
     from can import Message
 
-    from analyzer._native import FrameBatch, Rows
+    from analyzer._native import FrameBatch
     from analyzer.sources import Source
 
 # The columns of the versions that do not state theirs, in the letters of those that do.
@@ -47,7 +48,8 @@ _DAY_US = 86_400 * 10**6
 def read(source: Source, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
     """Return the batches of a TRC capture. Raises `CaptureError` for a version that python-can does not read."""
     source.notes.append("TRC keeps no bus names (bus 1 is can0) and no kinds of error frames")
-    yield from lines.read(_Trc(source), chunks)
+    grammar = _Trc(source)
+    yield from lines.read(grammar, chunks, grammar.is_whole)
 
 
 class _Trc:
@@ -93,6 +95,20 @@ class _Trc:
             raise Unreadable("a data byte is not two digits")
         bus = bus_name(channel(message, 1))
         store(rows, message, t, bus, code=code, size=size, directed=self._version != "1.0")
+
+    def is_whole(self, line: str) -> bool:
+        """Return whether a line without an end has all the bytes that it states; a remote request needs its length."""
+        rows = Rows()
+        try:
+            sort, t = self.sort(line)
+            if sort is not Sort.MESSAGE:
+                return False
+            (message,) = self.reader(lines.Lines(self.header, [line], 0))
+            self.store(rows, line, message, t)
+        except Exception:  # noqa: BLE001 - of any type: python-can checks little
+            return False
+        self._source.take_last_line()
+        return True
 
     def _cells(self, line: str) -> dict[str, str]:
         """Return the cells by the letters of their columns; the data of all versions but 1.0 to 1.3 is one cell."""

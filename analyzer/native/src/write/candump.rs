@@ -4,7 +4,7 @@
 use super::{bus_of, kind_of, Account, Loss, Writer};
 use crate::events::EventKind;
 use crate::frame_batch::FrameBatch;
-use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, NO_TIME, REMOTE, RX, TX, WORD_ERROR};
+use crate::frames::{BRS, DLC_SHIFT, ESI, FD, MAX_CLASSIC, NO_TIME, REMOTE, RX, TX, WORD_ERROR};
 use crate::line::{self, escape, Line, MAX_NAME};
 
 const SECOND: i64 = 1_000_000_000;
@@ -53,7 +53,7 @@ impl Writer for Candump {
         let code = (flags >> DLC_SHIFT) as u8 & 15;
         self.account.frames += 1;
         self.start(frames.t[row], frames.bus[row], out);
-        if flags & EXTENDED != 0 {
+        if self.account.takes(id, flags) {
             hex(&id.to_be_bytes(), out);
         } else {
             out.extend([

@@ -11,7 +11,7 @@ pub use content::{Content, Direction};
 use super::{bus_of, kind_of, name, Account, InOrder, Loss, Row, Stamper};
 use crate::events::EventKind;
 use crate::frame_batch::FrameBatch;
-use crate::frames::{DLC_SHIFT, EXTENDED, FD, MAX_CLASSIC, NO_TIME, REMOTE};
+use crate::frames::{DLC_SHIFT, FD, MAX_CLASSIC, NO_TIME, REMOTE};
 
 pub(super) const MESSAGE: u8 = 5;
 const MESSAGE_INDEX: u8 = 7;
@@ -146,13 +146,14 @@ impl Messages {
             return self.account.add(Loss::LongFrame);
         }
         self.account.frames += 1;
+        let extended = self.account.takes(frames.id[row], flags);
         let can = Can {
             t: frames.t[row],
             bus: frames.bus[row],
             direction: Direction::of(flags),
             content: Content::of(flags),
             id: frames.id[row],
-            flags: [remote, flags & EXTENDED != 0, false],
+            flags: [remote, extended, false],
             length: if remote {
                 code.min(MAX_CLASSIC as u8)
             } else {

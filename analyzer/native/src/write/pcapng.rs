@@ -7,8 +7,7 @@ use super::{bus_of, kind_of, name, Account, Loss, Stamper, Writer};
 use crate::events::EventKind;
 use crate::frame_batch::FrameBatch;
 use crate::frames::{
-    BRS, DLC_SHIFT, ESI, EXTENDED, FD, MAX_CLASSIC, MAX_DATA, NO_TIME, REMOTE, RX, TX, WORD_ERROR, WORD_EXTENDED,
-    WORD_REMOTE,
+    BRS, DLC_SHIFT, ESI, FD, MAX_CLASSIC, MAX_DATA, NO_TIME, REMOTE, RX, TX, WORD_ERROR, WORD_EXTENDED, WORD_REMOTE,
 };
 use crate::pcapng::{journal, NO_STAMPS};
 
@@ -105,11 +104,12 @@ impl Writer for Pcapng {
         if raw != 0 && usize::from(length) != MAX_CLASSIC {
             self.account.add(Loss::RawCode);
         }
+        let extended = self.account.takes(id, flags);
         let packet = Packet {
             t: frames.t[row],
             interface: self.interface(batch, frames.bus[row], frames.t[row], out),
             word: id
-                | if flags & EXTENDED != 0 { WORD_EXTENDED } else { 0 }
+                | if extended { WORD_EXTENDED } else { 0 }
                 | if flags & (REMOTE | FD) == REMOTE {
                     WORD_REMOTE
                 } else {
