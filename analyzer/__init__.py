@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Engine as Engine
     from analyzer.report.model import Report as Report
     from analyzer.sources import CaptureError as CaptureError
+    from analyzer.sources import UnavailableError as UnavailableError
 
-__all__ = ["Batch", "Capture", "CaptureError", "Engine", "Report", "check", "open_capture"]
+__all__ = ["Batch", "Capture", "CaptureError", "Engine", "Report", "UnavailableError", "check", "open_capture"]
 
 _HOMES = {
     "Batch": "analyzer.decode.engine",
@@ -31,6 +32,7 @@ _HOMES = {
     "CaptureError": "analyzer.sources",
     "Engine": "analyzer.decode.engine",
     "Report": "analyzer.report.model",
+    "UnavailableError": "analyzer.sources",
     "check": "analyzer.app.check",
     "open_capture": "analyzer.app.capture",
 }

@@ -43,6 +43,10 @@ class DsdlError(ValueError):
         super().__init__(f"{file}:{line}: {reason}" if line else f"{file}: {reason}")
         self.file, self.line, self.reason = file, line, reason
 
+    def __reduce__(self) -> tuple[type[DsdlError], tuple[str, int, str]]:
+        """Pickle it with its three parts, not with its text."""
+        return type(self), (self.file, self.line, self.reason)
+
 
 @dataclass(frozen=True, slots=True)
 class Size:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dissectors.profile import KINDS, Profile, ProfileError
 
@@ -29,6 +29,12 @@ class UnknownNameError(LookupError):
             f"{reason} ({'one of' if several else 'near'}: {', '.join(candidates)})" if candidates else reason
         )
         self.candidates = candidates
+        self._parts = name, candidates, several
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle it with what it is made of, not with its text."""
+        name, candidates, several = self._parts
+        return partial(type(self), several=several), (name, candidates)
 
 
 class Registry:

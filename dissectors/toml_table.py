@@ -36,6 +36,10 @@ class ProfileError(ValueError):
         super().__init__(f"{file}:{line}: {reason}")
         self.file, self.line, self.reason = file, line, reason
 
+    def __reduce__(self) -> tuple[type[ProfileError], tuple[str, int, str]]:
+        """Pickle it with its three parts, not with its text."""
+        return type(self), (self.file, self.line, self.reason)
+
 
 @dataclass(frozen=True, slots=True)
 class TomlTable:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
@@ -36,12 +36,20 @@ class Capture:
 
     Raises:
         CaptureError: a file cannot be read. Damage behind readable content is in `damage` instead.
+        UnavailableError: a `CaptureError` of a file that could not be read now: missing, not permitted, network.
         MergeError: the captures have no clock in common.
+
+    One of paths can be pickled; what comes back has not been read.
     """
 
     def __init__(self, origins: Sequence[Origin], plan: Plan | None = None, dissectors_: Sequence[Path] = ()) -> None:
+        self._made_of = origins, plan, dissectors_
         self._run = Run(Request(tuple(map(given, origins)), plan or Plan(), tuple(dissectors_)))
         self._read = False
+
+    def __reduce__(self) -> tuple[type[Capture], tuple[Any, ...]]:
+        """Pickle what it is made of, not what was read. Raises `TypeError` for file objects that cannot be pickled."""
+        return type(self), self._made_of
 
     def __iter__(self) -> Iterator[Batch]:
         """Yield batches in capture order."""

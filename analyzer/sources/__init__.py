@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from analyzer.sources.errors import CaptureError as CaptureError
 from analyzer.sources.errors import StopReading as StopReading
+from analyzer.sources.errors import UnavailableError as UnavailableError
 from analyzer.sources.errors import UnpackError
 from analyzer.sources.formats import CANDUMP, LONGEST, UTF8_MARK, Format, detect
 from analyzer.sources.stored import Stored

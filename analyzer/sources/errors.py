@@ -4,10 +4,28 @@ from __future__ import annotations
 
 
 class CaptureError(Exception):
-    """A capture that cannot be read, or not to its end; says which, where and why."""
+    """A capture that cannot be read, or not to its end; says which, where and why.
+
+    Attributes:
+        name: the capture.
+        place: where in it, empty if nowhere.
+        reason: why.
+    """
 
     def __init__(self, name: str, place: str, reason: str) -> None:
         super().__init__(f"{name}: {place}: {reason}" if place else f"{name}: {reason}")
+        self.name, self.place, self.reason = name, place, reason
+
+    def __reduce__(self) -> tuple[type[CaptureError], tuple[str, str, str]]:
+        """Pickle it with its three parts, not with its text."""
+        return type(self), (self.name, self.place, self.reason)
+
+
+class UnavailableError(CaptureError):
+    """A capture that could not be read now: it is missing, not permitted, or its disk or network failed.
+
+    Nothing is known of what it holds; another time it may be read.
+    """
 
 
 class MergeError(ValueError):
@@ -18,7 +36,7 @@ class UnpackError(Exception):
     """Damage of compressed data: the number of stored bytes in front of it, and what it is."""
 
     def __init__(self, place: int, reason: str) -> None:
-        super().__init__(reason)
+        super().__init__(place, reason)
         self.place, self.reason = place, reason
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from select import select
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
-from analyzer.sources.errors import CaptureError
+from analyzer.sources.errors import CaptureError, UnavailableError
 
 if TYPE_CHECKING:
     from typing import BinaryIO
@@ -144,7 +144,7 @@ def opened(origin: str | FileObject) -> Opened:
     if isinstance(origin, str):
         return OpenedFile(_file(origin))
     if origin.read_before and origin.start is None:
-        raise CaptureError(origin.name, "", _ONCE)
+        raise UnavailableError(origin.name, "", _ONCE)
     origin.read_before = True
     return OpenedObject(origin)
 
@@ -171,6 +171,6 @@ def _file(name: str) -> BinaryIO:
             raise CaptureError(name, "", "is a directory")
         return Path(name).open("rb", buffering=0)
     except OSError as error:
-        raise CaptureError(name, "", error.strerror or str(error)) from None
+        raise UnavailableError(name, "", error.strerror or str(error)) from None
     except ValueError as error:  # a NUL byte in the name
         raise CaptureError(name.replace("\0", "\\0"), "", str(error)) from None

@@ -9,7 +9,7 @@ from dataclasses import InitVar, dataclass, field
 from typing import TYPE_CHECKING
 
 from analyzer.sources import origin
-from analyzer.sources.errors import CaptureError, StopReading
+from analyzer.sources.errors import CaptureError, StopReading, UnavailableError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -91,7 +91,7 @@ class Stored:
             length = file.seek(0, 2)
             file.seek(0)
         except OSError as error:
-            raise CaptureError(self.name, "", error.strerror or str(error)) from None
+            raise UnavailableError(self.name, "", error.strerror or str(error)) from None
         return length
 
     def _chunks(self, file: Opened) -> Iterator[bytes]:
@@ -109,7 +109,7 @@ class Stored:
             try:
                 data = self._next(file)
             except OSError as error:
-                self.damage = CaptureError(self.name, f"byte {self.size}", error.strerror or str(error))
+                self.damage = UnavailableError(self.name, f"byte {self.size}", error.strerror or str(error))
                 return
             if data:
                 self._count(data)

@@ -13,7 +13,7 @@ from can.io import mf4 as library
 
 from analyzer._native import Rows
 from analyzer.sources.can_rows import ABSOLUTE, MICROSECONDS, RX, TX, Unreadable, from_float, store, store_error
-from analyzer.sources.errors import CaptureError
+from analyzer.sources.errors import CaptureError, UnavailableError
 from analyzer.sources.python_can.messages import channel
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _room(source: Source, name: str) -> Iterator[None]:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise CaptureError(source.name, "", f"temporary file {name}: {reason}") from None
+        raise UnavailableError(source.name, "", f"temporary file {name}: {reason}") from None
 
 
 def _release(error: BaseException) -> None:
