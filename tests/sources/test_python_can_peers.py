@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import can
 import pytest
 from kit.blf import FD_64, FD_MESSAGE, classic, container, file, frame, thing
-from kit.rows import FD, REMOTE, RX, TX, Frame, records
 from kit.libraries import message, read, total
+from kit.rows import FD, REMOTE, RX, TX, Frame, records
 
 from analyzer.cli import main
 from analyzer.sources.python_can import requests
