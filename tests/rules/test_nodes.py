@@ -95,6 +95,16 @@ def test_a_lower_uptime_is_a_restart() -> None:
     assert [one.rule for one in seen(*up[:3])] == ["BUS-021"]
 
 
+def test_an_old_status_that_comes_again_is_no_restart() -> None:
+    """A device that began anew after the last report is not up for longer than since then."""
+    up = [(k * 1000, alive(311 + k, transfer_id=k)) for k in range(6)]
+    assert "BUS-021" not in {one.rule for one in seen(*up, (2040, alive(312, transfer_id=1)))}
+    assert "BUS-021" not in {one.rule for one in seen(*up[:3], (2040, alive(312, transfer_id=1)))}
+    for uptime, rules in ((5, ["BUS-021"]), (6, [])):
+        later = [(4000 + k * 1000, alive(uptime + k, transfer_id=k)) for k in range(4)]
+        assert [one.rule for one in seen((0, alive(311)), *later)] == rules
+
+
 def test_a_wrap_of_the_uptime_is_no_restart() -> None:
     top = (1 << 32) - 2
     assert seen(*((k * 1000, alive((top + k) % (1 << 32), transfer_id=k)) for k in range(5))) == []

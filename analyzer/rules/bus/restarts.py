@@ -25,6 +25,7 @@ PATIENCE = 3  # reports after a lower uptime that decide
 SPREAD = 1.2  # seconds between an uptime and what the one before it lets expect: whole seconds, and jitter
 BLIND = 5  # the same without times
 EXPIRY = 10 * SECOND  # after it a device that is not heard is gone
+ROUGHLY = 1.5  # seconds: an uptime is whole ones, and comes a little late
 _Node = tuple[int, int]
 
 
@@ -39,14 +40,19 @@ class _Uptime:
             return 0 <= seconds - self.seconds <= BLIND
         return abs(seconds - self.seconds - (t - self.t) / SECOND) <= SPREAD
 
+    def may_end(self, t: int, seconds: int) -> bool:
+        """Return whether the device can have started since: up no longer than that, else it is an old report again."""
+        return NO_TIME in (t, self.t) or seconds <= (t - self.t) / SECOND + ROUGHLY
+
 
 @dataclass(slots=True)
 class _Doubt:
-    """A lower uptime: `found` says that it is a restart, unless `old` and `new` both run on."""
+    """A lower uptime: `found` says that it is a restart, if it `can` be one and not both `old` and `new` run on."""
 
     found: Occurrence
     old: _Uptime
     new: _Uptime
+    can: bool = True
     old_again: int = 0
     new_again: int = 0
     seen: int = 0
@@ -91,7 +97,7 @@ class Uptimes(Rule):
 
     def finish(self, _view: View) -> Iterator[Occurrence]:
         """Yield restarts shortly before the end."""
-        for found in (*self._restarts, *(doubt.found for doubt in self._doubts.values())):
+        for found in (*self._restarts, *(doubt.found for doubt in self._doubts.values() if doubt.can)):
             yield self._graded(found)
 
     def _ripe(self, now: int) -> Iterator[Occurrence]:
@@ -133,7 +139,8 @@ class Uptimes(Rule):
                 return
             del self._doubts[node]
             self._last[node] = doubt.old if doubt.old_again else doubt.new
-            self._restarts.append(doubt.found)
+            if doubt.can:
+                self._restarts.append(doubt.found)
         self._restart(node, here, place)
 
     def _of_two(self, node: _Node, here: _Uptime, place: Occurrence) -> Iterator[Occurrence]:
@@ -156,7 +163,7 @@ class Uptimes(Rule):
             return
         values = {"before": last.seconds, "uptime": here.seconds}
         found = replace(place, values=values)
-        self._doubts[node] = _Doubt(found, last, here)
+        self._doubts[node] = _Doubt(found, last, here, last.may_end(here.t, here.seconds))
 
 
 def _two(place: Occurrence, doubt: _Doubt) -> Occurrence:

@@ -110,7 +110,7 @@ def first_toggle(trace: Trace, rng: Random) -> Case:
     return tail(trace, trace.pick(rng, 2).places[0], TOGGLE)
 
 
-@kind("toggle of a later frame", "TRF-003", BROKEN)
+@kind("toggle of a later frame", "TRF-003|TRF-010", f"TRF-004 {BROKEN}")
 def later_toggle(trace: Trace, rng: Random) -> Case:
     return tail(trace, rng.choice(trace.pick(rng, 2).places[1:]), TOGGLE)
 
@@ -126,7 +126,9 @@ def first_start(trace: Trace, rng: Random) -> Case:
 
 
 @kind(
-    "start set in a later frame", "TRF-001|TRF-002|TRF-006", f"TRF-010 TRF-011 TRF-012 TRF-017 TRF-018 TYP-0* {BROKEN}"
+    "start set in a later frame",
+    "TRF-001|TRF-002|TRF-006",
+    f"TRF-010 TRF-011 TRF-012 TRF-017 TRF-018 TYP-* PUSH-00* {BROKEN}",
 )
 def later_start(trace: Trace, rng: Random) -> Case:
     return tail(trace, rng.choice(trace.pick(rng, 2).places[1:]), START)
