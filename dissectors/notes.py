@@ -52,6 +52,9 @@ class NoteReader:
             kind = _scalar(layout.member(source))
             if kind is None or kind.kind == "bool":
                 body.fail(f"{source!r} is no number of {layout.name}", "source")
+            element, outer = body.integer("element"), layout.member(source)
+            if element is not None and not (isinstance(outer, ArrayType) and 0 <= element < outer.max):
+                body.fail(f"{source!r} has no such element", "element")
             if layout.member(name) is not None or not name.isidentifier():
                 body.fail("a derived column needs a name of its own, a letter and then letters, digits or _")
             result[name] = self._derived(name, source, body, clause)
@@ -226,6 +229,7 @@ class NoteReader:
             unit=body.string("unit"),
             clause=_clause(body, clause),
             format=cast('Literal["", "date"]', body.one_of("format")),
+            element=body.integer("element"),
         )
         body.finish()
         return derived

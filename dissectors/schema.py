@@ -146,6 +146,7 @@ class Piece:
 class Derived:
     """A column computed from the raw value of the field `source`, element by element if that is an array.
 
+    Of an array, `element` takes one place, from 0; a row with fewer has no value.
     value = raw * scale + offset; then the first of `pieces` that holds this value adds to it. A raw value listed in
     the source's `special` has no value here. With `format` "date" the value is the day that the raw number names as
     YYYYMMDD or, failing that, as Unix seconds; neither is certain.
@@ -159,6 +160,7 @@ class Derived:
     unit: str = ""
     clause: str = ""
     format: Literal["", "date"] = ""
+    element: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -192,6 +192,8 @@ def _measured(name: str, array: pa.Array, by: pa.Array, note: Note) -> list[tupl
 
 def _derive(source: pa.Array, rule: Derived, note: Note | None) -> tuple[pa.Field, pa.Array]:
     about = metadata(unit=rule.unit, clause=rule.clause, source=rule.source)
+    if rule.element is not None:
+        source = _element(source, rule.element)
     if rule.format == "date":
         dates = pa.array([_date(raw) for raw in source.to_pylist()], pa.string())
         return pa.field(rule.name, pa.string(), metadata=about), dates
@@ -201,6 +203,13 @@ def _derive(source: pa.Array, rule: Derived, note: Note | None) -> tuple[pa.Fiel
     else:
         array = _converted(source, rule, special)
     return pa.field(rule.name, array.type, metadata=about), array
+
+
+def _element(lists: pa.Array, place: int) -> pa.Array:
+    """Return one element of each list, null where there are fewer."""
+    ends = np.asarray(lists.offsets).astype(np.int64)
+    at = ends[:-1] + place
+    return lists.values.take(pa.array(at, mask=at >= ends[1:]))
 
 
 def _converted(source: pa.Array, rule: Derived, special: tuple[int, ...]) -> pa.Array:

@@ -9,6 +9,7 @@ import numpy as np
 
 from analyzer.rules import discovery
 from analyzer.rules.catalogue import load
+from analyzer.rules.channels import Channels
 from analyzer.rules.drops import Drops
 from analyzer.rules.exercise import Exercises
 from analyzer.rules.findings import Findings
@@ -61,7 +62,8 @@ class Judge:
         self._drops = Drops(*(round(self.numbers[rule]["around_s"] * SECOND) for rule in ("CAP-004", "CAP-006")))
         conformances = discovery.conformances_of(registry)
         self._exercises = Exercises(registry, [kind for one in conformances for kind in one.exercises])
-        self._name_units = [one.labels for one in conformances if one.labels is not None]
+        vendors = [one.labels for one in conformances if one.labels is not None]
+        self._name_units = [Channels(registry).labels, *vendors]
         self._labels: dict[tuple[int, int], str] = {}
         made = discovery.new_rules(registry, self.enabled, conformances)
         self._rules = [one for one in made if not self.enabled.keys().isdisjoint(one.rules)]

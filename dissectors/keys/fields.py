@@ -63,6 +63,8 @@ PIECE = Keys("pieces", "What is added to raw values in one range.", (
 
 DERIVED = Keys("derived.NAME", "A column computed from one number of the layout: source times scale plus offset.", (
     Key("source", "text", "The field.", '"temperature"', required=True),
+    Key("element", "whole", "Place in an array of numbers, from 0: only this one counts.", "1", "each of them",
+        low=0, high=65535),
     Key("scale", "scale", "What its value is multiplied with.", '"1/10"', "1"),
     Key("offset", "number", "What is added.", "-273.15", "0"),
     Key("pieces", "rows", PIECE.about, "[{ stop = 50, add = 2 }]", keys=PIECE),

@@ -84,6 +84,8 @@ PACKETS = 'carrier = "list"\nheader = [1, 2]\nid_at = 2\ncount_at = 2\nunit_at =
         (FIELD.replace("field.a", "derived.d") + "scale = 1", 5, "source is missing"),
         (FIELD.replace("field.a", "derived.d") + "source = 'z'", 6, "is no number of acme.Ping"),
         (FIELD.replace("field.a", "derived.a") + "source = 'a'", 5, "a name of its own"),
+        (FIELD.replace("field.a", "derived.d") + "source = 'a'\nelement = 0", 7, "'a' has no such element"),
+        (FIELD.replace("field.a", "derived.d") + "source = 'list'\nelement = 9", 7, "'list' has no such element"),
         (FIELD.replace("field.a", "derived.d") + "source = 'a'\npieces = [{ start = 1 }]", 7, "add is missing"),
         (FIELD.replace("\n\n", "\nsummary = '{z}'\n"), 4, "no column 'z' (allowed: a, b, f, list)"),
         (FIELD.replace("\n\n", "\nsummary = '{a!r}'\n"), 4, "is not {column}"),

@@ -53,6 +53,11 @@ def test_what_is_wrong_with_the_sample_flight() -> None:
     assert checked.findings[1].text == "temperature 105 degC, safe is below 105"
 
 
+def test_an_esc_is_called_by_the_channel_that_it_answers() -> None:
+    assert {one.label for one in analyzer.check(LOG).findings} == {"ch3"}
+    assert outcome(LOG.read_bytes(), step=1).labels == {(0, node): f"ch{k}" for k, node in enumerate(ESCS, 1)}
+
+
 def test_a_flight_without_the_heat_is_clean(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(vendors, "HOT", 0)
     assert judge(text(vendors.flight())) == []
@@ -157,7 +162,8 @@ def test_motors_turn_from_the_first_speed_on(lines: int) -> None:
 def test_info_counts_the_reports(command: Any) -> None:
     _, out, _ = command("info", str(LOG))
     lines = [line.split()[:5] for line in out.splitlines()]
-    for node in ESCS:
+    for channel, node in enumerate(ESCS, 1):
+        assert [str(node), str(channel), "GetEscID", "3", "1.0"] in lines
         for name, rate in (("StatusMsg1", 20), ("StatusMsg2", 10), ("StatusMsg3", 5)):
             assert [str(node), "-", name, f"{3 * rate}", f"{rate}.0"] in lines
 

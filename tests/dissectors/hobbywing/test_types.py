@@ -25,7 +25,8 @@ SENT = json.loads((VECTORS / "hobbywing.json").read_text())
 TEXT = (VECTORS / "hobbywing.log").read_text()
 SPACE = "com.hobbywing.esc."
 SHOWN = {  # line of the vectors: what the list says of it
-    2: "13 3",
+    1: "node 0 channel -",
+    2: "node 13 channel 3",
     4: "4321rpm pwm 812 status 4000 counter-clockwise",
     6: "50.3V -1.7A 104C",
     8: "MOS 105C capacitor 61C motor 149C",
