@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
 from dissectors.layout import PrimitiveType
+from dissectors.plain_files import read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -100,8 +101,7 @@ class Definition:
 def read(path: Path) -> str:
     """Return the text of a definition file; `DsdlError` if it cannot be read or is larger than `MAX_FILE_BYTES`."""
     try:
-        with path.open("rb") as file:
-            data = file.read(MAX_FILE_BYTES + 1)
+        data = read_bytes(path, MAX_FILE_BYTES + 1)
     except OSError as error:
         raise DsdlError(str(path), 0, error.strerror or "cannot be read") from None
     if len(data) > MAX_FILE_BYTES:

@@ -9,6 +9,7 @@ import ast
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dissectors.plain_files import read_bytes
 from dissectors.toml_table import ProfileError, TomlTable, read
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def page_files(folder: Path, code: str = "") -> list[Path]:
     These are `rules.toml`, its Python file `code`, and what stands below its folder `rules`.
     """
     whole = [
-        file for file in (folder / FILE, folder / code) if file.is_file() and (file.name == FILE or _has_page(file))
+        file for file in (folder / FILE, folder / code) if _is_there(file) and (file.name == FILE or _has_page(file))
     ]
     return [*whole, *_with_pages((folder / FOLDER).rglob("*.*"))]
 
@@ -41,8 +42,16 @@ def _with_pages(files: Iterable[Path]) -> list[Path]:
     return [file for file in some if file.suffix == ".toml" or (file.with_suffix("") not in paged and _has_page(file))]
 
 
+def _is_there(file: Path) -> bool:
+    """Return whether there is something to read, or to refuse."""
+    return file.exists() and not file.is_dir()
+
+
 def _has_page(file: Path) -> bool:
-    code = file.read_bytes()
+    try:
+        code = read_bytes(file)
+    except OSError as error:
+        raise ProfileError(str(file), 1, error.strerror or "cannot be read") from None
     return all(sign in code for sign in _SIGNS)
 
 

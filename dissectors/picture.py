@@ -137,7 +137,7 @@ def load(registry: Registry) -> Pictures:
     plots: dict[str, Plot] = {}
     for profile in registry.profiles:
         path = profile.folder / FILE
-        if not path.is_file():
+        if not path.exists():
             continue
         top = read(path, PLOTS)
         own = {name: _quantity(name, table) for name, table in top.tables("quantity")}

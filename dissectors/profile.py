@@ -79,7 +79,7 @@ class Profile:
         Python that it brings runs only if it is `trusted`.
         """
         path = folder / "profile.toml"
-        if path.is_file():
+        if path.exists():
             return cls(folder, read(path), parent, trusted=trusted)
         if not folder.is_dir():
             raise ProfileError(str(folder), 1, "no such folder")

@@ -13,6 +13,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from dissectors.keys import Keys
+from dissectors.plain_files import read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
 
 MAX_FILE_BYTES = 1024 * 1024
 
+# Parts of a dotted key, of which the parser's work grows with the square; no table of ours has half as many.
+_DEEPEST = 16
+_PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_DEEP = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST}}}")
 _KEY = re.compile(r"""\s*(?:([A-Za-z0-9_-]+)|"([^"\\]*)"|'([^']*)')\s*""")
 _SYNTAX = re.compile(r"(.*) \(at line (\d+), column \d+\)")
 _NUMBER = re.compile(r"[+-]?\d{1,20}(?:\.\d{1,20})?(?:[eE][+-]?\d{1,2}|/\d{1,20})?", re.ASCII)
@@ -221,8 +226,7 @@ def read(path: Path, keys: Keys | None = None) -> TomlTable:
     """Return the top table of a TOML file of at most `MAX_FILE_BYTES`, which may have these keys."""
     file = str(path)
     try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_FILE_BYTES + 1)
+        data = read_bytes(path, MAX_FILE_BYTES + 1)
     except OSError as error:
         raise ProfileError(file, 1, error.strerror or "cannot be read") from None
     if len(data) > MAX_FILE_BYTES:
@@ -234,6 +238,9 @@ def parse(data: bytes, file: str, keys: Keys | None = None) -> TomlTable:
     """Return the top table of a TOML text; `file` is its name in errors."""
     try:
         text = data.decode()
+        if found := _DEEP.search(text):
+            line = text.count("\n", 0, found.start()) + 1
+            raise ProfileError(file, line, f"more than {_DEEPEST} parts of a dotted key")
         return TomlTable(file, text, (), tomllib.loads(text), keys)
     except UnicodeDecodeError as error:
         raise ProfileError(file, data.count(b"\n", 0, error.start) + 1, "this is no UTF-8 text") from None

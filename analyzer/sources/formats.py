@@ -43,12 +43,17 @@ FORMATS = (
     Format("bzip2", None, (b"BZh",)),
     Format("zip", None, (b"PK\x03\x04",)),
     Format("UTF-16 text", None, (b"\xff\xfe", b"\xfe\xff")),
+    Format("a Git LFS pointer (git lfs pull gets the file)", None, (b"version ",)),
+    Format("a program", None, (b"\x7fELF", b"MZ\x90\0", b"#!/")),
     CANDUMP,
 )
+_TEXT = Format("a text file", None, ())
 # As many bytes decide.
 LONGEST = max(len(magic) for form in FORMATS for magic in form.magics)
 # Of a magic that is cut off, as many bytes tell.
 _TELLING = 3
+# No text has these bytes.
+_CONTROL = frozenset(range(32)) - {*b"\t\n\r\f\x1b"} | {0x7F, *range(0x80, 0x100)}
 _PACKED = (".gz", ".zst", ".zstd")
 
 
@@ -63,4 +68,5 @@ def detect(head: bytes, name: str) -> Format:
             return form
     path = PurePath(name.lower())
     suffix = PurePath(path.stem).suffix if path.suffix in _PACKED else path.suffix
-    return next((form for form in FORMATS if suffix in form.suffixes), CANDUMP)
+    named = next((form for form in FORMATS if suffix in form.suffixes), CANDUMP)
+    return _TEXT if named.unit == "record" and len(head) >= _TELLING and not _CONTROL.intersection(head) else named
