@@ -169,12 +169,12 @@ def test_an_id_that_has_come_around_again_means_31_lost() -> None:
 def test_what_two_devices_with_one_id_bring_about_is_a_note_that_says_so() -> None:
     rules = (*IDS, "BUS-021")
     both = [
-        (3000 + k * 100, alive(900 + k if k % 2 else k, 11, (20 * (k % 2) + k // 2) % 32)) for k in range(40)
+        (3000 + k * 500, alive(900 + 3 * k if k % 2 else k % 4, 11, (20 * (k % 2) + k // 2) % 32)) for k in range(40)
     ]  # fmt: skip
     found = {one.rule: one for one in whole(log(*both), rules)}
     assert (found["BUS-010"].severity, found["BUS-021"].severity) == ("error", "note")
     assert found["BUS-021"].cause == "Two devices share a node ID (BUS-010)"
-    alone = [(t, alive(900 - k, 11, k % 32)) for k, (t, _) in enumerate(both)]
+    alone = [(3000 + k * 3000, alive(4 - k % 2, 11, k % 32)) for k in range(9)]
     assert {(one.rule, one.severity, one.cause) for one in whole(log(*alone), rules)} == {("BUS-021", "warning", "")}
 
 

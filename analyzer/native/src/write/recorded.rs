@@ -11,7 +11,7 @@ use super::{kind_of, Account, InOrder, Loss, Row};
 use crate::candump::{beyond_limit, excerpt, MAX_LINE, REMARK};
 use crate::events::EventKind;
 use crate::frame_batch::FrameBatch;
-use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, ID_MASK, MAX_CLASSIC, MAX_STANDARD, NO_TIME, REMOTE, RX, TX};
+use crate::frames::{BRS, DLC_SHIFT, ESI, EXTENDED, FD, ID_MASK, MAX_CLASSIC, NO_TIME, REMOTE, RX, TX};
 use crate::line::{escape, remark};
 use crate::reader::Rows;
 use crate::stamp::Stamps;
@@ -72,10 +72,14 @@ impl Recorded {
             }
             (0, data)
         };
-        let widest = if flags & EXTENDED != 0 { ID_MASK } else { MAX_STANDARD };
+        let extended = if self.text.account.takes(frames.id[row], flags) {
+            EXTENDED
+        } else {
+            0
+        };
         let (t, bus) = (self.stamp(frames.t[row]), self.bus(frames.bus[row]));
-        let kept = flags & EXTENDED | kept | direction(flags);
-        self.rows.frame(t, bus, frames.id[row] & widest, kept, data);
+        let kept = extended | kept | direction(flags);
+        self.rows.frame(t, bus, frames.id[row] & ID_MASK, kept, data);
     }
 
     fn event(&mut self, batch: &FrameBatch, row: usize) {
