@@ -44,7 +44,7 @@ def test_a_part_shows_the_finding_and_is_much_smaller(rule: str) -> None:
     assert part.shown
     assert part.wanted is wanted
     assert (wanted.rule, wanted.severity) in {(one.rule, one.severity) for one in judge(part.text, (rule,))}
-    assert part.text.count(b"\n") == part.frames
+    assert part.text.count(b"\n") == part.lines
     assert len(part.text) * 20 < FAULTS.stat().st_size
     assert set(part.text.splitlines()) <= set(FAULTS.read_bytes().splitlines())
 
@@ -53,9 +53,9 @@ def test_a_part_shows_the_finding_and_is_much_smaller(rule: str) -> None:
 def test_what_needs_a_history_gets_it() -> None:
     (small,) = extracts([found(FAULTS, "CAN-002")], lambda: pieces(FAULTS), registry(), Settings())
     (large,) = extracts([found(FAULTS, "TRF-016")], lambda: pieces(FAULTS), registry(), Settings())
-    assert small.frames == 1
+    assert small.lines == 1
     assert large.shown
-    assert 3 < large.frames < 30
+    assert 3 < large.lines < 30
     first, *_, last = (float(line[1 : line.index(b")")]) for line in large.text.splitlines())
     assert last - first > 2, "in its first 2 s a capture says nothing of missing transfers"
 
@@ -64,7 +64,7 @@ def test_what_needs_a_history_gets_it() -> None:
 def test_without_times_frames_are_counted() -> None:
     (part,) = extracts([found(FAULTS, "TRF-010", timed=False)], lambda: pieces(FAULTS), registry(), Settings())
     assert part.shown
-    assert part.frames <= 101
+    assert part.lines <= 101
 
 
 @pytest.mark.slow
@@ -92,7 +92,7 @@ def test_what_another_rule_excuses_is_judged_by_all_of_them() -> None:
     wanted = WantedFinding(key.rule, key.severity, "can0", key.node, key.type, (number + 1,), t, t)
     (part,) = extracts([wanted], lambda: pieces(path), registry(), Settings())
     assert part.shown
-    assert 0 < part.frames < 100
+    assert 0 < part.lines < 100
 
 
 @pytest.mark.slow

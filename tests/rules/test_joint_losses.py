@@ -81,6 +81,14 @@ def test_wherever_frames_are_lost(name: str, seed: int) -> None:
     assert len(inferred(found)) == 1
 
 
+def test_what_the_recorder_says_itself_is_not_inferred() -> None:
+    log = flight()
+    behind = next(k for k, one in enumerate(log) if one.t >= 2.4 * SECOND)
+    drop = Line(log[behind].t, 0, "DROPCOUNT: dropped 900 CAN frames on 'can0' socket (total drops 900)\n")
+    text = without([*log[: behind + 1], drop, *log[behind + 1 :]], 2.0, 0.4, 1.0, range(1, 128))
+    assert {one.rule for one in whole(text, ("CAP-004", "CAP-006"), steps=(211, 1500))} == {"CAP-004"}
+
+
 def test_any_cut_gives_the_same() -> None:
     text = without(flight(), 2.0, 0.7, 0.3)
     rules = ("CAP-006", "TRF-003", "TRF-006", "TRF-009", "TRF-016", "TRF-026")

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.bus.heard import MOST_SESSIONS, SessionOrder
-from analyzer.tables import ERROR, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, VERDICTS
+from analyzer.rules.bus.heard import MOST_SESSIONS, Session, SessionOrder
+from analyzer.tables import ERROR, KINDS, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
 from dissectors.kit import MILLISECOND, NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from analyzer.rules.bus.heard import Session
-    from dissectors.kit import Array, FrameTable
+    from dissectors.kit import Array, TransferTable, View
 
-_FOREIGN = VERDICTS.index("foreign")
-_KNOWN_BY = 2  # frames that followed the one before them: a session of DroneCAN, and no other protocol's
+_MESSAGE, _COMPLETE = KINDS.index("message"), STATUSES.index("ok")
+_KNOWN_BY = 2  # complete transfers of a type that is defined: a session of DroneCAN, and no other protocol's
 _MOST_UNKNOWN = 32  # frames that did not, of a session that may become known
+_NEVER = np.iinfo(np.int64).max
 _SWAPPED = 100 * MILLISECOND  # within which a frame that was overtaken is still to come
 _FOLLOWS = TAIL_START | TAIL_TOGGLE | TAIL_ID  # whether a frame is the last one is not known before
 
@@ -52,13 +52,12 @@ class _Frames(NamedTuple):
 
 
 class _Last(NamedTuple):
-    """The last frame of a session, how many followed the one before them as they should, and how many did not."""
+    """The last frame of a session, and how many did not follow the one before them as they should."""
 
     tail: int = 0
     t: int = NO_TIME
     number: int = -1
     place: int = -1
-    known: int = 0
     odd: int = 0
 
 
@@ -73,17 +72,20 @@ class Lacks:
         self._last: dict[Session, _Last] = {}
         self._latest: dict[Session, Lack] = {}
         self._heard: dict[int, int] = {}  # frames by bus
+        self._complete: dict[Session, int] = {}  # transfers of those that are not known yet
         self._known: dict[Session, int] = {}  # when each one became known
         self.nodes: dict[int, dict[int, int]] = {}  # by bus: when each node became known
 
-    def feed(self, frames: FrameTable) -> list[Lack]:
+    def feed(self, view: View) -> list[Lack]:
         """Add a batch; return what is missing, in the order of the frames behind it."""
+        self._prove(view)
+        frames = view.frames
         found: list[Lack] = []
         begins = dict(self._heard)
         for session, own in self._order.of(frames):
             base = begins.get(session.bus, 0)
             self._heard[session.bus] = max(self._heard.get(session.bus, 0), base + int(own.place[-1]) + 1)
-            good = (frames.verdict[own.row] != _FOREIGN) & (frames.flags[own.row] & ERROR == 0)
+            good = frames.flags[own.row] & ERROR == 0
             if good.any() and (session in self._last or len(self._last) < MOST_SESSIONS):
                 columns = own.tail, own.t, own.row + frames.first, own.place + base
                 found += self._follow(session, _Frames(*(column[good] for column in columns)))
@@ -96,20 +98,31 @@ class Lacks:
         """Return whether the session was known to be DroneCAN's up to a time after that."""
         return self._known.get(one.session, one.until + within + 1) <= one.until + within
 
+    def _prove(self, view: View) -> None:
+        """Note when sessions became known; types that have no definition come out late, and prove nothing."""
+        t = view.transfers
+        rows = np.flatnonzero((t.kind == _MESSAGE) & (t.status == _COMPLETE) & (t.t_end != NO_TIME))
+        for row in rows[_first_of_each(t, rows)].tolist():
+            session = Session(int(t.bus[row]), int(t.src[row]), int(t.type_id[row]))
+            if session in self._known or view.type_of(int(t.code[row])) is None:
+                continue
+            count = self._complete.pop(session, 0) + 1
+            if count < _KNOWN_BY:
+                self._complete[session] = count
+                continue
+            at = int(t.t_end[row])
+            nodes = self.nodes.setdefault(session.bus, {})
+            self._known[session], nodes[session.node] = at, min(nodes.get(session.node, at), at)
+
     def _follow(self, session: Session, own: _Frames) -> Iterator[Lack]:
         last = self._last.get(session, _Last())
         tail = np.append(last.tail, own.tail).astype(np.int64)
         wanted = np.where(tail & TAIL_END != 0, TAIL_START | (tail + 1) & TAIL_ID, tail & TAIL_ID | ~tail & TAIL_TOGGLE)
         follows = tail[1:] & _FOLLOWS == wanted[:-1]
         follows[0] &= last.number >= 0
-        known = last.known + np.cumsum(follows)
-        if last.known < _KNOWN_BY <= known[-1]:
-            nodes, at = self.nodes.setdefault(session.bus, {}), int(own.t[np.argmax(known >= _KNOWN_BY)])
-            self._known[session] = at
-            nodes[session.node] = min(nodes.get(session.node, at), at)
         odd = ~follows & (tail[1:] != tail[:-1])
         odd[0] &= last.number >= 0
-        odd &= (known >= _KNOWN_BY) | (np.cumsum(odd) + last.odd <= _MOST_UNKNOWN)
+        odd &= (own.t >= self._known.get(session, _NEVER)) | (np.cumsum(odd) + last.odd <= _MOST_UNKNOWN)
         odd &= (tail[:-1] & TAIL_END == 0) | (tail[1:] & _FOLLOWS != TAIL_START)
         for k in np.flatnonzero(odd).tolist():
             before = _Last(*(int(column[k - 1]) for column in own)) if k else last
@@ -117,7 +130,7 @@ class Lacks:
                 session, (before.number, int(own.number[k])), before.t, int(own.t[k]),
                 (before.place, int(own.place[k])), int(tail[k + 1]) & _FOLLOWS, int(wanted[k]),
             )  # fmt: skip
-        columns = (*own, known, last.odd + np.cumsum(odd))
+        columns = (*own, last.odd + np.cumsum(odd))
         self._last[session] = _Last(*(int(column[-1]) for column in columns))
 
     def _compare(self, one: Lack) -> None:
@@ -130,3 +143,13 @@ class Lacks:
             past.void = one.void = True
         elif past.void and past.frames[1] == one.frames[0]:
             one.void = True
+
+
+def _first_of_each(t: TransferTable, rows: Array) -> Array:
+    """Return places among rows: the first ones of each session, as many as prove it."""
+    key = t.bus[rows].astype(np.int64) << 32 | t.src[rows].astype(np.int64) << 16 | t.type_id[rows]
+    order = np.argsort(key, kind="stable")
+    place = np.arange(len(rows))
+    begins = np.maximum.accumulate(np.where(np.diff(key[order], prepend=-1) != 0, place, 0))
+    found: Array = np.sort(order[place - begins < _KNOWN_BY])
+    return found

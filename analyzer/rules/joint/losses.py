@@ -42,7 +42,7 @@ class JointLosses:
     def feed(self, view: View, bits: Array) -> list[JointLoss]:
         """Add a batch; return what is settled now."""
         self._silences.feed(view)
-        for one in self._lacks.feed(view.frames):
+        for one in self._lacks.feed(view):
             waiting = self._open.setdefault(one.session.bus, [])
             if self._silences.shorten(one) <= LONGEST and len(waiting) < _MOST:
                 waiting.append(one)
