@@ -118,8 +118,8 @@ def test_nothing_is_proven_of_an_unknown_type() -> None:
 @pytest.mark.slow
 def test_causes_are_sought_for_a_bounded_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(budgets, "MOST_SEARCHES", 3)
-    cut = [[status(k)[0], status(k)[2]] for k in range(5)]
-    capture = text(good(3), *cut, good(30, 5))
+    cut = [[status(k)[0], status(k)[2]] for k in range(3, 8)]
+    capture = text(good(3), *cut, good(30, 8))
     assert brief(capture) == [
         ("TRF-003", "one frame lost (the 2nd of 3), before frame 11", 5, (10, 12, 14, 16, 18)),
     ]
