@@ -21,7 +21,7 @@ Tone = Literal["good", "caution", "bad", "idle"]
 RANKS: tuple[Category, ...] = ("protocol", "device", "capture")
 _TONES: dict[str, Tone] = {"FAIL": "bad", "NOT JUDGED": "idle", "PASS": "good"}
 _NAMED = 3
-_LONGEST = 160  # characters of what is told of the worst problem
+_LONGEST = 120  # characters of what is told of the worst problem
 _PERIODS = 3  # so many times its own period before the end, something still goes on
 _TENTH = 100_000_000  # ns
 
@@ -103,11 +103,17 @@ def _worst(report: Report, shown: Sequence[Problem], *, utc: bool) -> str:
     if not serious:
         return ""
     one = worst(serious)
-    text = told(one)
+    text = _begun(one)
     because = f" ({text})" if text and len(text) <= _LONGEST else ""
     where = f" in {safe(one.head.capture)}" if len(report.captures) > 1 else ""
     when = _span(one, captures_by_id(report).get(one.head.capture), utc=utc)
     return f"{places(one, bus=several_buses(report))}{where}: {safe(one.head.title)}{because}{when}"
+
+
+def _begun(one: Problem) -> str:
+    """Write what is wrong; of what lasted only how it began, as the line says how long that was."""
+    first = one.head.examples[0].text if one.head.examples else ""
+    return safe(first) if 0 < len(first) < len(one.head.text) else told(one)
 
 
 def _span(one: Problem, capture: CaptureSummary | None, *, utc: bool) -> str:
