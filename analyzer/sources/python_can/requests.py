@@ -17,7 +17,7 @@ _LEAST = 64
 
 
 class Way(Enum):
-    """What a record says of a frame's way."""
+    """The way of a frame, as its record has it."""
 
     OTHER = 0
     SENT = 1

@@ -1,4 +1,4 @@
-"""What drives a motor beside RawCommand: control packets 0x06 (4.4.4 table 4), or PWM that has priority (4.2)."""
+"""Drives of a motor beside RawCommand: control packets 0x06 (4.4.4 table 4), or PWM that has priority (4.2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an ESC does without throttle: it holds the last one, then goes to zero (4.4.1 explanation 2)."""
+"""The way of an ESC without throttle: it holds the last one, then goes to zero (4.4.1 explanation 2)."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _TELL = (("ParamGet", "esc_signal_priority"), ("PUSHCAN.FocFeedback", "throttle_
 
 @dataclass(slots=True)
 class _Esc:
-    """What a node said: its priority, since which transfer, and whether throttle for it was told since."""
+    """The last words of a node: its priority, since which transfer, and whether throttle for it was told since."""
 
     priority: int
     since: int

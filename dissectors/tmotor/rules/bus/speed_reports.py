@@ -1,4 +1,4 @@
-"""What each ESC reports of its motor: in ESCStatus, or in the status packet 0x15 if it sends no other."""
+"""The reports of each ESC about its motor: in ESCStatus, or in the status packet 0x15 if it sends no other."""
 
 from __future__ import annotations
 
