@@ -29,7 +29,8 @@ _ABOUT = {
     "NO_TIME": "In place of a time that a capture does not have.",
     "SECOND": "Nanoseconds.",
     "Severity": "`error`, `warning` or `note`.",
-    "Worst": "Which of a row's numbers is worst: `lowest`, `highest`, or by size `slowest`, `strongest`.",
+    "Worst": "Which of a row's numbers is worst: `lowest`, `highest`, by size `slowest`, `strongest`, or farthest from "
+    "a number.",
     "Values": "What an occurrence says, by name: it fills the page's `text` and makes up its `key`.",
 }
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from dissectors.profile import KINDS, Profile, ProfileError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from dissectors.namespace import Namespace
-    from dissectors.schema import Message, MessageKind
+    from dissectors.schema import Message, MessageKind, Packet, PacketFamily
 
 GROUP = "analyzer.dissectors"
 
@@ -81,6 +81,20 @@ class Registry:
         """Return every message that carries packets, of all folders."""
         return self._having("packets")
 
+    def families(self) -> tuple[PacketFamily, ...]:
+        """Return the packets of each of those: packets of one message may turn up in another."""
+        return tuple(message.packets for message in self.carriers() if message.packets is not None)
+
+    @cached_property
+    def packets(self) -> Mapping[str, Packet]:
+        """Every packet by its table, that of the message that it belongs in."""
+        return {
+            f"{message.table}.{packet.name}": packet
+            for message in self.carriers()
+            if message.packets is not None
+            for packet in message.packets.packets
+        }
+
     def turning(self) -> tuple[Message, ...]:
         """Return every message of an ESC that says whether its motor turns, of all folders."""
         return self._having("turns")
@@ -91,6 +105,23 @@ class Registry:
     def names(self) -> tuple[str, ...]:
         """Return every table name that `resolve` knows, sorted."""
         return tuple(sorted(self._tables))
+
+    def message_of(self, table: str) -> Message | None:
+        """Return the message of a table, None if the table is one of packets, or nothing defines it."""
+        if table not in self._tables:
+            return None
+        profile, kind, full_name = self._tables[table]
+        return profile.message(kind, full_name)
+
+    def definition(self, table: str) -> Message | Packet | None:
+        """Return the message or packet that gives the columns of a table their meaning, None if nothing does."""
+        return self.packets.get(table) or self.message_of(table)
+
+    def table_of(self, path: str) -> str:
+        """Return the table whose name, and a dot, a path to a column begins with; empty if nothing defines one."""
+        parts = path.split(".")
+        names = (".".join(parts[:size]) for size in range(len(parts) - 1, 0, -1))
+        return next((name for name in names if self.definition(name) is not None), "")
 
     def resolve(self, name: str) -> Message:
         """Return the message of a table name, full type name, alias or the end of one (`NodeStatus`, `esc.Status`).

@@ -176,6 +176,9 @@ class World(Protocol):
     def cut(self, frame: SimulatedFrame) -> None:
         """End the recording behind this frame."""
 
+    def deafen(self, until: int) -> None:
+        """Record nothing that ends before `until`; the bus goes on."""
+
     def block(self, until: int, *, keep: bool = False) -> None:
         """Let nothing be sent before `until`; what waits now is given up, or waits on to `keep` it."""
 

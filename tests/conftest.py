@@ -88,7 +88,7 @@ def _waits_its_turn(item: pytest.Item) -> bool:
 
 GUEST = "test_socketcan.py"
 # Modules that keep flights for the tests that share them.
-HOLDING = ("kit.simulated", "witness.flights", "witness.packets", "witness.trust", "witness.views")
+HOLDING = ("kit.simulated", "witness.can", "witness.push_form", "witness.views")
 FLUSH = object()  # among the chunks: ask for a batch
 
 

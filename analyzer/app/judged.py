@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.rules.checking import Measured
     from analyzer.rules.judge import Judge
+    from analyzer.rules.named_frames import NamedFrames
 
 _ROOM = 2  # batches that wait to be judged
 
@@ -30,12 +31,13 @@ class JudgedRun:
     Args:
         run: not read yet.
         criteria: of the same types.
+        named: is told which frames are named.
     """
 
-    def __init__(self, run: Run, criteria: Criteria) -> None:
+    def __init__(self, run: Run, criteria: Criteria, named: NamedFrames | None = None) -> None:
         self.run = run
         self._ends = not run.request.window.leaves_off
-        self._check = Check(run.registry, criteria.settings if self._ends else criteria.endless)
+        self._check = Check(run.registry, criteria.settings if self._ends else criteria.endless, named)
         self._unopened = ""
 
     @property

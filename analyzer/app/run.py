@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import pyarrow.compute as pc
@@ -15,6 +17,7 @@ from analyzer.sources.errors import MergeError
 from analyzer.sources.merge import Merged, open_captures
 from analyzer.sources.native import rows
 from analyzer.tables import EVENT_ROWS, EVENTS, wrap
+from analyzer.window.limits import Window
 from dissectors import DsdlError, ProfileError
 
 if TYPE_CHECKING:
@@ -121,10 +124,21 @@ class Run(AbstractContextManager["Run"]):
         """Return another run over the same captures, from their start. Raises what opening them raises."""
         return Run(self.request, self.complain, self.registry, self.source.again())
 
+    def before(self) -> Run | None:
+        """Return a silent run over the whole captures, to read them before this one does; None if they exist only once.
+
+        What stops this run stops that one.
+        """
+        if not all(isinstance(part.origin, str) and Path(part.origin).is_file() for part in self.source.parts):
+            return None
+        self._reading = self.source.again()
+        return Run(replace(self.request, window=Window()), registry=self.registry, source=self._reading)
+
     # ---- batches
 
     def batches(self) -> Iterator[Batch]:
         """Yield every batch of the capture; damage found on the way is complained of at its end."""
+        self._reading = self.source
         for chunk in self.source.chunks():
             if chunk != b"":
                 for batch in self.engine.feed(chunk):

@@ -9,7 +9,6 @@ import numpy as np
 
 from analyzer.board.sheet import DeviceSheet
 from analyzer.board.snapshot import DeviceReading, DeviceRow, DeviceTable, Head, Latched, Tally
-from analyzer.devices.definitions import Definitions
 from analyzer.devices.readings import doubtful
 from analyzer.devices.units import Units
 from analyzer.facts.node_status import NODE_STATUS
@@ -48,16 +47,15 @@ class DeviceStates:
 
     def __init__(self, registry: Registry, forced: Mapping[int, Collection[str]]) -> None:
         pictures = picture.load(registry)
-        definitions = Definitions(registry)
         self._quantities = pictures.quantities
         shown = {name: plot for name, plot in pictures.plots.items() if name != NODE_STATUS and not plot.parameters}
-        self._readings = doubtful(shown.values(), definitions, forced)
+        self._readings = doubtful(shown.values(), registry, forced)
         self._units = Units()
         self._hidden: set[tuple[str, ...]] = set()
         self._sheets: dict[str, DeviceSheet] = {}
         for name, plot in shown.items():
             lines = tuple(line for line in plot.lines if not self._quantities[line.quantity].detail)
-            self._sheets[name] = DeviceSheet(plot, definitions.of(name), lines, self._readings.get(name))
+            self._sheets[name] = DeviceSheet(plot, registry.definition(name), lines, self._readings.get(name))
 
     @property
     def beyond(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 from typing import TYPE_CHECKING
 
@@ -10,13 +11,19 @@ from analyzer.cli import options, status
 from analyzer.views.formats import BY_NAME
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from analyzer.app.run import Run
     from analyzer.cli.complaints import Complaints
+    from analyzer.rules.named_frames import NamedFrames
     from analyzer.views.formats import Writer
     from analyzer.views.writers import WriterOptions
+    from analyzer.window.listed import ListSelection
+    from analyzer.window.screen import Item
 
 NAME = "tailbyte decode"
 _FORMS = ("text", "fields", *BY_NAME)
+_NOT_ROWS = 4  # lines of a screen: the header, the middle, the account, the prompt
 _TIMES = ("a", "ad", "d", "dd", "e", "r", "u", "ud")
 
 
@@ -25,8 +32,18 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser = commands.add_parser("decode", help="list or export the transfers of a capture", description=__doc__)
     options.add_reader(parser)
     show = parser.add_argument_group("what to show")
-    show.add_argument("-c", dest="count", type=options.positive, metavar="N", help="stop after N transfers")
+    show.add_argument(
+        "-c", dest="count", type=options.positive, metavar="N", help="stop after N transfers, or frames of --frame-list"
+    )
     add_view(show)
+    show.add_argument("--frame-list", action="store_true", help="one row a frame: its verdict and its transfer")
+    show.add_argument(
+        "--number", choices=("capture", "wireshark"), default="capture",
+        help="frame numbers of the capture (default), or Wireshark's, which counts error frames; the window's, too",
+    )  # fmt: skip
+    show.add_argument(
+        "--findings", action="store_true", help="mark rows with the rules that name them; reads the capture twice"
+    )
     show.add_argument("-q", dest="quiet", action="store_true", help="decode and check, but list nothing")
     show.add_argument("--follow", action="store_true", help="show at once what comes; wait at the end of a file")
     options.add_window(parser)
@@ -42,6 +59,7 @@ def add_view(show: argparse._ArgumentGroup) -> None:
     show.add_argument("-x", dest="bytes", action="store_true", help="bytes: CRC, payload, padding and tail told apart")
     show.add_argument("-t", dest="time", choices=_TIMES, default="r", metavar="a|ad|d|dd|e|r|u|ud", help=_TIME_HELP)
     show.add_argument("-T", dest="form", choices=_FORMS, default="text", help="default: text")
+    show.add_argument("--foreign", action="store_true", help="list each frame that is not DroneCAN, not sums of them")
     show.add_argument(
         "-e", dest="fields", action="append", default=[], metavar="FIELD", help="a field of -T fields; repeatable"
     )
@@ -74,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
                 pass
             account(run, None)
         else:
-            _decode(run, view, complaints, args.count, pager=pager)
+            _decode(run, view, complaints, _screen(args), pager=pager, marked=args.findings)
     return status.of_run(run)
 
 
@@ -82,6 +100,10 @@ def view_options(args: argparse.Namespace) -> WriterOptions:
     """Return what is asked of the list. Raises `ValueError` for what does not go together."""
     from analyzer.views.writers import WriterOptions  # noqa: PLC0415
 
+    if getattr(args, "findings", False) and (args.follow or args.quiet or args.form == "fields"):
+        raise ValueError("--findings marks rows of a list, of json, jsonl or csv: not with --follow, -q or -T fields")
+    if getattr(args, "frame_list", False) and (args.details or args.only is not None or args.summary or args.bytes):
+        raise ValueError("--frame-list is a list of its own: -V, -O, -P and -x are about transfers")
     if bool(args.fields) != (args.form == "fields"):
         raise ValueError("-T fields and -e FIELD go together")
     return WriterOptions(
@@ -94,32 +116,68 @@ def view_options(args: argparse.Namespace) -> WriterOptions:
         dumps=args.bytes,
         signed=args.around is not None,
         colour=options.colour(args),
+        foreign=args.foreign,
+        frame_list=getattr(args, "frame_list", False),
+        follow=getattr(args, "follow", False),
+        wireshark=getattr(args, "number", None) == "wireshark",
+        count=getattr(args, "count", None),
     )
 
 
-def _decode(run: Run, options: WriterOptions, complaints: Complaints, count: int | None, *, pager: bool) -> None:
-    """Write what the window lets through; stop early only when `count` transfers are shown."""
+def _screen(args: argparse.Namespace) -> int | None:
+    """Return how many rows to show to each side of what `--around` names, None if the width was given."""
+    if args.around is None or "±" in args.around or "+-" in args.around:
+        return None
+    lines = shutil.get_terminal_size().lines
+    return max(1, (lines - _NOT_ROWS) // 2)
+
+
+def _named(run: Run) -> NamedFrames:
+    """Judge the capture of a run before it is listed. Raises `KeyboardInterrupt` if somebody has ended that."""
+    from analyzer.app.naming import named_frames  # noqa: PLC0415 - a list needs no rules
+
+    named = named_frames(run)
+    if run.stopped:
+        raise KeyboardInterrupt
+    return named
+
+
+def _rows(run: Run, view: WriterOptions, selection: ListSelection, screen: int | None) -> Iterator[Item]:
+    """Return the batches with the rows to list."""
+    from analyzer.window.screen import Screen  # noqa: PLC0415
+
+    items = (selection.frames if view.frame_list else selection.picked)(run.batches())
+    around = run.request.window.around
+    return items if screen is None or around is None else Screen(around, selection.numbering, screen).cut(items)
+
+
+def _decode(
+    run: Run, options: WriterOptions, complaints: Complaints, screen: int | None, *, pager: bool, marked: bool
+) -> None:
+    """Write what the window lets through; stop early only when as many as asked for are shown."""
     from analyzer.cli.pager import paged  # noqa: PLC0415
     from analyzer.cli.reading import account  # noqa: PLC0415
     from analyzer.views.writers import writer  # noqa: PLC0415
-    from analyzer.window.cut import ListSelection  # noqa: PLC0415
+    from analyzer.window.listed import ListSelection  # noqa: PLC0415
+    from analyzer.window.numbering import Numbering  # noqa: PLC0415
 
-    selection = ListSelection(run.request.window, run.again)
+    named = _named(run) if marked else None
+    selection = ListSelection(run.request.window, run.again, Numbering(wireshark=options.wireshark))
     view: Writer | None = None
-    shown = 0
+    shown, count = 0, options.count
     with paged(wanted=pager) as out:
         complaints.hold(out is not sys.stdout)
-        for batch, rows, zero in selection.apply(run.batches()):
+        for batch, rows, zero in _rows(run, options, selection, screen):
             if view is None:
-                view = writer(options, run.registry, zero)
+                view = writer(options, run.registry, zero, selection.numbering, named)
                 out.write(view.begin())
-            picked = rows if count is None else rows[: count - shown]
+            picked = rows if count is None else rows._replace(transfers=rows.transfers[: count - shown])
             for k, text in enumerate(run.unhurried(view.rows(batch, picked))):
                 if shown == count:
                     break
                 out.write(text)
-                shown += k < len(picked)
-            if run.request.follow:
+                shown += options.frame_list or k < len(picked.transfers)
+            if options.follow:
                 out.flush()
             if shown == count:
                 break
@@ -129,4 +187,4 @@ def _decode(run: Run, options: WriterOptions, complaints: Complaints, count: int
     if selection.problem is not None:
         run.reject(selection.problem)
     if count is None or shown < count:
-        account(run, shown)
+        account(run, shown, of="frames" if options.frame_list else "transfers")

@@ -54,12 +54,13 @@ def watched(
         complaints.release()
 
 
-def account(run: Run, shown: int | None) -> None:
-    """Say the sums: every line and every frame, and how many transfers were shown (None: nothing was listed)."""
+def account(run: Run, shown: int | None, *, of: str = "transfers") -> None:
+    """Say the sums: every line and every frame, and how many transfers or frames were listed (None: no list)."""
     totals = run.totals
     kinds = "".join(f" + {count} {name}" for name, count in totals.verdicts.items() if count and name != "used")
-    listed = f"{run.transfers} transfers" if shown is None else f"{shown} of {run.transfers} transfers shown"
     frames = totals.lines["frames"]
+    every = run.transfers if of == "transfers" else frames
+    listed = f"{run.transfers} transfers" if shown is None else f"{shown} of {every} {of} shown"
     streams.tell(f"-- {listed}; {lines_of(run)}; {frames} frames = {totals.verdicts['used']} used{kinds}\n")
 
 

@@ -12,7 +12,7 @@ from analyzer.tables import KINDS, TRANSFERS
 
 if TYPE_CHECKING:
     from dissectors import Registry
-    from dissectors.schema import Message, PacketFamily
+    from dissectors.schema import Message
 
 
 def find_table(registry: Registry, name: str) -> tuple[Message, str]:
@@ -29,21 +29,16 @@ def find_table(registry: Registry, name: str) -> tuple[Message, str]:
             raise
     else:
         return message, message.table
-    known = [kind.name for family in families(registry) for kind in family.packets] + ["unrecognized"]
+    known = [kind.name for family in registry.families() for kind in family.packets] + ["unrecognized"]
     if packet not in known:
         raise LookupError(f"{carrier.table} has no packet {packet!r} (one of: {', '.join(known)})")
     return carrier, f"{carrier.table}.{packet}"
 
 
-def families(registry: Registry) -> list[PacketFamily]:
-    """Return all packet families: packets of one message may turn up in another."""
-    return [message.packets for message in registry.carriers() if message.packets is not None]
-
-
 def example(registry: Registry, message: Message) -> dict[str, pa.RecordBatch]:
     """Return the tables of one made-up transfer that has everything its type can have: for their columns."""
     payload = bytes(message.min_bytes)
-    for family in families(registry) if message.packets is not None else ():
+    for family in registry.families() if message.packets is not None else ():
         for packet in family.packets:
             data = bytearray(packet.length)
             data[: len(family.header)] = family.header

@@ -91,7 +91,7 @@ class Messages:
         carriers = registry.carriers()
         self._carriers = {message.table: message for message in carriers}
         self._finder = PacketFinder(carriers)
-        self._order = ByteOrder(p for m in carriers if m.packets is not None for p in m.packets.packets)
+        self._order = ByteOrder(packet for family in registry.families() for packet in family.packets)
 
     def decode(
         self, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], groups: Iterable[tuple[bool, int, int, bytes]],

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from analyzer.devices.definitions import Definitions
+    from dissectors import Registry
     from dissectors.kit import Array
     from dissectors.picture import Only, Plot
     from dissectors.schema import Evidence, Message, Reading
@@ -93,14 +93,12 @@ class Readings:
         return rows
 
 
-def doubtful(
-    plots: Iterable[Plot], definitions: Definitions, forced: Mapping[int, Collection[str]]
-) -> dict[str, Readings]:
+def doubtful(plots: Iterable[Plot], registry: Registry, forced: Mapping[int, Collection[str]]) -> dict[str, Readings]:
     """Return the readings that plots ask for, by table."""
     found = {}
     for plot in plots:
         if any(line.only for line in plot.lines) or any(states.only for states in plot.states):
-            message = definitions.message(plot.table)
+            message = registry.message_of(plot.table)
             if message is not None:
                 found[plot.table] = Readings(message, forced)
     return found

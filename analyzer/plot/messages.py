@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.devices.definitions import Definitions
 from analyzer.devices.readings import doubtful
 from analyzer.devices.rows import pieces, usable
 from analyzer.devices.units import Units
@@ -35,10 +34,10 @@ class MessagePlots:
     def __init__(self, canvas: Canvas, registry: Registry, forced: Mapping[int, Collection[str]]) -> None:
         self.pictures = picture.load(registry)
         self._canvas = canvas
-        self._definitions = Definitions(registry)
+        self._registry = registry
         self._devices = DevicePlots(canvas, self.pictures)
         self._units = Units()
-        self._readings = doubtful(self.pictures.plots.values(), self._definitions, forced)
+        self._readings = doubtful(self.pictures.plots.values(), registry, forced)
 
     def feed(
         self, tables: Mapping[str, pa.RecordBatch], lead: Callable[[Array], Array], buses: tuple[str, ...]
@@ -54,5 +53,5 @@ class MessagePlots:
                     self._canvas.inventory.beyond += 1
                     continue
                 moments = Moments(times(piece.column("t")), lead(numbers(piece.column("transfer"))))
-                rows = DeviceRows(piece, moments, self._definitions.of(name), unit, (bus, node, buses[bus]))
+                rows = DeviceRows(piece, moments, self._registry.definition(name), unit, (bus, node, buses[bus]))
                 self._devices.draw(plot, rows, self._readings.get(name), self._units)

@@ -9,7 +9,7 @@ from analyzer.report import folding
 from analyzer.report.captures import describe_capture
 from analyzer.report.draft import Draft
 from analyzer.report.explain import needs
-from analyzer.report.found import findings_from, ranked
+from analyzer.report.found import events_from, findings_from, ranked
 from analyzer.report.model import Coverage, Gate, Report, RuleVerdict
 from analyzer.rules import coverage, verdicts
 from analyzer.rules.gate import passage
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from analyzer.report.draft import JudgedCapture, ReportOptions
-    from analyzer.report.model import Category, Finding, Origin, Requirement, Severity
+    from analyzer.report.model import Category, DeviceEvent, Finding, Origin, Requirement, Severity
     from analyzer.rules.catalogue import Page
     from analyzer.rules.gate import FailOn
     from analyzer.rules.settings import Settings
@@ -40,7 +40,8 @@ def build(
     captures = tuple(describe_capture(one, registry, pages, settings) for one in taken)
     found = [finding for one in taken for finding in _findings(one, pages, settings)]
     shown, folded = folding.fold(ranked(found))
-    draft = Draft(tuple(taken), captures, shown)
+    events = tuple(event for one in taken for event in _events(one, pages))
+    draft = Draft(tuple(taken), captures, shown, events=events)
     for revise in options.revise:
         draft = revise(draft)
     findings = tuple(replace(finding, fails=_fails(finding, options.fail_on)) for finding in draft.findings)
@@ -62,6 +63,7 @@ def build(
         coverage=covered,
         gate=_gate(taken, findings, requirements, options, [one for one in rules if one.rule in enabled]),
         waivers=tuple(use for excuses in options.excuses for use in excuses(findings)),
+        events=draft.events,
     )
 
 
@@ -70,6 +72,10 @@ def _findings(one: JudgedCapture, pages: Mapping[str, Page], settings: Settings)
     return findings_from(
         checked.outcome, checked.facts.bus_names, pages, settings, capture=one.id, coarse=checked.coarse
     )
+
+
+def _events(one: JudgedCapture, pages: Mapping[str, Page]) -> Iterator[DeviceEvent]:
+    return events_from(one.checked.outcome, one.checked.facts.bus_names, pages, capture=one.id)
 
 
 def _fails(finding: Finding, fail_on: FailOn) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from analyzer.report.model import CaptureSummary, Coverage, Finding, Requirement, RuleVerdict, WaiverUse
+from analyzer.report.model import CaptureSummary, Coverage, DeviceEvent, Finding, Requirement, RuleVerdict, WaiverUse
 from analyzer.rules.gate import Least
 from analyzer.tables import VERDICTS
 from dissectors.times import SECOND
@@ -56,6 +56,7 @@ class Draft:
     findings: tuple[Finding, ...]
     rules: tuple[RuleVerdict, ...] = ()
     coverage: Coverage | None = None
+    events: tuple[DeviceEvent, ...] = ()
 
 
 Revise = Callable[[Draft], Draft]  # with waivers and labels, or compared with a baseline

@@ -38,7 +38,7 @@ def render(rule: str, page: Page, *, width: int = WIDTH, palette: Palette = PLAI
         palette: colours for a terminal.
     """
     width = max(width, NARROWEST)
-    severity = str(page["severity"])
+    severity = _severity(page)
     first, *more = right(wrap(wording.safe(page["title"]), width, first=f"{rule}  ", indent=" " * 9), severity, width)
     lines = [palette.paint("head", first) if more else _painted(first, severity, palette)]
     lines += [*more[:-1], *(_painted(line, severity, palette) for line in more[-1:]), ""]
@@ -55,15 +55,20 @@ def document(pages: Mapping[str, Page]) -> str:
     lines = ["# Rules", "", "Each page is what `tailbyte explain RULE` prints.", ""]
     lines += ["| Rule | Severity | Category | Origin | Title |", "|---|---|---|---|---|"]
     for rule, page in pages.items():
-        cells = [f"[{prose(rule)}](#{_anchor(rule)})", *(str(page[key]) for key in ("severity", "category", "origin"))]
+        cells = [f"[{prose(rule)}](#{_anchor(rule)})", _severity(page), str(page["category"]), str(page["origin"])]
         lines.append(f"| {' | '.join([*cells, prose(page['title'])])} |")
     for rule, page in pages.items():
         lines += ["", f'<a id="{_anchor(rule)}"></a>', "", f"## {prose(rule)} {prose(page['title'])}", ""]
         lines += [f"**{label}** {prose(page[key])}\n" for key, label in _PARTS.items()]
         facts = dict(_facts(page))
-        severity = ". ".join(filter(None, [str(page["severity"]), facts.pop("Severity", "")]))
+        severity = ". ".join(filter(None, [_severity(page), facts.pop("Severity", "")]))
         lines += [f"- {label}: {prose(text)}" for label, text in (("Severity", severity), *facts.items())]
     return "".join(f"{line}\n" for line in lines)
+
+
+def _severity(page: Page) -> str:
+    """Return `event` for what is no breach."""
+    return "event" if page.get("event") else str(page["severity"])
 
 
 def prose(text: str) -> str:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, cast
 
-from analyzer.report.model import SEVERITIES, Example, Finding, Place
+from analyzer.report.model import SEVERITIES, DeviceEvent, Example, Finding, Place
 from analyzer.report.problems import MOST_FRAMES
 from analyzer.rules import verdicts
+from analyzer.rules.events import EVERY_BUS
 from dissectors.kit import NO_TIME
 
 if TYPE_CHECKING:
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from analyzer.rules.judge import Outcome
     from analyzer.rules.runs import OccurrenceRun, Shown
     from analyzer.rules.settings import Settings
-
-_EVERY_BUS = -1
 
 
 def findings_from(
@@ -33,6 +32,8 @@ def findings_from(
     """Give a finding for each run; `buses` are names by index, `coarse` times too far apart to judge rules by."""
     for key, run in outcome.runs:
         page = pages[key.rule]
+        if page.event:
+            continue
         doubtful = coarse and verdicts.TIMES in page.inconclusive and key.rule not in settings.severities
         yield Finding(
             rule=key.rule,
@@ -42,13 +43,34 @@ def findings_from(
             origin=cast("Origin", page.origin),
             clause=page.clause,
             capture=capture,
-            bus="" if key.bus == _EVERY_BUS else buses[key.bus],
+            bus="" if key.bus == EVERY_BUS else buses[key.bus],
             node=None if key.node < 0 else key.node,
             label=outcome.labels.get((key.bus, key.node), ""),
             type=key.type,
             key=key.key,
             **_course(run, verdicts.COARSE if doubtful else ""),
         )
+
+
+def events_from(
+    outcome: Outcome, buses: Sequence[str], pages: Mapping[str, Page], *, capture: str = ""
+) -> Iterator[DeviceEvent]:
+    """Give an event for each run of a rule that finds such, by time; `buses` are names by index."""
+    for key, run in outcome.runs:
+        page = pages[key.rule]
+        if page.event:
+            yield DeviceEvent(
+                rule=key.rule,
+                title=page.title,
+                category=cast("Category", page.category),
+                capture=capture,
+                bus="" if key.bus == EVERY_BUS else buses[key.bus],
+                node=None if key.node < 0 else key.node,
+                label=outcome.labels.get((key.bus, key.node), ""),
+                type=key.type,
+                place=_place(*run.first),
+                text=run.text or run.examples[0].text,
+            )
 
 
 def ranked(found: Iterable[Finding]) -> tuple[Finding, ...]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from analyzer.report.headline import Headline
-    from analyzer.report.model import CaptureSummary, Report, Requirement
+    from analyzer.report.model import CaptureSummary, DeviceEvent, Report, Requirement
     from analyzer.report.problems import Problem
 
 COMMENT_BYTES = 60_000  # GitHub takes 65,536 characters
@@ -56,8 +56,9 @@ def render(report: Report, limit: int = COMMENT_BYTES) -> str:
     needs = _fitting("", list(map(_requirement, report.gate.requirements)), "\n", share)
     needs += _fitting("", [f"- {plain(line)}\n" for line in wording.waivers(report)], "\n", share)
     captures = _fitting("", list(map(_capture, report.captures)), "", share)
+    events = _fitting("", [_event(one, names) for one, names in wording.events(report)], "\n", share)
     reasons = _fitting("", [_reason(*item) for item in wording.inconclusive(report).items()], "", share)
-    room = limit - sum(map(_size, (head, needs, captures, reasons, tail)))
+    room = limit - sum(map(_size, (head, needs, captures, events, reasons, tail)))
     table = _fitting(_COLUMNS, [_row(one, report) for one in shown], "\n", room)
     room -= _size(table)
     start = f"<details><summary>Evidence of {wording.plural(len(shown), 'finding')}</summary>\n\n"
@@ -65,7 +66,7 @@ def render(report: Report, limit: int = COMMENT_BYTES) -> str:
     details = _fitting(start, blocks, "\n</details>\n\n", room, len(shown) - len(blocks))
     start = f"<details><summary>{wording.plural(len(rest), 'finding')} waived or known</summary>\n\n"
     excused = _fitting(start, list(map(_excuse, rest)), "\n</details>\n\n", room - _size(details))
-    return head + needs + table + details + excused + captures + reasons + tail
+    return head + needs + table + details + excused + events + captures + reasons + tail
 
 
 def _join(lines: Iterable[str]) -> str:
@@ -154,6 +155,10 @@ def _excuse(one: Problem) -> str:
     if waiver is not None:
         why = f"waived until {plain(waiver.expires)} by {plain(waiver.owner)}: {plain(waiver.reason)}"
     return f"- {plain(head.rule)} {plain(wording.places(one, bus=True))} {plain(head.type)} {one.count}x, {why}\n"
+
+
+def _event(one: DeviceEvent, names: str) -> str:
+    return f"- event {plain(one.rule)} {plain(one.title)}, {plain(names)}: {plain(one.text)}\n"
 
 
 def _capture(capture: CaptureSummary) -> str:

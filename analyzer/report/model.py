@@ -94,6 +94,22 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class DeviceEvent:
+    """Something that a device did and that breaks no rule, such as a power-off. Names are those of a `Finding`."""
+
+    rule: str
+    title: str
+    category: Category
+    capture: str
+    bus: str
+    node: int | None
+    label: str
+    type: str
+    place: Place
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class WaiverUse:
     """A waiver of the vehicle file and what it did: an `expired` one excuses nothing, whatever it would have covered.
 
@@ -234,6 +250,8 @@ class Gate:
 class Report:
     """Everything that one run of `tailbyte check` has to say. Findings are sorted worst first, then by time.
 
+    `events`, by time, are no findings: no count, no verdict and no gate knows of them.
+
     `settings` names the `profile` (empty for the defaults), in `limits` the numbers of each rule that has some, and in
     `changed` those (`RULE.name`) that are not the default; other options are shown as they are.
     """
@@ -246,6 +264,7 @@ class Report:
     coverage: Coverage
     gate: Gate
     waivers: tuple[WaiverUse, ...] = ()
+    events: tuple[DeviceEvent, ...] = ()
     schema: str = field(default=SCHEMA)
 
     def as_json(self) -> dict[str, Any]:

@@ -67,6 +67,7 @@ def render(
         lines += [_heading(category, page), *_problems(found, report, page)]
     if unproven := list(_unproven(report, page)):
         lines += unproven if sections and sections[-1][0] == "capture" else [_heading("capture", page), *unproven]
+    lines += _events(report, page)
     lines += _foot(report, head, page)
     return "".join(f"{line.rstrip()}\n" for line in lines)
 
@@ -141,6 +142,25 @@ def _unproven(report: Report, page: _Page) -> Iterator[str]:
         first, *more = wrap(text, page.width, first="note     ", indent=_DETAIL)
         yield page.palette.paint("dim", "note") + first[4:]
         yield from more
+
+
+def _events(report: Report, page: _Page) -> Iterator[str]:
+    """Give what devices did that is no fault."""
+    found = wording.events(report)
+    if found:
+        yield f"{page.palette.paint('head', columns('EVENTS', 8))}  what devices did that breaks no rule"
+    captures = wording.captures_by_id(report)
+    for one, names in found[: None if page.everything else _MOST["note"]]:
+        capture = captures.get(one.capture)
+        when = wording.moment(one.place.t_ns, None if capture is None else capture.start_ns, utc=page.utc)
+        where = f" in {wording.safe(one.capture)}" if len(report.captures) > 1 else ""
+        words = f"{one.rule}  {wording.safe(one.title)}: {names}{where}"
+        first, *more = wrap(words, page.width, first="event    ", indent=_DETAIL)
+        yield page.palette.paint("dim", "event") + first[5:]
+        yield from more
+        yield from pack([wording.safe(one.text), f"since {when}"], page.width, _DETAIL)
+    if not page.everything and len(found) > _MOST["note"]:
+        yield f"{_DETAIL}and {wording.plural(len(found) - _MOST['note'], 'more event')} (--all)"
 
 
 def _problems(found: Sequence[Problem], report: Report, page: _Page) -> Iterator[str]:

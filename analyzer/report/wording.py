@@ -16,12 +16,13 @@ from dissectors.times import SECOND
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from analyzer.report.model import CaptureSummary, Finding, Report, Requirement, WaiverUse
+    from analyzer.report.model import CaptureSummary, DeviceEvent, Finding, Report, Requirement, WaiverUse
     from analyzer.report.problems import Problem
 
 _NEAR = 5  # frames to each side, where no time says what is near
 _MARGIN = "+-50ms"
 _NAMED = 4
+_MOST_NAMED = 8  # devices of an event
 _BROKEN = ("FAIL", "WARN", "WAIVED", "KNOWN")
 _UNITS = ((10**9, "GB"), (10**6, "MB"), (10**3, "kB"))  # as conditions of a recording have them
 _COMMANDS = re.compile(r"#(#)(?=\w*\[)|:(:)(?=\w)")  # how commands to CI services begin in their logs
@@ -51,7 +52,7 @@ def captures_by_id(report: Report) -> dict[str, CaptureSummary]:
     return {capture.id: capture for capture in report.captures}
 
 
-def place(finding: Finding, *, bus: bool = False) -> str:
+def place(finding: Finding | DeviceEvent, *, bus: bool = False) -> str:
     """Say who it was: `ch6 node 25`, or the interface alone; `bus` says that there are several to tell apart."""
     words = [safe(finding.label)] if finding.label else []
     if finding.node is not None:
@@ -69,6 +70,19 @@ def places(one: Problem, *, bus: bool = False) -> str:
     words = [*map(safe, names[:_NAMED]), f"and {len(names) - _NAMED} more" if len(names) > _NAMED else ""]
     words.append(safe(one.head.bus) if bus else "")
     return " ".join(filter(None, words))
+
+
+def events(report: Report) -> list[tuple[DeviceEvent, str]]:
+    """Return the first of each events that several devices had together, and who they were: `ch1, ch2 and 3 more`."""
+    alike: dict[tuple[str, ...], list[DeviceEvent]] = {}
+    for one in report.events:
+        alike.setdefault((one.capture, one.bus, one.rule, one.text), []).append(one)
+    found = []
+    for some in alike.values():
+        names = list(dict.fromkeys(place(one, bus=several_buses(report)) for one in some))
+        more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+        found.append((some[0], ", ".join(names[:_MOST_NAMED]) + more))
+    return found
 
 
 def told(one: Problem) -> str:

@@ -43,9 +43,9 @@ class Page:
 
     `text` is the line of a finding, filled from the values of an occurrence, of which `key` keeps findings apart.
     `tests` are checks of single fields that need no code of their own; `judged` are the fields that they or the rule's
-    code judge. `drops`: its breaches are notes where the recorder lost frames, which may be why. `episode` is the line
-    of a finding that tells a state that lasted. `values` are those that an occurrence has to have. `body` is the page
-    as it was read, with what stands for keys that it leaves out.
+    code judge. `event`: what it finds is no breach. `drops`: its breaches are notes where the recorder lost frames,
+    which may be why. `episode` is the line of a finding that tells a state that lasted. `values` are those that an
+    occurrence has to have. `body` is the page as it was read, with what stands for keys that it leaves out.
     """
 
     rule: str
@@ -67,13 +67,18 @@ class Page:
     explained: tuple[str, ...] = ()
     judged: frozenset[str] = frozenset()
     episode: str = ""
+    event: bool = False
 
     def say(self, values: Values) -> str:
         """Say what is wrong, in a line."""
         return _FORMAT.vformat(self.text, (), values)
 
     def say_episode(self, values: Values) -> str:
-        """Say in a line what lasted, with its onset and what was worst."""
+        """Say in a line what lasted, with its onset and what was worst; only what it was if neither is of interest."""
+        if "lasted}" not in self.episode and all(
+            values.get(name.removeprefix("worst_")) == value for name, value in values.items() if name[:6] == "worst_"
+        ):
+            return self.say(values)
         return _FORMAT.vformat(self.episode or self.text, (), values)
 
     def key_of(self, values: Values) -> str:
@@ -167,6 +172,7 @@ def page(rule: str, table: TomlTable) -> Page:
         explained=table.strings("explained"),
         judged=frozenset((*table.strings("judges"), *_tested(tests))),
         episode=episode,
+        event=table.flag("event"),
     )
     table.finish()
     return made

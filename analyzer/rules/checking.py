@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+from analyzer.facts.clock import TimeResolution
 from analyzer.facts.node_names import NodeNames
 from analyzer.facts.summary import Summary
-from analyzer.rules.clock import TimeResolution
 from analyzer.rules.course import Course
 from analyzer.rules.coverage import Tracker
 from analyzer.rules.judge import Judge
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from analyzer.facts.summary import Facts, StoredCapture
     from analyzer.rules.coverage import Seen
     from analyzer.rules.judge import Outcome
+    from analyzer.rules.named_frames import NamedFrames
     from analyzer.rules.settings import Settings
     from dissectors import Registry
     from dissectors.kit import Array
@@ -51,8 +52,8 @@ class Measured(NamedTuple):
 class Check:
     """Adds up batches of one capture, first `measured` and then fed; memory is bounded."""
 
-    def __init__(self, registry: Registry, settings: Settings) -> None:
-        self.judge = Judge(registry, settings)
+    def __init__(self, registry: Registry, settings: Settings, named: NamedFrames | None = None) -> None:
+        self.judge = Judge(registry, settings, named)
         self._summary = Summary(registry, read=self.judge.dialects)
         self._seen = Tracker(registry)
         self._course = Course()

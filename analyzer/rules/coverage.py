@@ -45,7 +45,7 @@ class Tracker:
     def __init__(self, registry: Registry) -> None:
         self._described = list(described(registry))
         self._types = {message.table: 0 for message in self._described}
-        self._families = [message.packets for message in registry.carriers() if message.packets is not None]
+        self._families = registry.families()
         self._packets = {packet.name: 0 for family in self._families for packet in family.packets}
         self._carriers = tuple(message.table for message in registry.carriers())
         # field -> (table, column, texts by raw value)

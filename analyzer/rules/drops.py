@@ -6,13 +6,10 @@ It says so, or several senders lack some at the same time.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from analyzer.facts.error_frames import overflowed
-from analyzer.rules.joint.times import LONGEST, SETTLED
-from analyzer.tables import EVENTS
+from analyzer.rules.events import EventTimes, drops_in
+from analyzer.rules.joint.times import LONGEST, SETTLED, WIDEST
 from dissectors.kit import NO_TIME, Occurrences
 
 if TYPE_CHECKING:
@@ -20,41 +17,7 @@ if TYPE_CHECKING:
 
     from dissectors.kit import JointLoss, Occurrence, View
 
-_DROP, _ERROR_FRAME = EVENTS.index("drop"), EVENTS.index("error frame")
 MOST_HELD = 4096
-EVERY_BUS = -1
-
-
-class Drop(NamedTuple):
-    """Frames lost by the recorder; `bus` is `EVERY_BUS` if it does not say on which. `frames` is 0 if unknown."""
-
-    row: int
-    t: int
-    bus: int
-    frames: int
-
-
-def drops_in(view: View) -> Iterator[Drop]:
-    """Yield what the recorder says that it lost, in this batch: `row` is that of the event."""
-    events = view.events
-    if not len(events):
-        return
-    has_bus = events.has("bus")
-    for row in np.flatnonzero((events.kind == _DROP) | (events.kind == _ERROR_FRAME)).tolist():
-        bus = int(events.bus[row]) if has_bus[row] else EVERY_BUS
-        if events.kind[row] == _DROP:
-            yield Drop(row, when(view, row), bus, int(events.number[row]))
-        elif overflowed(int(events.number[row]), events.data(row)):
-            yield Drop(row, when(view, row), bus, 0)
-
-
-def when(view: View, row: int) -> int:
-    """Return the time of an event; one without a time happened when the frame before it did."""
-    t = int(view.events.t[row])
-    if t != NO_TIME:
-        return t
-    at = int(np.searchsorted(view.frames.line, view.events.line[row]))
-    return int(view.frames.t[at - 1]) if at else view.before
 
 
 class Drops:
@@ -68,23 +31,21 @@ class Drops:
     def __init__(self, around: int, beside: int) -> None:
         self._around = around
         self._beside = beside
-        self._times: dict[int, list[int]] = {}
+        self._times = EventTimes()  # of what the recorder says
         self._joint: dict[int, list[tuple[int, int]]] = {}  # since when, and until when, without overlaps
         self._held: list[tuple[int, Occurrences | Occurrence]] = []
 
     def feed(self, view: View) -> None:
         """Note the losses of a batch."""
         for drop in drops_in(view):
-            times = self._times.setdefault(drop.bus, [])
-            if drop.t != NO_TIME and (not times or drop.t > times[-1]):
-                times.append(drop.t)
+            self._times.add(drop.bus, drop.t)
         self.add(view.joint_losses)
 
     def add(self, joint: Iterable[JointLoss]) -> None:
         """Note losses that are inferred."""
         for one in joint:
             known = self._joint.setdefault(one.bus, [])
-            since, until = one.since, one.until
+            since, until = one.since - one.reach, one.until + one.reach
             at = bisect_left(known, since, key=lambda loss: loss[1])
             end = bisect_right(known, until, key=lambda loss: loss[0])
             if at < end:
@@ -101,7 +62,7 @@ class Drops:
 
     def ready(self, end: int | None) -> Iterator[tuple[Occurrences | Occurrence, list[bool]]]:
         """Yield what no later loss can explain once the capture has come to `end` (None: to its end)."""
-        after = max(self._around, self._beside + LONGEST + SETTLED)
+        after = max(self._around, self._beside + WIDEST + LONGEST + SETTLED)
         late = [k for k, (last, _) in enumerate(self._held) if end is None or last < end - after]
         spare = len(self._held) - len(late) - MOST_HELD
         chosen = set(late) if spare <= 0 else set(late) | set(range(spare + len(late)))
@@ -121,11 +82,8 @@ class Drops:
         return [self._explains(*row) for row in rows]
 
     def _explains(self, bus: int, since: int, until: int) -> bool:
-        for times in (self._times.get(bus), self._times.get(EVERY_BUS)):
-            if times:
-                at = bisect_left(times, since - self._around)
-                if at < len(times) and times[at] <= until + self._around:
-                    return True
+        if self._times.near(bus, since - self._around, until + self._around):
+            return True
         joint = self._joint.get(bus, [])
         at = bisect_left(joint, since - self._beside, key=lambda loss: loss[1])
         return at < len(joint) and joint[at][0] <= until + self._beside

@@ -24,7 +24,7 @@ _TENTH = SECOND // 10
 _NEVER = 1 << 62
 
 # What NaN is compared with is worse.
-_WORST: Mapping[Worst, Callable[[Array], float]] = {
+_WORST: Mapping[str, Callable[[Array], float]] = {
     "lowest": lambda values: float(np.fmin.reduce(values)),
     "highest": lambda values: float(np.fmax.reduce(values)),
     "slowest": lambda values: _by_size(values, np.nanargmin),
@@ -32,9 +32,16 @@ _WORST: Mapping[Worst, Callable[[Array], float]] = {
 }
 
 
-def _by_size(values: Array, choose: Callable[[Array], Any]) -> float:
-    """Return the number, with its sign, that is chosen by its size; NaN if there is no number."""
-    size = np.abs(values)
+def _worst(kind: Worst, values: Array) -> float:
+    """Return the worst of some numbers."""
+    if isinstance(kind, str):
+        return _WORST[kind](values)
+    return _by_size(values, np.nanargmax, kind)
+
+
+def _by_size(values: Array, choose: Callable[[Array], Any], middle: float = 0.0) -> float:
+    """Return the number, with its sign, that is chosen by how far it is from the middle; NaN if there is no number."""
+    size = np.abs(values - middle)
     return float(values[int(choose(size))]) if not np.isnan(size).all() else float("nan")
 
 
@@ -60,7 +67,7 @@ class Episode:
     def take(self, other: Episode, between: int, *, later: bool) -> None:
         """Join another one of the same key, that began `later` or earlier, so long `between` them."""
         for name, kind in self.kinds.items():
-            self.worst[name] = _WORST[kind](np.array([self.worst[name], other.worst[name]]))
+            self.worst[name] = _worst(kind, np.array([self.worst[name], other.worst[name]]))
         self.times += other.times
         self.apart = min(self.apart, other.apart, between if between > 0 else _NEVER)
         if not later:
@@ -95,7 +102,7 @@ def episode_of(found: Occurrences, rows: Array) -> Episode | None:
     """Return that of some rows, in order, still without its onset; None if the rule says no numbers."""
     if not found.worst:
         return None
-    worst = {name: _WORST[kind](values[rows]) for name, (kind, values) in found.worst.items()}
+    worst = {name: _worst(kind, values[rows]) for name, (kind, values) in found.worst.items()}
     kinds = {name: kind for name, (kind, _) in found.worst.items()}
     rises = np.zeros(len(found.t), bool) if found.rises is None else found.rises
     steps = np.diff(found.t[rows])

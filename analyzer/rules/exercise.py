@@ -53,12 +53,7 @@ class Exercises:
         self.types: dict[str, int] = {}
         self.packets: dict[str, int] = {}
         self.values: dict[str, dict[str, int]] = {}
-        self._packets = {
-            f"{message.table}.{packet.name}": packet
-            for message in registry.carriers()
-            if message.packets is not None
-            for packet in message.packets.packets
-        }
+        self._packets = registry.packets
         self._more = [kind() for kind in more]
         self._turning = Turning(registry)
         self._words: set[str] = set()

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analyzer.devices.definitions import Definitions
 from dissectors.kit import Rule
 from dissectors.schema import PrimitiveType
 
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 
     from analyzer.rules.catalogue import Page
     from dissectors import Registry
-    from dissectors.kit import Array, DecodedTable, Occurrences, Values, View
+    from dissectors.kit import Array, DecodedTable, Occurrences, Values, View, Worst
     from dissectors.toml_table import TomlTable
 
 MOST_COUNTERS = 4096  # later ones are not followed
@@ -57,6 +56,7 @@ class _Test:
     per: str
     physical: str
     keyed: bool
+    lasting: bool
 
 
 class FieldTest(Rule):
@@ -99,7 +99,17 @@ class FieldTest(Rule):
             return said
 
         if len(rows):
-            yield view.among_rows(self._test.rule, table, rows, values, key=raw if self._test.keyed else None)
+            worst = self._worst(field, shown[rows], raw) if self._test.lasting else {}
+            key = raw if self._test.keyed else None
+            yield view.among_rows(self._test.rule, table, rows, values, key=key, worst=worst)
+
+    def _worst(self, field: _Field, shown: Array, raw: Array) -> dict[str, tuple[Worst, Array]]:
+        """Return the numbers of which the page tells the worst: what is farthest beyond a limit."""
+        kind = farthest(*field.limits)
+        if not self._test.physical:
+            return {"value": (kind, raw.astype(np.float64))}
+        kind = kind if isinstance(kind, str) or field.scale is None else kind * float(field.scale)
+        return {self._test.physical: (kind, shown.astype(np.float64))}
 
     def _lower(self, table: DecodedTable, field: _Field, before: dict[int, float]) -> Array:
         """Return rows with a counter below the last one of its kind; notes what that was."""
@@ -122,13 +132,12 @@ class FieldTest(Rule):
 
 def rules_from(registry: Registry, pages: Mapping[str, Page]) -> Iterator[Rule]:
     """Yield a rule for each test of a page. Raises `ProfileError` for a test that cannot be made."""
-    definitions = Definitions(registry)
     for page in pages.values():
         for table in page.tests:
-            yield FieldTest(_test(definitions, page, table))
+            yield FieldTest(_test(registry, page, table))
 
 
-def _test(definitions: Definitions, page: Page, table: TomlTable) -> _Test:
+def _test(registry: Registry, page: Page, table: TomlTable) -> _Test:
     kind = table.one_of("kind")
     low, high = table.fraction("low"), table.fraction("high")
     if kind != "range" and (low is not None or high is not None):
@@ -136,13 +145,13 @@ def _test(definitions: Definitions, page: Page, table: TomlTable) -> _Test:
     names = table.strings("fields")
     if not names:
         table.fail("fields is missing")
-    fields = tuple(_field(definitions, table, name, (low, high)) for name in names)
+    fields = tuple(_field(registry, table, name, (low, high)) for name in names)
     per = table.string("per")
     if per and kind != "backwards":
         table.fail("only a counter that runs backwards has it", "per")
     for field in fields:
         if per:
-            _field(definitions, table, f"{field.table}.{per}", (None, None), "per")
+            _field(registry, table, f"{field.table}.{per}", (None, None), "per")
         if kind == "range" and field.limits == (None, None):
             table.fail(f"{field.table}.{field.name} has no limits in its profile, and the test gives none", "fields")
         if kind == "enum" and not field.enum:
@@ -152,18 +161,18 @@ def _test(definitions: Definitions, page: Page, table: TomlTable) -> _Test:
     unknown = {*page.values} - {*_GIVEN, physical}
     if unknown:
         table.fail(f"a test gives no value {min(unknown)!r} (but: {', '.join(_GIVEN)}, physical = NAME)")
-    return _Test(page.rule, kind, fields, per, physical, bool(page.key))
+    return _Test(page.rule, kind, fields, per, physical, bool(page.key), kind == "range" and bool(page.episode))
 
 
 def _field(
-    definitions: Definitions,
+    registry: Registry,
     table: TomlTable,
     path: str,
     limits: tuple[Fraction | None, Fraction | None],
     key: str = "fields",
 ) -> _Field:
-    name = definitions.table_of(path)
-    of = definitions.of(name)
+    name = registry.table_of(path)
+    of = registry.definition(name)
     if of is None:
         table.fail(f"no table of {path!r} is known", key)
     field, _, part = path.removeprefix(f"{name}.").partition(".")
@@ -206,6 +215,13 @@ def _raw(shown: Array, field: _Field) -> Array:
     if field.scale is None:
         return shown.astype(np.int64)
     return np.rint(shown * field.scale.denominator / field.scale.numerator).astype(np.int64)
+
+
+def farthest(low: Fraction | None, high: Fraction | None) -> Worst:
+    """Return which number is worst beyond two limits."""
+    if low is None or high is None:
+        return "highest" if low is None else "lowest"
+    return float(low + high) / 2
 
 
 def judged(table: DecodedTable, column: str, rows: Array) -> Array:

@@ -23,7 +23,7 @@ from analyzer.rules.runs import (
     same_piece,
     without_pause,
 )
-from dissectors.kit import NO_TIME, Occurrence, Occurrences
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -37,6 +37,7 @@ MOST_GROUPS = 4096  # of rule, node, type and key; what comes later is one findi
 RICH = 500  # runs with all their examples, the first ones in the capture; the others have one
 KEPT = 4 * RICH  # runs whose examples are kept until it is known which ones are the first
 FURTHER = "further"
+_TOGETHER = 2 * SECOND  # what an event explains of a node may begin so long before its last report
 FORCED = " (forced)"  # behind a choice that somebody insists on
 
 
@@ -109,7 +110,10 @@ class Findings:
         return found
 
     def _caused(self, settled: Mapping[Key, Sequence[OccurrenceRun]]) -> dict[Key, list[OccurrenceRun]]:
-        """Make notes of what another finding of the same node at that time is the cause of, and of nothing else."""
+        """Make notes of what another finding of the same node at that time is the cause of, and of nothing else.
+
+        What an event is the cause of is left out.
+        """
         causes = {
             key: runs
             for key, runs in settled.items()
@@ -119,8 +123,12 @@ class Findings:
         for key, runs in settled.items():
             stays = key.severity == "note" or key.rule in self._severities
             explained = () if stays else self._pages[key.rule].explained
-            because = [(rule, _of(causes, rule, key)) for rule in explained]
+            told = [rule for rule in self._pages[key.rule].explained if rule in self._pages and self._pages[rule].event]
+            because = [(rule, _of(causes, rule, key)) for rule in explained if rule not in told]
+            events = [event for rule in told for event in _of(causes, rule, key)]
             for run in runs:
+                if any(run.first[0] >= event.first[0] - _TOGETHER for event in events):
+                    continue
                 rules = [rule for rule, others in because if any(meets(other, run) for other in others)]
                 if rules:
                     cause = f"{self._pages[rules[0]].title} ({rules[0]})"
@@ -137,8 +145,10 @@ class Findings:
             if run.episode is None:
                 yield key, run
                 continue
-            course = key._replace(key=""), run.first, run.last, run.count, run.episode.times
             values = run.episode.values(run.count, (run.first[0], run.last[0]), end, over=over)
+            of = self._pages[key.rule].key
+            same = str({name: value for name, value in values.items() if name not in of})
+            course = key._replace(key=""), run.first, run.last, run.count, run.episode.times, same
             together.setdefault(course, []).append((key, run, values))
         for alike in together.values():
             key, run, values = alike[0]

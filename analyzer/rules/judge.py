@@ -9,21 +9,22 @@ import numpy as np
 
 from analyzer.rules import discovery
 from analyzer.rules.catalogue import load
-from analyzer.rules.channels import Channels
 from analyzer.rules.drops import Drops
 from analyzer.rules.exercise import Exercises
 from analyzer.rules.findings import Findings
 from analyzer.rules.settings import Settings
+from analyzer.rules.vehicle.channels import Channels
 from analyzer.rules.view import Past
 from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from analyzer.decode.engine import Batch
     from analyzer.facts.dialects import Dialects, Statement
     from analyzer.rules.catalogue import Page
     from analyzer.rules.findings import Key
+    from analyzer.rules.named_frames import NamedFrames
     from analyzer.rules.runs import OccurrenceRun
     from dissectors import Registry
     from dissectors.kit import Array, Occurrence, Occurrences, View
@@ -50,9 +51,11 @@ class Judge:
     Args:
         registry: the types that the capture is decoded with.
         settings: what is looked for, and with which numbers.
+        named: is told which frames are named.
     """
 
-    def __init__(self, registry: Registry, settings: Settings | None = None) -> None:
+    def __init__(self, registry: Registry, settings: Settings | None = None, named: NamedFrames | None = None) -> None:
+        self._named = named
         settings = settings or Settings()
         self.pages: Mapping[str, Page] = load(registry)
         self.enabled = settings.enabled(self.pages)
@@ -124,8 +127,13 @@ class Judge:
             if one.drops:
                 self._drops.hold(one)
             else:
-                self._findings.feed(one, view)
+                self._add(one, view)
+
+    def _add(self, found: Occurrences | Occurrence, view: View, near_drops: Sequence[bool] | None = None) -> None:
+        self._findings.feed(found, view, near_drops=near_drops)
+        if self._named is not None:
+            self._named.feed(found)
 
     def _release(self, view: View, end: int | None) -> None:
         for one, near in self._drops.ready(end):
-            self._findings.feed(one, view, near_drops=near)
+            self._add(one, view, near)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.devices.definitions import Definitions
 from analyzer.rules.catalogue import load
 from analyzer.rules.field_tests import judged
 from analyzer.rules.values.noted_fields import LIMITS, NAMES, NotedColumn, columns_of
@@ -27,7 +26,7 @@ class NotedFields(Rule):
 
     def __init__(self, registry: Registry) -> None:
         self._taken = {name for page in load(registry).values() for name in page.judged}
-        self._definitions = Definitions(registry)
+        self._registry = registry
         self._columns: dict[str, tuple[NotedColumn, ...]] = {}
 
     def feed(self, view: View) -> Iterable[Occurrences]:
@@ -48,14 +47,16 @@ class NotedFields(Rule):
         found = dict(zip(rows.tolist(), shown.tolist(), strict=True))
 
         def values(row: int) -> Values:
-            said = f"{found[row]:.6g}{f' {column.unit}' if column.unit else ''}"
-            return {"field": column.name, "value": said, "allowed": column.allowed}
+            unit = f" {column.unit}" if column.unit else ""
+            said = {"value": f"{found[row]:.6g}{unit}", "number": float(found[row]), "unit": unit}
+            return {"field": column.name, "allowed": column.allowed, **said}
 
         key = np.rint(shown).astype(np.int64) if column.rule == NAMES else None
-        yield view.among_rows(column.rule, table, rows, values, key=key, severity=severity)
+        worst = {} if column.rule == NAMES else {"number": (column.worst, shown.astype(np.float64))}
+        yield view.among_rows(column.rule, table, rows, values, key=key, severity=severity, worst=worst)
 
     def _of(self, table: str) -> Iterator[NotedColumn]:
-        of = self._definitions.of(table)
+        of = self._registry.definition(table)
         if of is None:
             return
         for name, note in of.notes.items():

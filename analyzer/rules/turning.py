@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, sender, usable
+from dissectors.kit import NO_TIME, SECOND, RunningTime, sender, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,9 +26,7 @@ class Turning:
         self._columns = {message.table: message.turns for message in registry.turning()}
         self.nodes: dict[int, bool] = {}  # sender: whether its motor turns
         self._count: dict[int, int] = {}  # of turning motors, by bus
-        self._since: dict[int, int] = {}
-        self._ran: dict[int, int] = {}
-        self._end = NO_TIME
+        self._running = RunningTime()
 
     def feed(self, view: View) -> None:
         """Add the next batch."""
@@ -39,7 +37,7 @@ class Turning:
                 steps += self._steps(table, column)
         for _, t, node, on in sorted(steps):
             self._take(t, node >> _NODE_BITS, on)
-        self._end = view.end
+        self._running.end = view.end
 
     def facts(self) -> dict[str, float]:
         """Return how many ESCs there are, and seconds with motors turning on the bus with the most; none without one.
@@ -48,10 +46,8 @@ class Turning:
         """
         if not self.nodes:
             return {}
-        going_on = {bus: max(self._end - since, 0) for bus, since in self._since.items()}
-        buses = self._ran.keys() | going_on.keys()
-        ran = max((self._ran.get(bus, 0) + going_on.get(bus, 0) for bus in buses), default=0)
-        return {"escs": len({node & (1 << _NODE_BITS) - 1 for node in self.nodes}), "running_s": ran / SECOND}
+        escs = {node & (1 << _NODE_BITS) - 1 for node in self.nodes}
+        return {"escs": len(escs), "running_s": self._running.longest / SECOND}
 
     def _steps(self, table: DecodedTable, column: str) -> Iterator[_Step]:
         """Yield the rows in which a motor begins or stops to turn."""
@@ -68,7 +64,5 @@ class Turning:
     def _take(self, t: int, bus: int, on: bool) -> None:
         before = self._count.get(bus, 0)
         self._count[bus] = before + (1 if on else -1)
-        if not before:
-            self._since[bus] = t
-        elif not self._count[bus]:
-            self._ran[bus] = self._ran.get(bus, 0) + max(t - self._since.pop(bus), 0)
+        if not before or not self._count[bus]:
+            self._running.note(bus, t, turning=on)

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analyzer.facts.dialects import Dialects
+from analyzer.facts.identifiers import NOBODY, who
 from analyzer.facts.names import type_name
 from analyzer.rules.joint.losses import JointLosses
 from analyzer.rules.load import bit_times, split
 from analyzer.rules.recent import Recent
-from analyzer.tables import EVENT_ROWS, EXTENDED, FRAMES, KINDS, TRANSFERS, VERDICTS, distinct, empty
+from analyzer.tables import EVENT_ROWS, FRAMES, KINDS, TRANSFERS, distinct, empty
 from dissectors.kit import NO_TIME, SECOND, DecodedTable, EventTable, FrameTable, Occurrences, TransferTable, Types
 
 if TYPE_CHECKING:
@@ -29,11 +30,7 @@ if TYPE_CHECKING:
 GAP = SECOND  # without a frame of any interface
 MOST_GAPS = 4096
 BUSY, SILENT = 16, 8  # a gap this many times as long as the last frames took hides something
-NOBODY = -1
 MESSAGE = KINDS.index("message")
-_FOREIGN = VERDICTS.index("foreign")
-# Verdicts that frames of anonymous senders never have: without a source, the sender has no node ID and names its type.
-_STRAY = [VERDICTS.index(name) for name in ("orphan", "wrong toggle", "wrong transfer id", "duplicate")]
 
 
 class Past:
@@ -64,8 +61,6 @@ class Past:
         self._joint = JointLosses()
         self._latest: Array = np.empty(0, np.int64)
         self._names: dict[int, str] = {}
-        self._definitions: dict[str, Message | None] = {}
-        self._tables = frozenset(registry.names())
 
     def feed(self, batch: Batch, bits: Array | None = None) -> BatchView:
         """Add the next batch.
@@ -77,8 +72,9 @@ class Past:
         self.recent.feed(view.frames)
         self._note_times(view.frames)
         for name, rows in batch.messages.items():
-            if name in self._tables and len(rows):
-                self.dialects.feed(self.registry.resolve(name), rows)
+            message = self.registry.message_of(name) if len(rows) else None
+            if message is not None:
+                self.dialects.feed(message, rows)
         view.joint_losses = self._joint.feed(view, view.bit_times)
         return view
 
@@ -103,9 +99,7 @@ class Past:
 
     def definition(self, table: str) -> Message | None:
         """Return the type of a message table, None for other tables."""
-        if table not in self._definitions:
-            self._definitions[table] = self.registry.resolve(table) if table in self._tables else None
-        return self._definitions[table]
+        return self.registry.message_of(table)
 
     def choice(self, message: str, reading: str, bus: int, node: int) -> str:
         """Return what a node's doubtful field has shown so far."""
@@ -313,20 +307,6 @@ class BatchView:
 def node_of(src: int, code: int) -> int | None:
     """Return the node that sent a transfer: with source 0 only that of a message that is not anonymous."""
     return src if src or code >> 16 == MESSAGE else None
-
-
-def who(identifier: Array, flags: Array, verdict: Array) -> tuple[Array, Array]:
-    """Return source node and type code of frames as their identifiers have them; -1 for what is not DroneCAN's."""
-    number = identifier.astype(np.int64)
-    service = number >> 7 & 1 == 1
-    without = ~service & (number & 0x7F == 0)
-    nameless = without & (number & 0xFF_FC00 != 0) & np.isin(verdict, _STRAY)
-    anonymous = without & ~nameless
-    kind = np.where(service, np.where(number >> 15 & 1 == 1, 2, 3), np.where(anonymous, 1, 0))
-    type_id = np.where(service, number >> 16 & 0xFF, np.where(anonymous, number >> 8 & 3, number >> 8 & 0xFFFF))
-    ours = (flags & EXTENDED != 0) & (verdict != _FOREIGN)
-    node = np.where(ours & (nameless | (number & 0x7F != 0)), number & 0x7F, NOBODY)
-    return node, np.where(ours, kind << 16 | type_id, NOBODY)
 
 
 def _nothing(_row: int) -> Values:

@@ -49,6 +49,7 @@ class SimulatedWorld:
         self._copy: Callable[[SimulatedFrame], SimulatedFrame | None] | None = None
         self._latest = 0
         self._final: SimulatedFrame | None = None
+        self._deaf = 0
 
     @staticmethod
     def dice(of: str, seed: int) -> Random:
@@ -137,6 +138,10 @@ class SimulatedWorld:
         """End the recording behind this frame."""
         self._final = frame
 
+    def deafen(self, until: int) -> None:
+        """Record nothing that ends before `until`; the bus goes on."""
+        self._deaf = until
+
     def block(self, until: int, *, keep: bool = False) -> None:
         """Let nothing be sent before `until`; what waits now is given up, or waits on to `keep` it."""
         if not keep:
@@ -160,6 +165,7 @@ class SimulatedWorld:
                     return
                 self._latest = frame.t
                 self._deliver(frame)
+                frame.lost = frame.lost or frame.t < self._deaf
                 yield frame
                 copied = self._copy(frame) if self._copy is not None else None
                 if copied is not None:

@@ -12,6 +12,7 @@ from analyzer.views.members import cells
 from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import escape
 from analyzer.views.times import TimeFormat
+from analyzer.window.numbering import Numbering
 from dissectors import UnknownNameError
 from dissectors.notes import columns
 
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.views.frames import FrameData, RawFrame
+    from analyzer.window.listed import Picked
     from dissectors import Registry
-    from dissectors.kit import Array
     from dissectors.schema import Message, Packet
 
 _FIXED = {
@@ -61,9 +62,15 @@ class Fields:
     """
 
     def __init__(
-        self, registry: Registry, names: Sequence[str], frame_data: FrameData, zero: int | None = None,
-        *, header: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        registry: Registry,
+        names: Sequence[str],
+        frame_data: FrameData,
+        zero: int | None = None,
+        *,
+        header: bool = False,
+        numbering: Numbering | None = None,
+    ) -> None:
         self._registry = registry
         self._names = list(names)
         self._columns = {name: find(registry, name) for name in names if name not in _FIXED}
@@ -71,16 +78,17 @@ class Fields:
         self._clocks = {name: TimeFormat(mode, digits=9) for name, mode in _TIMES.items()}
         self._clocks["frame.time_relative"].zero = zero
         self._header = header
+        self._numbering = numbering or Numbering()
 
     def begin(self) -> str:
         """Write the names, if asked for."""
         return "\t".join(self._names) + "\n" if self._header else ""
 
-    def rows(self, batch: Batch, picked: Array | None = None) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: Picked | None = None) -> Iterator[str]:
         """Write a line for each picked transfer (all if not given)."""
         for clock in self._clocks.values():
             clock.start(batch.frames)
-        rows = TransferRows(batch, self._registry, picked)
+        rows = TransferRows(batch, self._registry, picked and picked.transfers)
         cells_ = [self._fixed(rows, n) if n in _FIXED else _found(rows, self._columns[n]) for n in self._names]
         for row in zip(*cells_, strict=True):
             yield "\t".join(row) + "\n"
@@ -93,7 +101,7 @@ class Fields:
         if name in _TIMES:
             return self._clocks[name].column(rows.all_times(), rows.picked.tolist())
         if name == "frame.number":
-            return list(map(str, rows.first_frames()))
+            return [str(self._numbering.of(number - 1)) for number in rows.first_frames()]
         if name == "frame.interface_name":
             names = [escape(bus) for bus in rows.batch.buses]
             return [names[bus] for bus in rows.column("bus")]

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.decode.engine import Batch
+    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.window.listed import Picked
     from dissectors import Registry
-    from dissectors.kit import Array
 
 
 class Writer(Protocol):
@@ -24,8 +25,8 @@ class Writer(Protocol):
     def begin(self) -> str:
         """Return what stands before everything."""
 
-    def rows(self, batch: Batch, picked: Array) -> Iterator[str]:
-        """Yield what the picked transfers of one batch say, then what stands behind them."""
+    def rows(self, batch: Batch, picked: Picked) -> Iterator[str]:
+        """Yield what each picked transfer of one batch says, then what stands behind them."""
 
     def end(self) -> str:
         """Return what stands after everything."""
@@ -33,22 +34,28 @@ class Writer(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ViewFormat:
-    """A view for programs: its name for `-T`, its module in `analyzer.views`, and its class there."""
+    """A view for programs: its name for `-T`, its module in `analyzer.views`, and its class there.
+
+    `marks` says that the class takes which rules name which frames, too.
+    """
 
     name: str
     module: str
     view: str
+    marks: bool = False
 
-    def writer(self, registry: Registry) -> Writer:
-        """Return the view; its module is imported only now."""
+    def writer(self, registry: Registry, named: NamedFrames | None = None) -> Writer:
+        """Return the view; its module is imported only now. Raises `ValueError` if it cannot mark rows."""
+        if named is not None and not self.marks:
+            raise ValueError(f"-T {self.name} does not mark rows with --findings")
         module: Any = import_module(f"analyzer.views.{self.module}")
-        made: Writer = getattr(module, self.view)(registry)
+        made: Writer = getattr(module, self.view)(registry, *(() if named is None else (named,)))
         return made
 
 
 FORMATS = (
-    ViewFormat("json", "records", "JsonArray"),
-    ViewFormat("jsonl", "records", "JsonLines"),
-    ViewFormat("csv", "records", "Csv"),
+    ViewFormat("json", "records", "JsonArray", marks=True),
+    ViewFormat("jsonl", "records", "JsonLines", marks=True),
+    ViewFormat("csv", "records", "Csv", marks=True),
 )
 BY_NAME = {form.name: form for form in FORMATS}

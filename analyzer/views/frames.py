@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import TYPE_CHECKING, NamedTuple
 
-from analyzer.tables import ERROR, EXTENDED, REMOTE
+from analyzer.tables import BRS, ERROR, ESI, EXTENDED, FD, REMOTE
 from dissectors.kit.cells import pylist
 
 if TYPE_CHECKING:
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
+
+_LENGTH_CODE = 8  # lowest bit of it in the flags
 
 
 class RawFrame(NamedTuple):
@@ -29,6 +31,19 @@ class RawFrame(NamedTuple):
     def id_text(self) -> str:
         """The identifier as candump writes it: 8 digits when extended, 3 when not."""
         return f"{self.id:08X}" if self.flags & EXTENDED else f"{self.id:03X}"
+
+    @property
+    def length_code(self) -> int:
+        """The length code of a remote frame, which has no data."""
+        return self.flags >> _LENGTH_CODE & 0xF
+
+    @property
+    def candump(self) -> str:
+        """The frame as candump writes it: `123#DEADBEEF`, `123#R8`, `123##1DEADBEEF`."""
+        if self.flags & REMOTE:
+            return f"{self.id_text}#R{self.length_code}"
+        fd = f"#{bool(self.flags & BRS) | bool(self.flags & ESI) << 1}" if self.flags & FD else ""
+        return f"{self.id_text}#{fd}{self.data.hex().upper()}"
 
     def flag(self, name: str) -> bool:
         """Return `xtd`, `rtr` or `err`."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from analyzer.tables import FD
 from analyzer.views.phrases import octets
 from analyzer.views.terminal import PLAIN, Palette
+from analyzer.window.numbering import Numbering
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -53,19 +54,27 @@ def tail_words(tail: int) -> str:
     return " ".join([*ends, f"toggle {tail >> 5 & 1}", f"ID {tail & 0x1F}"])
 
 
-def hexdump(numbers: Sequence[int], frame_data: FrameData, padding: int = 0, palette: Palette = PLAIN) -> Iterator[str]:
-    """Give lines about the frames of one transfer, given by their numbers from 0.
+def hexdump(
+    places: Sequence[int],
+    frame_data: FrameData,
+    padding: int = 0,
+    palette: Palette = PLAIN,
+    numbering: Numbering | None = None,
+) -> Iterator[str]:
+    """Give lines about the frames of one transfer, given by their places in the capture, from 0.
 
     Args:
-        numbers: the frames.
+        places: the frames.
         frame_data: gives a frame by its number, None when it is no longer kept.
         padding: bytes of CAN FD padding at the end of the transfer.
         palette: colours; without them the roles are told by labels alone.
+        numbering: of the frames; those of the capture if not given.
     """
-    frames = [frame_data(number) for number in numbers]
-    for number, frame, parts in zip(numbers, frames, cut(frames, padding), strict=True):
+    frames, numbering = [frame_data(place) for place in places], numbering or Numbering()
+    for place, frame, parts in zip(places, frames, cut(frames, padding), strict=True):
+        name = f"frame {numbering.of(place)}"
         if frame is None or parts is None:
-            yield f"{_INDENT}frame {number + 1}: its bytes are no longer kept"
+            yield f"{_INDENT}{name}: its bytes are no longer kept"
             continue
         fd = " FD" if frame.flags & FD else ""
         pieces = [
@@ -79,10 +88,10 @@ def hexdump(numbers: Sequence[int], frame_data: FrameData, padding: int = 0, pal
             for text in ([octets(data, len(data))] if data else [])
         ]
         if not pieces:
-            yield f"{_INDENT}frame {number + 1}  {frame.id_text}{fd}  no data"
+            yield f"{_INDENT}{name}  {frame.id_text}{fd}  no data"
             continue
         words = f"  {tail_words(parts.tail[0])}" if parts.tail else ""
-        head = f"{_INDENT}frame {number + 1}  {frame.id_text}{fd}  "
+        head = f"{_INDENT}{name}  {frame.id_text}{fd}  "
         yield from _wrapped(head, pieces, words, palette)
 
 

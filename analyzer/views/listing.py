@@ -8,21 +8,26 @@ import numpy as np
 
 from analyzer.facts.names import type_name
 from analyzer.tables import KINDS, STATUSES, TRANSFER_ANOMALIES
+from analyzer.views.frames import FrameWindow
+from analyzer.views.loose import LooseFrames
 from analyzer.views.marks import Marks
+from analyzer.views.named import rules_of, tag
 from analyzer.views.phrases import octets, phrases
 from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
 from analyzer.views.wording import LISTED, anomalies
+from analyzer.window.listed import Picked
+from analyzer.window.numbering import Numbering
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from analyzer.decode.engine import Batch
+    from analyzer.rules.named_frames import NamedFrames
     from analyzer.views.marks import ListMark
     from analyzer.views.times import TimeFormat
     from dissectors import Registry
-    from dissectors.kit import Array
     from dissectors.schema import Message
 
 _OK, _UNCHECKED, _BAD_CRC, _, _TIMED_OUT, _TOO_SHORT, _OPEN = range(len(STATUSES))
@@ -32,77 +37,127 @@ _TIME_AND_SOURCE = 15
 _MAX_TYPE = 24
 _MAX_BUS = 16
 _INDENT = " " * 11
+_NARROWEST = (9, 12, 0)  # of time, type and bus
+_STYLES = {"!": "bad", "x": "bad", "~": "dim", " ": "dim"}  # by the sign of a mark
 
 
 class Listing:
-    """Writes the list batch by batch; the widths of its columns are settled by the first batch.
+    """Writes the list batch by batch: `feed(batch, picked)`, then `entries` with what stands `between` them.
+
+    The widths of its columns are settled by the first batch.
 
     Args:
         registry: the types that the batches were decoded with.
         clock: writes the time column.
         palette: colours for a terminal.
         width: columns of the terminal, lines are cut there; None never cuts.
+        frames: keeps the frames, and is fed by whoever made it; the list keeps some itself if not given.
+        numbering: of frames; those of the capture if not given.
+        foreign: list every frame that is not DroneCAN.
+        named: the rules that name frames, to mark the rows with.
     """
 
     def __init__(
-        self, registry: Registry, clock: TimeFormat, palette: Palette = PLAIN, width: int | None = None
+        self,
+        registry: Registry,
+        clock: TimeFormat,
+        palette: Palette = PLAIN,
+        width: int | None = None,
+        *,
+        frames: FrameWindow | None = None,
+        numbering: Numbering | None = None,
+        foreign: bool = False,
+        named: NamedFrames | None = None,
     ) -> None:
         self._registry = registry
         self._clock = clock
         self._palette = palette
         self._width = width
-        self._marks = Marks()
+        self._numbering = numbering or Numbering()
+        self._own = FrameWindow() if frames is None else None
+        self._named = named
+        kept = self._own or frames or FrameWindow()
+        self._loose = LooseFrames(registry, kept, self._numbering, foreign=foreign, named=named)
+        self._marks = Marks(self._numbering)
         self._names: tuple[str, ...] = ()
+        self._rows: TransferRows | None = None
+        self._times: list[str] = []
+        self._types: list[str] = []
+        self._head: list[str] = []
         self._buses = -1
-        self._time = self._type = self._bus = 0
+        self._time, self._type, self._bus = _NARROWEST
 
-    def lines(self, batch: Batch, picked: Array | None = None) -> Iterator[str]:
-        """Give the lines of `entries`, one after another."""
-        for entry in self.entries(batch, picked):
+    def lines(self, batch: Batch, picked: Picked | None = None) -> Iterator[str]:
+        """Give all lines about a batch, of all its rows if not told which."""
+        self.feed(batch, picked)
+        for place, entry in zip(self.places(), self.entries(), strict=True):
+            yield from self.between(place)
             yield from entry
-        yield from self.rest()
+        yield from self.between(None)
 
-    def entries(self, batch: Batch, picked: Array | None = None) -> Iterator[list[str]]:
-        """Give the lines of each picked transfer (all if not given), without line ends; the header is in the first.
-
-        The header is repeated when a second interface turns up, since its column is shown from then on.
-        """
+    def feed(self, batch: Batch, picked: Picked | None = None) -> None:
+        """Take the next batch, and which of its rows to list: all if not given."""
+        picked = Picked.all_of(batch) if picked is None else picked
         self._clock.start(batch.frames)
-        self._marks.feed(batch)
+        if self._own is not None:
+            self._own.feed(batch)
+        self._marks.feed(batch, picked, self._loose.feed(batch, picked))
         self._names = batch.buses
-        rows = TransferRows(batch, self._registry, picked)
-        times = self._clock.column(rows.all_times(), rows.picked.tolist())
-        if not len(rows):
-            return
-        types = [type_name(m, k, t) for m, k, t in self._identities(rows)]
-        head = [self._header(times, types)] if self._buses < 0 or (self._buses < 2 <= len(batch.buses)) else []
-        for first, entry in zip(rows.first_frames(), self._body(rows, times, types), strict=True):
-            yield [*head, *map(self._mark, self._marks.due(first)), *entry]
-            head = []
+        rows = self._rows = TransferRows(batch, self._registry, picked.transfers)
+        self._times = self._clock.column(rows.all_times(), rows.picked.tolist())
+        identities = zip(rows.messages, rows.column("kind"), rows.column("type_id"), strict=True)
+        self._types = [type_name(message, kind, type_id) for message, kind, type_id in identities]
+        if len(rows) and (self._buses < 0 or self._buses < 2 <= len(batch.buses)):
+            self._head = [self._header(self._times, self._types)]
 
-    def rest(self) -> list[str]:
-        """Give the lines of error frames and losses behind the last transfer of the batches so far."""
-        waiting = list(self._marks.due(None))
-        head = [self._header([self._clock.text(waiting[0].t)], [""])] if waiting and self._buses < 0 else []
+    def places(self) -> list[int]:
+        """Return the places of the first frames of the transfers, from 0."""
+        return [] if self._rows is None else [number - 1 for number in self._rows.first_frames()]
+
+    def between(self, place: int | None, *, titled: bool = True) -> list[str]:
+        """Give what stands before the transfer whose first frame has a place, for None behind all of them so far.
+
+        The header comes with the first line, and again when a second interface turns up, since its column is shown from
+        then on; `titled` asks for it.
+        """
+        waiting = list(self._marks.due(place))
+        if waiting and self._buses < 0:
+            self._head = [self._header([self._clock.text(waiting[0].t)], [mark.kind for mark in waiting])]
+        head = self._head if titled and (waiting or place is not None) else []
+        self._head = [] if head else self._head
         return [*head, *map(self._mark, waiting)]
 
+    def end(self, *, titled: bool = True) -> list[str]:
+        """Give what stands behind everything: the sums of foreign frames. `titled` as in `between`."""
+        sums = list(self._loose.sums())
+        if sums and self._buses < 0:
+            self._head = [self._header([self._clock.text(sums[0].t)], [])]
+        head, self._head = self._head, []
+        return [*(head if titled else ()), *map(self._mark, sums)] if sums else []
+
+    def entries(self) -> Iterator[list[str]]:
+        """Give the lines of each picked transfer, without line ends."""
+        return iter(()) if self._rows is None else self._body(self._rows, self._times, self._types)
+
     def _mark(self, mark: ListMark) -> str:
-        """Write a line without a frame number, source and transfer ID."""
         names = list(map(escape, self._names))
         name = "" if mark.bus is None or not self._bus else fit(names[mark.bus], self._bus - 1)
-        where = f"{self._clock.text(mark.t):>{self._time}}"
-        blank = " " * (max(_TIME_AND_SOURCE, self._time + 4) - len(where) + 5)
+        where = f"{self._clock.between(mark.t):>{self._time}}"
+        source = max(_TIME_AND_SOURCE, self._time + 4) - len(where)
+        way = f"{mark.src:>{source}}>{mark.dst:<3} " if mark.dst else " " * (source + 5)
         bus = name + " " * (self._bus - display_width(name))
-        line = f"!{'-':>8}  {where}{blank}{bus}{mark.kind:<{self._type}}     {escape(mark.text)}"
-        return self._palette.paint("bad", self._cut(line))
-
-    def _identities(self, rows: TransferRows) -> Iterator[tuple[Message | None, int, int]]:
-        return zip(rows.messages, rows.column("kind"), rows.column("type_id"), strict=True)
+        kind = mark.kind if self._width is None else fit(mark.kind, self._type)
+        number = "-" if mark.number is None else mark.number
+        tid = "" if mark.transfer_id is None else mark.transfer_id
+        line = f"{mark.sign}{number:>8}  {where}{way}{bus}{kind:<{self._type}} {tid:>2}  {escape(mark.text)}"
+        return self._palette.paint(_STYLES[mark.sign], self._cut(line))
 
     def _header(self, times: list[str], types: list[str]) -> str:
         self._buses = len(self._names)
         self._time = max(9, len(times[0]), len(times[-1]))
-        self._type = min(max(12, *map(len, types)), 16 if self._width is not None and self._width < 120 else _MAX_TYPE)
+        self._type = min(
+            max(12, *map(len, types), 0), 16 if self._width is not None and self._width < 120 else _MAX_TYPE
+        )
         names = [len(escape(name)) for name in self._names] if self._buses > 1 else []
         self._bus = max(3, min(max(names), _MAX_BUS)) + 1 if names else 0
         source = "Src".rjust(max(4, _TIME_AND_SOURCE - self._time))
@@ -115,9 +170,10 @@ class Listing:
         status, odd = rows.column("status"), rows.column("anomaly")
         buses = self._bus_texts(rows)
         narrow = self._width is not None
+        frames = self._numbering.of_all(np.array(self.places(), np.int64)).tolist()
         cells = zip(
-            rows.first_frames(), times, rows.column("src"), rows.column("dst"), buses, types,
-            rows.column("transfer_id"), _infos(rows), status, odd, rows.column("step"), strict=True,
+            frames, times, rows.column("src"), rows.column("dst"), buses, types,
+            rows.column("transfer_id"), self._infos(rows), status, odd, rows.column("step"), strict=True,
         )  # fmt: skip
         for frame, time, src, dst, bus, kind, tid, info, code, bits, step in cells:
             broken = code > _UNCHECKED
@@ -134,6 +190,13 @@ class Listing:
                 note = f"{_INDENT}! {'; '.join(anomalies(bits & LISTED, step))}"
                 entry.append(palette.paint("note", self._cut(note)))
             yield entry
+
+    def _infos(self, rows: TransferRows) -> list[str]:
+        infos = _infos(rows)
+        if self._named is None:
+            return infos
+        named = rules_of(self._named, rows.column("frame"))
+        return [tag(rules) + info for rules, info in zip(named, infos, strict=True)]
 
     def _bus_texts(self, rows: TransferRows) -> Iterable[str]:
         if not self._bus:

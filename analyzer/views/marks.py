@@ -1,4 +1,4 @@
-"""Entries between the transfers of a list: error frames, frames that the recorder lost, gaps of the recording."""
+"""Entries between the transfers of a list: frames that form none, error frames, and what the recorder lost."""
 
 from __future__ import annotations
 
@@ -12,50 +12,72 @@ from analyzer.tables import EVENTS, raw_times
 from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
+    from analyzer.window.listed import Picked
+    from analyzer.window.numbering import Numbering
+    from dissectors.kit import Array
 
 _ERROR_FRAME, _DROP, _GAP = (EVENTS.index(name) for name in ("error frame", "drop", "gap"))
 _SHOWN = (_ERROR_FRAME, _DROP, _GAP)
 
 
 class ListMark(NamedTuple):
-    """An event; `before` is the number of the frame that it stands before, from 1, and `bus` an index or None."""
+    """An event, or a frame without a transfer.
+
+    `before` is the place of the frame that it stands before, or its own, from 0; `bus` an index or None. `number` is
+    what it is shown with, None for what has none. `src`, `dst` and `transfer_id` are those of a frame that names them.
+    """
 
     before: int
     t: int | None
     bus: int | None
     kind: str
     text: str
+    number: int | None = None
+    src: str = ""
+    dst: str = ""
+    transfer_id: int | None = None
+    sign: str = "!"
 
 
 class Marks:
-    """The events of one batch after another, in the order of the capture."""
+    """The entries of one batch after another, in the order of the capture.
 
-    def __init__(self) -> None:
+    Args:
+        numbering: tells whether error frames have numbers.
+    """
+
+    def __init__(self, numbering: Numbering) -> None:
+        self._numbering = numbering
         self._waiting: deque[ListMark] = deque()
 
-    def feed(self, batch: Batch) -> None:
-        """Take the next batch."""
+    def feed(self, batch: Batch, picked: Picked, loose: Iterable[ListMark] = ()) -> None:
+        """Take the picked events of the next batch, and its frames without a transfer."""
+        self._waiting.extend(sorted([*self._events(batch, picked.events), *loose], key=lambda mark: mark.before))
+
+    def due(self, place: int | None) -> Iterator[ListMark]:
+        """Return those that stand before a frame; all of them for None."""
+        while self._waiting and (place is None or self._waiting[0].before <= place):
+            yield self._waiting.popleft()
+
+    def _events(self, batch: Batch, picked: Array) -> Iterator[ListMark]:
         events = batch.events
-        kinds = numbers(events.column("kind")) if len(events) else np.zeros(0, np.uint8)
-        rows = np.flatnonzero(np.isin(kinds, _SHOWN))
-        if not rows.size:
+        if not len(picked):
             return
+        kinds = numbers(events.column("kind"))
+        numbered = iter(self._numbering.of_errors(batch.first_frame, batch.frames, events).tolist())
+        number = [next(numbered, None) if kind == _ERROR_FRAME else None for kind in kinds.tolist()]
+        rows = np.asarray(picked)[np.isin(kinds[picked], _SHOWN)]
         before = np.searchsorted(numbers(batch.frames.column("line")), numbers(events.column("line"))[rows])
         times, has_bus, bus = raw_times(events.column("t")), valid(events.column("bus")), numbers(events.column("bus"))
         for row, frame in zip(rows.tolist(), before.tolist(), strict=True):
             where = int(bus[row]) if has_bus[row] else None
-            kind = EVENTS[kinds[row]]
-            self._waiting.append(ListMark(batch.first_frame + frame + 1, times[row], where, kind, _text(events, row)))
-
-    def due(self, frame: int | None) -> Iterator[ListMark]:
-        """Return those that stand before a frame; all of them for None."""
-        while self._waiting and (frame is None or self._waiting[0].before <= frame):
-            yield self._waiting.popleft()
+            text, place = _text(events, row), batch.first_frame + frame
+            yield ListMark(place, times[row], where, EVENTS[kinds[row]], text, number[row])
 
 
 def _text(events: pa.RecordBatch, row: int) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from analyzer.tables import KINDS, STATUSES
 from analyzer.views.jsonable import field_objects
+from analyzer.views.named import rules_of
 from analyzer.views.rows import TransferRows
 from dissectors.kit.cells import pylist
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.decode.engine import Batch
+    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.window.listed import Picked
     from dissectors import Registry
     from dissectors.kit import Array
 
@@ -26,16 +29,19 @@ KEYS = (
     "frame", "frames", "t_ns", "bus", "kind", "type", "type_id", "src", "dst", "priority", "transfer_id", "status",
     "crc_wire", "crc_here", "payload", "fields", "packets",
 )  # fmt: skip
+FINDINGS = "findings"
 _DECODED = (STATUSES.index("ok"), STATUSES.index("bad crc"))
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
-def records(batch: Batch, registry: Registry, picked: Array | None = None) -> Iterator[dict[str, Any]]:
+def records(
+    batch: Batch, registry: Registry, picked: Array | None = None, named: NamedFrames | None = None
+) -> Iterator[dict[str, Any]]:
     """Give a record for each picked transfer (all if not given), with the keys of `KEYS` in that order.
 
     `frames` are numbers from 1. What is absent is None: the time of a capture without times, the destination of a
     broadcast, the type of an unknown ID, the fields of a transfer that is broken. `packets` is None for types that
-    carry none.
+    carry none. With `named` there is a last key `findings`: the rules that name one of the frames.
     """
     rows = TransferRows(batch, registry, picked)
     fields, packets = _fields(rows), _packets(rows)
@@ -54,8 +60,11 @@ def records(batch: Batch, registry: Registry, picked: Array | None = None) -> It
         "fields": fields,
         "packets": packets,
     }
-    for values in zip(*(columns[key] for key in KEYS), strict=True):
-        yield dict(zip(KEYS, values, strict=True))
+    keys = KEYS if named is None else (*KEYS, FINDINGS)
+    if named is not None:
+        columns[FINDINGS] = rules_of(named, rows.column("frame"))
+    for values in zip(*(columns[key] for key in keys), strict=True):
+        yield dict(zip(keys, values, strict=True))
 
 
 def _fields(rows: TransferRows) -> list[dict[str, Any] | None]:
@@ -89,16 +98,16 @@ def _packets(rows: TransferRows) -> list[list[dict[str, Any]] | None]:
 class JsonLines:
     """One JSON object a line."""
 
-    def __init__(self, registry: Registry) -> None:
-        self._registry = registry
+    def __init__(self, registry: Registry, named: NamedFrames | None = None) -> None:
+        self._registry, self._named = registry, named
 
     def begin(self) -> str:
         """Write nothing: nothing stands before the first line."""
         return ""
 
-    def rows(self, batch: Batch, picked: Array | None = None) -> Iterator[str]:
-        """Write a line for each picked transfer."""
-        for record in records(batch, self._registry, picked):
+    def rows(self, batch: Batch, picked: Picked | None = None) -> Iterator[str]:
+        """Write a line for each picked transfer (all if not given)."""
+        for record in records(batch, self._registry, picked and picked.transfers, self._named):
             yield text_of(record) + "\n"
 
     def end(self) -> str:
@@ -109,17 +118,17 @@ class JsonLines:
 class JsonArray:
     """One JSON array over the whole capture, valid also when it is empty."""
 
-    def __init__(self, registry: Registry) -> None:
-        self._registry = registry
+    def __init__(self, registry: Registry, named: NamedFrames | None = None) -> None:
+        self._registry, self._named = registry, named
         self._before = "\n"
 
     def begin(self) -> str:
         """Write the bracket that opens the array."""
         return "["
 
-    def rows(self, batch: Batch, picked: Array | None = None) -> Iterator[str]:
-        """Write an element for each picked transfer."""
-        for record in records(batch, self._registry, picked):
+    def rows(self, batch: Batch, picked: Picked | None = None) -> Iterator[str]:
+        """Write an element for each picked transfer (all if not given)."""
+        for record in records(batch, self._registry, picked and picked.transfers, self._named):
             yield self._before + text_of(record)
             self._before = ",\n"
 
@@ -134,22 +143,24 @@ class Csv:
     Text that a spreadsheet would take for a formula gets an apostrophe in front.
     """
 
-    def __init__(self, registry: Registry) -> None:
-        self._registry = registry
+    def __init__(self, registry: Registry, named: NamedFrames | None = None) -> None:
+        self._registry, self._named = registry, named
 
     def begin(self) -> str:
         """Write the header."""
-        return ",".join(KEYS) + "\r\n"
+        return ",".join(KEYS if self._named is None else (*KEYS, FINDINGS)) + "\r\n"
 
-    def rows(self, batch: Batch, picked: Array | None = None) -> Iterator[str]:
-        """Write a line for each picked transfer."""
+    def rows(self, batch: Batch, picked: Picked | None = None) -> Iterator[str]:
+        """Write a line for each picked transfer (all if not given)."""
         out = io.StringIO()
         writer = csv.writer(out)
-        for record in records(batch, self._registry, picked):
+        for record in records(batch, self._registry, picked and picked.transfers, self._named):
             record["frames"] = " ".join(map(str, record["frames"]))
+            if FINDINGS in record:
+                record[FINDINGS] = " ".join(record[FINDINGS])
             for key in ("fields", "packets"):
                 record[key] = None if record[key] is None else text_of(record[key])
-            writer.writerow([_harmless(value) for value in record.values()])
+            writer.writerow([harmless(value) for value in record.values()])
             yield out.getvalue()
             out.seek(0)
             out.truncate()
@@ -164,5 +175,6 @@ def text_of(value: Any) -> str:
     return json.dumps(value, separators=(",", ":"), allow_nan=False)
 
 
-def _harmless(value: Any) -> Any:
+def harmless(value: Any) -> Any:
+    """Return a cell of a CSV file; a text that a spreadsheet would take for a formula gets an apostrophe in front."""
     return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value

@@ -132,7 +132,7 @@ class TransferRows:
 
     def _inside(self, message: Message, registry: Registry) -> list[MessagePart]:
         """Give packets of the message's own kinds, then those that belong in another message, then unclaimed bytes."""
-        families = [m.packets for m in (message, *registry.carriers()) if m.packets is not None]
+        families = [one for one in (message.packets, *registry.families()) if one is not None]
         kinds = {packet.name: packet for family in reversed(families) for packet in family.packets}
         parts = [self._part(f"{message.table}.{name}", packet) for name, packet in kinds.items()]
         parts.append(self._part(f"{message.table}.{UNRECOGNIZED}", None))

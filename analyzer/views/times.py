@@ -87,6 +87,10 @@ class TimeFormat:
             return self.seconds(t - (self.zero or 0), signed=self.signed)
         return self.seconds(t)
 
+    def between(self, t: Time) -> str:
+        """Write the time of what stands between the rows: nothing in a delta mode, whose deltas are those of rows."""
+        return "" if self.mode in ("d", "dd") else self.text(t)
+
     def seconds(self, ns: int, *, signed: bool = False) -> str:
         """Write nanoseconds as decimal seconds, cut (never rounded up into the future) to the decimals in use."""
         second, rest = divmod(abs(ns), SECOND)

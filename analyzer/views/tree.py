@@ -9,18 +9,21 @@ from analyzer.facts.names import type_name
 from analyzer.tables import KINDS, STATUSES
 from analyzer.views.branches import Branch, branches, word_bits
 from analyzer.views.members import cells
+from analyzer.views.named import rules_of
 from analyzer.views.phrases import octets
 from analyzer.views.places import USUAL, FieldPlace, places, span
 from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import PLAIN, Palette, escape
 from analyzer.views.times import MODES, TimeFormat
 from analyzer.views.wording import anomalies
+from analyzer.window.numbering import Numbering
 from dissectors.schema import Packet
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
     from analyzer.decode.engine import Batch
+    from analyzer.rules.named_frames import NamedFrames
     from analyzer.views.rows import MessagePart
     from dissectors import Registry
     from dissectors.kit import Array
@@ -41,15 +44,25 @@ class Tree:
         palette: colours for a terminal.
         only: tables (`ESCStatus`, `uavcan.protocol.GetNodeInfo.Response`) to show in full; all if empty. Of other
             types only the first line is shown, as tshark's `-O` does.
+        numbering: of frames; those of the capture if not given.
+        named: the rules that name frames.
     """
 
     def __init__(
-        self, registry: Registry, clock: TimeFormat, palette: Palette = PLAIN, only: Collection[str] = ()
+        self,
+        registry: Registry,
+        clock: TimeFormat,
+        palette: Palette = PLAIN,
+        only: Collection[str] = (),
+        numbering: Numbering | None = None,
+        named: NamedFrames | None = None,
     ) -> None:
         self._registry = registry
         self._clock = clock
         self._palette = palette
         self._only = frozenset(only)
+        self._numbering = numbering or Numbering()
+        self._named = named
 
     def details(self, batch: Batch, picked: Array | None = None) -> Iterator[list[str]]:
         """Give the lines of each picked transfer (all if not given), in order."""
@@ -57,9 +70,11 @@ class Tree:
         rows = TransferRows(batch, self._registry, picked)
         typed = {at: (part, k) for part in rows.typed for k, at in enumerate(part.at)}
         inner = rows.inner()
-        values = _Values()
+        values, named = _Values(), rules_of(self._named, rows.column("frame"))
         for at in range(len(rows)):
             lines = [self._palette.paint("head", self._title(rows, at))]
+            if named[at]:
+                lines.append(self._palette.paint("note", f"{_STEP}findings: {', '.join(named[at])}"))
             message = rows.messages[at]
             if not self._only or (message is not None and message.table in self._only):
                 lines += _indented(_identifier(rows, at))
@@ -71,7 +86,9 @@ class Tree:
         message, frames = rows.messages[at], rows.column("frame")[at]
         name = type_name(message, rows.column("kind")[at], rows.column("type_id")[at])
         bus = escape(rows.batch.buses[rows.column("bus")[at]])
-        numbers = ", ".join(str(frame + 1) for frame in frames[:8]) + (", ..." if len(frames) > 8 else "")
+        numbers = ", ".join(str(self._numbering.of(frame)) for frame in frames[:8]) + (
+            ", ..." if len(frames) > 8 else ""
+        )
         return f"{name} on {bus}, frame{'s' * (len(frames) != 1)} {numbers} ({len(frames)})"
 
     def _transfer(self, rows: TransferRows, at: int) -> Iterator[str]:

@@ -16,12 +16,15 @@ from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import PLAIN, Palette
 from analyzer.views.times import TimeFormat
 from analyzer.views.tree import Tree
+from analyzer.window.numbering import Numbering
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analyzer.decode.engine import Batch
+    from analyzer.rules.named_frames import NamedFrames
     from analyzer.views.formats import Writer
+    from analyzer.window.listed import Picked
     from dissectors import Registry
     from dissectors.kit import Array
 
@@ -31,7 +34,9 @@ class WriterOptions:
     """A view as somebody asks for it.
 
     `form` is text, fields, json, jsonl or csv. Of a text: `time` is the form of times as tshark has it, `signed` says
-    that some are before zero, `only` names the types that are shown in detail, `dumps` asks for the bytes.
+    that some are before zero, `only` names the types that are shown in detail, `dumps` asks for the bytes, `foreign`
+    for every frame that is not DroneCAN. `frame_list` asks for frames instead of transfers, `follow` for each at once,
+    `count` for so many of them. `wireshark` numbers frames as Wireshark does.
     """
 
     form: str = "text"
@@ -43,74 +48,131 @@ class WriterOptions:
     dumps: bool = False
     signed: bool = False
     colour: bool = False
+    foreign: bool = False
+    frame_list: bool = False
+    follow: bool = False
+    count: int | None = None
+    wireshark: bool = False
 
 
 class Text:
     """The list, the details and the bytes of each transfer, as far as they are asked for."""
 
-    def __init__(self, options: WriterOptions, registry: Registry, clock: TimeFormat) -> None:
+    def __init__(
+        self,
+        options: WriterOptions,
+        registry: Registry,
+        clock: TimeFormat,
+        numbering: Numbering,
+        named: NamedFrames | None = None,
+    ) -> None:
         self._details, self._bytes = options.details or options.only is not None, options.dumps
         self._summary = options.summary or not self._details
         self._palette = Palette(True) if options.colour else PLAIN
-        width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
         only = [registry.resolve(name).table for name in options.only or ()]
-        self._registry = registry
-        self._listing = Listing(registry, clock, self._palette, width)
-        self._tree = Tree(registry, clock, self._palette, only)
-        self._frames = FrameWindow()
+        self._registry, self._numbering, self._frames = registry, numbering, FrameWindow()
+        self._listing = Listing(
+            registry,
+            clock,
+            self._palette,
+            _width(),
+            frames=self._frames,
+            numbering=numbering,
+            foreign=options.foreign,
+            named=named,
+        )
+        self._tree = Tree(registry, clock, self._palette, only, numbering, named)
 
     def begin(self) -> str:
         """Nothing: the header comes with the first transfer, which settles its widths."""
         return ""
 
-    def rows(self, batch: Batch, picked: Array) -> Iterator[str]:
-        """Give the lines of each transfer together, in a list also of error frames and losses among them."""
+    def rows(self, batch: Batch, picked: Picked) -> Iterator[str]:
+        """Give the lines of each transfer together, before them those of what happened until it began."""
         self._frames.feed(batch)
+        self._listing.feed(batch, picked)
         parts: list[Iterator[list[str]]] = []
         if self._summary:
-            parts.append(self._listing.entries(batch, picked))
+            parts.append(self._listing.entries())
         if self._details:
-            parts.append(self._tree.details(batch, picked))
+            parts.append(self._tree.details(batch, picked.transfers))
         if self._bytes:
-            parts.append(self._dumps(batch, picked))
-        for entry in zip(*parts, strict=True):
-            yield "".join(f"{line}\n" for lines in entry for line in lines)
-        if self._summary and (rest := self._listing.rest()):
+            parts.append(self._dumps(batch, picked.transfers))
+        for place, *entry in zip(self._listing.places(), *parts, strict=True):
+            between = self._listing.between(place, titled=self._summary)
+            yield "".join(f"{line}\n" for lines in (between, *entry) for line in lines)
+        if rest := self._listing.between(None, titled=self._summary):
             yield "".join(f"{line}\n" for line in rest)
 
     def end(self) -> str:
-        """Nothing."""
-        return ""
+        """Give the sums of foreign frames."""
+        return "".join(f"{line}\n" for line in self._listing.end(titled=self._summary))
 
     def _dumps(self, batch: Batch, picked: Array) -> Iterator[list[str]]:
         rows = TransferRows(batch, self._registry, picked)
         for frames, whole, bare in zip(rows.column("frame"), rows.column("payload"), rows.unpadded(), strict=True):
-            yield list(hexdump(frames, self._frames, len(whole) - len(bare), self._palette))
+            yield list(hexdump(frames, self._frames, len(whole) - len(bare), self._palette, self._numbering))
 
 
 class FieldLines:
     """Chosen fields, and the frames that some of them have to look at."""
 
-    def __init__(self, names: Sequence[str], registry: Registry, zero: int | None) -> None:
+    def __init__(self, names: Sequence[str], registry: Registry, zero: int | None, numbering: Numbering) -> None:
         self._frames = FrameWindow()
-        self._fields = Fields(registry, names, self._frames, zero)
+        self._fields = Fields(registry, names, self._frames, zero, numbering=numbering)
         self.begin, self.end = self._fields.begin, self._fields.end
 
-    def rows(self, batch: Batch, picked: Array) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: Picked) -> Iterator[str]:
         """Give a line for each picked transfer."""
         self._frames.feed(batch)
         return self._fields.rows(batch, picked)
 
 
-def writer(options: WriterOptions, registry: Registry, zero: int | None) -> Writer:
+def writer(
+    options: WriterOptions,
+    registry: Registry,
+    zero: int | None,
+    numbering: Numbering | None = None,
+    named: NamedFrames | None = None,
+) -> Writer:
     """Return the view that is asked for; `zero` is the time that counts as 0.
 
-    Raises `LookupError` for unknown names.
+    `numbering` has to know the frames of a batch before the view is given it. Rows are marked with the rules that are
+    `named`.
+
+    Raises `LookupError` for unknown names, `ValueError` for a form that does not mark rows.
     """
+    numbering = numbering or Numbering()
+    if options.frame_list:
+        return _frame_list(options, registry, zero, numbering, named)
     if options.form in BY_NAME:
-        return BY_NAME[options.form].writer(registry)
+        return BY_NAME[options.form].writer(registry, named)
     if options.form == "fields":
-        return FieldLines(options.fields, registry, zero)
+        if named is not None:
+            raise ValueError("-T fields does not mark rows with --findings")
+        return FieldLines(options.fields, registry, zero, numbering)
+    return Text(options, registry, _clock(options, zero), numbering, named)
+
+
+def _frame_list(
+    options: WriterOptions, registry: Registry, zero: int | None, numbering: Numbering, named: NamedFrames | None
+) -> Writer:
+    from analyzer.views.frame_list import FrameFields, FrameRecords, FrameText  # noqa: PLC0415 - few lists are of frames
+    from analyzer.views.frame_rows import FrameRows  # noqa: PLC0415
+
+    rows = FrameRows(registry, numbering, wait=not options.follow, most=options.count, named=named)
+    if options.form == "fields":
+        return FrameFields(rows, options.fields, zero)
+    if options.form in BY_NAME:
+        return FrameRecords(rows, options.form)
+    return FrameText(rows, _clock(options, zero), Palette(True) if options.colour else PLAIN, _width())
+
+
+def _clock(options: WriterOptions, zero: int | None) -> TimeFormat:
     clock = TimeFormat(options.time, zero)
     clock.signed = options.signed
-    return Text(options, registry, clock)
+    return clock
+
+
+def _width() -> int | None:
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None

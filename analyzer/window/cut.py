@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa
 
 from analyzer.tables import EVENT_ROWS, FRAMES, wrap
-from analyzer.window.selection import NEVER, Selection, TransferSelection
+from analyzer.window.selection import NEVER, Selection
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
+    import pyarrow as pa
+
     from analyzer._native import FrameBatch
     from analyzer.decode.engine import Batch
     from analyzer.window.limits import Window
+    from analyzer.window.numbering import Numbering
     from dissectors.kit import Array
 
 
@@ -57,23 +59,12 @@ class FrameSelection(Selection[FrameTables]):
         return (numbers(batch.frames.column("t")),)
 
     def _pick(self, batch: FrameTables) -> tuple[FrameTables, Any, int | None]:
-        picked = rows_inside(batch, self.window, self._limits())
+        picked = rows_inside(batch, self.window, self._limits(), self.numbering)
         return batch, picked, self._zero()
 
 
-class ListSelection(TransferSelection):
-    """A window over decoded batches that holds their events to it, too."""
-
-    def _pick(self, batch: Batch) -> tuple[Batch, Any, int | None]:
-        batch, rows, zero = super()._pick(batch)
-        if self.window and len(batch.events):
-            _, events = rows_inside(batch, self.window, self._limits())
-            batch = replace(batch, events=batch.events.take(pa.array(events)))
-        return batch, rows, zero
-
-
 def rows_inside(
-    part: FrameTables | Batch, window: Window, limits: tuple[int | None, int | None]
+    part: FrameTables | Batch, window: Window, limits: tuple[int | None, int | None], numbering: Numbering
 ) -> tuple[Array, Array]:
     """Return the rows (u32) of frames and of events that are inside a window with these limits of time."""
     times, lines = numbers(part.frames.column("t")), numbers(part.frames.column("line"))
@@ -90,7 +81,7 @@ def rows_inside(
         if high is not None:
             keep &= (t <= high) & (t != NEVER)
         if window.frames is not None:
-            counted = numbers_ + part.first_frame + 1
+            counted = numbering.of_all(numbers_ + part.first_frame)
             keep &= (counted >= window.frames[0]) & (counted <= window.frames[1])
         wanted.append(np.flatnonzero(keep).astype(np.uint32))
     return wanted[0], wanted[1]

@@ -42,7 +42,7 @@ class TableSelection(TransferSelection):
     def parts(self, batches: Iterable[Batch]) -> Iterator[BatchPart]:
         """Yield the batches, cut to the window."""
         for batch, rows, _ in self.apply(batches):
-            frames, events = rows_inside(batch, self.window, self._limits())
+            frames, events = rows_inside(batch, self.window, self._limits(), self.numbering)
             transfers = np.sort(rows)
             yield BatchPart(
                 frames=_take_rows(batch.frames, frames),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 import numpy as np
 
 from analyzer.window.limits import Moment
+from analyzer.window.numbering import Numbering
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
@@ -27,11 +28,15 @@ MOST_WAITING = 1 << 20
 
 
 class HasFrames(Protocol):
-    """Something that holds rows of the frames table."""
+    """Something that holds rows of the frames table, and the events between them."""
 
     @property
     def frames(self) -> pa.RecordBatch:
         """The frames, with their times in column `t`."""
+
+    @property
+    def events(self) -> pa.RecordBatch:
+        """Error frames, losses and the like, with the line that each stands in."""
 
     @property
     def first_frame(self) -> int:
@@ -48,17 +53,25 @@ class Selection(ABC, Generic[F]):
         window: the limits.
         again: gives the batches once more, or None where that is impossible. Needed when more is wanted from before a
             point that is found late (the end, a frame) than `MOST_WAITING` frames.
+        numbering: what a number of a frame means; it is told of every batch.
 
     `problem` says afterwards why the window does not fit the capture, None if it does.
     """
 
-    def __init__(self, window: Window, again: Callable[[], Iterable[F] | None] = lambda: None) -> None:
+    def __init__(
+        self,
+        window: Window,
+        again: Callable[[], Iterable[F] | None] = lambda: None,
+        numbering: Numbering | None = None,
+    ) -> None:
         self.window = window
+        self.numbering = numbering or Numbering()
         self.problem: str | None = None
         self._again = again
         self._first: int | None = None
         self._latest: int | None = None
         self._anchor: int | None = None
+        self._met = False  # the frame that is wanted
         self._frames = 0
         self._waiting: deque[tuple[F, int]] = deque()
         self._held = 0
@@ -99,6 +112,7 @@ class Selection(ABC, Generic[F]):
                 self._first = int(times[0])
             self._latest = newest if self._latest is None else max(self._latest, newest)
         self._frames = batch.first_frame + len(batch.frames)
+        self.numbering.feed(batch.first_frame, batch.frames, batch.events)
         self._find_anchor(batch)
         return newest
 
@@ -118,14 +132,16 @@ class Selection(ABC, Generic[F]):
 
     def _find_anchor(self, batch: F) -> None:
         around = self.window.around
-        if around is None or self._anchor is not None or self._first is None:
+        if around is None or self._anchor is not None or self._met or self._first is None:
             return
         if isinstance(around, Moment):
             moment = around.at(self._first)
             if around.fits(self._first) and self._latest is not None and self._latest >= moment:
                 self._anchor = moment
-        elif batch.first_frame <= around - 1 < self._frames:
-            self._anchor = batch.frames.column("t").cast("int64")[around - 1 - batch.first_frame].as_py()
+        elif len(batch.frames) and around <= self.numbering.of(self._frames - 1):
+            row = int(np.searchsorted(self.numbering.of_all(np.arange(batch.first_frame, self._frames)), around))
+            self._anchor = batch.frames.column("t").cast("int64")[row].as_py()
+            self._met = True
 
     def _hold(self, batch: F, newest: int) -> None:
         """Keep a batch until it is known whether it is wanted; one that is too old stays as the past of the next."""
@@ -163,10 +179,11 @@ class Selection(ABC, Generic[F]):
             self._anchor = window.around.at(self._first)
         elif window.around is not None and self._anchor is None:
             wanted = 1 if isinstance(window.around, Moment) else window.around
+            last = self.numbering.of(self._frames - 1)
             self.problem = (
                 f"frame {wanted} has no time: --around cannot tell what is near"
-                if wanted <= self._frames
-                else f"no frame {wanted}: the capture has {self._frames}"
+                if wanted <= last
+                else f"no frame {wanted}: the capture has {last}"
             )
 
     def _zero(self) -> int | None:
@@ -214,6 +231,7 @@ class TransferSelection(Selection["Batch"]):
         if high is not None:
             keep &= (t <= high) & (t != NEVER)
         if window.frames is not None:
-            keep &= (last + 1 >= window.frames[0]) & (first + 1 <= window.frames[1])
+            number = self.numbering.of_all
+            keep &= (number(last) >= window.frames[0]) & (number(first) <= window.frames[1])
         rows = np.flatnonzero(keep)
         return batch, rows[np.argsort(first[rows], kind="stable")], zero

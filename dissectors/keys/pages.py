@@ -64,6 +64,8 @@ PAGE = Keys("LAYER-NUMBER", 'One rule, as in `["TYP-208"]`. Layers: CAN, TRF, TY
     Key("also", "texts", "Rules that may fire for the same cause.", '["TYP-302"]'),
     Key("explained", "texts", "Rules whose findings of the same node explain these, which are notes then.",
         '["TRF-010"]'),
+    Key("event", "flag", "What it finds is no breach but something that devices did: it stands among the events of a "
+        "report. Findings of the same node that it explains (`explained`) from then on are left out.", "true", "false"),
     Key("drops", "flag", "Breaches are notes where the recorder lost frames, which may be why.", "true", "false"),
     Key("fault", "flag", "One act of a sender or recorder can bring it about, so `simulate` has a fault of this name.",
         "true", "false"),

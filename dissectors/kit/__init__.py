@@ -20,6 +20,7 @@ from dissectors.kit.paces import Break, PacedReports
 from dissectors.kit.pauses import Pauses
 from dissectors.kit.rows import NODES, breach, frames_of, rows_by_bus, sender, sound, usable
 from dissectors.kit.rule import Feed, PageKeys, Rule, rule
+from dissectors.kit.running import RunningTime
 from dissectors.kit.series import Latest, Previous, set_back
 from dissectors.kit.starts import Starts
 from dissectors.kit.tables import DecodedTable, EventTable, FrameTable, TransferTable
@@ -29,7 +30,7 @@ from dissectors.times import MICROSECOND, MILLISECOND, NO_TIME, SECOND
 __all__ = [
     "MICROSECOND", "MILLISECOND", "NODES", "NO_TIME", "SECOND", "Array", "Break", "Conformance", "DecodedTable",
     "EventTable", "Exercise", "Feed", "FrameTable", "JointLoss", "Kept", "Latest", "Measures", "Occurrence",
-    "Occurrences", "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "Second", "Severity", "Starts",
-    "TransferTable", "Types", "Values", "View", "Worst", "breach", "frames_of", "rows_by_bus", "rule", "rules_of",
-    "sender", "set_back", "sound", "usable",
+    "Occurrences", "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "RunningTime", "Second", "Severity",
+    "Starts", "TransferTable", "Types", "Values", "View", "Worst", "breach", "frames_of", "rows_by_bus", "rule",
+    "rules_of", "sender", "set_back", "sound", "usable",
 ]  # fmt: skip

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 
 Values = Mapping[str, Any]
 Severity = Literal["error", "warning", "note"]
-Worst = Literal["lowest", "highest", "slowest", "strongest"]  # by size, whatever the sign: the last two
+# By size, whatever the sign: the last two; of a number, what is farthest from it.
+Worst = Literal["lowest", "highest", "slowest", "strongest"] | float
 
 
 @dataclass(frozen=True, slots=True)

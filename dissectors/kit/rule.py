@@ -54,6 +54,7 @@ class PageKeys(TypedDict, total=False):
     note: str
     also: list[str]
     explained: list[str]
+    event: bool
     drops: bool
     fault: bool
 

@@ -42,7 +42,8 @@ class Second(NamedTuple):
 class JointLoss(NamedTuple):
     """A place at which a sender lacks frames while others do, too: the recorder lost them.
 
-    They were sent between two times, and between the frames of these two numbers; `senders` lack some then.
+    They were sent between two times, and between the frames of these two numbers; `senders` lack some then. What is
+    within `reach` of that, in ns, has the same cause: more than nothing where little is sent.
     """
 
     bus: int
@@ -50,6 +51,7 @@ class JointLoss(NamedTuple):
     until: int
     frames: tuple[int, int]
     senders: int
+    reach: int = 0
 
 
 class View(Protocol):

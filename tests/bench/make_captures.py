@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from kit import CAPTURES, encode, vendors
 from kit.encode import Frame
 from kit.flight import AUTOPILOT, ESCS, MS, SECOND, START, Row, Sender, Sent, hover, node_status, parameters
-from kit.simulated import FLIGHTS, fly
+from kit.simulated import FLIGHTS, make_sample
 
 FOLDER = CAPTURES
 
@@ -323,7 +323,7 @@ def main() -> int:
             path.write_bytes(text)
     with tempfile.TemporaryDirectory() as folder:
         for name in FLIGHTS:
-            fly(name, Path(folder))
+            make_sample(name, Path(folder))
         for made in sorted(Path(folder).iterdir()):
             path = FOLDER / made.name
             if check and not (path.exists() and path.read_bytes() == made.read_bytes()):

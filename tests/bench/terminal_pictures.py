@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from witness.flights import registry
+from kit.judged import registry
 
 from analyzer.board.board import Board
 from analyzer.board.snapshot import RecordingState
@@ -24,7 +24,8 @@ from analyzer.terminal.app import Monitor
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from kit.judged import judge
-from kit.monitor import Script, batches, capture, flown, trouble
+from kit.monitor import Script, batches, capture, trouble
+from kit.simulated import faulted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,14 +60,14 @@ def session(text: bytes, *, problem: str = "", lost: int = 0, after: int = 10 * 
 
 SCENES: dict[str, tuple[Callable[[], Snapshot], tuple[str, ...]]] = {
     "four": (lambda: session(capture("hover-4.log")), ()),
-    "eight-faults": (lambda: session(flown(*FAULTS, escs=8)), ()),
-    "twenty": (lambda: session(flown(escs=20, seconds=3.0)), ()),
+    "eight-faults": (lambda: session(faulted(*FAULTS, escs=8).text.encode()), ()),
+    "twenty": (lambda: session(faulted(escs=20, seconds=3.0).text.encode()), ()),
     "bus-break": (lambda: session(capture("bus-break.log"), lost=17), ("l",)),
     "silent": (lambda: session(capture("command-loss.log"), after=12_000 * MS, problem="no space left"), ()),
     "nothing": (lambda: Board(registry(), {"can0": None}).snapshot(1_773_475_330_000 * MS), ()),
-    "max-sorted": (lambda: session(flown(*FAULTS, escs=8)), ("x", "x", "s", "s", "S")),
-    "nodes": (lambda: session(flown(*FAULTS, escs=8)), ("n", "space")),
-    "units": (lambda: session(flown(*FAULTS, escs=8)), ("e",)),
+    "max-sorted": (lambda: session(faulted(*FAULTS, escs=8).text.encode()), ("x", "x", "s", "s", "S")),
+    "nodes": (lambda: session(faulted(*FAULTS, escs=8).text.encode()), ("n", "space")),
+    "units": (lambda: session(faulted(*FAULTS, escs=8).text.encode()), ("e",)),
     "help": (lambda: session(capture("hover-4.log")), ("question_mark",)),
 }
 

@@ -7,7 +7,8 @@ from collections import Counter
 import pytest
 from kit import encode
 from kit.command import START
-from kit.monitor import batches, board_of, capture, registry, shown, status, text_of, trouble
+from kit.judged import registry
+from kit.monitor import batches, board_of, capture, shown, status, text_of, trouble
 
 from analyzer.board.board import Board
 from analyzer.rules.load import bit_times

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from kit import encode
 from kit.command import START
-from kit.monitor import batches, board_of, capture, esc, flown, named, registry, shown, text_of
+from kit.judged import registry
+from kit.monitor import batches, board_of, capture, esc, named, shown, text_of
+from kit.simulated import faulted
 
 from analyzer.board.board import Board
 from analyzer.board.sheet import MOST_DEVICES
@@ -241,4 +243,4 @@ def test_names_are_kept_as_they_came() -> None:
 
 
 def test_twenty_devices_each_have_a_row() -> None:
-    assert len(table(shown(flown(escs=20, seconds=1.5))).rows) == 20
+    assert len(table(shown(faulted(escs=20, seconds=1.5).text.encode())).rows) == 20

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, get_args
 
 import pytest
 from kit.command import START
-from kit.judged import judge
-from kit.monitor import board_of, capture, registry, status, text_of, trouble
+from kit.judged import judge, registry
+from kit.monitor import board_of, capture, status, text_of, trouble
 
 from analyzer.board.board import Board
 from analyzer.board.findings import MOST_FINDINGS

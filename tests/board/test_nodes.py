@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 from kit import encode
 from kit.command import START
-from kit.monitor import batches, board_of, capture, named, registry, shown, status, text_of
+from kit.judged import registry
+from kit.monitor import batches, board_of, capture, named, shown, status, text_of
 
 from analyzer.board.board import Board
 from analyzer.board.nodes import MOST_NODES

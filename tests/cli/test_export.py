@@ -10,7 +10,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from kit.command import CAPTURES, HOVER, run
-from kit.exported import as_csv, csv_cell, expected, names_of, plain, read, read_csv, same
+from kit.exported import as_csv, csv_cell, expected, names_of, plain, read_csv, read_table, same
 
 import analyzer
 from analyzer.tables import VERDICTS
@@ -37,7 +37,7 @@ def test_every_table_has_the_values_of_the_api(command: Main, tmp_path: Path, ca
     assert out == ""
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(f"{name}.{form}" for name in names)
     for name in names:
-        table = read(tmp_path / "out" / f"{name}.{form}")
+        table = read_table(tmp_path / "out" / f"{name}.{form}")
         table.validate(full=True)
         assert same(plain(table), expected(opened, name)), name
     assert f"-- {len(names)} tables with " in err
@@ -62,7 +62,7 @@ def test_units_enumerations_and_clauses_are_kept(command: Main, tmp_path: Path) 
     command("export", HOVER, "-o", tmp_path / "p")
     command("export", HOVER, "-o", tmp_path / "a", "-F", "arrow")
     for path in (tmp_path / "p/ESCStatus.parquet", tmp_path / "a/ESCStatus.arrow"):
-        table = read(path)
+        table = read_table(path)
         schema, about = table.schema, table.schema.metadata
         assert schema.field("voltage").metadata[b"unit"] == b"V"
         assert schema.field("voltage").metadata[b"clause"] == b"4.4.3 no 5-6"
@@ -150,7 +150,7 @@ def test_many_batches_make_the_same_tables(
         if form == "csv":
             assert other.read_bytes() == path.read_bytes()
         else:
-            assert same(plain(read(other)), plain(read(path))), path.name
+            assert same(plain(read_table(other)), plain(read_table(path))), path.name
     if form == "parquet":
         assert pq.ParquetFile(tmp_path / "many/frames.parquet").num_row_groups > 10
 

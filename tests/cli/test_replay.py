@@ -12,7 +12,7 @@ import can
 import pytest
 from cli.test_progress import Terminal
 from kit.command import HOVER, LIMIT
-from kit.libraries import WRITERS, written
+from kit.libraries import WRITERS, library_file
 from kit.live import Arrival, got
 from kit.rows import EXTENDED, FD, REMOTE, Fault, Frame, records, text
 from kit.waiting import SECOND, START, Clock, frames, log, replays_wait_by, standard_input
@@ -72,7 +72,7 @@ def test_captures_of_every_format(command: Command, receiver: can.BusABC, suffix
     found = [f for f in records(text(HOVER.read_bytes())) if isinstance(f, Frame)][:300]
     name = f"x{suffix}"
     if suffix in WRITERS:
-        Path(name).write_bytes(written(suffix, found))
+        Path(name).write_bytes(library_file(suffix, found))
     else:
         assert command("convert", log("x.log", found), name)[0] == 0
     assert command("replay", name, "virtual:here")[0] == 0

@@ -29,7 +29,7 @@ def test_a_node_is_read_big_endian_behind_its_third_proof(decode: Callable[..., 
     for _ in range(6):
         for node in (10, 11):
             traffic.status(node)
-            traffic.motor(node, big=node == 11)
+            traffic.motor(node, big=node == 11, current=-120)
     feedback = encode.packet("PUSHCAN.FocFeedback", 6, UNIT, report_rate=50, hardware_version=b"V1", led=0x0123)
     for node in (10, 11):
         traffic.push(node, turned("PUSHCAN.FocFeedback", feedback) if node == 11 else feedback)

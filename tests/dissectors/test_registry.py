@@ -65,6 +65,18 @@ def test_carriers_are_the_messages_with_packets(known: registry.Registry) -> Non
     assert [message.name for message in known.carriers()] == ["PUSHSCI", "PUSHCAN"]
 
 
+def test_each_table_has_one_definition(known: registry.Registry) -> None:
+    packet = known.packets["PUSHCAN.MotorStatus"]
+    assert known.definition("PUSHCAN.MotorStatus") is packet
+    assert known.message_of("PUSHCAN.MotorStatus") is None
+    assert known.definition("ESCStatus") is known.message_of("ESCStatus") is known.resolve("ESCStatus")
+    for name in ("escstatus", "esc.Status", "PUSHCAN.Nothing", ""):  # an exact name of a table, and no other
+        assert known.definition(name) is None
+    assert known.table_of("PUSHCAN.MotorStatus.rpm.part") == "PUSHCAN.MotorStatus"
+    assert known.table_of("uavcan.protocol.NodeStatus.mode") == "uavcan.protocol.NodeStatus"
+    assert known.table_of("ESCStatus") == known.table_of("Nothing.rpm") == ""
+
+
 @pytest.mark.parametrize(
     ("name", "table"),
     [

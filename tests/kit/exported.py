@@ -146,7 +146,7 @@ def same(left: Any, right: Any) -> bool:
     return type(left) is type(right) and left == right
 
 
-def read(path: Path) -> pa.Table:
+def read_table(path: Path) -> pa.Table:
     """A Parquet or Arrow file."""
     if path.suffix == ".parquet":
         return pq.read_table(path)

@@ -1,6 +1,6 @@
 """What the rules say of a capture, and whether the witness finds the same in its bytes.
 
-A capture is given as candump text; one of packets is made here, packet by packet.
+A capture is given as candump text.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from witness.proof import finder
+from witness import finder
 from witness.reader import Log
 
 import dissectors
@@ -16,11 +16,9 @@ from analyzer.decode.engine import Engine
 from analyzer.rules.catalogue import load, matching
 from analyzer.rules.judge import Judge, Outcome
 from analyzer.rules.settings import Settings
-from kit import encode
-from kit.traffic import log
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from analyzer.decode.engine import Batch
     from dissectors.registry import Registry
@@ -131,39 +129,3 @@ def _proofs(rule: str, text: str) -> list[set[int]]:
 def _meet(shown: list[set[int]], proofs: list[set[int]]) -> None:
     assert all(any(frames & proof for proof in proofs) for frames in shown)
     assert all(any(frames & proof for frames in shown) for proof in proofs)
-
-
-Sent = tuple[float, int, str, Any]  # time in ms, node, message, its fields or the packets of PUSHSCI and PUSHCAN
-
-
-def capture(sent: Iterable[Sent]) -> str:
-    """A capture with running transfer IDs and sequence numbers."""
-    ids: dict[tuple[int, str], int] = {}
-    transfers = []
-    for at, node, name, what in sent:
-        number = ids[node, name] = ids.get((node, name), -1) + 1
-        fields = {"data_sequence": number, "data": list(what)} if isinstance(what, bytes) else what
-        transfers.append((at, encode.transfer(name, fields, node, number)))
-    return log(*transfers)
-
-
-MOTOR = {"voltage": 4850, "speed": 3011, "current": 120, "temperature": 4100, "position": 1234, "pwm": 15_000}
-STATUS = {
-    "voltage": 48.5, "current": 1.2, "temperature": 41.0, "rpm": 3011, "esc_index": 0, "error_count": 4 << 12,
-    "power_rating_pct": 40,
-}  # fmt: skip
-
-
-def motor(count: int, unit: int = 0xA1, **values: int) -> bytes:
-    """A status packet."""
-    return encode.packet("PUSHCAN.MotorStatus", count, unit, **(MOTOR | values))
-
-
-def motors(*changed: dict[str, int], node: int = 10) -> str:
-    """Status packets, one each 20 ms, with changed values."""
-    return capture((20.0 * k, node, "PUSHCAN", motor(k, **values)) for k, values in enumerate(changed))
-
-
-def summed(data: bytes) -> bytes:
-    """The bytes with their sum behind them."""
-    return data + bytes([sum(data) & 0xFF])

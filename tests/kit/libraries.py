@@ -1,8 +1,10 @@
-"""Libraries of others as oracles: python-can's messages and files, and values that pydronecan makes and packs."""
+"""What programs of others write: python-can's messages and files, BLF as Vector has it, and pydronecan's values."""
 
 from __future__ import annotations
 
 import io
+import struct
+import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,11 +17,12 @@ from analyzer.decode.engine import Totals
 from analyzer.sources import Source
 from analyzer.sources.formats import FORMATS
 from kit.encode import Frame as SentFrame
-from kit.rows import BRS, ESI, EXTENDED, FD, REMOTE, TX, Fault, Record, records
+from kit.rows import BRS, ESI, EXTENDED, FD, REMOTE, RX, TX, Fault, Frame, Record, records
 
 if TYPE_CHECKING:
     import random
     from collections.abc import Iterable
+
 
 WRITERS: dict[str, Any] = {
     ".asc": can.ASCWriter,
@@ -76,7 +79,7 @@ class _Kept(io.BytesIO):
         super().close()
 
 
-def written(suffix: str, found: Iterable[Record], **how: Any) -> bytes:
+def library_file(suffix: str, found: Iterable[Record], **how: Any) -> bytes:
     """The bytes that python-can's writer makes of the frames."""
     file = _Kept()
     stream = io.TextIOWrapper(file, write_through=True) if suffix in TEXT else file
@@ -86,7 +89,7 @@ def written(suffix: str, found: Iterable[Record], **how: Any) -> bytes:
     return file.kept
 
 
-def read(suffix: str, data: bytes, size: int = 1 << 20) -> tuple[list[FrameBatch], Source]:
+def pieces_of(suffix: str, data: bytes, size: int = 1 << 20) -> tuple[list[FrameBatch], Source]:
     """The pieces of a capture that comes in chunks of this size; each record is accounted for."""
     source = Source(f"capture{suffix}")
     source.format = next(form for form in FORMATS if form.name == NAMES[suffix])
@@ -98,11 +101,43 @@ def read(suffix: str, data: bytes, size: int = 1 << 20) -> tuple[list[FrameBatch
 
 
 def frames(suffix: str, data: bytes, size: int = 1 << 20) -> list[Record]:
-    return records(read(suffix, data, size)[0])
+    return records(pieces_of(suffix, data, size)[0])
 
 
 def total(pieces: Iterable[FrameBatch], name: str) -> int:
     return sum(piece.lines[name] for piece in pieces)
+
+
+BLF_START = 1_600_000_000_000_000_000
+CLASSIC, CONTAINER, ERROR_EXT, FD_MESSAGE, FD_64 = 1, 10, 73, 100, 101
+
+
+def blf_file(*containers: bytes, size: int = 0) -> bytes:
+    """As CANoe writes one; the start is 2020-09-13 12:26:40."""
+    times = struct.pack("<8H", 2020, 9, 0, 13, 12, 26, 40, 0) * 2
+    body = b"".join(containers)
+    return struct.pack("<4sL8B2Q2L", b"LOGG", 144, 2, 12, 0, 3, 2, 6, 8, 1, size, 0, 0, 0) + times + bytes(72) + body
+
+
+def blf_container(data: bytes, method: int = 2, packed: bytes | None = None) -> bytes:
+    packed = (zlib.compress(data) if method == 2 else data) if packed is None else packed
+    size = 32 + len(packed)
+    head = struct.pack("<4sHHLL", b"LOBJ", 16, 1, size, CONTAINER) + struct.pack("<H6xL4x", method, len(data))
+    return head + packed + bytes(size % 4)
+
+
+def blf_object(kind: int, body: bytes, t: int = 0, flags: int = 2, version: int = 1) -> bytes:
+    times = struct.pack("<LHHQ", flags, 0, 0, t) if version == 1 else struct.pack("<LBxHQ8x", flags, 0, 0, t)
+    head = 16 + len(times)
+    return struct.pack("<4sHHLL", b"LOBJ", head, version, head + len(body), kind) + times + body
+
+
+def blf_message(t: int, number: int = 1, *, way: int = 0, channel: int = 1, code: int = 8, **how: int) -> bytes:
+    return blf_object(CLASSIC, struct.pack("<HBBL8s", channel, way, code, number, bytes(range(8))), t, **how)
+
+
+def blf_frame(t: int, number: int = 1, flags: int = RX, bus: str = "can0") -> Frame:
+    return Frame(BLF_START + t, bus, number, flags, bytes(range(8)))
 
 
 SPECS = Path(dronecan.__file__).parent / "dsdl_specs"

@@ -8,19 +8,14 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from witness.flights import registry
-
 from analyzer.board.board import Board
 from analyzer.board.snapshot import RecordingState
 from analyzer.decode.engine import Engine
-from analyzer.simulate import Simulation, SimulationSettings
-from analyzer.simulate.faults import catalogue
-from analyzer.simulate.text import line
 from analyzer.terminal.app import Monitor
-from dissectors.times import SECOND
 from kit import encode
 from kit.command import CAPTURES, START
 from kit.flight import node_info
+from kit.judged import registry
 from kit.reports import change
 
 if TYPE_CHECKING:
@@ -54,14 +49,6 @@ def trouble(
 
 def capture(name: str) -> bytes:
     return (CAPTURES / name).read_bytes()
-
-
-def flown(*orders: str, seconds: float = 4.0, escs: int = 4, **settings: object) -> bytes:
-    """A simulated flight as candump text."""
-    wanted = tuple(catalogue.order(text) for text in orders)
-    asked = SimulationSettings(escs=escs, duration=round(seconds * SECOND), orders=wanted, **settings)  # type: ignore[arg-type]
-    run = Simulation(asked, registry())
-    return "".join(line(frame, run.settings.start, ("can0", "can1")) for frame in run.frames()).encode()
 
 
 def status(node: int, k: int, t: int, bus: str = "can0", **fields: int) -> list[encode.Frame]:

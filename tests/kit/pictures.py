@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from rerun.chunk import RrdReader
-from witness.flights import registry
 
 from analyzer.decode.engine import Engine
 from analyzer.plot import viewer_program as plot_viewer
 from analyzer.plot.address import Address
 from analyzer.plot.parts import whole
 from analyzer.plot.picture import Picture
+from kit.judged import registry
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping

@@ -18,6 +18,7 @@ from analyzer.sources.formats import detect
 from analyzer.sources.native import rows
 from analyzer.tables import EVENT_ROWS, EVENTS, wrap
 from analyzer.window.cut import RECORDED
+from kit.encode import DLC_LENGTHS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 EXTENDED, REMOTE, FD, BRS, ESI, TX, RX = 1, 2, 8, 16, 32, 64, 128
 NO_TIME = -(1 << 63)
-FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ def traffic(seed: int, count: int, start: int, step: int, fd_flags: int = BRS | 
             flags, code, data = flags | REMOTE, len(data), b""
         elif kind == 1:
             flags |= FD | source.choice((0, BRS, ESI, BRS | ESI)) & fd_flags
-            data = source.randbytes(source.choice(FD_LENGTHS))
+            data = source.randbytes(source.choice(DLC_LENGTHS))
         number = source.getrandbits(29 if flags & EXTENDED else 11)
         frames.append(Frame(start + index * step, source.choice(("can0", "can1")), number, flags, data, code))
     return frames
@@ -235,7 +235,7 @@ BODIES = st.one_of(
     st.tuples(st.just(REMOTE), st.just(b""), st.integers(0, 15)),
     st.tuples(
         st.sampled_from([FD, FD | BRS, FD | ESI, FD | BRS | ESI]),
-        st.sampled_from(FD_LENGTHS).flatmap(lambda size: st.binary(min_size=size, max_size=size)),
+        st.sampled_from(DLC_LENGTHS).flatmap(lambda size: st.binary(min_size=size, max_size=size)),
         st.just(0),
     ),
 )

@@ -1,4 +1,7 @@
-"""Simulated flights: every recorded frame and transfer, their text and answer key, and the sample captures."""
+"""Simulated flights: every recorded frame and transfer, text and answer key, and what a fault in one must show.
+
+A flight is `Flown` where the simulation behind it is asked, and a `Flight` where only what is recorded counts.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,13 @@ import contextlib
 import io
 import shlex
 import struct
+from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
-from witness.flights import registry
+from witness import finder
+from witness.reader import Log
 
 from analyzer.cli import main
 from analyzer.simulate import Simulation, SimulationSettings
@@ -18,9 +23,10 @@ from analyzer.simulate.faults import catalogue
 from analyzer.simulate.text import line
 from dissectors.times import SECOND
 from dissectors.tmotor.traffic.packets import split
+from kit.judged import registry
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from dissectors.tmotor.traffic import SimulatedVehicle
@@ -29,8 +35,16 @@ if TYPE_CHECKING:
 FLIGHT_PLANS = ("hover", "mission", "bench", "startup")
 
 
-def simulation(seconds: float = 6, **settings: Any) -> Simulation:
-    return Simulation(SimulationSettings(duration=round(seconds * SECOND), **settings), registry())
+def simulation(
+    seconds: float = 6, *, orders: Sequence[str] = (), rates: Sequence[str] = (), **settings: Any
+) -> Simulation:
+    """A simulation with faults and fault rates, as on the command line; `settings` as `SimulationSettings` has them."""
+    wanted = (*map(catalogue.order, orders), *map(catalogue.rate, rates))
+    return Simulation(SimulationSettings(duration=round(seconds * SECOND), orders=wanted, **settings), registry())
+
+
+def text_of(simulation: Simulation, frames: Iterable[SimulatedFrame]) -> str:
+    return "".join(line(frame, simulation.settings.start, ("can0", "can1")) for frame in frames)
 
 
 @dataclass(eq=False)
@@ -54,7 +68,7 @@ class Flown:
 
     @cached_property
     def text(self) -> str:
-        return "".join(line(frame, self.simulation.settings.start, ("can0", "can1")) for frame in self.frames)
+        return text_of(self.simulation, self.frames)
 
     @cached_property
     def sent(self) -> list[Sending]:
@@ -96,14 +110,10 @@ def flown(seconds: float = 6, **settings: Any) -> Flown:
     return Flown(simulation(seconds, **settings))
 
 
-def _fly(orders: tuple[str, ...], seconds: float, **settings: Any) -> Flown:
-    return Flown(simulation(seconds, orders=tuple(map(catalogue.order, orders)), **settings))
-
-
 @lru_cache(maxsize=8)
 def faulted(*orders: str, seconds: float = 4, **settings: Any) -> Flown:
     """A flight with faults given as on the command line; some of them may find no occasion."""
-    return _fly(orders, seconds, **settings)
+    return Flown(simulation(seconds, orders=orders, **settings))
 
 
 def end(sending: Sending) -> int:
@@ -143,9 +153,66 @@ SEED = 5
 @lru_cache(maxsize=8)
 def flight(*orders: str, seconds: float = 4, seed: int = SEED, **settings: Any) -> str:
     """What `tailbyte simulate` writes with faults given as on its command line; each of them finds its occasion."""
-    flown = _fly(orders, seconds, seed=seed, **settings)
-    assert flown.simulation.unused == ()
-    return flown.text
+    one = Flown(simulation(seconds, orders=orders, seed=seed, **settings))
+    assert one.simulation.unused == ()
+    return one.text
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flight:
+    """A capture, its answer key, and the faults that found no occasion."""
+
+    log: Log
+    key: Mapping[str, Any]
+    unused: tuple[str, ...]
+
+    def answers(self, rule: str) -> list[dict[str, Any]]:
+        """The entries of a rule in the key."""
+        return [entry for entry in self.key["faults"] if entry["rule"] == rule]
+
+    def unlisted(self, same: Flight) -> Counter[tuple[int, bytes]]:
+        """Return the frames that neither the key lists nor the same flight without the fault has."""
+        listed = {number for answer in self.key["faults"] for number in answer["frames"]}
+        frames = Counter((frame.id, frame.data) for frame in self.log.frames if frame.number not in listed)
+        return frames - Counter((frame.id, frame.data) for frame in same.log.frames)
+
+
+def fly(*orders: str, rates: Sequence[str] = (), seconds: float = 10, **settings: Any) -> Flight:
+    """A flight with faults and fault rates as `simulation` takes them; some of them may find no occasion."""
+    run = simulation(seconds, orders=orders, rates=rates, **settings)
+    log = Log(text_of(run, run.frames()))
+    return Flight(log, run.key(), run.unused)
+
+
+@lru_cache(maxsize=4)
+def clean(seconds: float = 10, **settings: Any) -> Flight:
+    """The same without faults."""
+    return fly(seconds=seconds, **settings)
+
+
+def named(rule: str, answer: dict[str, Any]) -> set[int]:
+    """What the answer names of what the finder of its rule finds."""
+    return set(answer["lines" if rule == "CAN-004" else "frames"])
+
+
+def prove(rule: str, flight: Flight, usual: int = 0) -> None:
+    """Each answer is found, at most `usual` findings are about anything else, and the key says when it was."""
+    answers = flight.answers(rule)
+    assert answers
+    assert flight.unused == ()
+    found = finder(rule)(flight.log)
+    wanted = [named(rule, answer) for answer in answers]
+    for answer, frames in zip(answers, wanted, strict=True):
+        assert any(frames & finding for finding in found), answer
+        timely(flight.log, answer)
+    beside = [finding for finding in found if not any(finding & frames for frames in wanted)]
+    assert beside[usual:] == []
+
+
+def timely(log: Log, answer: dict[str, Any]) -> None:
+    """The times of an answer are those of its first and its last line."""
+    rows = sorted({*answer["lines"], *(log[number].line for number in answer["frames"])})
+    assert (log.lines[rows[0] - 1].t, log.lines[rows[-1] - 1].t) == (answer["t_ns"], answer["t_end_ns"])
 
 
 # Ten faults in one mission: two of single frames, four of transfers, one value, two of packets, one hot ESC.
@@ -173,7 +240,7 @@ def key_of(capture: Path) -> Path:
     return capture.with_suffix(".key.json")
 
 
-def fly(name: str, folder: Path) -> None:
+def make_sample(name: str, folder: Path) -> None:
     """Makes one capture and its key in `folder`. Raises `RuntimeError` with what the command says if it cannot."""
     path, said = folder / name, io.StringIO()
     with contextlib.redirect_stderr(said):

@@ -1,4 +1,4 @@
-"""Traffic made by hand, message by message: short sequences, packets, and what is shown of it."""
+"""Traffic made by hand, message by message and packet by packet: short sequences, and what is shown of them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from kit import encode
 from kit.encode import Transfer, log_line, transfer
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from kit.encode import Frame
 
 SECOND, MS = 10**9, 10**6
@@ -58,10 +60,10 @@ def tail(frame: Frame, byte: int) -> Frame:
 
 
 ALIVE = "uavcan.protocol.NodeStatus"
-Sent = tuple[float, Transfer]  # ms from the start
+Timed = tuple[float, Transfer]  # ms from the start
 
 
-def log(*sent: Sent) -> str:
+def log(*sent: Timed) -> str:
     """The frames of transfers, in the order of their first ones."""
     order = sorted(sent, key=itemgetter(0))
     return "".join(log_line(frame) + "\n" for t, one in order for frame in one.frames(START + round(t * MS)))
@@ -74,7 +76,41 @@ def alive(uptime: int, src: int = 11, transfer_id: int = 0, **more: Any) -> Tran
 
 
 UNIT = 0xA1
-MOTOR = {"voltage": 4850, "speed": 3011, "current": -120, "temperature": 4100, "position": 1234, "pwm": 15000}
+MOTOR = {"voltage": 4850, "speed": 3011, "current": 120, "temperature": 4100, "position": 1234, "pwm": 15_000}
+# What the ESC of this motor says of itself.
+TURNING = {
+    "voltage": 48.5, "current": 1.2, "temperature": 41.0, "rpm": 3011, "esc_index": 0, "error_count": 4 << 12,
+    "power_rating_pct": 40,
+}  # fmt: skip
+
+
+Planned = tuple[float, int, str, Any]  # time in ms, node, message, its fields or the packets of PUSHSCI and PUSHCAN
+
+
+def capture(planned: Iterable[Planned]) -> str:
+    """A capture with running transfer IDs and sequence numbers."""
+    ids: dict[tuple[int, str], int] = {}
+    transfers = []
+    for at, node, name, what in planned:
+        number = ids[node, name] = ids.get((node, name), -1) + 1
+        fields = {"data_sequence": number, "data": list(what)} if isinstance(what, bytes) else what
+        transfers.append((at, transfer(name, fields, node, number)))
+    return log(*transfers)
+
+
+def motor(count: int, unit: int = 0xA1, **values: int) -> bytes:
+    """A status packet."""
+    return encode.packet("PUSHCAN.MotorStatus", count, unit, **(MOTOR | values))
+
+
+def motors(*changed: dict[str, int], node: int = 10) -> str:
+    """Status packets, one each 20 ms, with changed values."""
+    return capture((20.0 * k, node, "PUSHCAN", motor(k, **values)) for k, values in enumerate(changed))
+
+
+def summed(data: bytes) -> bytes:
+    """The bytes with their sum behind them."""
+    return data + bytes([sum(data) & 0xFF])
 
 
 def turned(name: str, whole: bytes) -> bytes:

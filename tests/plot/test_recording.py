@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from kit.command import run, run_in_room
+from kit.judged import registry
 from kit.pictures import batches, cells, draw, read_back
 from kit.simulated import flown
 from rerun.chunk import RrdReader
-from witness.flights import registry
 
 from analyzer.plot import chunks
 from analyzer.plot import viewer_program as plot_viewer

@@ -10,7 +10,6 @@ from kit.pictures import draw
 from kit.vendors import ACME, PART, PROFILE, PUMP, capture
 
 import dissectors
-from analyzer.devices.definitions import Definitions
 from dissectors import ProfileError, notes, picture
 
 if TYPE_CHECKING:
@@ -106,9 +105,8 @@ def test_the_command_tells_of_it_too(folder: Path, command, tmp_path: Path) -> N
 def test_built_in_files_name_columns_that_exist() -> None:
     known = dissectors.load()
     pictures = picture.load(known)
-    definitions = Definitions(known)
     for name, plot in pictures.plots.items():
-        of = definitions.of(name)
+        of = known.definition(name)
         assert of is not None, name
         columns = {column for column, _ in notes.columns(of.layout, of.notes)} | {one.name for one in of.derived}
         columns |= {f"{field}.unwrapped" for field, note in of.notes.items() if note.wraps}

@@ -12,7 +12,7 @@ from kit.judged import registry
 import analyzer
 from analyzer.cli import main
 from analyzer.decode.engine import Engine
-from analyzer.rules.clock import TimeResolution
+from analyzer.facts.clock import TimeResolution
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -20,6 +20,7 @@ DEFS = {
     "place": model.Place, "example": model.Example, "waiver": model.Waiver, "finding": model.Finding,
     "ruleVerdict": model.RuleVerdict, "bus": model.BusUse, "node": model.NodeUse, "capture": model.CaptureSummary,
     "coverage": model.Coverage, "requirement": model.Requirement, "gate": model.Gate, "waiverUse": model.WaiverUse,
+    "deviceEvent": model.DeviceEvent,
 }  # fmt: skip
 
 

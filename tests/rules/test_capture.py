@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import pytest
 from kit.encode import Frame, drop_line
 from kit.judged import Said, judge, whole
 from kit.simulated import flight
 from kit.traffic import MS, SECOND, START, at, lines, status, throttle
-from witness.proof import finder
+from witness import finder
 from witness.reader import Log
 
+import analyzer
 from analyzer.facts.error_frames import kind_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 RULES = ("CAP", "CAN-004", "BUS-005")
 
@@ -130,3 +135,16 @@ def test_flights_with_and_without_error_frames() -> None:
     text = flight("CAN-004@1")
     assert sum(one.count for one in seen(text, "CAN-004")) == len(finder("CAN-004")(Log(text))) == 1
     assert {one.rule for one in judge(flight(seconds=2), RULES)} == {"CAP-005"}
+
+
+@pytest.mark.parametrize("ahead", [False, True])
+def test_a_drop_explains_a_loss_beside_it_after_the_clock_went_back_too(tmp_path: Path, *, ahead: bool) -> None:
+    overflow = "can0 20000004#0001000000000000"
+    rows = [f"(100.0) {overflow}"] if ahead else []
+    for k in range(60):
+        rows += [f"(11.95) {overflow}"] if k == 20 else []
+        rows.append(f"({10 + k / 10:.1f}) can0 1801550A#{k // 10:02X}000000000000{0xC0 | (k + 4 * (k >= 20)) % 32:02X}")
+    path = tmp_path / "back.log"
+    path.write_text("\n".join(rows) + "\n")
+    report = analyzer.check(path, select=["TRF-016"])
+    assert [(one.rule, one.severity) for one in report.findings] == [("TRF-016", "note")]

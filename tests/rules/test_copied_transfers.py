@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 from kit.judged import Said, whole
-from kit.traffic import ALIVE, Sent, alive, log
+from kit.traffic import ALIVE, Timed, alive, log
 
 IDS = ("TRF-016", "TRF-017", "TRF-018", "TRF-019", "TRF-020", "BUS-010")
 
 
 def count(*ids: int, other: int | None = None) -> list[Said]:
     """A NodeStatus every 100 ms behind one at the start, with its ID as status code (`other`: one has not)."""
-    sent: list[Sent] = [(0, alive(9, 11, ids[0] - 1)), (2800, alive(98, 98)), (9000, alive(99, 98, 1))]
+    sent: list[Timed] = [(0, alive(9, 11, ids[0] - 1)), (2800, alive(98, 98)), (9000, alive(99, 98, 1))]
     sent += [
         (3000 + 100 * k, alive(9, 11, one, vendor_specific_status_code=77 if k == other else one))
         for k, one in enumerate(ids)

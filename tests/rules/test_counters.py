@@ -9,7 +9,7 @@ import pytest
 from kit.encode import Transfer, transfer
 from kit.judged import Said, judge, outcome, proved, whole
 from kit.simulated import flight
-from kit.traffic import ALIVE, Sent, alive, log
+from kit.traffic import ALIVE, Timed, alive, log
 
 from analyzer.rules.transfers.id_steps import WITHOUT_START
 
@@ -20,7 +20,7 @@ IDS = ("TRF-016", "TRF-017", "TRF-018", "TRF-019", "TRF-020", "BUS-010")
 ARMING = "uavcan.equipment.safety.ArmingStatus"
 
 
-def message(t: int, transfer_id: int, src: int = 11, status: int = 0, name: str = ALIVE) -> Sent:
+def message(t: int, transfer_id: int, src: int = 11, status: int = 0, name: str = ALIVE) -> Timed:
     """One NodeStatus (or ArmingStatus) `t` ms into the capture."""
     if name == ALIVE:
         return t, alive(5, src, transfer_id, vendor_specific_status_code=status)
@@ -30,11 +30,11 @@ def message(t: int, transfer_id: int, src: int = 11, status: int = 0, name: str 
 OTHERS = [message(250 + 500 * k, k % 32, 98, k) for k in range(20)]
 
 
-def seen(*sent: Sent) -> list[Said]:
+def seen(*sent: Timed) -> list[Said]:
     return whole(log(*sent), IDS)
 
 
-def count(*ids: int, since: int = 3000, apart: int = 100) -> list[Sent]:
+def count(*ids: int, since: int = 3000, apart: int = 100) -> list[Timed]:
     """Messages with these IDs, each with a payload of its own, behind one that opens the capture."""
     return [message(0, ids[0] - 1, 99), *(message(since + k * apart, one, status=k) for k, one in enumerate(ids))]
 
@@ -103,7 +103,7 @@ def test_a_backward_jump_is_a_gap() -> None:
     assert (gap.rule, gap.text) == ("TRF-016", "expected 22, got 3: 13 missing")
 
 
-def up(*since: int, ids: Sequence[int]) -> list[Sent]:
+def up(*since: int, ids: Sequence[int]) -> list[Timed]:
     """NodeStatus twice a second, with these uptimes in halves of a second and transfer IDs."""
     return [(3000 + 500 * k, alive(half // 2, 11, one)) for k, (half, one) in enumerate(zip(since, ids, strict=True))]
 
@@ -196,7 +196,7 @@ def test_responses_carry_the_id_of_their_request() -> None:
     assert whole(swapped, IDS) == []
 
 
-def two(first: range, second: range, apart: int = 100) -> list[Sent]:
+def two(first: range, second: range, apart: int = 100) -> list[Timed]:
     """Two senders behind node 11, by turns."""
     ours = [message(3000 + k * apart, one % 32, status=k) for k, one in enumerate(first)]
     return [*ours, *(message(3000 + k * apart + 40, one % 32, status=99 + k) for k, one in enumerate(second))]

@@ -163,7 +163,7 @@ def test_a_rule_that_is_not_looked_for_is_left_out() -> None:
     assert made.results(()) == []
 
 
-@pytest.mark.parametrize(("end", "given_back"), [(14, 0), (15, 1), (17, 2), (None, 2)])
+@pytest.mark.parametrize(("end", "given_back"), [(15, 0), (16, 1), (18, 2), (None, 2)])
 def test_what_a_loss_may_explain_waits_for_it(end: int | None, given_back: int) -> None:
     drops = Drops(around=5 * SECOND, beside=SECOND // 2)
     drops.hold(one(9.5, 1))

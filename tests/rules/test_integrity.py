@@ -12,7 +12,7 @@ from kit.encode import Frame, Transfer, log_line
 from kit.judged import Said, judge, whole
 from kit.simulated import flight
 from kit.strategies import examples
-from witness.proof import finder
+from witness import finder
 from witness.reader import Log
 
 from analyzer.rules.diagnosis import budgets

@@ -10,6 +10,8 @@ import pytest
 from kit.command import CAPTURES
 from kit.encode import Frame, log_line
 from kit.judged import Said, judge, whole
+from kit.simulated import faulted
+from kit.simulated import flight as simulated
 from kit.traffic import MS, SECOND, START, alive, lines, log, throttle
 
 if TYPE_CHECKING:
@@ -166,3 +168,16 @@ def test_other_protocols_lack_nothing() -> None:
 
     frames = [foreign(k, src) for k in range(300) for src in ESCS]
     assert inferred(judge(lines(frames), ("CAP-006",))) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("escs", [2, 4, 8])
+@pytest.mark.parametrize("seconds", [0.1, 0.9])
+def test_a_simulated_recorder_that_loses_frames_accuses_nobody(escs: int, seconds: float) -> None:
+    found = judge(simulated(f"CAP-006@3:seconds={seconds}", seconds=6, escs=escs))
+    assert inferred(found)
+    assert blamed(found) == set()
+
+
+def test_with_one_esc_there_are_too_few_senders_for_a_joint_loss() -> None:
+    assert faulted("CAP-006", escs=1).simulation.unused == ("CAP-006",)

@@ -7,7 +7,7 @@ from typing import Any
 from kit.encode import Transfer, transfer
 from kit.judged import Said, judge, whole
 from kit.simulated import flight
-from kit.traffic import ALIVE, Sent, alive, log
+from kit.traffic import ALIVE, Timed, alive, log
 
 RULES = ("BUS-010", "BUS-020", "BUS-021", "BUS-022", "BUS-030", "BUS-031")
 ALLOCATION = "uavcan.protocol.dynamic_node_id.Allocation"
@@ -17,16 +17,16 @@ def arming(k: int, src: int = 11) -> Transfer:
     return transfer("uavcan.equipment.safety.ArmingStatus", {"status": 0}, src, k)
 
 
-def every(span: range, make: Any) -> list[Sent]:
+def every(span: range, make: Any) -> list[Timed]:
     return [(t, make(k)) for k, t in enumerate(span)]
 
 
-def seen(*sent: Sent) -> list[Said]:
+def seen(*sent: Timed) -> list[Said]:
     """What the rules find of transfers at times in ms, however the capture is cut."""
     return whole(log(*sent), RULES)
 
 
-def beats(*times: int) -> list[Sent]:
+def beats(*times: int) -> list[Timed]:
     return [(t, alive(100 + t // 1000, transfer_id=k)) for k, t in enumerate(times)]
 
 

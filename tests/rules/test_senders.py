@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from random import Random
 from typing import TYPE_CHECKING, NamedTuple
 
 import pytest
 from kit.encode import log_line, transfer
 from kit.judged import Said, whole
-from kit.traffic import ALIVE, MS, START, Sent, alive, log
+from kit.traffic import ALIVE, MS, START, Timed, alive, log
 from kit.traffic import STATUS as REPORT
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     from kit.encode import Frame
 
@@ -19,18 +21,18 @@ IDS = ("TRF-016", "TRF-017", "TRF-018", "TRF-019", "TRF-020", "BUS-010")
 ARMING = "uavcan.equipment.safety.ArmingStatus"
 
 
-def message(t: int, transfer_id: int, src: int = 11, status: int = 0, name: str = ALIVE) -> Sent:
+def message(t: int, transfer_id: int, src: int = 11, status: int = 0, name: str = ALIVE) -> Timed:
     """One NodeStatus (or ArmingStatus) `t` ms into the capture."""
     if name == ALIVE:
         return t, alive(5, src, transfer_id, vendor_specific_status_code=status)
     return t, transfer(name, {"status": status & 1}, src, transfer_id)
 
 
-def seen(*sent: Sent) -> list[Said]:
+def seen(*sent: Timed) -> list[Said]:
     return whole(log(*sent), IDS)
 
 
-def several(offsets: Sequence[int], each: int = 24, *, lost: Sequence[int] = ()) -> list[Sent]:
+def several(offsets: Sequence[int], each: int = 24, *, lost: Sequence[int] = ()) -> list[Timed]:
     """As many senders behind node 11 as there are offsets, by turns; the transfers with these numbers are missing."""
     sent = [
         message(3000 + k * 100 + n * (90 // len(offsets)) + k * n % 3, (offset + k) % 32, status=k * 16 + n)
@@ -190,7 +192,8 @@ def test_two_senders_that_finish_their_transfers_are_one_finding(apart: float, c
 
 def test_counters_that_losses_left_behind_are_not_counted() -> None:
     flood = Sender(apart=2, since=1000, until=2000, floods=True, first_id=20)
-    (one,) = whole(by_time(Sender(until=2500, lost=range(215, 440, 25)), flood), IDS, (211,))
+    before, one = whole(by_time(Sender(until=2500, lost=range(215, 440, 25)), flood), IDS, (211,))
+    assert (before.rule, before.count) == ("TRF-016", 1)
     assert one.text.startswith("two transfer-ID counters in RawCommand, at ")
 
 
@@ -198,8 +201,42 @@ def test_what_was_lost_before_a_flood_and_long_after_it_is_lost() -> None:
     real = Sender(apart=25, until=40_000, lost={100, *range(480, 1600, 40)})
     text = by_time(real, Sender(apart=5, since=7000, until=11_000, floods=True))
     found = [(one.rule, one.count, round(_milliseconds(text, one.first), -3)) for one in whole(text, IDS, (211,))]
-    assert [found[0], found[2]] == [("TRF-016", 1, 3000), ("TRF-016", 19, 21_000)]
+    assert [found[0], found[2]] == [("TRF-016", 1, 3000), ("TRF-016", 27, 13_000)]
     assert [found[1][0], *(rule for rule, *_ in found[3:])] == ["BUS-010"]
+
+
+def others(ids: Callable[[int], int], apart: float, *, floods: bool) -> list[Frame]:
+    """Transfers of a second sender from 2 s to 4 s, with IDs of its own."""
+    frames: list[Frame] = []
+    for k in range(round(2000 / apart)):
+        one = transfer(COMMAND, {"cmd": [900 + k] * 8}, 1, ids(k), priority=5)
+        t = START + round((2000 + k * apart + k * 5 % 7 * apart / 11) * MS)
+        frames += one.frames(t, 150_000)[: 1 if floods else None]
+    return frames
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("floods", [False, True])
+@pytest.mark.parametrize("apart", [1.3, 7, 40])
+@pytest.mark.parametrize("said", ["always 20", "no order"])
+def test_a_counter_that_goes_on_beside_ids_that_do_not_count_is_one_of_two_senders(
+    said: str, apart: float, floods: bool
+) -> None:
+    order = Random(3)
+    other = others(lambda _: 20 if said[0] == "a" else order.randrange(32), apart, floods=floods)
+    frames = sorted((*Sender().frames(), *other), key=lambda one: one.t)
+    text = "".join(log_line(one) + "\n" for one in frames)
+    (one,) = [one for one in whole(text, IDS, (211,)) if one.rule in IDS]
+    assert (one.rule, one.node) == ("BUS-010", 1)
+    assert re.fullmatch(rf"a transfer-ID counter in RawCommand at \d+, and in between {said}", one.text)
+    assert 1990 < _milliseconds(text, one.first) < 2500
+
+
+@pytest.mark.parametrize("k", range(1, 4))
+def test_late_copies_are_no_second_sender(k: int) -> None:
+    sent = [message(3000 + n * 50, n % 32, status=n) for n in range(100)]
+    copies = [(t + 50 * k + 7, one) for t, one in sent[::4]]
+    assert {one.rule for one in seen(message(0, 0, 99), *sent, *copies)} <= {"TRF-016", "TRF-017"}
 
 
 def test_a_sender_that_begins_its_transfers_again_is_one() -> None:

@@ -6,7 +6,7 @@ import pytest
 from kit.encode import Transfer, transfer
 from kit.judged import Said, judge, proved, whole
 from kit.simulated import flight
-from kit.traffic import Sent, alive, log
+from kit.traffic import Timed, alive, log
 
 RULES = ("TRF-021", "TRF-022", "TRF-023", "TRF-024", "TRF-025")
 CALL = "uavcan.protocol.param.GetSet"
@@ -24,7 +24,7 @@ def answer(transfer_id: int = 3, client: int = CLIENT, priority: int = 30) -> Tr
     return transfer(f"{CALL}.Response", fields, SERVER, transfer_id, dst=client, priority=priority)
 
 
-def seen(*sent: Sent, end: int = 9000, without: tuple[int, ...] = ()) -> list[Said]:
+def seen(*sent: Timed, end: int = 9000, without: tuple[int, ...] = ()) -> list[Said]:
     """What the rules find of transfers at times in ms, between heartbeats; `without` are lines that are lost."""
     beats = [(t, alive(t // 500, 99, t // 500)) for t in range(0, end + 1, 500)]
     rows = enumerate(log(*beats, *sent).splitlines(keepends=True), 1)

@@ -9,7 +9,7 @@ from kit import VECTORS, encode
 from kit.judged import exact, judge, whole
 from kit.simulated import flight
 from kit.traffic import STATUS, lines, status
-from witness.proof import finder
+from witness import finder
 from witness.reader import Log
 
 RULES = ("TYP-001", "TYP-002", "TYP-003", "TYP-004", "TYP-005", "TYP-007", "TYP-008", "TYP-011", "TYP-012")

@@ -9,7 +9,7 @@ import pytest
 from kit.encode import Transfer, log_line
 from kit.flight import Vehicle, node_status
 from kit.judged import Said, whole
-from kit.traffic import ALIVE, MS, START, Sent, alive, log
+from kit.traffic import ALIVE, MS, START, Timed, alive, log
 
 import analyzer
 
@@ -30,20 +30,20 @@ def fix(k: int, src: int = 21) -> Transfer:
     return Transfer("message", 1063, src, bytes([k % 256]) + bytes(47), 0xCA41E7000F37435F, k % 32)
 
 
-def beats(times: Iterable[int], src: int = 21) -> list[Sent]:
+def beats(times: Iterable[int], src: int = 21) -> list[Timed]:
     return [(t, alive(100 + t // 1000, src, k % 32)) for k, t in enumerate(times)]
 
 
-def others(stop: int, period: int = 1000) -> list[Sent]:
+def others(stop: int, period: int = 1000) -> list[Timed]:
     """Another node that goes on."""
     return beats(range(7, stop, period), 10)
 
 
-def every(times: Iterable[float], make: object = compass, src: int = 21) -> list[Sent]:
+def every(times: Iterable[float], make: object = compass, src: int = 21) -> list[Timed]:
     return [(t, make(k, src)) for k, t in enumerate(times)]  # type: ignore[operator]
 
 
-def seen(*sent: Sent, steps: tuple[int, ...] = (7,)) -> list[Said]:
+def seen(*sent: Timed, steps: tuple[int, ...] = (7,)) -> list[Said]:
     return whole(log(*sent), RULES, steps)
 
 
@@ -164,3 +164,36 @@ def test_an_esc_is_told_once(tmp_path: Path) -> None:
         path.write_text(vehicle.finish())
         found = analyzer.check(path, select=["BUS-025", "BUS-035", "BUS-020"]).findings
         assert [(one.rule, one.node) for one in found if one.severity != "note"] == [("BUS-025", 11)]
+
+
+def escs(pause: int, *, of: tuple[int, ...] = (11,), lost: bool = False, period: int = 20) -> str:
+    """Three ESCs at 50 Hz; some pause at 5 s, and then go on where they were, or as if they had not."""
+    vehicle = Vehicle()
+    commands = range(0, 9000, 10)
+    for t in commands:
+        if not (lost and 5000 <= t < 5000 + pause):
+            vehicle.command(t, 0)
+        else:
+            vehicle.count(("RawCommand", 1, None))
+    for node in (11, 12, 13):
+        for t in range(node - 10, 9000, 20):
+            away = node in of and 5000 <= t < 5000 + pause and (t - node + 10 - 5000) % period
+            if not (node in of and 5000 <= t < 5000 + pause) or (period > 20 and not away):
+                vehicle.status(t, node)
+            elif lost:
+                vehicle.count(("ESCStatus", node, None))
+    return vehicle.finish()
+
+
+def loud(text: str) -> list[tuple[str, int]]:
+    rules = ("BUS-020", "BUS-025", "BUS-035")
+    return [(one.rule, one.node) for one in whole(text, rules, (211,)) if one.severity != "note"]
+
+
+@pytest.mark.parametrize("pause", [160, 500, 1900])
+def test_a_fast_esc_that_is_away_for_less_than_two_seconds(pause: int) -> None:
+    both = [("BUS-025", 11), ("BUS-035", 11)]
+    assert loud(escs(pause)) == both
+    assert loud(escs(pause, lost=True, of=(11, 12, 13))) == []  # the recorder's loss, or a silent bus
+    assert loud(escs(pause, period=100)) == []  # a lower rate
+    assert loud(escs(60)) == []

@@ -8,20 +8,20 @@ from dataclasses import replace
 import pytest
 from kit.encode import PACKETS, TYPES, Transfer, packet, transfer
 from kit.judged import outcome
-from kit.traffic import Sent, alive, log
+from kit.traffic import Timed, alive, log
 
 MOST = 48
 
 
-def nodes() -> list[Sent]:
+def nodes() -> list[Timed]:
     """Two nodes that are believed."""
     return [(1000.0 * k, alive(k, src, k)) for k in range(6) for src in (11, 12)]
 
 
-def cut(seed: int) -> list[Sent]:
+def cut(seed: int) -> list[Timed]:
     """Every type that there is, with payloads of every length."""
     chance = random.Random(seed)
-    found: list[Sent] = []
+    found: list[Timed] = []
     for kind in TYPES.values():
         dst = 12 if kind.kind in ("request", "response") else None
         whole = Transfer(kind.kind, kind.type_id, 11, b"", kind.signature, dst=dst)
@@ -37,7 +37,7 @@ def test_messages_of_every_length(seed: int) -> None:
 
 
 def test_packets_of_every_length() -> None:
-    sent: list[Sent] = []
+    sent: list[Timed] = []
     for name, (_, fields) in PACKETS.items():
         values = {one.split(":")[0]: b"V1" if one.endswith("s") else 0 for one in fields.split()}
         whole = packet(name, 1, 0xA1, **values)

@@ -28,7 +28,7 @@ class Told(NamedTuple):
 
 @cache
 def fly(order: str = "", bit_rate: int = FULL, seconds: int = 8, escs: int = 4) -> Told:
-    orders = (catalogue.order(order),) if order else ()
+    orders = (order,) if order else ()
     made = Flown(simulation(seconds, bit_rate=bit_rate, escs=escs, orders=orders))
     return Told(made.text, made.simulation.key()["faults"])
 

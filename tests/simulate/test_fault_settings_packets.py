@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from witness.flights import Flight, clean, fly
+from kit.simulated import Flight, clean, fly
 
 if TYPE_CHECKING:
     from witness.reader import Transfer

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from witness.flights import registry
+from kit.judged import registry
 
 from analyzer.simulate import Simulation, SimulationSettings
 from analyzer.simulate.faults import catalogue, identifiers, integrity

@@ -120,7 +120,7 @@ def test_lengths_go_wrong_for_any_number_of_channels(escs: int) -> None:
 @pytest.mark.parametrize(
     "order",
     [
-        *("TYP-007:type=RawCommand", "TYP-001:type=RawCommand", "TYP-302:type=PUSHCAN", "TYP-202:type=ParamGet"),
+        *("TYP-007:type=RawCommand", "TYP-001:type=RawCommand", "TYP-302:type=PUSHCAN", "TYP-202:type=ESCStatus"),
         *("TYP-001:bytes=0", "TYP-001:bytes=99", "TYP-002:bytes=0", "TYP-005:more=0"),
         *("TYP-101:value=5", "TYP-101:channel=4", "TYP-103:more=0", "TYP-105:value=0"),
         *("TYP-201:value=19", "TYP-202:value=255", "TYP-203:value=15", "TYP-204:value=1", "TYP-205:value=-1"),

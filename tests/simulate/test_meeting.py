@@ -7,8 +7,8 @@ from itertools import combinations
 from typing import Any
 
 import pytest
-from witness.flights import Flight, fly, registry
-from witness.proof import prove
+from kit.judged import registry
+from kit.simulated import Flight, fly, prove
 
 from analyzer.simulate import Simulation, SimulationSettings
 from analyzer.simulate.faults import catalogue

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from kit.command import CAPTURES, ROOT
 from kit.libraries import received
-from kit.simulated import FLIGHTS, TEN, key_of
-from witness.flights import Flight
-from witness.proof import finder, prove
+from kit.simulated import FLIGHTS, TEN, Flight, key_of, prove
+from witness import finder
 from witness.reader import Log
 
 from analyzer.cli import main

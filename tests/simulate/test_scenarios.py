@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from witness.flights import Flight, clean, fly
+from kit.simulated import Flight, clean, fly
 from witness.views import Message, by_node, messages
 
 from analyzer.simulate.faults import catalogue

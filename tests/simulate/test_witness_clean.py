@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from witness.flights import clean
-from witness.proof import VALUES
+from kit.simulated import clean
+from witness import VALUES
 
 SEED = 5
 FLIGHTS: dict[str, dict[str, Any]] = {

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from witness.flights import Flight, clean, fly
-from witness.proof import finder, named, prove
+from kit.simulated import Flight, clean, fly, named, prove
+from witness import finder
 
 SECOND, MILLISECOND = 10**9, 10**6
 SEEDS = (2, 3, 4)

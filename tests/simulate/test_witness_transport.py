@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import dronecan
 import pytest
 from kit import CAPTURES, VECTORS
-from witness import trust
-from witness.flights import Flight, clean, fly, registry
-from witness.proof import finder, prove
+from kit.judged import registry
+from kit.simulated import Flight, clean, fly, prove
+from witness import can, finder
 from witness.reader import Log
 
-from analyzer.rules.catalogue import load
+from analyzer.rules.catalogue import LAYERS, load
 from analyzer.simulate.faults import catalogue
 
 if TYPE_CHECKING:
@@ -98,13 +98,13 @@ def test_the_witness_accuses_no_healthy_bus(name: str, rule: str) -> None:
 
 def test_types_that_the_witness_knows_by_number_only() -> None:
     known = {type_.default_dtid: type_ for type_ in dronecan.TYPENAMES.values() if type_.kind == type_.KIND_MESSAGE}
-    assert {key: known[key[1]].get_data_type_signature() for key in trust.OTHERS} == trust.OTHERS
+    assert {key: known[key[1]].get_data_type_signature() for key in can.OTHERS} == can.OTHERS
     vendors = {
         number
         for number, type_ in known.items()
         if number is not None and number < 20_000 and type_.full_name.startswith("com.")
     }
-    assert vendors == trust.VENDORS
+    assert vendors == can.VENDORS
 
 
 @pytest.mark.parametrize("layer", ["CAN", "TRF", "TYP", "PUSH"])
@@ -112,3 +112,9 @@ def test_every_rule_has_a_fault(layer: str) -> None:
     rules = {rule for rule in CATALOGUE if rule.startswith(layer)}
     assert {rule for rule in catalogue.faults() if rule.startswith(layer)} >= rules
     assert catalogue.faults().keys() <= load(registry()).keys()
+
+
+def test_every_page_without_a_fault_says_so() -> None:
+    """Rules of vendors that the simulator does not play have layers of their own."""
+    pages = {rule: page for rule, page in load(registry()).items() if rule.partition("-")[0] in LAYERS}
+    assert {rule for rule, page in pages.items() if page.body.get("fault", True)} == catalogue.faults().keys()

@@ -10,8 +10,8 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Self
 
 from kit.command import wait_until
+from kit.judged import registry
 from kit.live import frames_in, stored
-from kit.monitor import registry
 from kit.rows import EXTENDED, Frame
 from socketcan.sessions import (
     NAMES,

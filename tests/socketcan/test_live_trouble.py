@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit.command import wait_until
+from kit.judged import registry
 from kit.live import Lost, frames_in, stored
-from kit.monitor import batches, registry
+from kit.monitor import batches
 from kit.rows import Fault, Frame
 from socketcan.kernel import SlcanAdapter, ip
 from socketcan.sessions import (

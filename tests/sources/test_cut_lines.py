@@ -10,7 +10,7 @@ import pytest
 import zstandard
 from kit import CAPTURES
 from kit.command import HOVER
-from kit.libraries import written
+from kit.libraries import library_file
 from kit.rows import Frame, records, text
 
 import analyzer
@@ -37,7 +37,7 @@ def capture(form: str) -> bytes:
         return log.replace(b"\n", b"\r\n")
     frames = [frame for frame in records(text(log)) if isinstance(frame, Frame)]
     if form != "screen.log":
-        return written(form, frames)
+        return library_file(form, frames)
     shown = (
         f" ({(frame.t or 0) / 10**9:.6f})  can0  {frame.id:08X}   [{len(frame.data)}]  {frame.data.hex(' ').upper()}\n"
         for frame in frames

@@ -40,7 +40,7 @@ def capture(name: str) -> bytes:
     """Return a small capture of the format of this name."""
     suffix = Path(name).suffix
     if suffix in libraries.WRITERS:
-        return libraries.written(suffix, FRAMES)
+        return libraries.library_file(suffix, FRAMES)
     if suffix in (".mcap", ".pcapng"):
         return written(suffix[1:], [piece(FRAMES)])[0]
     if suffix == ".seed":

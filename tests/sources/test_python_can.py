@@ -12,8 +12,9 @@ import pytest
 import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
-from kit.libraries import TEXT, WRITERS, frames, read, total, written
-from kit.rows import BRS, ESI, EXTENDED, FD, FD_LENGTHS, REMOTE, RX, TX, Fault, Frame, Record, events, records
+from kit.encode import DLC_LENGTHS
+from kit.libraries import TEXT, WRITERS, frames, library_file, pieces_of, total
+from kit.rows import BRS, ESI, EXTENDED, FD, REMOTE, RX, TX, Fault, Frame, Record, events, records
 from kit.strategies import examples
 
 from analyzer._native import FrameBatch
@@ -64,7 +65,7 @@ def left(suffix: str, found: list[Record]) -> list[Record]:
 
 @pytest.mark.parametrize("suffix", ALL)
 def test_what_python_can_writes(suffix: str) -> None:
-    pieces, source = read(suffix, written(suffix, SAMPLE))
+    pieces, source = pieces_of(suffix, library_file(suffix, SAMPLE))
     assert records(pieces) == left(suffix, SAMPLE)
     assert source.damage is None
     assert total(pieces, "unreadable") == 0
@@ -83,7 +84,7 @@ def captures(draw: st.DrawFn) -> list[Record]:
         way = draw(st.sampled_from([RX, TX]))
         kind = draw(st.sampled_from([0, 0, FD, REMOTE]))
         if kind == FD:
-            size = draw(st.sampled_from(FD_LENGTHS))
+            size = draw(st.sampled_from(DLC_LENGTHS))
             flags = FD | draw(st.sampled_from([0, BRS, ESI, BRS | ESI]))
             found.append(Frame(t, bus, number, extended | way | flags, draw(st.binary(min_size=size, max_size=size))))
         elif kind == REMOTE:
@@ -97,7 +98,7 @@ def captures(draw: st.DrawFn) -> list[Record]:
 @pytest.mark.parametrize("suffix", [*TEXT, ".blf"])
 @given(captures(), st.integers(1, 3000))
 def test_any_traffic_in_any_cut(suffix: str, found: list[Record], size: int) -> None:
-    assert frames(suffix, written(suffix, found), size) == left(suffix, found)
+    assert frames(suffix, library_file(suffix, found), size) == left(suffix, found)
 
 
 @given(captures())
@@ -105,15 +106,15 @@ def test_any_traffic_in_any_cut(suffix: str, found: list[Record], size: int) -> 
 def test_any_traffic_in_mdf(found: list[Record]) -> None:
     """Its groups are merged by time: frames of the same time may change places."""
     key = lambda record: (record.t, repr(record))  # noqa: E731
-    assert sorted(frames(".mf4", written(".mf4", found)), key=key) == sorted(left(".mf4", found), key=key)
+    assert sorted(frames(".mf4", library_file(".mf4", found)), key=key) == sorted(left(".mf4", found), key=key)
 
 
 @pytest.mark.parametrize("suffix", TEXT)
 def test_rows_do_not_depend_on_chunks(suffix: str) -> None:
-    data = written(suffix, SAMPLE) + b"garbage\n\n"
-    whole = read(suffix, data)[0]
+    data = library_file(suffix, SAMPLE) + b"garbage\n\n"
+    whole = pieces_of(suffix, data)[0]
     for size in (1, 2, 3, 50, 201):
-        pieces = read(suffix, data, size)[0]
+        pieces = pieces_of(suffix, data, size)[0]
         assert records(pieces) == records(whole)
         assert events(pieces, "unreadable") == events(whole, "unreadable")
         assert total(pieces, "lines") == total(whole, "lines")
@@ -121,7 +122,7 @@ def test_rows_do_not_depend_on_chunks(suffix: str) -> None:
 
 @pytest.mark.parametrize("suffix", [*TEXT, ".blf"])
 def test_an_empty_chunk_is_passed_on(suffix: str) -> None:
-    data = written(suffix, SAMPLE)
+    data = library_file(suffix, SAMPLE)
     source = Source(f"x{suffix}")
     source.format = detect(data, source.name)
     chunks = list(source.reader()(source, iter([data[:300], b"", data[300:], b""])))
@@ -132,7 +133,7 @@ def test_an_empty_chunk_is_passed_on(suffix: str) -> None:
 def test_formats_are_found_by_content_and_in_zstd(tmp_path: Path) -> None:
     for suffix in ALL:
         path = tmp_path / "capture"
-        path.write_bytes(zstandard.compress(written(suffix, SAMPLE)))
+        path.write_bytes(zstandard.compress(library_file(suffix, SAMPLE)))
         source = Source(str(path))
         assert records(piece for piece in source.chunks() if isinstance(piece, FrameBatch)) == left(suffix, SAMPLE)
         assert source.notes
@@ -142,7 +143,7 @@ def test_formats_are_found_by_content_and_in_zstd(tmp_path: Path) -> None:
 def test_mdf_without_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("can.io.mf4.asammdf", None)
     with pytest.raises(CaptureError, match=r": reading MDF 4 needs asammdf: pip install 'tailbyte\[mf4\]'$"):
-        read(".mf4", b"MDF     4.10")
+        pieces_of(".mf4", b"MDF     4.10")
 
 
 NO_MDF = "capture.mf4: damaged, or not of the kinds of MDF 4 that asammdf reads"
@@ -150,16 +151,16 @@ NO_MDF = "capture.mf4: damaged, or not of the kinds of MDF 4 that asammdf reads"
 
 def test_what_is_no_mdf_is_refused() -> None:
     """In words of our own, whatever asammdf trips over."""
-    data = written(".mf4", SAMPLE)
+    data = library_file(".mf4", SAMPLE)
     for bad in (b"MDF     4.10" + bytes(500), data[:3000], data[:100] + bytes(2000) + data[2100:], data[:64]):
         with pytest.raises(CaptureError) as caught:
-            read(".mf4", bad)
+            pieces_of(".mf4", bad)
         assert str(caught.value) == NO_MDF
 
 
 def test_a_packed_mdf_that_ends_early_says_where(tmp_path: Path) -> None:
     path = tmp_path / "x.mf4.gz"
-    data = gzip.compress(written(".mf4", SAMPLE))[:-900]
+    data = gzip.compress(library_file(".mf4", SAMPLE))[:-900]
     path.write_bytes(data)
     with pytest.raises(CaptureError) as caught:
         list(Source(str(path)).chunks())
@@ -171,7 +172,7 @@ def test_no_room_for_the_temporary_file_of_mdf(monkeypatch: pytest.MonkeyPatch, 
         resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 12, limits[1]))
         yield data
 
-    data = written(".mf4", SAMPLE)
+    data = library_file(".mf4", SAMPLE)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     source = Source("capture.mf4")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -216,7 +217,7 @@ def test_ctrl_c_while_mdf_is_unpacked() -> None:
     source = Source("capture.mf4")
 
     def chunks() -> Iterator[bytes]:
-        yield written(".mf4", SAMPLE)[:3000]
+        yield library_file(".mf4", SAMPLE)[:3000]
         source.stopped = True
 
     assert list(mdf.read(source, chunks())) == []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from kit.libraries import TEXT, frames, read, written
+from kit.libraries import TEXT, frames, library_file, pieces_of
 from kit.rows import EXTENDED, RX, TX, Frame, Record, events, records
 
 from analyzer.sources import CaptureError, Source
@@ -22,7 +22,7 @@ FOUND: list[Record] = [
     Frame(T0 + row * 1_000_000, "can0", 0x05040601 + row, EXTENDED | (TX if row % 3 else RX), bytes(range(row % 9)))
     for row in range(12)
 ]
-WHOLE = {suffix: written(suffix, FOUND) for suffix in SUFFIXES}
+WHOLE = {suffix: library_file(suffix, FOUND) for suffix in SUFFIXES}
 WORDS = "0 1 2 8 9 . , ; = x d r Rx Tx DT FD ER 1.5 CANFD ErrorFrame 7FF AA -1 1e9 base dec"
 EXPECTED = {suffix: frames(suffix, data) for suffix, data in WHOLE.items()}
 
@@ -32,7 +32,7 @@ def attempt(suffix: str, data: bytes) -> tuple[list[FrameBatch], Source | None]:
     pieces: list[FrameBatch] = []
     source, told = None, ""
     try:
-        pieces, source = read(suffix, data)
+        pieces, source = pieces_of(suffix, data)
     except CaptureError as error:
         told = str(error)
     texts = [text for _, _, text in events(pieces, "unreadable")]
@@ -64,7 +64,7 @@ def test_a_cut_container_gives_what_it_holds() -> None:
     noise = random.Random(3)
     many = [Frame(T0 + row * 1000, "can0", row, RX, noise.randbytes(8)) for row in range(400)]
     for level in (0, 9):
-        data = written(".blf", many, compression_level=level)
+        data = library_file(".blf", many, compression_level=level)
         counts = [len(frames(".blf", data[:cut])) for cut in range(144, len(data), 97)]
         assert counts == sorted(counts)
         assert len({*counts}) > 20
@@ -110,7 +110,7 @@ def test_any_words(suffix: str, words: list[str]) -> None:
 @pytest.mark.slow
 def test_mdf_cut_and_changed_at_many_bytes() -> None:
     """asammdf takes its time: every eleventh byte, and each byte of the first two blocks."""
-    data = written(".mf4", FOUND)
+    data = library_file(".mf4", FOUND)
     chance = random.Random(9)
     places = {*range(0, 168, 2), *range(0, len(data), max(11, len(data) // 150))}
     whole = sorted(records(attempt(".mf4", data)[0]), key=repr)

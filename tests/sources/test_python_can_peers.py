@@ -7,8 +7,18 @@ from typing import TYPE_CHECKING
 
 import can
 import pytest
-from kit.blf import FD_64, FD_MESSAGE, classic, container, file, frame, thing
-from kit.libraries import message, read, total
+from kit.libraries import (
+    FD_64,
+    FD_MESSAGE,
+    blf_container,
+    blf_file,
+    blf_frame,
+    blf_message,
+    blf_object,
+    message,
+    pieces_of,
+    total,
+)
 from kit.rows import FD, REMOTE, RX, TX, Frame, records
 
 from analyzer.cli import main
@@ -53,7 +63,7 @@ def comparable(found: Iterable[can.Message], first: int = 0) -> list[tuple[objec
 
 
 def ours(suffix: str, data: bytes) -> list[tuple[object, ...]]:
-    pieces, source = read(suffix, data)
+    pieces, source = pieces_of(suffix, data)
     assert (total(pieces, "unreadable"), source.damage) == (0, None)
     return comparable(map(message, records(pieces)))
 
@@ -74,7 +84,7 @@ def test_lines_of_asc(tmp_path: Path, case: str) -> None:
 
 def test_lengths_of_remote_frames() -> None:
     lines = [ASC[case] for case in ("remote", "remote with a length", "remote, extended", "FD without data")]
-    pieces, _ = read(".asc", f"{ASC_HEAD}{chr(10).join(lines)}\n".encode())
+    pieces, _ = pieces_of(".asc", f"{ASC_HEAD}{chr(10).join(lines)}\n".encode())
     found = [(one.flags & (REMOTE | FD), one.code) for one in records(pieces) if isinstance(one, Frame)]
     assert found == [(REMOTE, 0), (REMOTE, 8), (REMOTE, 3), (REMOTE | FD, 5)]
 
@@ -88,21 +98,21 @@ def dummy(kind: int, number: int = 0x4444_4444) -> bytes:
         FD_64: struct.pack("<BBBBLLLLLLLHBBL", 0x11, 0x22, 64, 0x44, number, 6, 0x7777_7777, 8, 9, 10, 11, 0xCCCC, 0xDD,
                            0, 15) + bytes(range(64)),
     }  # fmt: skip
-    return thing(kind, body[kind], 0x2222_2222_2222)
+    return blf_object(kind, body[kind], 0x2222_2222_2222)
 
 
 @pytest.mark.parametrize("kind", [1, 86, FD_MESSAGE, FD_64])
 def test_objects_of_blf(tmp_path: Path, kind: int) -> None:
     for number in (0x4444_4444, 0x8000_0123, 0x123):
-        data = file(container(dummy(kind, number) * 2, 0))
+        data = blf_file(blf_container(dummy(kind, number) * 2, 0))
         expected = theirs(tmp_path / "x.blf", data)
         assert ours(".blf", data) == expected
         assert len(expected) == 2
 
 
 def test_requests_count_where_nothing_is_said_to_be_sent() -> None:
-    pieces, source = read(".blf", file(container(classic(1) + classic(2, way=2) + classic(3))))
-    assert records(pieces) == [frame(1), frame(2, flags=0), frame(3)]
+    pieces, source = pieces_of(".blf", blf_file(blf_container(blf_message(1) + blf_message(2, way=2) + blf_message(3))))
+    assert records(pieces) == [blf_frame(1), blf_frame(2, flags=0), blf_frame(3)]
     assert source.notes[-1] == "frames that were asked for, none is said to be sent (TxRq): 1"
 
 
@@ -110,22 +120,22 @@ def test_requests_count_where_nothing_is_said_to_be_sent() -> None:
 @pytest.mark.parametrize("size", [1, 50, 1 << 20])
 def test_requests_of_frames_that_were_sent_are_left_out(first: int, size: int) -> None:
     ways = [0, first, 3 - first, 2, 0]
-    data = b"".join(classic(k, way=way) for k, way in enumerate(ways))
-    pieces, source = read(".blf", file(container(data)), size)
+    data = b"".join(blf_message(k, way=way) for k, way in enumerate(ways))
+    pieces, source = pieces_of(".blf", blf_file(blf_container(data)), size)
     flags = {0: RX, 1: TX}
-    assert records(pieces) == [frame(k, flags=flags[way]) for k, way in enumerate(ways) if way in flags]
+    assert records(pieces) == [blf_frame(k, flags=flags[way]) for k, way in enumerate(ways) if way in flags]
     assert (total(pieces, "other"), source.notes[-1]) == (2, "requests of frames left out (TxRq): 2")
 
 
 def test_the_wait_for_a_frame_that_was_sent_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(requests, "MOST_HELD", 300)
-    data = b"".join(classic(k, way=2) for k in range(9)) + classic(9, way=1)
-    pieces, _ = read(".blf", file(container(data)))
+    data = b"".join(blf_message(k, way=2) for k in range(9)) + blf_message(9, way=1)
+    pieces, _ = pieces_of(".blf", blf_file(blf_container(data)))
     assert len(records(pieces)) == 10
 
 
 def test_requests_of_asc_are_told() -> None:
-    _, source = read(".asc", f"{ASC_HEAD}  0.1 1 123 TxRq d 1 FF\n  0.2 1 123 Tx d 1 FF\n".encode())
+    _, source = pieces_of(".asc", f"{ASC_HEAD}  0.1 1 123 TxRq d 1 FF\n  0.2 1 123 Tx d 1 FF\n".encode())
     assert source.notes[-1] == "requests of frames left out (TxRq): 1"
 
 
@@ -163,7 +173,7 @@ def test_trc_without_a_last_line_end(tmp_path: Path, version: str, last: int) ->
 def test_what_no_bus_carries_is_converted_and_told(tmp_path: Path, to: str, capfd: pytest.CaptureFixture[str]) -> None:
     """An 11-bit frame with a larger identifier, and a remote frame of CAN FD."""
     path = tmp_path / "x.blf"
-    path.write_bytes(file(container(dummy(1) + dummy(FD_64, 5), 0)))
+    path.write_bytes(blf_file(blf_container(dummy(1) + dummy(FD_64, 5), 0)))
     assert main(["convert", str(path), str(tmp_path / to)]) == 0
     err = capfd.readouterr().err
     assert "11-bit identifiers that need more bits, written as 29-bit ones" in err

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from kit.libraries import frames, read, total, written
+from kit.libraries import frames, library_file, pieces_of, total
 from kit.rows import BRS, ESI, EXTENDED, FD, REMOTE, RX, TX, Fault, Frame, events, records
 
 from analyzer.sources import CaptureError
@@ -39,7 +39,7 @@ def test_asc_of_other_programs() -> None:
         "   0.030002 CANFD   2 Tx   ErrorFrame",
         "   0.040000123 CANFD   1 Rx         2A  speed 1 1 9 12 00 01 02 03 04 05 06 07 08 09 0A 0B  1 1 0 0 0 0 0 0",
     )
-    pieces, source = read(".asc", data)
+    pieces, source = pieces_of(".asc", data)
     assert records(pieces) == [
         Frame(15_991_000, "can1", 0x36, EXTENDED | RX, bytes.fromhex("6427B3000A410000")),
         Frame(20_100_000, "can0", 0x123, TX, b"\xff"),
@@ -55,7 +55,7 @@ def test_asc_of_other_programs() -> None:
 
 def test_asc_in_decimal_with_differences() -> None:
     head = "base dec  timestamps relative\nno internal events logged\n"
-    pieces, _ = read(
+    pieces, _ = pieces_of(
         ".asc", asc("0.5 1 Start of measurement", "1.000 1 291 Rx d 2 5 255", "0.25 1 18x Tx d 0", head=head)
     )
     assert records(pieces) == [
@@ -66,7 +66,9 @@ def test_asc_in_decimal_with_differences() -> None:
 
 
 def test_asc_says_when_it_began() -> None:
-    _, source = read(".asc", asc("Begin Triggerblock Tue Nov 14 22:13:20.0 2023", "0.1 1 1 Rx d 0", "End TriggerBlock"))
+    _, source = pieces_of(
+        ".asc", asc("Begin Triggerblock Tue Nov 14 22:13:20.0 2023", "0.1 1 1 Rx d 0", "End TriggerBlock")
+    )
     assert "times count from the start of the recording (Tue Nov 14 22:13:20.0 2023, zone unknown)" in source.notes
 
 
@@ -89,13 +91,13 @@ def test_asc_says_when_it_began() -> None:
 )
 def test_a_bad_line_of_asc_is_told_and_the_next_one_counts(line: str, reason: str) -> None:
     good = Frame(200 * MS, "can0", 1, RX, b"\x01")
-    pieces, _ = read(".asc", asc(line, "0.2 1 1 Rx d 1 01", line, "0.2 1 1 Rx d 1 01"))
+    pieces, _ = pieces_of(".asc", asc(line, "0.2 1 1 Rx d 1 01", line, "0.2 1 1 Rx d 1 01"))
     assert records(pieces) == [good, good]
     assert [text.startswith(f"{reason}: {line[:40]}") for _, _, text in events(pieces, "unreadable")] == [True, True]
 
 
 def test_unreadable_text_is_printable_and_short() -> None:
-    pieces, _ = read(".asc", asc("0.1 1 \x1b[31m" + "\N{SNOWMAN}" * 500))
+    pieces, _ = pieces_of(".asc", asc("0.1 1 \x1b[31m" + "\N{SNOWMAN}" * 500))
     ((_, _, text),) = events(pieces, "unreadable")
     assert text.isprintable()
     assert len(text) < 150
@@ -132,7 +134,7 @@ def test_unreadable_text_is_printable_and_short() -> None:
     ],
 )
 def test_trc_of_every_version(head: str, lines: list[str], start: int, way: int) -> None:
-    pieces, _ = read(".trc", trc(*lines, head=head))
+    pieces, _ = pieces_of(".trc", trc(*lines, head=head))
     assert records(pieces) == [
         Frame(start + 1_500_000, "can0", 0x123, way, b"\xab\xcd"),
         Frame(start + 2_000_000, "can0", 0x123, way | EXTENDED | REMOTE, b"", 8),
@@ -172,7 +174,7 @@ def test_trc_with_can_fd_and_error_frames() -> None:
 )
 def test_a_bad_line_of_trc_is_told_and_the_next_one_counts(line: str, reason: str) -> None:
     good = "2 2.0 DT 1 0001 Rx - 1 01"
-    pieces, _ = read(".trc", trc(line, good, line, good))
+    pieces, _ = pieces_of(".trc", trc(line, good, line, good))
     assert records(pieces) == [Frame(START + 2 * MS, "can0", 1, RX, b"\x01")] * 2
     assert [text for _, _, text in events(pieces, "unreadable")] == [f"{reason}: {line}"] * 2
 
@@ -181,8 +183,8 @@ def test_trc_that_cannot_be_read_at_all() -> None:
     with pytest.raises(
         CaptureError, match=r"^capture.trc: TRC of version 1.2, only 1.0, 1.1, 1.3, 2.0, 2.1 can be read$"
     ):
-        read(".trc", b";$FILEVERSION=1.2\n1) 1.5 1 Rx 0123 2 AB CD\n")
-    pieces, _ = read(".trc", b";$FILEVERSION=2.1\n1 1.5 DT 1 0123 Rx - 2 AB CD\n")
+        pieces_of(".trc", b";$FILEVERSION=1.2\n1) 1.5 1 Rx 0123 2 AB CD\n")
+    pieces, _ = pieces_of(".trc", b";$FILEVERSION=2.1\n1 1.5 DT 1 0123 Rx - 2 AB CD\n")
     assert [text for _, _, text in events(pieces, "unreadable")] == [
         "the columns are not stated: 1 1.5 DT 1 0123 Rx - 2 AB CD"
     ]
@@ -218,18 +220,18 @@ def test_times_of_csv_have_no_noise(time: str, ns: int) -> None:
 )
 def test_a_bad_line_of_csv_is_told_and_the_next_one_counts(line: str) -> None:
     good = "2.0,0x1,1,0,0,1,AQ=="
-    pieces, _ = read(".csv", f"{CSV_HEAD}{line}\n{good}\n{line}\n{good}\n".encode())
+    pieces, _ = pieces_of(".csv", f"{CSV_HEAD}{line}\n{good}\n{line}\n{good}\n".encode())
     assert records(pieces) == [Frame(2000 * MS, "can0", 1, EXTENDED, b"\x01")] * 2
     assert total(pieces, "unreadable") == 2
 
 
 def test_error_frames_of_csv_have_their_class() -> None:
     found = [Fault(START, "can0", 4, bytes([0, 4, 0, 0, 0, 0, 0, 0])), Fault(START, "can0", BUS_ERROR, b"")]
-    assert frames(".csv", written(".csv", found)) == found
+    assert frames(".csv", library_file(".csv", found)) == found
 
 
 def test_many_buses_are_too_many() -> None:
-    pieces, _ = read(".asc", asc(*(f"0.1 {number} 12 Rx d 0" for number in range(1, 400))))
+    pieces, _ = pieces_of(".asc", asc(*(f"0.1 {number} 12 Rx d 0" for number in range(1, 400))))
     assert total(pieces, "frames") + total(pieces, "unreadable") == 399
     assert total(pieces, "unreadable") > 0
     assert all(text.startswith("more than ") for _, _, text in events(pieces, "unreadable"))

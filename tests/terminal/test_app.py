@@ -7,25 +7,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit.command import START
-from kit.monitor import (
-    SECOND,
-    SMALL,
-    WIDE,
-    Script,
-    board_of,
-    flown,
-    look,
-    named,
-    of_device,
-    registry,
-    session,
-    status,
-    text_of,
-    trouble,
-    use,
-)
+from kit.judged import registry
+from kit.monitor import SMALL, WIDE, Script, board_of, look, named, of_device, session, status, text_of, trouble, use
+from kit.simulated import faulted
 
 from analyzer.board.board import Board
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from textual.pilot import Pilot
@@ -84,7 +71,7 @@ def test_at_60_columns_values_flags_and_losses_are_there() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("escs", [1, 20])
 def test_any_number_of_devices(escs: int) -> None:
-    board, now = board_of(flown(escs=escs, seconds=1.5))
+    board, now = board_of(faulted(escs=escs, seconds=1.5).text.encode())
     lines = look(board.snapshot(now), WIDE)
     assert all(of_device(lines, str(k)) for k in range(1, escs + 1))
     small = look(board.snapshot(now), SMALL, "end")

@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from kit.monitor import SMALL, WIDE, Script, board_of, flown, look, of_device, seen, session, text, until, use
+from kit.monitor import SMALL, WIDE, Script, board_of, look, of_device, seen, session, text, until, use
+from kit.simulated import faulted
 
 from analyzer.board.snapshot import RecordingState
 from analyzer.terminal.app import PANES, Monitor
@@ -124,7 +125,7 @@ def test_e_again_shows_the_next_kind_of_device() -> None:
 
 @pytest.mark.slow
 def test_a_pane_is_scrolled_and_says_where_it_is() -> None:
-    board, now = board_of(flown(escs=20, seconds=1.5))
+    board, now = board_of(faulted(escs=20, seconds=1.5).text.encode())
     state = board.snapshot(now)
     top = look(state)
     assert of_device(top, "1")

@@ -23,6 +23,7 @@ from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import Palette, display_width
 from analyzer.views.times import TimeFormat
 from analyzer.views.tree import Tree
+from analyzer.window.listed import Picked
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -197,10 +198,12 @@ def test_no_view_fails_or_lets_control_characters_out(
         window.feed(batch)
         summary.feed(batch)
         count = len(batch.transfers)
-        assert len(list(listing.entries(batch))) == len(list(JsonLines(registry).rows(batch))) == count
-        assert len(list(Csv(registry).rows(batch, np.arange(count)[::-1]))) == count
+        listing.feed(batch)
+        assert len(list(listing.entries())) == len(list(JsonLines(registry).rows(batch))) == count
+        backward = Picked.all_of(batch)._replace(transfers=np.arange(count)[::-1])
+        assert len(list(Csv(registry).rows(batch, backward))) == count
         texts = [line for details in tree.details(batch) for line in details]
-        texts += [line for lines_ in listing.entries(batch) for line in lines_]
+        texts += [line for lines_ in listing.entries() for line in lines_] + listing.between(None) + listing.end()
         texts += [line for frames in TransferRows(batch, registry).column("frame") for line in hexdump(frames, window)]
         assert all(text.isprintable() for text in texts)
         total += count

@@ -19,6 +19,7 @@ from kit.traffic import START, lines, push, same, status, throttle
 from analyzer.views.fields import Fields, field_names
 from analyzer.views.frames import FrameWindow
 from analyzer.views.records import KEYS, Csv, JsonArray, JsonLines, records
+from analyzer.window.listed import Picked
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,6 +31,11 @@ GOLDEN = ("tm_golden", "tm_golden_fd", "neighbours")
 
 def vectors(name: str) -> list[dict[str, Any]]:
     return json.loads((VECTORS / f"{name}.json").read_text())
+
+
+def only(*transfers: int) -> Picked:
+    none = np.zeros(0, np.int64)
+    return Picked(np.array(transfers, np.int64), none, none, none)
 
 
 def written(view: Any, got: Any, picked: Any = None) -> str:
@@ -165,7 +171,7 @@ def test_padding_is_stripped_only_where_it_is_padding(decode: Callable[..., Any]
 def test_json_is_one_array_also_when_empty(decode: Callable[..., Any], registry: Registry) -> None:
     got = decode(lines(throttle(0).frames(), throttle(1).frames()))
     assert json.loads(written(JsonArray(registry), got)) == jsonl(got, registry)
-    assert json.loads(written(JsonArray(registry), got, np.zeros(0, np.int64))) == []
+    assert json.loads(written(JsonArray(registry), got, only())) == []
     assert json.loads(written(JsonArray(registry), decode(b""))) == []
 
 
@@ -248,7 +254,7 @@ def test_fields_of_frames_and_times(decode: Callable[..., Any], registry: Regist
         "ok",
     ]
     assert second[1:3] == ["0.001000000", "0.001000000"]
-    assert column(got, registry, "frame.time_delta", picked=np.array([1])) == [["0.001000000"]]
+    assert column(got, registry, "frame.time_delta", picked=only(1)) == [["0.001000000"]]
     assert START == 1_700_000_000 * 10**9
 
 

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from witness.packets import Piece, packets, pieces
-from witness.push_form import near
+from witness.push_form import Piece, near, packets, pieces
 from witness.views import MILLISECOND, SECOND, Finder, Found, Latest, Message, by_node, messages
 
 if TYPE_CHECKING:
@@ -21,6 +20,7 @@ QUERY, STATUS, CONTROL = "PUSHSCI.FocQuery", "PUSHCAN.MotorStatus", "PUSHSCI.Out
 MODES = bytes.fromhex("00EE228866555A444A333A111ABB")
 REST = bytes.fromhex("8866")  # lock and free are for motors at rest
 TEN_THOUSAND, TURN = bytes.fromhex("555A444A333ABB"), bytes.fromhex("111A88")
+SPEEDS, CURRENTS, MIRRORED = bytes.fromhex("333A"), bytes.fromhex("444A"), 0x1A
 SHARED = ("acceleration_limit", "deceleration_limit", "rotation_direction", "led", "report_rate")
 
 Wrong = Callable[[dict[str, Any]], bool]
@@ -169,6 +169,66 @@ def _sets(values: dict[str, Any]) -> Iterator[bool]:
     yield from (values[name] != kept.get(name, 0xFFFF) for name in values)
 
 
+def _follows(log: Log, wrong: Callable[[dict[str, Any], list[dict[str, Any]]], bool], modes: bytes) -> Found:
+    """Control packets that are in force for 3 s, and from then on 1 s of three status packets or more that are wrong.
+
+    Whoever repeats a packet changes nothing; throttle above zero on the unit's channel begins anew.
+    """
+    found, statuses = [], _sent(log, STATUS)
+    driven: dict[int, list[int]] = defaultdict(list)
+    for one in messages(log, "RawCommand"):
+        for index, value in enumerate(one["cmd"]):
+            if value > 0:
+                driven[0xA1 + index].append(one.t)
+    for unit, asked in _sent(log, CONTROL).items():
+        for piece, order, end in _orders(asked, log.frames[-1].t):
+            if order["control_mode"] not in modes:
+                continue
+            throttled = max((t for t in driven[unit] if t < end), default=0)
+            since = max(piece.t, throttled) + 3 * SECOND
+            shown = [(status, {**order, **values}) for status, values in statuses[unit] if since <= status.t < end]
+            row: list[Piece] = []
+            places: list[dict[str, Any]] = []
+            for status, values in shown:
+                places.append(values)
+                row = [*row, status] if wrong(values, places) else []
+                if len(row) >= 3 and row[-1].t - row[0].t >= SECOND:
+                    found.append(piece.numbers.union(*(one.numbers for one in row)))
+                    break
+    return found
+
+
+def _orders(asked: list[tuple[Piece, dict[str, Any]]], end: int) -> Iterator[tuple[Piece, dict[str, Any], int]]:
+    """Each order of a unit, the first packet of it, and when another one takes its place."""
+    first = 0
+    for k, (_, values) in enumerate(asked):
+        later = asked[k + 1] if k + 1 < len(asked) else None
+        if later is None or any(later[1][name] != values[name] for name in ("control_mode", "set_point")):
+            yield *asked[first], end if later is None else later[0].t
+            first = k + 1
+
+
+def ignored(values: dict[str, Any], _: list[dict[str, Any]]) -> bool:
+    """PUSH-306: speed, current or position is far from what was asked for; signs say nothing."""
+    mode, point = values["control_mode"], values["set_point"]
+    if mode in SPEEDS:
+        return abs(abs(values["speed"]) - point) > max(0.15 * point, 150)
+    if mode in CURRENTS:
+        return abs(abs(values["current"]) - point) > max(0.3 * point, 300)
+    ends = (point, -point) if mode == MIRRORED else (point,)
+    return all(_turn(values["position"], 10 * end) > 1000 for end in ends)
+
+
+def unheld(values: dict[str, Any], before: list[dict[str, Any]]) -> bool:
+    """PUSH-307: the rotor is not locked, or is and has moved since."""
+    return values["system_status"] != 0x11 or _turn(values["position"], before[0]["position"]) > 1000
+
+
+def _turn(one: int, other: int) -> int:
+    """Hundredths of a degree between two positions, the shorter way."""
+    return abs((one - other + 18_000) % 36_000 - 18_000)
+
+
 def text(values: dict[str, Any]) -> bool:
     """PUSH-501: a byte before the padding (the first NUL, or spaces) that is no printable ASCII."""
     versions = [values[name].split(b"\0")[0].rstrip(b" ") for name in ("hardware_version", "software_version")]
@@ -185,6 +245,8 @@ FINDERS: dict[str, Finder] = {
     "PUSH-303": _where(CONTROL, lambda values: values["reserved"] != 0),
     "PUSH-304": _unanswered(CONTROL, STATUS, 200 * MILLISECOND),
     "PUSH-305": turning,
+    "PUSH-306": lambda log: _follows(log, ignored, SPEEDS + CURRENTS + bytes.fromhex("111A")),
+    "PUSH-307": lambda log: _follows(log, unheld, bytes.fromhex("88")),
     "PUSH-401": _where(STATUS, lambda values: values["system_status"] not in {0x00, 0x11, 0xCC}),
     "PUSH-402": _where(STATUS, lambda values: values["position"] > 36_000),
     "PUSH-403": _where(STATUS, pulse),

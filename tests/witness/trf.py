@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 from kit import encode
 
-from witness import trust
-from witness.fields import unpack
+from witness import can
 from witness.reader import SECOND, TIMEOUT, crc
+from witness.views import unpack
 
 if TYPE_CHECKING:
-    from witness.can import Found
-    from witness.frame import Frame
-    from witness.reader import Log, Transfer
+    from witness.reader import Frame, Log, Transfer
+    from witness.views import Found
 
 LONG = 100_000_000  # of a pause between two frames, in ns
 SLOW = SECOND  # of a transfer, in ns
@@ -32,7 +31,7 @@ MISTAKEN = {
 
 def many(log: Log) -> list[Transfer]:
     """The transfers of several frames that are DroneCAN."""
-    ours = trust.trusted(log)
+    ours = can.trusted(log)
     return [one for one in log.transfers if one.many and one.first.session in ours]
 
 
@@ -45,11 +44,11 @@ def numbers(frames: list[Frame]) -> set[int]:
 
 
 def find_trf_001(log: Log) -> Found:
-    return [{frame.number} for frame in trust.honest(log) if frame.start and frame.end and frame.toggle]
+    return [{frame.number} for frame in can.honest(log) if frame.start and frame.end and frame.toggle]
 
 
 def find_trf_002(log: Log) -> Found:
-    return [{frame.number} for frame in trust.honest(log) if frame.start and not frame.end and frame.toggle]
+    return [{frame.number} for frame in can.honest(log) if frame.start and not frame.end and frame.toggle]
 
 
 def find_trf_003(log: Log) -> Found:
@@ -75,7 +74,7 @@ def _beside(log: Log, frame: Frame) -> list[Transfer]:
 
 
 def find_trf_005(log: Log) -> Found:
-    ours = trust.trusted(log)
+    ours = can.trusted(log)
     lonely = [frame for frame in log.orphans if frame.session in ours and not _beside(log, frame)]
     groups: dict[object, list[Frame]] = {}
     for frame in lonely:
@@ -118,7 +117,7 @@ def find_trf_008(log: Log) -> Found:
 
 
 def find_trf_009(log: Log) -> Found:
-    ours = trust.trusted(log)
+    ours = can.trusted(log)
     found = []
     for frame in log.orphans:
         if frame.session in ours:
@@ -171,15 +170,15 @@ def find_trf_011(log: Log) -> Found:
 
 
 def find_trf_012(log: Log) -> Found:
-    return [{f.number} for f in trust.honest(log) if not f.end and len(f.data) < (64 if f.fd else 8)]
+    return [{f.number} for f in can.honest(log) if not f.end and len(f.data) < (64 if f.fd else 8)]
 
 
 def find_trf_013(log: Log) -> Found:
-    return [{f.number} for f in trust.honest(log) if f.end and not f.start and len(f.data) == 1]
+    return [{f.number} for f in can.honest(log) if f.end and not f.start and len(f.data) == 1]
 
 
 def find_trf_014(log: Log) -> Found:
-    return [{f.number} for f in trust.honest(log) if f.start and not f.end and len(f.data) <= 3]
+    return [{f.number} for f in can.honest(log) if f.start and not f.end and len(f.data) <= 3]
 
 
 def find_trf_015(log: Log) -> Found:

@@ -6,14 +6,14 @@ from collections import Counter, defaultdict
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from witness import trust
+from witness import can
 from witness.reader import SECOND, TIMEOUT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from witness.can import Found
     from witness.reader import Log, Transfer
+    from witness.views import Found
 
 ANSWER_TIME, SLOW = SECOND, SECOND // 2
 # How many transfers in a row, of how many each type, show a shared counter.
@@ -24,7 +24,7 @@ APART = 50_000_000
 
 def pairs(log: Log) -> Iterator[tuple[Transfer, Transfer]]:
     """Each transfer behind the one before of its session, within two seconds; anonymous nodes have no session."""
-    ours = trust.trusted(log)
+    ours = can.trusted(log)
     for key, transfers in log.by_session.items():
         if key in ours and key[1] != "anonymous":
             yield from ((before, one) for before, one in pairwise(transfers) if one.t - before.t <= TIMEOUT)
@@ -70,7 +70,7 @@ def find_trf_020(log: Log) -> Found:
     """Runs of one node's messages whose transfer IDs rise by one over all types, while those of every type jump."""
     sent: dict[object, list[Transfer]] = defaultdict(list)
     for one in log.transfers:
-        if one.first.kind == "message" and one.first.session in trust.trusted(log):
+        if one.first.kind == "message" and one.first.session in can.trusted(log):
             sent[one.first.bus, one.first.src].append(one)
     return [
         set().union(*(one.numbers for one in run))
@@ -101,7 +101,7 @@ def _shared(run: list[Transfer]) -> bool:
 
 def calls(log: Log) -> Iterator[tuple[Transfer | None, list[Transfer]]]:
     """Each request with its responses within two seconds; responses to nothing come with None."""
-    ours = trust.trusted(log)
+    ours = can.trusted(log)
     open_calls: dict[object, tuple[Transfer, list[Transfer]]] = {}
     for one in log.transfers:
         first = one.first
@@ -190,9 +190,9 @@ def _same(one: Transfer, copy: Transfer) -> bool:
 def find_trf_031(log: Log) -> Found:
     """Types without a signature whose CRCs all begin with one value; the others of such a type are outliers."""
     found = []
-    for transfers in trust.unknown(log).values():
+    for transfers in can.unknown(log).values():
         checked = [one for one in transfers if one.many and one.whole]
-        common = Counter(trust.starts(checked)).most_common(1)
+        common = Counter(can.starts(checked)).most_common(1)
         if common and common[0][1] > 1:
             found.append(set().union(*(one.numbers for one in checked)))
     return found

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from kit import encode
 
-from witness.fields import Float
-from witness.views import Finder, Found, Message, by_node, everything, messages, prefixed, where
+from witness.views import Finder, Float, Found, Message, by_node, everything, messages, prefixed, where
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

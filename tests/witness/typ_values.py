@@ -1,12 +1,13 @@
-"""Proofs of TYP-201 to TYP-308: the values of ParamCfg, ParamGet and ESCStatus."""
+"""Proofs of TYP-014 and TYP-201 to TYP-504: values of fields, what is remembered, and numbers that count up."""
 
 from __future__ import annotations
 
 import math
+from datetime import UTC, datetime
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from witness.views import SECOND, Finder, Found, Latest, Message, by_node, everything, messages, where
+from witness.views import SECOND, Finder, Found, Latest, Message, by_node, everything, messages, prefixed, where
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 PARAMETERS = ("ParamCfg", "ParamGet")
 WIDE = ("esc_id_set", "esc_ov_threshold", "esc_oc_threshold", "esc_ot_threshold", "esc_acc_threshold")
 WIDE += ("esc_dacc_threshold", "esc_rotate_dir", "esc_led_mode", "esc_fdb_rate")
+COUNTERS = ("esc_startup_times", "esc_startup_duration", "esc_error_count")
+PUSHES = ("PUSHSCI", "PUSHCAN")
 
 
 def query(one: Message) -> bool:
@@ -31,6 +34,17 @@ def index(log: Log) -> Found:
     """TYP-201: an index above 19, but 0xFF for all of them in ParamCfg."""
     names = (*PARAMETERS, "ESCStatus")
     return where(log, names, lambda one: one["esc_index"] > 19 and (one.name, one["esc_index"]) != ("ParamCfg", 0xFF))
+
+
+def identifier(log: Log) -> Found:
+    """TYP-202: an ID above 19 that is not "all"; one that a ParamGet repeats as its index is TYP-201."""
+
+    def wrong(one: Message) -> bool:
+        value = one["esc_id_set" if one.name == "ParamCfg" else "esc_id_req"]
+        repeated = one.name == "ParamGet" and value == one["esc_index"]
+        return value > 19 and value not in {0xFF, 0xFFFF} and not repeated
+
+    return where(log, PARAMETERS, wrong)
 
 
 def save_option(log: Log) -> Found:
@@ -126,9 +140,81 @@ def implausible(log: Log) -> Found:
     return where(log, ("ESCStatus",), wrong)
 
 
+def nameless(log: Log) -> Found:
+    """TYP-014: a mode of a node that DroneCAN does not name, in NodeStatus or in its copy."""
+
+    def wrong(one: Message) -> bool:
+        return one.values.get("status", one.values)["mode"] in {4, 5, 6}
+
+    return where(log, ("uavcan.protocol.NodeStatus", "uavcan.protocol.GetNodeInfo.Response"), wrong)
+
+
+def reserved(log: Log) -> Found:
+    """TYP-401: a reserved block that is neither left out nor 32 bytes."""
+    return where(log, ("ParamGet",), lambda one: len(one["rsvd"]) not in {0, 32} and not prefixed(one))
+
+
+def backwards(log: Log) -> Found:
+    """TYP-402: a lifetime counter is lower than in the ParamGet of that UUID before."""
+    found, before = [], {}
+    for one in messages(log, "ParamGet"):
+        last = before.get(one["esc_uuid"])
+        if last is not None and any(one[name] < last[name] for name in COUNTERS):
+            found.append(one.numbers)
+        before[one["esc_uuid"]] = one
+    return found
+
+
+def identity(log: Log) -> Found:
+    """TYP-403: a UUID that another node had first, or a node and index that had another UUID first."""
+    found = []
+    owners: dict[int, int] = {}
+    uuids: dict[tuple[int, int], int] = {}
+    for one in messages(log, "ParamGet"):
+        uuid, place = one["esc_uuid"], (one.src, one["esc_index"])
+        if owners.setdefault(uuid, one.src) != one.src or uuids.setdefault(place, uuid) != uuid:
+            found.append(one.numbers)
+    return found
+
+
+def calendar(value: int) -> bool:
+    """Is it a date as YYYYMMDD, 1990 to 2099?"""
+    try:
+        return 1990 <= datetime(value // 10_000, value // 100 % 100, value % 100, tzinfo=UTC).year <= 2099
+    except ValueError:
+        return False
+
+
+def date_format(log: Log) -> Found:
+    """TYP-404: a production date that is no YYYYMMDD, so that it is Unix seconds or unknown."""
+    return where(log, ("ParamGet",), lambda one: not calendar(one["esc_product_date"]))
+
+
+def _sequence(wrong: Callable[[Message, Message], bool]) -> Finder:
+    """Pairs of transfers in a row of one node and type whose sequence numbers are wrong."""
+
+    def find(log: Log) -> Found:
+        rows = [sent for name in PUSHES for sent in by_node(log, name).values()]
+        return [one.numbers for sent in rows for before, one in pairwise(sent) if wrong(before, one)]
+
+    return find
+
+
+def _sequence_of(one: Message) -> int:
+    return one["data_sequence"]
+
+
+def restarted(before: Message, one: Message) -> bool:
+    """TYP-503: lower than before, and not because 32 bits are full."""
+    return _sequence_of(one) < _sequence_of(before) and not (
+        _sequence_of(before) > 0xFFFF_0000 and _sequence_of(one) < 0x1_0000
+    )
+
+
 FINDERS: dict[str, Finder] = {
+    "TYP-014": nameless,
     "TYP-201": index,
-    "TYP-202": _parameter("esc_id_set", lambda value: value <= 19 or value in {0xFF, 0xFFFF}, ("ParamCfg",)),
+    "TYP-202": identifier,
     "TYP-203": _parameter("esc_timing", lambda value: 1 <= value <= 29 or value == 0xFF),
     "TYP-204": _parameter("esc_signal_priority", lambda value: value in {0, 1, 0xFF}),
     "TYP-205": _parameter("esc_can_rate", lambda value: value <= 5 or value == 0xFF),
@@ -145,4 +231,14 @@ FINDERS: dict[str, Finder] = {
     "TYP-306": _bits(lambda one: mode(one) == 6),
     "TYP-307": counter,
     "TYP-308": implausible,
+    "TYP-401": reserved,
+    "TYP-402": backwards,
+    "TYP-403": identity,
+    "TYP-404": date_format,
+    "TYP-501": _sequence(lambda before, one: _sequence_of(one) - _sequence_of(before) > 1),
+    "TYP-502": _sequence(
+        lambda before, one: _sequence_of(one) == _sequence_of(before) and one.payload != before.payload
+    ),
+    "TYP-503": _sequence(restarted),
+    "TYP-504": lambda log: where(log, PUSHES, lambda one: not one["data"]),
 }

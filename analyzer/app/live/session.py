@@ -103,9 +103,10 @@ class LiveSession:
         """Have the rules say what they only can now; None if they failed."""
         taken = None
         if self._judged is not None:
-            first, *more = self._recording.files or [self._run.source.name]
+            more = self._recording.files[1:]
+            label = self._recording.name or self._run.source.name
             try:
-                taken = self._judged.taken(self._recording.name or first, (*more, "--same-bus") if more else ())
+                taken = self._judged.taken(label, (*more, "--same-bus") if more else ())
                 self._tell_findings(last=True)
             except Exception as error:  # noqa: BLE001 - the recording is there all the same
                 self._give_up(error)

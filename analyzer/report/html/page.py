@@ -19,7 +19,7 @@ from analyzer.report import headline
 from analyzer.report.html import figures, sections
 from analyzer.report.model import CATEGORIES, SEVERITIES, VERDICTS
 from analyzer.report.moments import clock, moment
-from analyzer.report.wording import captures_by_id, waived
+from analyzer.report.wording import captures_by_id, events, waived
 from analyzer.views.terminal import ELLIPSIS, escape
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def render(report: Report) -> str:
         buses=figures.buses(report),
         nodes=figures.nodes(report),
         shown=shown,
+        events=events(report),
         left_out=len(report.findings) - len(shown),
         verdict_bar=figures.verdict_bar(report.rules),
         rules={verdict: [rule for rule in report.rules if rule.verdict == verdict] for verdict in VERDICTS},

@@ -34,7 +34,8 @@ def revision(expected: Expected, today: date) -> Revise:
             replace(one, nodes=tuple(replace(node, label=labels.get(node.node, node.label)) for node in one.nodes))
             for one in draft.captures
         )
-        return replace(draft, captures=captures, findings=tuple(map(named, draft.findings)))
+        events = tuple(replace(one, label=labels.get(one.node or 0, one.label)) for one in draft.events)
+        return replace(draft, captures=captures, findings=tuple(map(named, draft.findings)), events=events)
 
     return revise
 

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from analyzer.rules.events import NO_BUS, error_frames
+from analyzer.rules.events import error_frames
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
 
 if TYPE_CHECKING:
@@ -34,9 +34,8 @@ class ErrorBursts(Rule):
     def feed(self, view: View) -> Iterator[Occurrence]:
         """Yield the bursts that have ended."""
         events = view.events
-        for row, kind in error_frames(view):
+        for row, bus, kind in error_frames(view):
             if events.t[row] != NO_TIME:
-                bus = int(events.bus[row]) if events.has("bus")[row] else NO_BUS
                 yield from self._follow(bus, int(events.t[row]), kind, int(view.number("BUS-005", "errors_per_s")))
 
     def finish(self, _view: View) -> Iterator[Occurrence]:

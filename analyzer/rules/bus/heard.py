@@ -18,19 +18,36 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable
 
 _NODES = 128
-_OTHER = 0  # services, and types beyond the first 511
+_OTHER = 0  # types beyond the first 511, and services where they do not matter
 _NEW = np.uint16(0xFFFF)
 _MOST_TYPES = 512
 _MOST_GAPS = 256  # of a node, the latest
 MOST_SESSIONS = 4096
+_SERVICE, _ASKS = 1 << 16, 1 << 7
 
 
 class Session(NamedTuple):
-    """A type that a node sends to all."""
+    """A type that a node sends to all; or a service, whose type ID has all bits that `service_of` says."""
 
     bus: int
     node: int
     type_id: int
+
+    @property
+    def of_responses(self) -> bool:
+        """Return whether these are answers."""
+        return self.type_id & (_SERVICE | _ASKS) == _SERVICE
+
+    @property
+    def of_service(self) -> bool:
+        """Return whether these are requests or answers."""
+        return bool(self.type_id & _SERVICE)
+
+
+def service_of(type_id: Array, dst: Array, *, asks: Array) -> Array:
+    """Return what sessions of requests or answers have as their type IDs."""
+    found: Array = _SERVICE | type_id << 8 | asks * _ASKS | dst
+    return found
 
 
 class Starts(NamedTuple):
@@ -162,10 +179,16 @@ class SessionFrames(NamedTuple):
 
 
 class SessionOrder:
-    """Puts the frames of a batch in the order of sessions; at most 511 types are told apart."""
+    """Puts the frames of a batch in the order of sessions; at most 511 types are told apart.
 
-    def __init__(self) -> None:
-        self._types = np.full(1 << 16, _NEW)
+    Args:
+        services: whether services are sessions, too.
+    """
+
+    def __init__(self, *, services: bool = False) -> None:
+        self._types = np.full(_SERVICE << 1, _NEW)
+        if not services:
+            self._types[_SERVICE:] = _OTHER
         self._numbers = [-1]  # type IDs by what `_types` says
 
     def of(self, frames: FrameTable) -> Iterator[tuple[Session, SessionFrames]]:
@@ -175,12 +198,11 @@ class SessionOrder:
 
     def _sessions(self, bus: int, ours: _Ours, frames: FrameTable) -> Iterator[tuple[Session, SessionFrames]]:
         identifier = ours.identifier
-        type_id = (identifier >> 8 & 0xFFFF).astype(np.uint16)
-        message = identifier & 0x80 == 0
-        code = np.where(message, self._types[type_id], np.uint16(_OTHER))
+        type_id = (identifier >> 8 & 0xFFFF) | (identifier & 0x80) << 9
+        code = self._types[type_id]
         if (code == _NEW).any():
             self._number(type_id[code == _NEW])
-            code = np.where(message, self._types[type_id], np.uint16(_OTHER))
+            code = self._types[type_id]
         code = code << 7 | (identifier & 0x7F).astype(np.uint16)
         order = np.argsort(code, kind="stable")
         order = order[np.searchsorted(code[order], _NODES) :]  # without what is no session

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-import numpy as np
-
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.bus.heard import Gap, HeardNode, HeardNodes, HeardSessions, Session
-from analyzer.tables import KINDS
+from analyzer.rules.bus.proved import first_transfers
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Break, Occurrence, PacedReports, Pauses, Rule, Starts
 
 if TYPE_CHECKING:
@@ -17,7 +15,6 @@ if TYPE_CHECKING:
 
     from dissectors.kit import Severity, Values, View
 
-_MESSAGE = KINDS.index("message")
 _SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
 _MOST = 4096  # breaks that wait
 _MOST_UNPROVED = 16  # of a session that may be another protocol's
@@ -130,13 +127,10 @@ class Stopped(Rule):
         """Note the types of sessions; those that have none may be another protocol's."""
         if all(talk.code >= 0 for talk in self._talks.values()):
             return
-        t = view.transfers
-        rows = np.flatnonzero(t.kind == _MESSAGE)
-        key = t.bus[rows].astype(np.int64) << 32 | t.src[rows].astype(np.int64) << 16 | t.type_id[rows]
-        for one, first in zip(*(part.tolist() for part in np.unique(key, return_index=True)), strict=True):
-            talk = self._talks.get(Session(one >> 32, one >> 16 & 0xFFFF, one & 0xFFFF))
+        for session, row in sorted(first_transfers(view.transfers)):
+            talk = self._talks.get(session)
             if talk is not None and talk.code < 0:
-                talk.code = int(t.code[rows[first]])
+                talk.code = int(view.transfers.code[row])
                 self._doubts += talk.unproved
                 talk.unproved = []
 

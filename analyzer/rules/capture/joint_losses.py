@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from analyzer.rules.drops import EVERY_BUS, drops_in
+from analyzer.rules.events import EventTimes, drops_in
 from analyzer.rules.joint.times import LONGEST, SETTLED
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
 
@@ -20,25 +20,24 @@ class Inferred(Rule):
     rules: ClassVar[tuple[str, ...]] = ("CAP-006",)
 
     def __init__(self) -> None:
-        self._told: list[tuple[int, int]] = []  # buses and times of what the recorder says that it lost
+        self._told = EventTimes()  # what the recorder says that it lost
 
     def feed(self, view: View) -> Iterator[Occurrence]:
         """Yield the places that are settled with this batch."""
-        self._told += [(drop.bus, drop.t) for drop in drops_in(view) if drop.t != NO_TIME]
+        for drop in drops_in(view):
+            self._told.add(drop.bus, drop.t)
         yield from self._places(view)
-        if self._told and view.end != NO_TIME:
-            oldest = view.end - self._around(view) - 2 * (LONGEST + SETTLED)
-            self._told = [(bus, t) for bus, t in self._told if t >= oldest]
+        if view.end != NO_TIME:
+            self._told.forget(view.end - self._around(view) - 2 * (LONGEST + SETTLED))
 
     def finish(self, view: View) -> Iterator[Occurrence]:
         """Yield the rest."""
         yield from self._places(view)
 
     def _places(self, view: View) -> Iterator[Occurrence]:
-        around = self._around(view) if self._told else 0
+        around = self._around(view)
         for one in view.joint_losses:
-            first, last = one.since - around, one.until + around
-            if not any(bus in (one.bus, EVERY_BUS) and first <= t <= last for bus, t in self._told):
+            if not self._told.near(one.bus, one.since - around, one.until + around):
                 values = {"senders": one.senders}
                 yield Occurrence("CAP-006", one.since, one.bus, None, "", one.frames, values)
 

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.rules.drops import drops_in, when
-from analyzer.rules.events import among_events
+from analyzer.rules.events import among_events, drops_in, when
 from analyzer.tables import EVENTS
 from dissectors.kit import Occurrence, Occurrences, rule
 

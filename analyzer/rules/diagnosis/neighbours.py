@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.rules.diagnosis.proofs import LATE_COPY, Cause, KnownType, Part
 from analyzer.rules.diagnosis.session_frames import SessionFrames
-from analyzer.tables import ERROR, EXTENDED, REMOTE
+from analyzer.tables import ERROR, EXTENDED, REMOTE, TRANSFER_IDS
 from dissectors.kit import NO_TIME, SECOND
 from dissectors.kit.definitions import crc_start
 
@@ -64,6 +64,20 @@ class Neighbours(NamedTuple):
         known = {part[1:]: part.number for part in self.near if part.number < first and part.number in self.settled}
         found = [known.get(part[1:]) for part in self.parts]
         return late_copy([number for number in found if number is not None]) if None not in found else None
+
+    def misnumbered(self, order: Sequence[Part]) -> list[Part]:
+        """Return the frame of two with different transfer IDs whose ID is wrong, both if nobody knows.
+
+        Right is the ID that follows that of the transfer before them, or is followed by that of the one behind them.
+        """
+        first, second = order
+        starts = [part for part in self.near if part.start and (part.end or part.number in self.settled)]
+        before = next((part.transfer_id for part in reversed(starts) if part.number < first.number), None)
+        behind = next((part.transfer_id for part in starts if part.number > second.number), None)
+        near = {None if before is None else (before + 1) % TRANSFER_IDS}
+        near |= {None if behind is None else (behind - 1) % TRANSFER_IDS}
+        wrong = [part for part in order if part.transfer_id not in near]
+        return wrong if len(wrong) == 1 else [*order]
 
     def unsteady(self) -> bool:
         """Return whether toggles stand still in other transfers of the session too."""

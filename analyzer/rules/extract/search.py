@@ -15,6 +15,7 @@ from analyzer.rules.extract.shrink import MOST_TRIALS, Shrinker
 from analyzer.rules.judge import Judge
 from analyzer.window.cut import frame_tables, rows_inside
 from analyzer.window.limits import Window
+from analyzer.window.numbering import Numbering
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND
 
 if TYPE_CHECKING:
@@ -157,5 +158,5 @@ def _inside(part: FrameTables, wanted: WantedFinding, reach: int | None) -> Fram
         window = Window(frames=(min(wanted.frames) - room, max(wanted.frames) + room))
     else:
         return part.batch
-    frames, events = rows_inside(part, window, limits)
+    frames, events = rows_inside(part, window, limits, Numbering())
     return part.batch.pick(frames.tobytes(), events.tobytes()) if len(frames) or len(events) else None

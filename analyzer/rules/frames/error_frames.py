@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.rules.drops import when
-from analyzer.rules.events import among_events, error_frames
+from analyzer.rules.events import among_events, error_frames, when
 from dissectors.kit import rule
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ _BUS_OFF = "bus-off"
 def seen(view: View) -> Iterator[Occurrences]:
     """Find the error frames of each kind."""
     kinds: dict[str, list[int]] = {}
-    for row, kind in error_frames(view):
+    for row, _, kind in error_frames(view):
         kinds.setdefault(kind, []).append(row)
     for kind, some in kinds.items():
         rows = np.asarray(some)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.view import NOBODY
+from analyzer.facts.identifiers import NOBODY
 from analyzer.tables import EXTENDED, FRAME_ANOMALIES, VERDICTS
 from dissectors.kit import Occurrence, Occurrences, Rule
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.facts.identifiers import who
 from analyzer.rules.anomalies import flagged
-from analyzer.rules.view import who
 from analyzer.tables import EXTENDED, FRAME_ANOMALIES
 from dissectors.kit import rule
 

@@ -8,18 +8,21 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.rules.bus.heard import MOST_SESSIONS, Session, SessionOrder
-from analyzer.tables import ERROR, KINDS, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
+from analyzer.rules.bus.proved import first_transfers
+from analyzer.rules.joint.times import FEW, WIDEST, WINDOW
+from analyzer.tables import ERROR, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
 from dissectors.kit import MILLISECOND, NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import Array, TransferTable, View
+    from dissectors.kit import Array, View
 
-_MESSAGE, _COMPLETE = KINDS.index("message"), STATUSES.index("ok")
+_COMPLETE = STATUSES.index("ok")
 _KNOWN_BY = 2  # complete transfers of a type that is defined: a session of DroneCAN, and no other protocol's
 _MOST_UNKNOWN = 32  # frames that did not, of a session that may become known
 _NEVER = np.iinfo(np.int64).max
+_HABIT = 4  # one of so many requests may have an odd ID; of tools that count otherwise more have
 _SWAPPED = 100 * MILLISECOND  # within which a frame that was overtaken is still to come
 _FOLLOWS = TAIL_START | TAIL_TOGGLE | TAIL_ID  # whether a frame is the last one is not known before
 
@@ -29,7 +32,8 @@ class Lack:
     """Frames of a session are missing between two of its frames: their numbers, times and places on the bus.
 
     A place counts the frames of the bus that have a sender and a time. `tail` is what the second frame has in its tail
-    byte, `wanted` what it should have. `void` says that nothing is missing: frames only came in another order.
+    byte, `wanted` what it should have, `window` how far joint ones are apart at most, in ns, `left` the frame at which
+    the session left off where it goes on now. `void` says that nothing is missing: frames only came in another order.
     """
 
     session: Session
@@ -39,6 +43,8 @@ class Lack:
     places: tuple[int, int]
     tail: int
     wanted: int
+    window: int = WINDOW
+    left: int | None = None
     void: bool = False
 
 
@@ -52,29 +58,32 @@ class _Frames(NamedTuple):
 
 
 class _Last(NamedTuple):
-    """The last frame of a session, and how many did not follow the one before them as they should."""
+    """The last frame of a session, how many did not follow the one before them as they should, and transfers begun."""
 
     tail: int = 0
     t: int = NO_TIME
     number: int = -1
     place: int = -1
     odd: int = 0
+    begun: int = 0
 
 
 class Lacks:
-    """Follows the tail bytes of all messages; sessions are at most 4096.
+    """Follows the tail bytes of all transfers; sessions are at most 4096.
 
-    A type that begins anew at 0 lacks nothing: its node restarted.
+    A type that begins anew at 0 lacks nothing: its node restarted. Answers of which a whole one is not there were not
+    given, perhaps.
     """
 
     def __init__(self) -> None:
-        self._order = SessionOrder()
+        self._order = SessionOrder(services=True)
         self._last: dict[Session, _Last] = {}
         self._latest: dict[Session, Lack] = {}
         self._heard: dict[int, int] = {}  # frames by bus
+        self._since: dict[int, int] = {}  # its first frame
         self._complete: dict[Session, int] = {}  # transfers of those that are not known yet
         self._known: dict[Session, int] = {}  # when each one became known
-        self.nodes: dict[int, dict[int, int]] = {}  # by bus: when each node became known
+        self.nodes: dict[int, dict[int, int]] = {}  # by bus: when each node that sends messages became known
 
     def feed(self, view: View) -> list[Lack]:
         """Add a batch; return what is missing, in the order of the frames behind it."""
@@ -84,6 +93,8 @@ class Lacks:
         begins = dict(self._heard)
         for session, own in self._order.of(frames):
             base = begins.get(session.bus, 0)
+            if not base:
+                self._since[session.bus] = min(self._since.get(session.bus, int(own.t[0])), int(own.t[0]))
             self._heard[session.bus] = max(self._heard.get(session.bus, 0), base + int(own.place[-1]) + 1)
             good = frames.flags[own.row] & ERROR == 0
             if good.any() and (session in self._last or len(self._last) < MOST_SESSIONS):
@@ -91,6 +102,8 @@ class Lacks:
                 found += self._follow(session, _Frames(*(column[good] for column in columns)))
         found.sort(key=lambda one: one.places[1])
         for one in found:
+            each = max(one.until - self._since[one.session.bus], 0) // one.places[1]
+            one.window = min(max(FEW * each, WINDOW), WIDEST)
             self._compare(one)
         return found
 
@@ -101,18 +114,18 @@ class Lacks:
     def _prove(self, view: View) -> None:
         """Note when sessions became known; types that have no definition come out late, and prove nothing."""
         t = view.transfers
-        rows = np.flatnonzero((t.kind == _MESSAGE) & (t.status == _COMPLETE) & (t.t_end != NO_TIME))
-        for row in rows[_first_of_each(t, rows)].tolist():
-            session = Session(int(t.bus[row]), int(t.src[row]), int(t.type_id[row]))
+        good = (t.status == _COMPLETE) & (t.t_end != NO_TIME)
+        for session, row in first_transfers(t, good, _KNOWN_BY, services=True):
             if session in self._known or view.type_of(int(t.code[row])) is None:
                 continue
             count = self._complete.pop(session, 0) + 1
             if count < _KNOWN_BY:
                 self._complete[session] = count
                 continue
-            at = int(t.t_end[row])
-            nodes = self.nodes.setdefault(session.bus, {})
-            self._known[session], nodes[session.node] = at, min(nodes.get(session.node, at), at)
+            self._known[session] = at = int(t.t_end[row])
+            if not session.of_service:
+                nodes = self.nodes.setdefault(session.bus, {})
+                nodes[session.node] = min(nodes.get(session.node, at), at)
 
     def _follow(self, session: Session, own: _Frames) -> Iterator[Lack]:
         last = self._last.get(session, _Last())
@@ -124,13 +137,19 @@ class Lacks:
         odd[0] &= last.number >= 0
         odd &= (own.t >= self._known.get(session, _NEVER)) | (np.cumsum(odd) + last.odd <= _MOST_UNKNOWN)
         odd &= (tail[:-1] & TAIL_END == 0) | (tail[1:] & _FOLLOWS != TAIL_START)
+        begun = last.begun + np.cumsum(tail[1:] & TAIL_START != 0)
+        count = last.odd + np.cumsum(odd)
+        if session.of_service:
+            odd &= _HABIT * count <= begun
+        if session.of_responses:
+            odd &= (tail[:-1] & TAIL_END == 0) | (tail[1:] & TAIL_START == 0)
         for k in np.flatnonzero(odd).tolist():
             before = _Last(*(int(column[k - 1]) for column in own)) if k else last
             yield Lack(
                 session, (before.number, int(own.number[k])), before.t, int(own.t[k]),
                 (before.place, int(own.place[k])), int(tail[k + 1]) & _FOLLOWS, int(wanted[k]),
             )  # fmt: skip
-        columns = (*own, last.odd + np.cumsum(odd))
+        columns = (*own, count, begun)
         self._last[session] = _Last(*(int(column[-1]) for column in columns))
 
     def _compare(self, one: Lack) -> None:
@@ -139,17 +158,8 @@ class Lacks:
         self._latest[one.session] = one
         if past is None:
             return
+        one.left = past.frames[1] if one.tail == past.wanted else None
         if not past.void and one.tail == past.wanted and one.until - past.until <= _SWAPPED:
             past.void = one.void = True
         elif past.void and past.frames[1] == one.frames[0]:
             one.void = True
-
-
-def _first_of_each(t: TransferTable, rows: Array) -> Array:
-    """Return places among rows: the first ones of each session, as many as prove it."""
-    key = t.bus[rows].astype(np.int64) << 32 | t.src[rows].astype(np.int64) << 16 | t.type_id[rows]
-    order = np.argsort(key, kind="stable")
-    place = np.arange(len(rows))
-    begins = np.maximum.accumulate(np.where(np.diff(key[order], prepend=-1) != 0, place, 0))
-    found: Array = np.sort(order[place - begins < _KNOWN_BY])
-    return found

@@ -2,7 +2,7 @@
 
 Senders do not know of each other, so they do not lose transfers together; unless the bus was full or broken, which its
 load and error frames show. What is missing of a sender may have been sent anywhere between two of its frames. Losses
-are joint where such stretches of enough senders meet, or where they follow each other closely within `WINDOW`.
+are joint where such stretches of enough senders meet, or where they follow each other closely within a time.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from analyzer.rules.joint.lacks import Lacks
+from analyzer.rules.joint.repeats import Repeats
 from analyzer.rules.joint.silences import Silences
 from analyzer.rules.joint.strain import Strain
-from analyzer.rules.joint.times import LONGEST, SETTLED, WINDOW
+from analyzer.rules.joint.times import LONGEST, SETTLED, WIDEST, WINDOW
 from dissectors.kit import MILLISECOND, NO_TIME, JointLoss
 
 if TYPE_CHECKING:
@@ -36,12 +37,14 @@ class JointLosses:
         self._lacks = Lacks()
         self._strain = Strain()
         self._silences = Silences()
+        self._repeats = Repeats()
         self._open: dict[int, list[Lack]] = {}
         self._done: set[Lack] = set()
 
     def feed(self, view: View, bits: Array) -> list[JointLoss]:
         """Add a batch; return what is settled now."""
         self._silences.feed(view)
+        self._repeats.feed(view.frames)
         for one in self._lacks.feed(view):
             waiting = self._open.setdefault(one.session.bus, [])
             if self._silences.shorten(one) <= LONGEST and len(waiting) < _MOST:
@@ -62,10 +65,14 @@ class JointLosses:
             due = {one for one in waiting if (now is None or one.until <= now) and one not in self._done}
             if not due:
                 continue
-            joint = self._joint(bus, [one for one in waiting if not one.void and self._lacks.known(one, WINDOW)])
+            lacks = [one for one in waiting if not one.void and self._lacks.known(one, WIDEST)]
+            joint = self._joint(bus, lacks)
+            again = self._repeats.among(joint)
+            if again:
+                joint = self._joint(bus, [one for one in lacks if one not in again])
             for one, (senders, since, until) in joint.items():
                 if one in due and not self._strain.on(bus, since, until, view.bit_rate):
-                    found.append(JointLoss(bus, since, until, one.frames, senders))
+                    found.append(JointLoss(bus, since, until, one.frames, senders, one.window - WINDOW))
             self._done |= due
             if now is not None:
                 gone = [one for one in waiting if one.until <= now - SETTLED]
@@ -87,13 +94,13 @@ class JointLosses:
         return {
             one: near
             for one, near in found.items()
-            if near[0] >= min(max(bisect_right(known, one.until + WINDOW), 2), ENOUGH)
+            if near[0] >= min(max(bisect_right(known, one.until + one.window), 2), ENOUGH)
         }
 
 
 def _close(lacks: Iterable[Lack]) -> dict[Lack, int]:
-    """Return how many senders lack frames close to each other: without a longer pause between, within `WINDOW`."""
-    narrow = [one for one in lacks if one.until - one.since <= WINDOW]
+    """Return how many senders lack frames close to each other: without a longer pause between, within a time."""
+    narrow = [one for one in lacks if one.until - one.since <= one.window]
     found: dict[Lack, int] = {}
     row: list[Lack] = []
     behind = 0
@@ -112,10 +119,10 @@ def _within(row: Sequence[Lack]) -> dict[Lack, int]:
     nodes: Counter[int] = Counter()
     first = last = 0
     for one in row:
-        while last < len(row) and row[last].until <= one.until + WINDOW:
+        while last < len(row) and row[last].until <= one.until + one.window:
             nodes[row[last].session.node] += 1
             last += 1
-        while row[first].until < one.until - WINDOW:
+        while row[first].until < one.until - one.window:
             nodes[row[first].session.node] -= 1
             first += 1
         nodes += Counter()

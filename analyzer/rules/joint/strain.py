@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left, insort
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.rules.drops import EVERY_BUS, when
-from analyzer.rules.events import error_frames
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, rows_by_bus
+from analyzer.rules.events import EventTimes, error_frames, when
+from dissectors.kit import MILLISECOND, SECOND, rows_by_bus
 
 if TYPE_CHECKING:
     from dissectors.kit import Array, View
@@ -80,33 +78,26 @@ class Strain:
 
     def __init__(self) -> None:
         self._buses: dict[int, _Bus] = {}
-        self._errors: dict[int, list[int]] = {}
+        self._errors = EventTimes(_MOST_ERRORS)
 
     def feed(self, view: View, bits: Array) -> None:
         """Add a batch; `bits` are the `bit_times` of its frames."""
         for bus, rows in rows_by_bus(view.frames.bus, view.frames.t):
             t, own = (view.frames.t, bits) if rows is None else (view.frames.t[rows], bits[rows])
             self._buses.setdefault(bus, _Bus()).add(t, own)
-        events = view.events
-        for row, _ in error_frames(view):
-            t_error, at = when(view, row), int(events.bus[row]) if events.has("bus")[row] else EVERY_BUS
-            times = self._errors.setdefault(at, [])
-            if t_error != NO_TIME and len(times) < _MOST_ERRORS:
-                insort(times, t_error)
+        for row, at, _ in error_frames(view):
+            self._errors.add(at, when(view, row))
 
     def forget(self, before: int) -> None:
         """Forget what was before a time."""
         for bus in self._buses.values():
             bus.forget(before // STEP)
-        for times in self._errors.values():
-            del times[: bisect_left(times, before - NEAR)]
+        self._errors.forget(before - NEAR)
 
     def on(self, bus: int, since: int, until: int, bit_rate: int | None) -> bool:
         """Return whether senders could not get through: error frames are near, or the bus was full."""
-        for times in (self._errors.get(bus, ()), self._errors.get(EVERY_BUS, ())):
-            at = bisect_left(times, since - NEAR)
-            if at < len(times) and times[at] <= until + NEAR:
-                return True
+        if self._errors.near(bus, since - NEAR, until + NEAR):
+            return True
         known = self._buses.get(bus)
         if known is None:
             return False

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.diagnosis import proofs
 from analyzer.rules.diagnosis.neighbours import parts_of
 from analyzer.rules.diagnosis.proofs import Cause
 from analyzer.rules.frames.type_conflicts import types_of
-from analyzer.rules.view import MESSAGE, NOBODY, node_of
+from analyzer.rules.view import MESSAGE, node_of
 from dissectors.kit import Occurrence, Occurrences
 
 if TYPE_CHECKING:

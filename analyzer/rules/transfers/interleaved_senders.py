@@ -6,17 +6,13 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from analyzer.rules.transfers.id_steps import COPIED, QUIET
-from analyzer.rules.transfers.session_starts import OddStart, SessionStarts
 from analyzer.tables import TRANSFER_IDS
 from dissectors.kit import NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.rules.transfers.id_steps import IdStep
-    from analyzer.rules.transfers.session_starts import LatestFrames
-    from dissectors.kit import View
+    from analyzer.rules.transfers.session_starts import OddStart
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight")
 MOST_SENDERS = 8
@@ -31,10 +27,12 @@ class Chain:
     """One sender's counter: the ID it came to, and how often it went on by 1 after another one spoke, at least.
 
     `turns` is how often it took over, `begun` and `heard` at which odd start first and last; `start` is that frame.
+    `since` is the time of the start before its first one.
     """
 
     last: int
     begun: int
+    since: int = NO_TIME
     length: int = 1
     turns: int = 1
     heard: int = 0
@@ -77,7 +75,7 @@ class InterleavedSenders:
             spoke.length += 1
         self._waiting.append(spoke)
         if known is None:
-            goes_on = Chain(one.transfer_id, self._count)
+            goes_on = Chain(one.transfer_id, self._count, one.since)
             del self._waiting[: -MOST_SENDERS + 1]
         else:
             goes_on = known
@@ -116,46 +114,13 @@ def _is_loss(silent: int, took: int, one: OddStart) -> bool:
     return any(ids and abs(by_time - ids) <= _TIMING * ids for ids in range(silent, 4 * TRANSFER_IDS, TRANSFER_IDS))
 
 
-class SeveralSenders:
-    """Follows the sessions of a node whose counters broke; `seen` is when one of several counters took over last."""
-
-    def __init__(self) -> None:
-        self._followed: dict[int, tuple[SessionStarts, InterleavedSenders]] = {}
-        self.seen = NO_TIME
-
-    def clear(self) -> None:
-        """Forget all sessions."""
-        self._followed.clear()
-
-    def counters(self, one: IdStep, view: View, latest: LatestFrames) -> Sequence[Chain]:
-        """Return the counters of a session as far as an odd step of it shows them, none if it needs only one."""
-        followed = self._followed.get(one.place)
-        if followed is None:
-            start = OddStart(one.frames[0], one.t, one.before, one.transfer_id, one.since)
-            kept = view.frame(one.frames[0])
-            if kept is None or not kept.data:
-                return ()
-            followed = self._followed[one.place] = SessionStarts(one.place, start, kept.data), InterleavedSenders()
-            if one.rule != COPIED and _counts(start, view):
-                followed[1].add(start)
-        starts, senders = followed
-        least = int(view.number("BUS-010", "min_transfers"))
-        found: Sequence[Chain] | None = None
-        for start in starts.until(one.frames[-1], latest):
-            if _counts(start, view):
-                took_over, found = senders.add(start), senders.counters(least)
-                self.seen = start.t if took_over and found else self.seen
-        return senders.counters(least) if found is None else found
+def onset(counters: Sequence[Chain]) -> int:
+    """Return the time before the second counter began. One that never took over again was left behind by a loss."""
+    alive = [one for one in counters if one.turns > 1]
+    return sorted(alive if len(alive) > 1 else counters, key=lambda one: one.begun)[1].since
 
 
 def named(counters: Sequence[Chain], type_: str) -> str:
     """Return what is said of several counters."""
     *places, last = (str(counter.last) for counter in counters)
     return f"{_NUMBERS[len(counters)]} transfer-ID counters in {type_}, at {', '.join(places)} and {last}"
-
-
-def _counts(start: OddStart, view: View) -> bool:
-    """Return whether nothing but another sender or a loss explains a start: no silence, no gap of the capture."""
-    if NO_TIME in (start.t, start.since):
-        return True
-    return start.t - start.since <= QUIET and start.since >= view.resumed(start.t)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.facts.identifiers import who
 from analyzer.rules.anomalies import GONE
 from analyzer.rules.diagnosis.budgets import SearchBudget
 from analyzer.rules.diagnosis.neighbours import AHEAD, NeighbourFinder
 from analyzer.rules.diagnosis.proofs import proven
 from analyzer.rules.frames.foreign import session_of
 from analyzer.rules.transfers.missing_start import MissingStart
-from analyzer.rules.view import who
 from analyzer.tables import FD, TAIL_END, TAIL_ID, VERDICTS
 from dissectors.kit import Occurrence
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from analyzer.rules.diagnosis.neighbours import Neighbours
-    from analyzer.rules.diagnosis.proofs import Part
+    from analyzer.rules.diagnosis.proofs import Part, Proof
     from analyzer.rules.transfers.missing_start import LooseFrame
     from dissectors.kit import Kept, Values, View
 
@@ -104,7 +104,7 @@ def _occurrence(rule: str, one: LooseFrame, node: int | None, type_: str, values
 def _is_needed(near: Neighbours) -> bool:
     """Return whether a frame that looks like a copy is none.
 
-    Where toggles stand still, the CRC is right only with it.
+    Where toggles stand still, or where one between both has another transfer ID, the CRC is right only with it.
     """
     (frame,) = near.parts
     if frame.number in near.settled:
@@ -112,7 +112,11 @@ def _is_needed(near: Neighbours) -> bool:
     run = _from_start(near.near, frame)
     apart = [part for k, part in enumerate(run) if not k or part[1:] != run[k - 1][1:]]
     stands_still = any(one.toggle == after.toggle for one, after in pairwise(apart))
-    return (stands_still or len(apart) == 1) and near.expected.fits(run)
+    if (stands_still or len(apart) == 1) and near.expected.fits(run):
+        return True
+    here = near._replace(parts=apart)
+    proof = proven(here.parts, here.around(), near.expected) if apart else None
+    return proof is not None and frame in proof.order and sum(part[1:] == frame[1:] for part in proof.order) > 1
 
 
 def _from_start(near: Sequence[Part], frame: Part) -> list[Part]:
@@ -128,30 +132,38 @@ def _from_start(near: Sequence[Part], frame: Part) -> list[Part]:
 def _inside(near: Neighbours) -> str | None:
     """Return what a frame with another transfer ID does inside a transfer.
 
-    None if it is left of one that was cut itself.
+    None if it is left of one that was cut itself, or if the ID of the frame before it is or may be wrong (TRF-006).
     """
     (frame,) = near.parts
     copy = near.copy()
-    if copy is not None:
-        return f": {copy.what}{copy.detail}"
+    copied = f": {copy.what}{copy.detail}" if copy is not None else ""
     for run in near.whole:
         if run[0].number < frame.number < run[-1].number and run[0].transfer_id != frame.transfer_id:
-            return ": a foreign frame, the CRC is right without it" if near.expected.fits(run) else ""
-    if not near.expected.starts:
-        return ""
-    before = [part for part in near.near if part.number < frame.number and part.start and not part.end]
-    if before and before[-1].transfer_id != frame.transfer_id:
-        begun = before[-1]
-        outer = [part for part in near.near if part.transfer_id == begun.transfer_id and part.number >= begun.number]
-        cut = next((k for k, part in enumerate(outer) if k and (part.start or outer[k - 1].end)), len(outer))
-        here = near._replace(parts=outer[:cut])
-        proof = proven(here.parts, here.around(), near.expected)
-        if proof is not None:
-            return ": it belongs to that one" if frame in proof.order else ": a foreign frame"
+            right = near.expected.fits(run)
+            return copied or (": a foreign frame, the CRC is right without it" if right else "")
+    proof = _around(near, frame)
+    if proof is not None and frame in proof.order:
+        first, *rest = proof.order
+        unsure = rest == [frame] and first in near.misnumbered(proof.order)
+        return None if unsure else ": it belongs to that one"
+    if copied or proof is not None or not near.expected.starts:
+        return copied or (": a foreign frame" if proof is not None else "")
     rest = [part for part in near.near if part.number >= frame.number and part.transfer_id == frame.transfer_id]
     end = next((k for k, part in enumerate(rest) if part.end), None)
     right = end is not None and all(one.toggle != after.toggle for one, after in pairwise(rest[: end + 1]))
     return None if right else ""
+
+
+def _around(near: Neighbours, frame: Part) -> Proof | None:
+    """Return what must be different in the transfer that was begun before a frame with another ID, if that is known."""
+    before = [part for part in near.near if part.number < frame.number and part.start and not part.end]
+    if not before or before[-1].transfer_id == frame.transfer_id:
+        return None
+    begun = before[-1]
+    outer = [part for part in near.near if part.transfer_id == begun.transfer_id and part.number >= begun.number]
+    cut = next((k for k, part in enumerate(outer) if k and (part.start or outer[k - 1].end)), len(outer))
+    here = near._replace(parts=outer[:cut])
+    return proven(here.parts, here.around(), near.expected)
 
 
 def preceding(view: View, number: int, kept: Kept, most: int = NEAR) -> Iterator[tuple[int, Kept]]:

@@ -42,13 +42,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analyzer.rules.diagnosis.neighbours import Neighbours
-    from analyzer.rules.diagnosis.proofs import Part
+    from analyzer.rules.diagnosis.proofs import Part, Proof
     from dissectors.kit import Array, Occurrences, Severity, Values, View
 
 _TOGGLE, _CRC, _ABANDONED, _TIMEOUT = (
     1 << TRANSFER_ANOMALIES.index(name) for name in ("toggle", "crc", "abandoned", "timeout")
 )
 _DAMAGES = 2  # after so many of a sender two have to agree on any mistake
+_TWO = 2  # frames: either may have the wrong ID
 _NEXT = 20 * MILLISECOND  # in which the next frame of a transfer would have come
 
 
@@ -133,10 +134,13 @@ class Reassembly(Rule):
             cause, elsewhere = missing(here.parts, here.expected) or Cause(NO_ORDER), False
             if not here.expected.starts and same_id:
                 cause = Cause(proofs.UNPROVEN)
+        misnumbered = _misnumbered(proof or row, here)
+        if misnumbered:
+            cause = Cause(proofs.OTHER_ID, f" in frame {' or '.join(str(part.number + 1) for part in misnumbered)}")
         self._causes[one.rule].note(one.sender, one.shape, "" if elsewhere else cause.what)
         if elsewhere:
             return
-        if cause.what == EVERY_ID or (proof is not None and cause.what == proofs.OTHER_ID):
+        if cause.what == EVERY_ID or (proof is not None and cause.what == proofs.OTHER_ID and not misnumbered):
             excused = "note"  # TRF-009 names the frames
         evidence = [part.number for part in same_id if proof is not None or one.rule == SEQUENCE]
         yield from with_end(view, one, replace(occurrence(view, one, cause, evidence), severity=excused))
@@ -264,6 +268,14 @@ def _in_gap(view: View, one: Incomplete, near: Sequence[Part]) -> bool:
         behind = (view.frame(part.number) for part in near if part.number > one.frames[-1])
         return not any(kept is not None and kept.t - one.end <= _NEXT for kept in behind)
     return view.paused(one.t, one.end)
+
+
+def _misnumbered(proof: Proof | None, here: Neighbours) -> list[Part]:
+    """Return the first frame of a transfer of two if its ID is wrong, both if nobody knows, none if it is right."""
+    if proof is None or proof.cause.what != proofs.OTHER_ID or len(proof.order) != _TWO:
+        return []
+    wrong = here.misnumbered(proof.order)
+    return wrong if proof.order[0] in wrong else []
 
 
 def _surely(cause: Cause, here: Neighbours) -> Cause:

@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from analyzer.facts.node_status import NODE_STATUS
-from analyzer.rules.transfers.id_patterns import EarlyWraps, SharedCounter, Uptimes, changed_places
-from analyzer.rules.transfers.id_steps import COPIED, GAP, MESSAGE, QUIET, REPEATED, RESTARTED, id_step, odd_rows
-from analyzer.rules.transfers.interleaved_senders import SeveralSenders, named
+from analyzer.rules.transfers.begun_anew import NEAR, BegunAnew
+from analyzer.rules.transfers.id_patterns import EarlyWraps, SharedCounter, changed_places
+from analyzer.rules.transfers.id_steps import COPIED, GAP, MESSAGE, QUIET, RESTARTED, id_step, odd_rows
 from analyzer.rules.transfers.late_copies import see_copy
 from analyzer.rules.transfers.orphan_frames import OrphanFrames
 from analyzer.rules.transfers.session_starts import LatestFrames
+from analyzer.rules.transfers.several_senders import SeveralSenders
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule
 
 if TYPE_CHECKING:
@@ -37,7 +38,6 @@ LONGEST = 15 * SECOND  # held back at most
 MOST_HELD = 1024  # steps a node; the oldest ones are reported first
 EVERY = SECOND  # what goes on is counted once in this time
 SHARED_ID = "BUS-010"
-NEAR = 64  # steps of a node among which those of transfers in another order are looked for
 REORDERED = "transfers in another order"
 WRAPPING = "the counter always wraps after {}"
 
@@ -51,11 +51,11 @@ class _Node:
         self.senders = SeveralSenders()
         self.shared: SharedCounter | None = None
         self.wraps = EarlyWraps()
-        self.uptimes = Uptimes()
-        self.anew: deque[IdStep] = deque(maxlen=NEAR)
+        self.anew = BegunAnew()
         self.latest: dict[tuple[int, int, int], IdStep] = {}
         self.last = self.next = NO_TIME
         self.cause: Occurrence | None = None
+        self.since = NO_TIME  # before the second of several senders came
         self.found: list[IdStep] = []
 
     def calm(self) -> None:
@@ -68,7 +68,7 @@ class _Node:
         held = []
         while self.held:
             held.append(self._oldest())
-        self.found += self._restarts(held)
+        self.found += self.anew.told(held)
         self.latest.clear()
         self.shared = None
 
@@ -85,8 +85,7 @@ class _Node:
         self.latest[one.session] = one
         if one.rule == RESTARTED and past is not None and (past.transfer_id, past.step) == (one.before, one.step):
             one = one.as_gap()  # it skips as many each time
-        if _at_zero(one):
-            self.anew.append(one)
+        self.anew.add(one)
         sent.run(self, row)
         if self.cause is not None and self.cause.rule == SHARED_ID:
             self._see_others(one, view, sent)
@@ -94,16 +93,36 @@ class _Node:
             yield from self._hold(one, view, sent, row)
         elif not _explains(self.cause, one):
             self.found.append(one)
+        elif self.cause.rule == SHARED_ID and one.t - self.senders.seen > QUIET:
+            self.held.append(one)  # until one of the senders speaks again, or not
+            if len(self.held) > MOST_HELD:
+                self._release()
         elif one.t >= self.next:
             self.next = one.t + EVERY
             yield replace(self.cause, t=one.t, frames=tuple(one.frames))
 
     def _see_others(self, one: IdStep, view: View, sent: _Sent) -> None:
         """Give up several devices as the cause where only one has counted for long."""
-        self.senders.counters(one, view, sent.frames)
+        before = self.senders.seen
+        shared = self.senders.shared(one, view, sent.frames)
         if one.t - self.senders.seen > EXPIRY:
             self.cause = None
             self.senders.clear()
+        elif self.held and shared is not None and self.senders.seen > before:
+            self._explain(one.session, max(shared.since, self.senders.seen - LATE))
+
+    def _explain(self, session: tuple[int, int, int], since: int) -> None:
+        """Tell what is held but for what the cause explains.
+
+        Several devices explain what is since a time in a session, and in others, where they may have begun earlier.
+        """
+        shared = self.cause is not None and self.cause.rule == SHARED_ID
+        self.held = [
+            one
+            for one in self.held
+            if not _explains(self.cause, one) or (shared and one.t < since - QUIET * (one.session != session))
+        ]
+        self._release()
 
     def _hold(self, one: IdStep, view: View, sent: _Sent, row: int) -> Iterator[Occurrence]:
         """Hold a step back, unless the cause shows with it."""
@@ -113,43 +132,15 @@ class _Node:
         if self.cause is not None:
             yield self.cause
             self.next = one.t + EVERY
-            self.held = [held for held in self.held if not _explains(self.cause, held)]
-            self._release()
+            self._explain(one.session, self.since)
             if self.cause.rule != SHARED_ID:
                 self.senders.clear()
         else:
             see_copy(self.held, view, NEAR)
         over = len(self.held) - MOST_HELD
         while self.held and (over > 0 or self.held[0].t < one.t - LONGEST):
-            oldest = self._oldest()
-            self.found.append(oldest.as_gap() if self._is_lost(oldest, self.anew) else oldest)
+            self.found.append(self.anew.alone(self._oldest()))
             over = len(self.held) - MOST_HELD
-
-    def _restarts(self, held: list[IdStep]) -> Iterator[IdStep]:
-        """Yield the steps, with restarts told from what looks like one.
-
-        A restarted node begins all its sessions anew. One that was at 0 by chance did not stand still then, and one
-        that comes to 0 without another witness has lost what is before that.
-        """
-        anew = [one for one in held if _at_zero(one)]
-        known = {one.session for one in anew if one.rule == RESTARTED}
-        for one in held:
-            if self._is_lost(one, anew):
-                yield one.as_gap()
-            elif one.rule == REPEATED and not one.transfer_id and one.session not in known:
-                known.add(one.session)
-                yield one._replace(rule=RESTARTED) if self._began_anew(one, anew) else one
-            else:
-                yield one
-
-    def _is_lost(self, one: IdStep, anew: Iterable[IdStep]) -> bool:
-        """Return whether the IDs before 0 were lost, rather than all that the node sends begun anew."""
-        return one.rule == RESTARTED and not self._began_anew(one, anew)
-
-    def _began_anew(self, one: IdStep, anew: Iterable[IdStep]) -> bool:
-        """Return whether the uptime witnesses that, or the other sessions do and the uptime is no witness against."""
-        began = self.uptimes.began(one.since, one.t)
-        return _with_others(one, anew) if began is None else began
 
     def _oldest(self) -> IdStep:
         """Take the oldest breach out of those held, with the two behind it that transfers in another order cause."""
@@ -185,14 +176,14 @@ class _Node:
         return Occurrence(RESTARTED, first.t, self.bus, self.node, "", frames, values)
 
     def _are_several(self, one: IdStep, view: View, sent: _Sent) -> Occurrence | None:
-        counters = self.senders.counters(one, view, sent.frames)
-        if not counters:
+        shared = self.senders.shared(one, view, sent.frames)
+        if shared is None:
             return None
         self.senders.seen = one.t
-        first = next(held for held in self.held if held.session == one.session)
-        frames = tuple(dict.fromkeys((*first.frames, *(counter.start for counter in counters if counter.start >= 0))))
-        evidence = named(counters, view.type_name(one.code))
-        return Occurrence(SHARED_ID, first.t, self.bus, self.node, "", frames, {"evidence": evidence})
+        self.since = shared.since
+        first = next((held for held in self.held if held.session == one.session and held.t >= shared.since), one)
+        frames = tuple(dict.fromkeys((*first.frames, *shared.frames)))
+        return Occurrence(SHARED_ID, first.t, self.bus, self.node, "", frames, {"evidence": shared.evidence})
 
 
 class _Sent:
@@ -216,7 +207,7 @@ class _Sent:
             if node.held and t - node.last > LATE:
                 node.calm()
             node.wraps.status(t, uptime)
-            node.uptimes.add(t, uptime, int(self._t.transfer_id[at]))
+            node.anew.uptimes.add(t, uptime, int(self._t.transfer_id[at]))
 
     def begin(self, node: _Node, row: int) -> None:
         """Start with the message of a row."""
@@ -297,25 +288,16 @@ def _uptimes(view: View) -> dict[tuple[int, int], list[tuple[int, int]]]:
     return found
 
 
-def _explains(cause: Occurrence, one: IdStep) -> bool:
+def _explains(cause: Occurrence | None, one: IdStep) -> bool:
     """Return whether a cause explains a step.
 
     Several devices explain every breach of a node, a shared counter those of its messages that are no copies.
     """
+    if cause is None:
+        return False
     if cause.rule == RESTARTED:
         return one.rule == RESTARTED and one.values["expected"] == cause.values["expected"]
     return cause.rule == SHARED_ID or (one.of_message and one.rule != COPIED)
-
-
-def _at_zero(one: IdStep) -> bool:
-    return one.rule == RESTARTED or (one.rule == REPEATED and not one.transfer_id)
-
-
-def _with_others(one: IdStep, anew: Iterable[IdStep]) -> bool:
-    return any(
-        abs(one.t - other.t) <= QUIET and other.session != one.session and RESTARTED in (one.rule, other.rule)
-        for other in anew
-    )
 
 
 def _founds(node: _Node) -> Iterator[Occurrences]:

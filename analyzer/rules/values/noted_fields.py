@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.rules.field_tests import farthest
 from dissectors.layout import ArrayType, CompoundType, PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from dissectors.kit import Array
+    from dissectors.kit import Array, Worst
     from dissectors.layout import Type
     from dissectors.schema import Bits, Note
 
@@ -60,6 +61,12 @@ class NotedColumn:
         if low is None or high is None:
             return f"at most {high} allowed" if low is None else f"at least {low} allowed"
         return f"{low} to {high} allowed"
+
+    @property
+    def worst(self) -> Worst:
+        """The kind of number that is worst beyond the limits."""
+        kind = farthest(self.low, self.high)
+        return kind if isinstance(kind, str) else kind * float(self.scale)
 
     def wrong(self, shown: Array) -> Array:
         """Return which numbers have no name in the enumeration or, without one, are beyond the limits."""

@@ -51,8 +51,7 @@ class Vocabulary:
 
     @cached_property
     def _inner(self) -> list[Packet]:
-        families = (message.packets for message in self._registry.carriers())
-        return [packet for family in families if family is not None for packet in family.packets]
+        return [packet for family in self._registry.families() for packet in family.packets]
 
     @cached_property
     def _packets(self) -> frozenset[str]:

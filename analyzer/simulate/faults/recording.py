@@ -9,10 +9,14 @@ from dissectors.times import MILLISECOND, SECOND
 from dissectors.traffic import Fault, SimulatedFrame, Step
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from dissectors.traffic import Case, Sending
 
 _OVERFLOW = bytes((0, 1, 0, 0, 0, 0, 0, 0))
 _CONTROLLER = 0x04
+# With one ESC too few senders have something to say all the time.
+_FEWEST = 2
 
 
 def _backward(case: Case, sending: Sending) -> Step:
@@ -23,23 +27,32 @@ def _backward(case: Case, sending: Sending) -> Step:
     return Step.DONE
 
 
-def _silence(case: Case) -> None:
-    """Stop the bus from a frame on; nobody has anything left to say about the time before."""
-    world, span = case.world, nanoseconds(case, "seconds")
-    last: list[SimulatedFrame] = []
-    until = 0
+def _behind(case: Case, do: Callable[[], None]) -> None:
+    """Do it once the next transfer is on the bus, whose last frame the answer names first."""
 
     def take(case: Case, sending: Sending) -> Step:
-        last.append(sending.frames[-1])
-        case.mark(last[0])
+        last = sending.frames[-1]
+        case.mark(last)
+
+        def wait() -> None:
+            if last.t < 0:
+                case.world.at(case.world.now + MILLISECOND, wait)
+            else:
+                do()
+
         wait()
         return Step.DONE
 
-    def wait() -> None:
+    case.touch("frames", take)
+
+
+def _silence(case: Case) -> None:
+    """Stop the bus from a frame on; nobody has anything left to say about the time before."""
+    world, span = case.world, nanoseconds(case, "seconds")
+    until = 0
+
+    def stop() -> None:
         nonlocal until
-        if last[0].t < 0:
-            world.at(world.now + MILLISECOND, wait)
-            return
         until = world.now + span
         world.block(until)
         case.touch("frames", hold)
@@ -53,7 +66,30 @@ def _silence(case: Case) -> None:
         return Step.DONE
 
     case.say(f"nothing is recorded for {float(case.options['seconds']):g} s")
-    case.touch("frames", take)
+    _behind(case, stop)
+
+
+def _deafness(case: Case) -> None:
+    """Let the recorder lose every frame for a while, in the middle of transfers, and say nothing."""
+    world, span = case.world, nanoseconds(case, "seconds")
+    until = 0
+
+    def begin() -> None:
+        nonlocal until
+        until = world.now + span
+        world.deafen(until)
+        case.touch("frames", first)
+
+    def first(case: Case, sending: Sending) -> Step:
+        if sending.t < until:
+            return Step.MORE
+        case.mark(sending)
+        return Step.DONE
+
+    if len(case.vehicle.escs) < _FEWEST:
+        return
+    case.say(f"the recorder loses all frames for {float(case.options['seconds']):g} s")
+    _behind(case, begin)
 
 
 def _cut(case: Case, sending: Sending) -> Step:
@@ -127,5 +163,13 @@ FAULTS: tuple[Fault, ...] = (
         lasts=SECOND,
         exact=True,
         also=("CAN-004", "TRF-016", "TYP-501", "PUSH-009"),
+    ),
+    Fault(
+        "CAP-006",
+        "the recorder loses frames of everybody and does not say so",
+        start=_deafness,
+        options={"seconds": 0.3},
+        limits={"seconds": (0.1, 0.9)},
+        lasts=SECOND,
     ),
 )

@@ -1,11 +1,14 @@
-"""Faults of values that any data type can have: TYP-007, TYP-008 (floats), TYP-011 (unions) and TYP-012 (void bits)."""
+"""Faults of values that any data type can have.
+
+TYP-007, TYP-008 (floats), TYP-011 (unions), TYP-012 (void bits) and TYP-014 (codes).
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeVar
 
 from dissectors.layout import CompoundType, PrimitiveType
-from dissectors.traffic import Case, Code, Fault, Sending, Step, change
+from dissectors.traffic import Case, Code, Fault, Sending, Step, change, of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,6 +21,9 @@ _Kind = TypeVar("_Kind", CompoundType, PrimitiveType)
 _MANTISSA = {16: 10, 32: 23, 64: 52}
 # Standard DroneCAN: a union and void bits, and every device may be asked.
 _ANSWER = "uavcan.protocol.param.GetSet.Response"
+_STATUS = "uavcan.protocol.NodeStatus"
+# Modes of a node: operational, initialization, maintenance, software update, offline.
+_MODES = (0, 1, 2, 3, 7)
 
 
 def _floats(message: Message) -> dict[str, int]:
@@ -105,6 +111,17 @@ def _void(case: Case, sending: Sending) -> Step:
     return Step.DONE
 
 
+def _code(case: Case, sending: Sending) -> Step:
+    """Say a mode that DroneCAN does not name."""
+    mode = int(case.options["mode"])
+    if sending.name != _STATUS or mode in _MODES:
+        return Step.SKIP
+    before = sending.values["mode"]
+    sending.values = {**sending.values, "mode": mode}
+    case.say(f"mode set from {before} to {mode}, which has no name")
+    return Step.DONE
+
+
 def _in_answer(case: Case, do: Touch) -> None:
     """Let `do` change the answer of a device that is asked for a parameter, or the next transfer of another type."""
     vehicle, node, name = case.vehicle, case.options.get("node"), case.options.get("type", _ANSWER)
@@ -137,5 +154,14 @@ FAULTS: tuple[Fault, ...] = (
         "void bits are not zero",
         start=lambda case: _in_answer(case, _void),
         options={"bits": 1},
+    ),
+    Fault(
+        "TYP-014",
+        "a node reports a mode that has no name",
+        values=_code,
+        fits=of(_STATUS),
+        options={"mode": 5},
+        limits={"mode": (0, 7)},
+        also=("BUS-022",),
     ),
 )

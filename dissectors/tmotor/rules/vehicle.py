@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, NO_CHANNEL, commands, units
-from dissectors.tmotor.rules.bus.motion import Motion
+from dissectors.kit import MILLISECOND, SECOND, RunningTime
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, NO_CHANNEL, commands, units
+from dissectors.tmotor.rules.joined.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -26,18 +26,14 @@ class VehicleExercise:
         self.escs: dict[tuple[int, int], set[int]] = {}
         self._words: set[str] = set()
         self._motion = Motion()
-        self._since: dict[int, int] = {}
-        self._ran: dict[int, int] = {}
+        self._running = RunningTime()
         self._commanded: dict[int, int] = {}
         self._channels: dict[int, int] = {}  # of the last command, by bus
-        self._end = NO_TIME
 
     @property
     def running_ns(self) -> int:
         """Time with motors turning, on the bus with the most."""
-        buses = self._ran.keys() | self._since.keys()
-        going_on = {bus: max(self._end - since, 0) for bus, since in self._since.items()}
-        return max((self._ran.get(bus, 0) + going_on.get(bus, 0) for bus in buses), default=0)
+        return self._running.longest
 
     def feed(self, view: View) -> None:
         """Add the next batch."""
@@ -46,7 +42,7 @@ class VehicleExercise:
                 self.escs.setdefault((unit.bus, unit.node), set()).add(unit.index)
         self._note_motion(view)
         self._note_commands(view)
-        self._end = view.end
+        self._running.end = view.end
 
     def words(self) -> Iterable[str]:
         """Return what was there."""
@@ -68,10 +64,7 @@ class VehicleExercise:
             if len(on):
                 self._words.add("motors running")
             for t, turning in zip(times.tolist(), on.tolist(), strict=True):
-                if turning:
-                    self._since[bus] = t
-                elif bus in self._since:
-                    self._ran[bus] = self._ran.get(bus, 0) + max(t - self._since.pop(bus), 0)
+                self._running.note(bus, t, turning=turning)
         if "motors at rest" not in self._words and any(
             self._motion.known(bus) and not self._motion.turning(bus) for bus in range(len(view.buses))
         ):

@@ -30,7 +30,7 @@ class MotorController:
     ESCStatus: its temperature's unit, and floats by the printed encoder (5.2). `big_endian` turns its packets round,
     `sum_end` is the checksum range of FocParameters packets that the ground station sends to it. `status_period` is in
     ns; 0, or `telemetry` off, sends no ESCStatus. `runtime_offset` (s) and `power_on_count` stand in MotorStatus.
-    A `stock` ESC speaks standard DroneCAN only.
+    One that no longer `obeys` takes no control mode. A `stock` ESC speaks standard DroneCAN only.
     """
 
     def __init__(self, world: World, node: BusNode, index: int, uuid: int, rates: Rates, *, stock: bool) -> None:
@@ -48,6 +48,7 @@ class MotorController:
         self.kelvin, self.coarse, self.big_endian = stock, False, False
         self.sum_end: int | None = None
         self.telemetry = True
+        self.obeys = True
         self.runtime_offset = 0
         self.power_on_count: int = self.parameters["esc_startup_times"]
         self.status_period = SECOND // rates.status if rates.status else 0
@@ -104,7 +105,7 @@ class MotorController:
     def command(self, mode: int, set_point: int) -> None:
         """Take an OutputControl packet; only at zero throttle does the motor follow it."""
         self.motor.advance(self.world.now / SECOND)
-        if not self.throttle.value(self.world.now):
+        if self.obeys and not self.throttle.value(self.world.now):
             self.control.take(mode, set_point, self.motor)
 
     def set_zero(self) -> None:

@@ -144,7 +144,7 @@ packets("power unit out of range", "PUSH-008", "PUSH-009 PUSH-011 PUSH-304", at(
 
 def configured(name: str, needs: str, **fields: Callable[[Random], int]) -> None:
     """Kinds: the ground station sets such a value (4.4.2), or an ESC reports it (4.4.6)."""
-    also = "BUS-011 BUS-013 BUS-014 BUS-015 BUS-018 BUS-019 BUS-024 BUS-029 TYP-013 TYP-209 TYP-210"
+    also = "BUS-011 BUS-013 BUS-014 BUS-015 BUS-018 BUS-019 BUS-024 BUS-029 TYP-209 TYP-210"
 
     @kind(f"{name}, set", needs, also)
     def asked(flight: Flight, rng: Random) -> Case:
@@ -161,7 +161,7 @@ def configured(name: str, needs: str, **fields: Callable[[Random], int]) -> None
         return altered(flight, chosen, lambda m: m.but(**new), node, GROUND, about=f"node {node} {new}")
 
 
-configured("ESC ID above 19", "TYP-202|TYP-013", esc_id_set=lambda r: r.choice([20, 99, 1000]))
+configured("ESC ID above 19", "TYP-202", esc_id_set=lambda r: r.choice([20, 99, 1000]))
 configured("timing not in 1 to 29", "TYP-203", esc_timing=lambda r: r.choice([0, 30, 99]))
 configured("throttle priority not in the table", "TYP-204", esc_signal_priority=lambda r: r.choice([2, 9, 0x81]))
 configured("bus rate not in the table", "TYP-205", esc_can_rate=lambda r: r.randrange(6, 255))
@@ -204,7 +204,7 @@ control("control mode not in the table", "PUSH-301", control_mode=lambda r: r.ch
 control("control packet with reserved bytes", "PUSH-303", reserved=lambda r: r.randrange(1, 65536))
 
 
-@kind("set point out of range", "PUSH-302", "PUSH-304 PUSH-305 PUSH-306 PUSH-307 PUSH-308 TYP-013")
+@kind("set point out of range", "PUSH-302", "PUSH-304 PUSH-305 PUSH-306 PUSH-307 PUSH-308")
 def set_point(flight: Flight, rng: Random) -> Case:
     mode, least = rng.choice([(0x55, 10001), (0x33, 10001), (0x44, 10001), (0x11, 3601), (0x1A, 3601)])
     asked = push(1050, "PUSHSCI.OutputControl", GROUND, 0xA2, control_mode=mode, set_point=rng.randrange(least, 65536))

@@ -50,7 +50,7 @@ def test_what_is_wrong_with_the_sample_flight() -> None:
         ("HW-001", "warning", "device", HOT, 4),
         ("HW-001", "warning", "device", HOT, 3),
     ]
-    assert checked.findings[1].text == "temperature 105 degC, safe is below 105"
+    assert checked.findings[1].text == "temperature 105 degC at onset, 138 degC at worst, safe is below 105"
 
 
 def test_an_esc_is_called_by_the_channel_that_it_answers() -> None:

@@ -6,7 +6,7 @@ import pytest
 from kit import encode
 from kit.judged import exact, judge, proved, whole
 from kit.simulated import flight
-from kit.traffic import STATUS, Sent, log
+from kit.traffic import STATUS, Timed, log
 
 
 def command(*cmd: int, number: int = 0, **more: object) -> encode.Transfer:
@@ -79,7 +79,7 @@ def test_both_limits_are_told_for_each_channel() -> None:
 
 def test_channels_are_counted_only_after_a_second_of_reports() -> None:
     def found(*late: int) -> list[tuple[int, str]]:
-        sent: list[Sent] = [(t, command(1, 2, number=k)) for k, t in enumerate(late)]
+        sent: list[Timed] = [(t, command(1, 2, number=k)) for k, t in enumerate(late)]
         said = whole(log((0, report(0)), (900, report(2, 1)), *sent), ("TYP-103",))
         return [(one.count, one.text) for one in said]
 
@@ -92,9 +92,9 @@ def test_channels_are_counted_anew_a_second_after_a_gap_in_the_capture() -> None
     """Of those that report seldom some have not spoken again; both batches and a second gap are tried."""
 
     def found(*late: int) -> list[tuple[int, int]]:
-        before: list[Sent] = [(0, report(0)), (10, report(1, 1)), (900, report(1, 2)), (1800, report(0, 3))]
-        after: list[Sent] = [(t + 100, report(0, 4 + k)) for k, t in enumerate((5000, 5800, 9000))]
-        sent: list[Sent] = [(t, command(1, 2, number=k)) for k, t in enumerate((1850, *late))]
+        before: list[Timed] = [(0, report(0)), (10, report(1, 1)), (900, report(1, 2)), (1800, report(0, 3))]
+        after: list[Timed] = [(t + 100, report(0, 4 + k)) for k, t in enumerate((5000, 5800, 9000))]
+        sent: list[Timed] = [(t, command(1, 2, number=k)) for k, t in enumerate((1850, *late))]
         return [(one.first, one.count) for one in whole(log(*before, *after, *sent), ("TYP-103",))]
 
     assert not found(5150, 5900, 9150), "less than a second after each gap"

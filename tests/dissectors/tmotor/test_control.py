@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit import encode
-from kit.judged import Sent, capture, judge, motor
+from kit.judged import judge, proved
 from kit.simulated import flight
+from kit.traffic import Planned, capture, motor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -16,20 +17,20 @@ RULES = ("PUSH-306", "PUSH-307")
 STEPS = pytest.mark.parametrize("step", [None, 1, 7])
 
 
-def order(at: float, mode: int, point: int = 0, unit: int = 0xA1) -> Sent:
+def order(at: float, mode: int, point: int = 0, unit: int = 0xA1) -> Planned:
     packet = encode.packet("PUSHSCI.OutputControl", 0, unit, control_mode=mode, set_point=point)
     return at, 126, "PUSHSCI", packet
 
 
 def shown(
     values: Callable[[int], dict[str, int]], *, start: int = 100, stop: int = 8000, unit: int = 0xA1
-) -> list[Sent]:
+) -> list[Planned]:
     """Status packets each 200 ms; `values` by ms."""
     still = {"speed": 0, "position": 0, "current": 0, "system_status": 0}
     return [(float(at), 11, "PUSHCAN", motor(0, unit, **(still | values(at)))) for at in range(start, stop, 200)]
 
 
-def texts(*sent: Sent, step: int | None = None) -> list[tuple[str, str]]:
+def texts(*sent: Planned, step: int | None = None) -> list[tuple[str, str]]:
     found = judge(capture(sorted(sent, key=lambda one: one[0])), RULES, step)
     assert all((one.node, one.type, one.count) == (11, "PUSHCAN", 1) for one in found)
     return [(one.severity, one.text) for one in found]
@@ -89,6 +90,17 @@ def test_what_has_a_reason(step: int | None) -> None:
     assert len(texts(order(0, 0x33, 3000), *slow, *rests, step=step)) == 1
     repeated = [order(float(at), 0x33, 3000) for at in range(0, 8000, 500)]
     assert len(texts(*repeated, *slow, step=step)) == 1
+
+
+FAULTS = ("PUSH-306", "PUSH-306:mode=0x11:value=900", "PUSH-307", "PUSH-307:how=slips")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("plan", ["hover", "bench"])
+def test_a_fault_is_found_where_the_witness_finds_it(fault: str, plan: str) -> None:
+    said = proved(fault[:8], flight(fault, seconds=20, flight=plan))
+    assert [(one.severity, one.count) for one in said] == [("warning", 1)]
 
 
 @pytest.mark.slow

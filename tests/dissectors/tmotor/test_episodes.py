@@ -86,7 +86,7 @@ def test_the_highest_voltage_is_the_worst_of_over_voltage() -> None:
 
 
 def test_a_packet_tells_the_same() -> None:
-    rows = [motor(t, fault=HOT | 1 << 12, voltage=4850 - t) for t in range(0, 1000, 100)]
+    rows = [motor(t, fault=HOT | 1 << 12, voltage=4850 - t, current=-120) for t in range(0, 1000, 100)]
     rows += [motor(t) for t in range(1000, 3000, 100)]
     assert told(rows) == [
         ("PUSH-410", 10, ("MOS over temperature (0x0020), bit 12 (0x1000) for 0.90 s: 48.5 V, -1.2 A, "

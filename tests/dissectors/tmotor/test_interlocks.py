@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit import encode
-from kit.judged import STATUS, Sent, capture, judge, motor, proved
+from kit.judged import judge, proved
 from kit.simulated import flight
+from kit.traffic import TURNING, Planned, capture, motor
 
 if TYPE_CHECKING:
     from kit.judged import Said
@@ -26,39 +27,39 @@ OPEN = {
 UUID = 0xA1B2C3D4
 
 
-def report(at: float, index: int = 0, rpm: int = 3012) -> Sent:
-    return at, 11 + index, "ESCStatus", STATUS | {"esc_index": index, "rpm": rpm}
+def report(at: float, index: int = 0, rpm: int = 3012) -> Planned:
+    return at, 11 + index, "ESCStatus", TURNING | {"esc_index": index, "rpm": rpm}
 
 
-def asked(at: float, name: str, unit: int = 0xA1, **values: int) -> Sent:
+def asked(at: float, name: str, unit: int = 0xA1, **values: int) -> Planned:
     return at, GROUND, "PUSHSCI", encode.packet(f"PUSHSCI.{name}", 0, unit, **values)
 
 
-def control(at: float, mode: int, unit: int = 0xA1) -> Sent:
+def control(at: float, mode: int, unit: int = 0xA1) -> Planned:
     return asked(at, "OutputControl", unit, control_mode=mode)
 
 
-def foc(at: float, unit: int = 0xA1, **values: int) -> Sent:
+def foc(at: float, unit: int = 0xA1, **values: int) -> Planned:
     return asked(at, "FocParameters", unit, **(NO_CHANGE | values))
 
 
-def config(at: float, **values: int) -> Sent:
+def config(at: float, **values: int) -> Planned:
     return at, GROUND, "ParamCfg", OPEN | {"esc_save_option": 1} | values
 
 
-def parameters(at: float, index: int, uuid: int) -> Sent:
+def parameters(at: float, index: int, uuid: int) -> Planned:
     names = [field.partition(":")[0] for field in encode.TYPES["ParamGet"].layout.split()]
     return at, 11 + index, "ParamGet", dict.fromkeys(names, 0) | {"esc_index": index, "esc_uuid": uuid, "rsvd": []}
 
 
-def texts(*sent: Sent, step: int | None = None) -> list[str]:
+def texts(*sent: Planned, step: int | None = None) -> list[str]:
     found: list[Said] = judge(capture([*sent, report(9000)]), RULES, step)
     assert all((one.severity, one.node) == ("warning", GROUND) for one in found)
     assert all(one.rule == RULES[one.type == "ParamCfg"] for one in found)
     return [one.text for one in found]
 
 
-REQUESTS: list[tuple[Sent, str]] = [
+REQUESTS: list[tuple[Planned, str]] = [
     (asked(100, "SetZero"), "set zero (0x08) to unit 1"),
     (foc(100, rotation_direction=1), "FOC parameters (0x1E) to unit 1"),
     (foc(100, throttle_priority=0x0100), "FOC parameters (0x1E) to unit 1"),
@@ -75,12 +76,12 @@ REQUESTS: list[tuple[Sent, str]] = [
 @STEPS
 @pytest.mark.parametrize(("request_", "what"), REQUESTS)
 @pytest.mark.parametrize("rpm", [3012, -3012, 100])
-def test_what_is_asked_while_the_motor_turns(request_: Sent, what: str, rpm: int, step: int | None) -> None:
+def test_what_is_asked_while_the_motor_turns(request_: Planned, what: str, rpm: int, step: int | None) -> None:
     assert texts(report(60, rpm=rpm), request_, step=step) == [f"node 126 sent {what}, ch1 turned at {rpm} rpm"]
 
 
 @pytest.mark.parametrize(("request_", "what"), REQUESTS)
-def test_what_is_asked_while_it_stands(request_: Sent, what: str) -> None:
+def test_what_is_asked_while_it_stands(request_: Planned, what: str) -> None:
     del what
     assert texts(report(0, rpm=4000), report(60, rpm=0), report(61, 1, rpm=99), request_) == []
     assert texts(request_) == []  # nobody knows
@@ -96,7 +97,7 @@ def test_what_is_asked_while_it_stands(request_: Sent, what: str) -> None:
         config(100, esc_save_option=0xFF), config(100, esc_uuid=0x12345678),  # nobody knows whose that is
     ],
 )  # fmt: skip
-def test_what_may_be_asked_at_any_time(request_: Sent) -> None:
+def test_what_may_be_asked_at_any_time(request_: Planned) -> None:
     assert texts(report(60), request_) == []
 
 

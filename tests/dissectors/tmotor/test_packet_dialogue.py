@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 from kit import encode
-from kit.judged import STATUS, Sent, capture, judge, motor, proved, said
+from kit.judged import judge, proved, said
 from kit.simulated import flight
+from kit.traffic import TURNING, Planned, capture, motor
 
 RULES = ("PUSH-102", "PUSH-103", "PUSH-201", "PUSH-304", "PUSH-409")
 STEPS = pytest.mark.parametrize("step", [None, 1, 7])
@@ -15,22 +16,22 @@ SET = {"acceleration_limit": 400, "led": 0xFFFF, "throttle_priority": 1, "bus_ra
 FED = {"acceleration_limit": 400, "led": 7, "throttle_priority": 1, "bus_rate": 2, "report_rate": 50}
 
 
-def asked(at: float, name: str, unit: int = 0xA1, **values: int) -> Sent:
+def asked(at: float, name: str, unit: int = 0xA1, **values: int) -> Planned:
     return at, 126, "PUSHSCI", encode.packet(f"PUSHSCI.{name}", 0, unit, **values)
 
 
-def fed(at: float, unit: int = 0xA1, node: int = 10, **values: Any) -> Sent:
+def fed(at: float, unit: int = 0xA1, node: int = 10, **values: Any) -> Planned:
     texts = {"hardware_version": b"H", "software_version": b"S"}
     return at, node, "PUSHCAN", encode.packet("PUSHCAN.FocFeedback", 0, unit, **(texts | FED | values))
 
 
-def status(at: float, unit: int = 0xA1, node: int = 10) -> Sent:
+def status(at: float, unit: int = 0xA1, node: int = 10) -> Planned:
     return at, node, "PUSHCAN", motor(0, unit)
 
 
-def end(at: float) -> Sent:
+def end(at: float) -> Planned:
     """Something at the end of the capture."""
-    return at, 99, "ESCStatus", STATUS
+    return at, 99, "ESCStatus", TURNING
 
 
 @pytest.mark.slow
@@ -55,7 +56,7 @@ def test_a_clean_flight_has_none() -> None:
     ],
 )
 def test_answers_in_time(rule: str, question: str, answer: Any, limit: int, step: int | None) -> None:
-    def silent(*answers: Sent, until: float = 9000) -> int:
+    def silent(*answers: Planned, until: float = 9000) -> int:
         return len(said(rule, capture([asked(50, question), *answers, end(until)]), step))
 
     assert silent(answer(50 + limit)) == 0
@@ -118,7 +119,7 @@ def test_a_late_feedback_is_not_compared() -> None:
 
 def displays(*statuses: tuple[float, dict[str, float]], at: float = 100, node: int = 10, **values: int) -> str:
     """A status packet among some ESCStatus, and what comes much later."""
-    sending: list[Sent] = [(when, 10, "ESCStatus", STATUS | some) for when, some in statuses]
+    sending: list[Planned] = [(when, 10, "ESCStatus", TURNING | some) for when, some in statuses]
     sending.append((at, node, "PUSHCAN", motor(0, **values)))
     return capture([*sorted(sending, key=lambda one: one[0]), end(at + 5000)])
 
@@ -166,6 +167,6 @@ def test_what_is_compared(statuses: list[tuple[float, dict[str, float]]], count:
 
 def test_other_nodes_and_the_end_of_a_capture() -> None:
     assert said("PUSH-409", displays(*AROUND, node=11, speed=4000)) == []
-    sending: list[Sent] = [(0, 10, "ESCStatus", STATUS), (50, 10, "PUSHCAN", motor(0, speed=4000))]
+    sending: list[Planned] = [(0, 10, "ESCStatus", TURNING), (50, 10, "PUSHCAN", motor(0, speed=4000))]
     assert said("PUSH-409", capture(sending)) == []
-    assert len(said("PUSH-409", capture([*sending, (120, 10, "ESCStatus", STATUS)]))) == 1
+    assert len(said("PUSH-409", capture([*sending, (120, 10, "ESCStatus", TURNING)]))) == 1

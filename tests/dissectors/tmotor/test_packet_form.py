@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit import VECTORS, encode
-from kit.judged import STATUS, capture, judge, motor, outcome, proved, said, summed, whole
-from kit.simulated import SEED, flight
-from witness.flights import fly
-from witness.proof import finder
+from kit.judged import judge, outcome, proved, said, whole
+from kit.simulated import SEED, flight, fly
+from kit.traffic import TURNING, capture, motor, summed
+from witness import finder
 
 from analyzer.rules import recent
 
 if TYPE_CHECKING:
-    from kit.judged import Sent
+    from kit.traffic import Planned
 
 FORM = ("PUSH-001", "PUSH-002", "PUSH-003", "PUSH-004", "PUSH-005", "PUSH-006", "PUSH-007", "PUSH-008", "PUSH-009")
 QUERY = "PUSHSCI.FocQuery"
@@ -276,8 +276,8 @@ def test_what_holds_for_a_node_is_said_once(rule: str) -> None:
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("step", [None, 1, 7])
 def test_a_new_index_is_a_new_pair(step: int | None) -> None:
-    def sent(at: float, index: int) -> list[Sent]:
-        return [(at, 10, "ESCStatus", STATUS | {"esc_index": index}), (at + 1, 10, "PUSHCAN", motor(int(at), 0xA2))]
+    def sent(at: float, index: int) -> list[Planned]:
+        return [(at, 10, "ESCStatus", TURNING | {"esc_index": index}), (at + 1, 10, "PUSHCAN", motor(int(at), 0xA2))]
 
     text = capture(one for at, index in ((0, 1), (10, 0), (20, 0), (30, 1), (40, 3)) for one in sent(at, index))
     found = said("PUSH-011", text, step)

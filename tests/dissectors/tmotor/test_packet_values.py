@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 from kit import VECTORS, encode
-from kit.judged import MOTOR, Sent, capture, judge, motor, motors, proved, said
+from kit.judged import judge, proved, said
 from kit.simulated import flight
+from kit.traffic import MOTOR, Planned, capture, motor, motors
 
 RULES = (
     "PUSH-101", "PUSH-302", "PUSH-401", "PUSH-403", "PUSH-404", "PUSH-405", "PUSH-406", "PUSH-407", "PUSH-408",
@@ -178,7 +179,7 @@ def test_units_and_nodes_live_alone() -> None:
 @pytest.mark.parametrize("late", [1500, 2500])
 def test_a_restart_excuses_a_runtime(uptimes: tuple[int, ...], count: int, late: int, step: int | None) -> None:
     """The uptime after the packet counts, and so does one between both packets."""
-    sending: list[Sent] = [
+    sending: list[Planned] = [
         (500, 10, "PUSHCAN", motor(0, power_on_count=3, runtime=100)),
         (2000, 10, "PUSHCAN", motor(1, power_on_count=3, runtime=0)),
         (4000, 10, "PUSHCAN", motor(2, power_on_count=3, runtime=2)),
@@ -188,3 +189,8 @@ def test_a_restart_excuses_a_runtime(uptimes: tuple[int, ...], count: int, late:
         sending.append((at, 10, "uavcan.protocol.NodeStatus", status | {"uptime_sec": uptime}))
     text = capture(sorted(sending, key=lambda one: one[0]))
     assert len(said("PUSH-407", text, step)) == count
+
+
+def test_a_set_point_out_of_range_is_told_once() -> None:
+    text = sent("PUSHSCI.OutputControl", control_mode=0x33, set_point=12_000)
+    assert [one.rule for one in judge(text) if one.severity != "note"] == ["PUSH-302"]

@@ -8,7 +8,7 @@ import pytest
 from kit import encode
 from kit.judged import exact, judge, whole
 from kit.simulated import flight
-from kit.traffic import Sent, alive, log
+from kit.traffic import Timed, alive, log
 
 _FIELDS = [field.split(":")[0] for field in encode.TYPES["ParamGet"].layout.split()]
 REPORT: dict[str, Any] = dict.fromkeys(_FIELDS, 1) | {"rsvd": [], "esc_uuid": 0x11223344, "esc_product_date": 20240703}
@@ -20,7 +20,7 @@ class Capture:
     """Transfers in the order of sending, at times in ms."""
 
     def __init__(self) -> None:
-        self.sent: list[Sent] = []
+        self.sent: list[Timed] = []
 
     def send(self, t: int, name: str, node: int, **fields: Any) -> Capture:
         self.sent.append((t, encode.transfer(name, fields, node, len(self.sent))))

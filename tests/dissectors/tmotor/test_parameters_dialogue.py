@@ -164,3 +164,35 @@ def test_an_answer_may_have_come_in_a_gap_of_the_capture() -> None:
         return f"({float(seconds) + 1.5 * (float(seconds) > start + 1.2):.6f}){rest}"
 
     assert whole("".join(map(moved, lines)), ("BUS-011",), (7,)) == []
+
+
+@pytest.mark.parametrize("address", [{"esc_index": 1}, {"esc_uuid": 0xA1}])
+@pytest.mark.parametrize(("last", "count"), [(8000, 1), (1500, 0)])
+def test_the_addressee_has_to_live(address: dict[str, int], last: int, count: int) -> None:
+    """Another ESC reports all the time and answers a query to all, which is no answer to what is meant for this one."""
+    vehicle = Vehicle()
+    vehicle.statuses(0, 8000, 11)
+    vehicle.statuses(1, last, 12, esc_index=1)
+    vehicle.configure(500)
+    for node in (11, 12):
+        vehicle.parameters(550 + node, node)
+    vehicle.configure(5500, esc_timing=12, **address)
+    vehicle.parameters(5600, 11)
+    said = whole(vehicle.finish(), ("BUS-011",), (7,))
+    assert [one.key.partition("=")[0] for one in said] == ["address"] * count
+
+
+@pytest.mark.parametrize(("node", "count"), [(11, 1), (12, 0), (13, 0)])
+def test_an_answer_that_cannot_be_read(node: int, count: int) -> None:
+    """It counts unless its sender is known as another ESC."""
+    vehicle = Vehicle()
+    for index in range(2):
+        vehicle.statuses(index, 6000, 11 + index, esc_index=index)
+    vehicle.configure(500)
+    for one in (11, 12, 13):
+        vehicle.parameters(550 + one, one)
+    vehicle.configure(2000, esc_index=1, esc_timing=12)
+    sent = vehicle.parameters(2100, node)
+    lines = vehicle.finish().splitlines(keepends=True)
+    del lines[sent.frames[3] - 1]
+    assert len(whole("".join(lines), ("BUS-011",), (7,))) == count

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from kit.judged import STATUS, Sent, capture, judge
+from kit.judged import judge
 from kit.simulated import flight
+from kit.traffic import TURNING, Planned, capture
 
 RULE = ("BUS-040",)
 STEPS = pytest.mark.parametrize("step", [None, 7])
@@ -15,13 +16,13 @@ def flown(
     cmd: int, pct: int, seconds: float = 10, *, mode: int = 4, bits: int = 0, every: int = 20, until: float = 1e9
 ) -> str:
     """Commands for two channels each 20 ms, and the second ESC's reports each 100 ms."""
-    sent: list[Sent] = []
+    sent: list[Planned] = []
     for at in range(0, int(seconds * 1000), every):
         if at < until:
             sent.append((float(at), 1, "RawCommand", {"cmd": [500, cmd]}))
         if at % 100 < every:
             word = {"error_count": mode << 12 | bits, "power_rating_pct": pct, "esc_index": 1}
-            sent.append((at + 5.0, 12, "ESCStatus", STATUS | word))
+            sent.append((at + 5.0, 12, "ESCStatus", TURNING | word))
     return capture(sent)
 
 
@@ -45,12 +46,12 @@ def test_what_is_near_enough_or_has_another_reason(text: str) -> None:
 
 
 def test_one_right_report_in_between_begins_anew() -> None:
-    sent: list[Sent] = []
+    sent: list[Planned] = []
     for at in range(0, 9000, 20):
         sent.append((float(at), 1, "RawCommand", {"cmd": [3000]}))
         if at % 100 == 0:
             word = {"error_count": 4 << 12, "power_rating_pct": 37 if at == 4500 else 10, "esc_index": 0}
-            sent.append((at + 5.0, 12, "ESCStatus", STATUS | word))
+            sent.append((at + 5.0, 12, "ESCStatus", TURNING | word))
     assert judge(capture(sent), RULE) == []
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, Rule, sender, sound
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, units
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, units
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -116,6 +116,3 @@ def _apart(
             return {"encoder": mine, "position": its} if encoder_first else {"encoder": its, "position": mine}
 
         yield view.among_rows("BUS-032", table, rows[at], values, dialects={"dronecan": None})
-
-
-RULES: tuple[type[Rule], ...] = (Angles,)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, breach, usable
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, units
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, in_order, units
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -61,14 +61,14 @@ class AssignedIndex(Rule):
         if view.start == NO_TIME:
             return
         settings, answers, reports = view.table("ParamCfg"), view.table("ParamGet"), view.table("ESCStatus")
-        rows = [(table, row) for table in (settings, answers) if table is not None for row in _good(table)]
+        of_nodes: list[int] = []
         if reports is not None and (answers is not None or self._confirmed):
             nodes = set(self._confirmed)
             if answers is not None:
                 nodes |= set(zip(answers.bus.tolist(), answers.src.tolist(), strict=True))
-            of_nodes = (mine for unit, mine in units(view).items() if (unit.bus, unit.node) in nodes)
-            rows += [(reports, row) for mine in of_nodes for row in mine.tolist()]
-        for table, row in sorted(rows, key=_transfer):
+            mine = (rows.tolist() for unit, rows in units(view).items() if (unit.bus, unit.node) in nodes)
+            of_nodes = [row for rows in mine for row in rows]
+        for table, row in in_order((settings, _good(settings)), (answers, _good(answers)), (reports, of_nodes)):
             if table is settings:
                 self._ask(table, row)
             elif table is answers:
@@ -91,6 +91,8 @@ class AssignedIndex(Rule):
         for one in reversed(self._given.get(bus, [])):
             if 0 <= t - one.t <= limit and one.meets(uuid, index, confirmed):
                 key = bus, int(table.src[row])
+                if key in self._confirmed and self._confirmed[key].index == one.index:
+                    return  # it says so once more
                 if key in self._confirmed or len(self._confirmed) < MOST_UNITS:
                     place = breach(view, table, row, "BUS-039", {"given": one.index}, held=True)
                     self._confirmed[key] = _Confirmed(t, one.index, place)
@@ -111,11 +113,6 @@ class AssignedIndex(Rule):
             yield replace(known.place, values=values, dialects={"dronecan": None})
 
 
-def _transfer(one: tuple[DecodedTable, int]) -> int:
-    table, row = one
-    return int(table["transfer"][row])
-
-
-def _good(table: DecodedTable) -> list[int]:
-    rows: list[int] = np.flatnonzero(usable(table)).tolist()
+def _good(table: DecodedTable | None) -> list[int]:
+    rows: list[int] = [] if table is None else np.flatnonzero(usable(table)).tolist()
     return rows

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach, rows_by_bus, usable
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -129,6 +129,3 @@ class SamplePoint(Rule):
         if view.bit_rate in _LATE_SAMPLING and view.buses:
             values = {"kbps": round(view.bit_rate / 1000)}
             yield Occurrence("BUS-033", view.start, 0, None, "", (), values)
-
-
-RULES: tuple[type[Rule], ...] = (StoredRate, DifferentRates, SamplePoint)

@@ -19,10 +19,10 @@ from dissectors.kit import (
     Starts,
     frames_of,
 )  # fmt: skip
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, ReportingEsc, units
 from dissectors.tmotor.rules.bus.malformed import MalformedReports
 from dissectors.tmotor.rules.bus.power_ons import PowerOns
 from dissectors.tmotor.rules.bus.report_rate import OPEN
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, ReportingEsc, units
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

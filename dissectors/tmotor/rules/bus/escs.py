@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import Rule, breach
-from dissectors.tmotor.rules.bus.joins import commands, units
+from dissectors.tmotor.rules.joined.joins import commands, units
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

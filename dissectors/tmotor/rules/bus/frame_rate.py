@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, rows_by_bus, set_back
-from dissectors.tmotor.rules.bus.motion import Motion
+from dissectors.tmotor.rules.joined.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

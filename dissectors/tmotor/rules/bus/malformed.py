@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import NO_TIME, usable
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
     from dissectors.kit import Array, View
-    from dissectors.tmotor.rules.bus.joins import ReportingEsc
+    from dissectors.tmotor.rules.joined.joins import ReportingEsc
 
 _MESSAGE, _FOREIGN = 0, 1  # as tables count kinds and verdicts
 _TYPE = 0x1FFFF  # of an identifier's bits from 7 on: data type ID, and that it is a message

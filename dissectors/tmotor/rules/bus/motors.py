@@ -8,15 +8,25 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach
-from dissectors.tmotor.rules.bus.driven import DrivenUnits
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, NO_CHANNEL, Commands, ReportingEsc, commands, units
+from dissectors.tmotor.rules.joined.driven import DrivenUnits
+from dissectors.tmotor.rules.joined.joins import (
+    FULL_THROTTLE,
+    MOST_UNITS,
+    NO_CHANNEL,
+    Commands,
+    InForce,
+    ReportingEsc,
+    commands,
+    fresh,
+    in_force,
+    units,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from dissectors.kit import Array, DecodedTable, Occurrences, Severity, View
 
-_FULL = 8191
 _CHANNELS = 32
 _HIGH, _ZERO = 1, 2  # what a channel is: above the limit, or 0; 0 stands for anything else
 _UNDRIVEN = (5, 7, 8)  # coast down and both folds turn without throttle
@@ -57,15 +67,13 @@ class _State:
 
 
 class _Joined(NamedTuple):
-    """An ESC's reports of a batch; `k` is the command in force at each, 0 is the one before the batch."""
+    """An ESC's reports of a batch, and the command in force at each."""
 
     unit: ReportingEsc
     table: DecodedTable
     rows: Array
     t: Array
-    k: Array
-    command_t: Array
-    cmd: Array
+    command: InForce
 
 
 class Following(Rule):
@@ -83,17 +91,19 @@ class Following(Rule):
         table, now = view.table("ESCStatus"), commands(view)
         if view.start == NO_TIME:
             return
-        high = int(view.number("BUS-028", "high_pct") / 100 * _FULL)
+        high = int(view.number("BUS-028", "high_pct") / 100 * FULL_THROTTLE)
         timeout = round(view.number("BUS-007", "timeout_ms") * MILLISECOND)
         self._driven.feed(view)
         for unit, rows in units(view).items():
             throttle, sent = self._throttles.get(unit.bus, _Throttle()), now.get(unit.bus)
             if table is None or (unit not in self._states and len(self._states) >= MOST_UNITS):
                 continue
-            state, joined = self._states.setdefault(unit, _State()), _join(table, unit, rows, throttle, sent)
-            fresh = (joined.command_t != NO_TIME) & (joined.t - np.maximum(joined.command_t, 0) <= timeout)
-            yield from self._follow(view, state, joined, (fresh, throttle, sent, high, timeout))
-            yield from _negative(view, state, joined, fresh & (joined.cmd < 0) & (joined.cmd != NO_CHANNEL))
+            state, before = self._states.setdefault(unit, _State()), (throttle.t, int(throttle.cmd[unit.index]))
+            command = in_force(sent, before, unit.index, table, rows)
+            joined = _Joined(unit, table, rows, table.t[rows], command)
+            recent = fresh(joined.t, command.t, timeout)
+            yield from self._follow(view, state, joined, (recent, throttle, sent, high, timeout))
+            yield from _negative(view, state, joined, recent & (command.cmd < 0) & (command.cmd != NO_CHANNEL))
         for bus, sent in now.items():
             self._throttles.setdefault(bus, _Throttle()).feed(sent, high, timeout)
 
@@ -103,10 +113,11 @@ class Following(Rule):
             yield from _judge(view, state)
 
     def _follow(self, view: View, state: _State, joined: _Joined, what: Any) -> Iterator[Occurrence]:
-        fresh, throttle, sent, high, timeout = what
+        recent, throttle, sent, high, timeout = what
         table, rows, unit = joined.table, joined.rows, joined.unit
         rpm = table["rpm"][rows]
-        kind = np.where(joined.cmd > high, _HIGH, np.where(joined.cmd == 0, _ZERO, 0)) * fresh
+        cmd = joined.command.cmd
+        kind = np.where(cmd > high, _HIGH, np.where(cmd == 0, _ZERO, 0)) * recent
         turning = np.abs(rpm) > view.number("BUS-028", "turning_rpm")
         suspect = np.where(((kind == _HIGH) & (rpm == 0)) | ((kind == _ZERO) & turning), kind, 0)
         if (suspect == _ZERO).any():
@@ -119,12 +130,12 @@ class Following(Rule):
             return
         began = np.concatenate(([suspect[0] != state.kind], suspect[1:] != suspect[:-1]))
         first = np.maximum.accumulate(np.where(began, joined.t, state.first))
-        since = np.maximum(first, _since(throttle, sent, unit.index, high, timeout)[joined.k])
+        since = np.maximum(first, _since(throttle, sent, unit.index, high, timeout)[joined.command.k])
         limits = np.array([0, view.number("BUS-028", "high_s"), view.number("BUS-028", "zero_s")]) * SECOND
         breach = (suspect != 0) & (joined.t - np.maximum(since, 0) >= limits[suspect])
         fresh_ones = breach & ~(np.concatenate(([state.breach], breach[:-1])) & ~began)
         for at in np.flatnonzero(fresh_ones).tolist():
-            pct = 100 * int(joined.cmd[at]) / _FULL
+            pct = 100 * int(cmd[at]) / FULL_THROTTLE
             values = {"channel": unit.index + 1, "throttle_pct": pct, "rpm": int(rpm[at])}
             yield _report(view, "BUS-028", joined, at, values)
         state.kind, state.first, state.breach = int(suspect[-1]), int(first[-1]), bool(breach[-1])
@@ -133,16 +144,6 @@ class Following(Rule):
 def _kinds(cmd: Array, high: int) -> Array:
     kind: Array = (cmd > high).view(np.int8) + (cmd == 0).view(np.int8) * np.int8(_ZERO)
     return kind
-
-
-def _join(table: DecodedTable, unit: ReportingEsc, rows: Array, throttle: _Throttle, sent: Commands | None) -> _Joined:
-    t, cmd = np.array([throttle.t]), throttle.cmd[unit.index : unit.index + 1]
-    k = np.zeros(len(rows), np.int64)
-    if sent is not None:
-        k = sent.before(table, rows)
-        now = sent.cmd[unit.index] if unit.index < len(sent.cmd) else np.full(len(sent.t), NO_CHANNEL, np.int16)
-        t, cmd = np.concatenate((t, sent.t)), np.concatenate((cmd, now))
-    return _Joined(unit, table, rows, table.t[rows], k, t[k], cmd[k])
 
 
 def _since(throttle: _Throttle, sent: Commands | None, channel: int, high: int, timeout: int) -> Array:
@@ -170,7 +171,7 @@ def _negative(view: View, state: _State, joined: _Joined, negative: Array) -> It
             yield from _judge(view, state)
             continue
         if state.negative is None:
-            values = {"channel": joined.unit.index + 1, "value": int(joined.cmd[part[0]])}
+            values = {"channel": joined.unit.index + 1, "value": int(joined.command.cmd[part[0]])}
             state.negative = _report(view, "BUS-016", joined, int(part[0]), values)
         state.reports += len(part)
         state.confirmed |= bool(abnormal[part].any())
@@ -184,6 +185,3 @@ def _judge(view: View, state: _State) -> Iterator[Occurrence]:
         severity: Severity | None = "note" if state.confirmed else None
         yield replace(state.negative, values=values, severity=severity, dialects={"dronecan": None})
     state.negative, state.reports, state.confirmed = None, 0, False
-
-
-RULES: tuple[type[Rule], ...] = (Following,)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Rule
-from dissectors.tmotor.rules.bus.joins import commands, units
+from dissectors.tmotor.rules.joined.joins import commands, units
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, View
-    from dissectors.tmotor.rules.bus.joins import Commands, ReportingEsc
+    from dissectors.tmotor.rules.joined.joins import Commands, ReportingEsc
 
 
 class NotCommanded(Rule):

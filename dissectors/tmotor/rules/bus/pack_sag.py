@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from dissectors.kit import NO_TIME, Rule, breach
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, units
-from dissectors.tmotor.rules.bus.motion import Motion
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, units
+from dissectors.tmotor.rules.joined.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from dissectors.kit import DecodedTable, Occurrence, Occurrences, View
-    from dissectors.tmotor.rules.bus.joins import ReportingEsc
+    from dissectors.tmotor.rules.joined.joins import ReportingEsc
 
 _UNDER_VOLTAGE = 2  # bit 1 of the status word
 _FEWEST = 2  # one ESC alone may have a loose plug

@@ -9,20 +9,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Rule, breach, usable
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, end, units
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, end, units
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from dissectors.kit import DecodedTable, Occurrence, Occurrences, View
+    from dissectors.tmotor.rules.joined.joins import ReportingEsc
 
 _ANY_UUID, _ANY_INDEX = 0xFFFFFFFF, 0xFF
 _OPEN8, _OPEN16, _AMBIGUOUS = 0xFF, 0xFFFF, 0x00FF
 _LATE = 5 * SECOND // 2  # a damaged answer comes out 2.0 s after its start
 _ANSWER = 1332  # type ID of ParamGet (4.3.1)
 _BROKEN = -1  # stands for the table of a damaged answer
+_SEVERAL = 2  # ESCs that share a supply: one alone may have failed
 MOST_PENDING = 256
 MOST_UUIDS = 4096
+_MOST_HOLDERS = 16  # nodes of one UUID
+_NEVER = 1 << 62
 # Fields that are set and reported under one name, with what stands for "no change", 4.4.2.
 _FIELDS: Mapping[str, tuple[int, ...]] = {
     "esc_ov_threshold": (_OPEN16, _AMBIGUOUS),
@@ -46,7 +50,8 @@ class _Asked:
     """A ParamCfg; `t` is its end, `query` whether all its bytes are 0xFF.
 
     `answered` are the nodes that sent a ParamGet, `expected` those that have to after a query to all. `living` is
-    whether an ESC reported shortly before, of those that had reported at all.
+    whether an ESC reported shortly before, of those that had reported at all: that with the address, if it is known;
+    `resting` whether several did, and no motor turned; `heard` whether any did shortly behind it.
     """
 
     t: int
@@ -59,6 +64,8 @@ class _Asked:
     answered: set[int] = field(default_factory=set)
     expected: tuple[int, ...] = ()
     living: bool = True
+    resting: bool = False
+    heard: bool = False
 
     @property
     def address(self) -> str:
@@ -73,6 +80,14 @@ class _Asked:
         new = self.sets.get(_ID, self.index)
         return self.index == _ANY_INDEX or got["esc_index"] in (self.index, new)
 
+    def may_come_from(self, indexes: set[int], uuids: set[int]) -> bool:
+        """Return whether an answer that cannot be read may be meant: its sender is not known to be another ESC."""
+        if self.query:
+            return True
+        if self.uuid != _ANY_UUID:
+            return not uuids or self.uuid in uuids
+        return not indexes or self.index == _ANY_INDEX or bool(indexes & {self.index, self.sets.get(_ID, self.index)})
+
 
 class Dialogue(Rule):
     """Follows every ParamCfg until its time is over; at most 256 at a time."""
@@ -81,8 +96,10 @@ class Dialogue(Rule):
 
     def __init__(self) -> None:
         self._pending: deque[_Asked] = deque()
-        self._seen: dict[tuple[int, int], int] = {}  # (bus, node): time of the last ESCStatus
+        self._seen: dict[tuple[int, int], tuple[int, bool]] = {}  # (bus, node): last ESCStatus, and if its motor stood
         self._since: dict[tuple[int, int], int] = {}  # of the first one
+        self._units: dict[ReportingEsc, int] = {}  # time of the first ESCStatus
+        self._holders: dict[int, set[tuple[int, int]]] = {}  # bus and node of each UUID
         self._answered_at: dict[tuple[int, int], int] = {}  # of the first ParamGet
         self._uuids: dict[int, set[int]] = {}  # the indexes that each UUID was seen with
         self._asked: dict[int, int] = {}  # time of the last ParamCfg, damaged ones too
@@ -108,8 +125,10 @@ class Dialogue(Rule):
         for unit, rows in units(view).items():
             reports = view.table("ESCStatus")
             if reports is not None and (unit.bus, unit.node) in self._since:
-                last = int(reports.t[rows[-1]])
+                last = int(reports.t[rows[-1]]), not reports["rpm"][rows[-1]]
                 self._seen[unit.bus, unit.node] = max(self._seen.get((unit.bus, unit.node), last), last)
+        for asked in self._pending:
+            self._look_behind(view, asked)
         yield from self._due(view, view.end)
 
     def _note_first(self, view: View) -> None:
@@ -119,6 +138,8 @@ class Dialogue(Rule):
             if reports is not None and (who in self._since or len(self._since) < MOST_UNITS):
                 first = int(end(view, reports, rows[:1])[0])
                 self._since[who] = min(self._since.get(who, first), first)
+                if unit in self._units or len(self._units) < MOST_UNITS:
+                    self._units[unit] = min(self._units.get(unit, first), first)
 
     def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Yield what nobody answered up to the end."""
@@ -139,13 +160,24 @@ class Dialogue(Rule):
         uuid, index = int(table["esc_uuid"][row]), int(table["esc_index"][row])
         query = open_ and (uuid, index, int(table[_ID][row])) == (_ANY_UUID, _ANY_INDEX, _OPEN16)
         asked = _Asked(t, bus, place, uuid, index, sets, query)
-        reporting = tuple(sorted(self._reporting(view, bus, number, t)))
-        asked.expected = reporting if query else ()
-        asked.living = bool(reporting) or not any(who[0] == bus and first <= t for who, first in self._since.items())
+        reporting = dict(self._reporting(view, bus, number, t))
+        asked.expected = tuple(sorted(reporting)) if query else ()
+        asked.resting = len(reporting) >= _SEVERAL and all(reporting.values())
+        known = self._addressed(asked)
+        anybody = any(who[0] == bus and first <= t for who, first in self._since.items())
+        asked.living = bool(known & reporting.keys()) if known else bool(reporting) or not anybody
         self._pending.append(asked)
 
-    def _reporting(self, view: View, bus: int, number: int, t: int) -> Iterator[int]:
-        """Yield nodes that have sent ESCStatus shortly before a transfer."""
+    def _addressed(self, asked: _Asked) -> set[int]:
+        """Return the nodes that had reported and are known to have the address of a request; none for any ESC."""
+        if asked.uuid != _ANY_UUID:
+            holders = self._holders.get(asked.uuid, ())
+            return {who[1] for who in holders if who[0] == asked.bus and self._since.get(who, _NEVER) <= asked.t}
+        found = (unit for unit, first in self._units.items() if first <= asked.t and unit.bus == asked.bus)
+        return {unit.node for unit in found if unit.index == asked.index}
+
+    def _reporting(self, view: View, bus: int, number: int, t: int) -> Iterator[tuple[int, bool]]:
+        """Yield nodes that have sent ESCStatus shortly before a transfer, and whether their motors stood then."""
         window = round(view.number("BUS-012", "seen_s") * SECOND)
         last = {node: seen for (where, node), seen in self._seen.items() if where == bus}
         table = view.table("ESCStatus")
@@ -153,15 +185,30 @@ class Dialogue(Rule):
             if table is not None and unit.bus == bus:
                 before = int(np.searchsorted(table["transfer"][rows].astype(np.int64), number))
                 if before:
-                    last[unit.node] = max(int(table.t[rows[before - 1]]), last.get(unit.node, NO_TIME))
-        yield from (node for node, seen in last.items() if t - seen <= window)
+                    row = rows[before - 1]
+                    report = int(table.t[row]), not table["rpm"][row]
+                    last[unit.node] = max(report, last.get(unit.node, report))
+        yield from ((node, stood) for node, (seen, stood) in last.items() if t - seen <= window)
+
+    def _look_behind(self, view: View, asked: _Asked) -> None:
+        """Note whether an ESC reports shortly behind a request; what a batch has of that is looked up once."""
+        until = asked.t + round(view.number("BUS-012", "seen_s") * SECOND)
+        table = view.table("ESCStatus")
+        for unit, rows in units(view).items():
+            if table is not None and unit.bus == asked.bus and not asked.heard:
+                t = table.t[rows]
+                asked.heard = bool(((t > asked.t) & (t <= until)).any())
 
     def _hear_some(self, view: View, row: int) -> None:
         """Note a damaged ParamGet: nobody knows what it answers, but it was an answer."""
         transfers = view.transfers
         node = int(transfers.src[row])
-        for one in self._waiting(view, int(transfers.bus[row]), node, int(transfers.t[row])):
-            one.answered.add(node)
+        bus, t = int(transfers.bus[row]), int(transfers.t[row])
+        own = {unit.index for unit, first in self._units.items() if (unit.bus, unit.node) == (bus, node) and first <= t}
+        uuids = {uuid for uuid, holders in self._holders.items() if (bus, node) in holders}
+        for one in self._waiting(view, bus, node, t):
+            if one.may_come_from(own, uuids):
+                one.answered.add(node)
 
     def _hear(self, view: View, table: DecodedTable, what: tuple[int, ...], window: float) -> Iterator[Occurrence]:
         row, t, bus, node, start, uuid, index = what
@@ -172,6 +219,8 @@ class Dialogue(Rule):
             yield breach(view, table, row, "BUS-014", {"window_s": window}, drops=True, since=since)
         if uuid in self._uuids or len(self._uuids) < MOST_UUIDS:
             self._uuids.setdefault(uuid, set()).add(index)
+            if len(self._holders.setdefault(uuid, set())) < _MOST_HOLDERS:
+                self._holders[uuid].add((bus, node))
         self._answered_at.setdefault((bus, node), t)
         if not self._pending:
             return
@@ -197,6 +246,7 @@ class Dialogue(Rule):
         limits = _limits(view)
         while self._pending and t - self._pending[0].t > max(limits.values()) * SECOND + _LATE:
             asked = self._pending.popleft()
+            self._look_behind(view, asked)
             if not view.paused(asked.t, asked.t + round(max(limits.values()) * SECOND)):
                 yield from self._judged(asked, limits)
 
@@ -210,7 +260,7 @@ class Dialogue(Rule):
                         place, rule="BUS-012", node=node, values=values, dialects={"dronecan": None}, drops=True,
                         until=asked.t + round(limits["BUS-012"] * SECOND),
                     )  # fmt: skip
-        elif not asked.answered and not asked.query and asked.living:
+        elif not asked.answered and not asked.query and asked.living and (asked.heard or not asked.resting):
             until = asked.t + round(limits["BUS-011"] * SECOND)
             unanswered: dict[str, object] = {"address": asked.address, "limit_s": limits["BUS-011"]}
             yield replace(place, rule="BUS-011", values=unanswered, drops=True, until=until)
@@ -263,6 +313,3 @@ def _differs(name: str, expected: int, got: Mapping[str, int]) -> int | None:
     if name == _ID:
         return None if expected in (got["esc_id_req"], got["esc_index"]) else got["esc_id_req"]
     return None if got[name] == expected else got[name]
-
-
-RULES: tuple[type[Rule], ...] = (Dialogue,)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Pauses, Rule, frames_of
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, ReportingEsc, units
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, ReportingEsc, units
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,7 +45,7 @@ class PowerOffs(Rule):
         yield from ()
 
     def finish(self, view: View) -> Iterator[Occurrence]:
-        """Yield a note for each ESC of a bus if all of them fell silent together, and none turned or goes on."""
+        """Yield an event for each ESC of a bus if all of them fell silent together, and none turned or goes on."""
         together, silence = (round(view.number("BUS-042", name) * SECOND) for name in ("together_s", "silence_s"))
         for bus, end in self._pauses.last.items():
             latest = max((report.t for unit, report in self._last.items() if unit.bus == bus), default=end)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, Starts, breach, sender, sound, usable
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

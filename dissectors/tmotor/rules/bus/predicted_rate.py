@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import SECOND, Occurrence, Rule, breach, usable
-from dissectors.tmotor.rules.bus.joins import commands
+from dissectors.tmotor.rules.joined.joins import commands
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Pauses, Rule, breach
-from dissectors.tmotor.rules.bus.joins import commands
-from dissectors.tmotor.rules.bus.motion import Motion
+from dissectors.tmotor.rules.joined.joins import commands
+from dissectors.tmotor.rules.joined.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from dissectors.kit import Array, Occurrence, Occurrences, View
-    from dissectors.tmotor.rules.bus.joins import Commands
+    from dissectors.tmotor.rules.joined.joins import Commands
 
 _RUNNING = 5  # so many commands without a pause are a stream that can stop
 _MODES = (1, 8)  # operating modes: a word with one of these is no error counter
@@ -109,6 +109,3 @@ def _losing(view: View) -> dict[int, tuple[Array, Array]]:
     rows = np.flatnonzero(found & (mode >= _MODES[0]) & (mode <= _MODES[1]))
     bus, number, index = table.bus[rows], table["transfer"][rows].astype(np.int64), table["esc_index"][rows]
     return {place: (number[bus == place], index[bus == place]) for place in np.flatnonzero(np.bincount(bus)).tolist()}
-
-
-RULES: tuple[type[Rule], ...] = (Stopped,)

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, NO_CHANNEL, commands, units
+from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE, MOST_UNITS, LastCommands, fresh, units
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from dissectors.kit import Array, DecodedTable, View
-    from dissectors.tmotor.rules.bus.joins import Commands, ReportingEsc
+    from dissectors.tmotor.rules.joined.joins import ReportingEsc
 
-_FULL = 8191
 _OPERATING = 4  # the mode in which an ESC does what it is told
 _FAULTS = 0xFFF  # with any of these bits it may do less, and says so (TYP-305)
 
@@ -37,25 +36,26 @@ class ReportedThrottle(Rule):
     rules = ("BUS-040",)
 
     def __init__(self) -> None:
-        self._last: dict[int, tuple[int, Array]] = {}  # by bus: time and channels of the last command
+        self._last = LastCommands()
         self._runs: dict[ReportingEsc, _Run] = {}
 
     def feed(self, view: View) -> Iterator[Occurrence]:
         """Yield runs that last."""
-        table, now = view.table("ESCStatus"), commands(view)
+        table = view.table("ESCStatus")
         if view.start != NO_TIME and table is not None:
             for unit, rows in units(view).items():
                 if unit in self._runs or len(self._runs) < MOST_UNITS:
-                    yield from self._follow(view, table, (unit, rows), now.get(unit.bus))
-        for bus, sent in now.items():
-            self._last[bus] = int(sent.t[-1]), sent.cmd[:, -1].copy()
+                    yield from self._follow(view, table, unit, rows)
+        self._last.feed(view)
 
-    def _follow(
-        self, view: View, table: DecodedTable, what: tuple[ReportingEsc, Array], sent: Commands | None
-    ) -> Iterator[Occurrence]:
-        unit, rows = what
+    def _follow(self, view: View, table: DecodedTable, unit: ReportingEsc, rows: Array) -> Iterator[Occurrence]:
         run = self._runs.setdefault(unit, _Run())
-        judged, wanted = self._wanted(view, table, what, sent)
+        command = self._last.in_force(view, unit.bus, unit.index, table, rows)
+        timeout = round(view.number("BUS-007", "timeout_ms") * MILLISECOND)
+        judged, wanted = (
+            fresh(table.t[rows], command.t, timeout) & (command.cmd >= 0),
+            command.cmd * 100 / FULL_THROTTLE,
+        )
         off = np.abs(table["power_rating_pct"][rows] - wanted) > view.number("BUS-040", "off_pct")
         word = table["error_count"][rows].astype(np.int64)
         judged &= (word >> 12 & 15 == _OPERATING) & (word & _FAULTS == 0)
@@ -77,21 +77,3 @@ class ReportedThrottle(Rule):
                 run.told = True
                 values = {**run.place.values, "seconds": (t - run.since) / SECOND, "reports": run.reports}
                 yield replace(run.place, values=values, dialects={"dronecan": None})
-
-    def _wanted(
-        self, view: View, table: DecodedTable, what: tuple[ReportingEsc, Array], sent: Commands | None
-    ) -> tuple[Array, Array]:
-        """Return at which reports a throttle of the ESC is in force, and that throttle in percent."""
-        unit, rows = what
-        last_t, channels = self._last.get(unit.bus, (NO_TIME, np.empty(0, np.int16)))
-        before = int(channels[unit.index]) if unit.index < len(channels) else NO_CHANNEL
-        t, cmd, k = np.array([last_t]), np.array([before], np.int64), np.zeros(len(rows), np.int64)
-        if sent is not None:
-            k = sent.before(table, rows)
-            fresh = sent.cmd[unit.index] if unit.index < len(sent.cmd) else np.full(len(sent.t), NO_CHANNEL, np.int16)
-            t, cmd = np.concatenate((t, sent.t)), np.concatenate((cmd, fresh))
-        recent = (t[k] != NO_TIME) & (table.t[rows] - np.maximum(t[k], 0) <= self._timeout(view))
-        return recent & (cmd[k] >= 0), cmd[k] * 100 / _FULL
-
-    def _timeout(self, view: View) -> int:
-        return round(view.number("BUS-007", "timeout_ms") * MILLISECOND)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Rule
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, commands, units
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, commands, units
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

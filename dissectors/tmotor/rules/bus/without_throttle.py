@@ -8,20 +8,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Pauses, Rule, breach
-from dissectors.tmotor.rules.bus.driven import DrivenUnits, PwmPriority
 from dissectors.tmotor.rules.bus.hold import STILL, Hold, Samples
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, NO_CHANNEL, ReportingEsc, commands
-from dissectors.tmotor.rules.bus.speed_reports import SpeedReporters
-from dissectors.tmotor.rules.bus.valid_throttle import LastThrottle, ValidThrottle
+from dissectors.tmotor.rules.joined.driven import DrivenUnits, PwmPriority
+from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE, MOST_UNITS, NO_CHANNEL, ReportingEsc, commands, fresh
+from dissectors.tmotor.rules.joined.speed_reports import SpeedReporters
+from dissectors.tmotor.rules.joined.valid_throttle import LastThrottle, ValidThrottle
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from dissectors.kit import Array, Occurrence, Occurrences, Values, View
-    from dissectors.tmotor.rules.bus.joins import Commands
-    from dissectors.tmotor.rules.bus.speed_reports import SpeedReports
+    from dissectors.tmotor.rules.joined.joins import Commands
+    from dissectors.tmotor.rules.joined.speed_reports import SpeedReports
 
-_FULL = 8191
 _COAST_DOWN, _FOLDS = 5, (7, 8)  # operating modes that turn without throttle
 _TAIL = 150 * MILLISECOND  # reports that are kept beyond the timeout, to see what was before a loss
 _RECENT = 6  # reports that show how often an ESC reports; a bus is silent if it misses two of them
@@ -109,20 +108,20 @@ class WithoutThrottle(Rule):
 
     def _take_over(self, view: View, now: Mapping[int, Commands]) -> Iterator[Occurrence]:
         """Yield packets whose PWM width is what the ESC follows, and not the throttle that it had, or was 0 before."""
-        wait = view.number("BUS-034", "wait_ms") * MILLISECOND
+        wait = round(view.number("BUS-034", "wait_ms") * MILLISECOND)
         for (bus, node), (table, rows, number, index, _) in self._reporters.packets(view):
             t = table.t[rows]
             throttle = self._at(bus, index, number, now)
             width, pct = table["pwm"][rows], table["throttle"][rows]
-            late = (throttle.t != NO_TIME) & (t - np.maximum(throttle.t, 0) > wait)
+            late = (throttle.t != NO_TIME) & ~fresh(t, throttle.t, wait)
             held, repeats = (_stands_for(width, throttle.value, within) for within in (_SAME_WIDTH, _REPEATS))
             turns = late & (table["speed"][rows] != 0) & (pct > 0) & (width >= _LEAST_WIDTH) & ~held
             track = self._tracks.get(ReportingEsc(bus, node, index))
             if track is None:
                 continue
             del track.takeovers[:-_TAKEOVERS]
-            fresh = (throttle.t != NO_TIME) & (t - np.maximum(throttle.t, 0) <= _FRESH)
-            before = np.maximum.accumulate(np.where(fresh, np.arange(len(fresh)), -1))
+            recent = fresh(t, throttle.t, _FRESH)
+            before = np.maximum.accumulate(np.where(recent, np.arange(len(recent)), -1))
             known = {one.since for one in track.takeovers}
             for k in np.flatnonzero(turns).tolist():
                 since, last = int(throttle.t[k]), int(before[k])
@@ -141,14 +140,14 @@ class WithoutThrottle(Rule):
         self, view: View, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, Commands]
     ) -> Iterator[Occurrences | Occurrence]:
         track, sent = self._tracks[unit], now.get(unit.bus)
-        fresh = Samples(some.t, some.rpm, some.pct, some.current)
-        whole = fresh if track.tail is None else track.tail.joined(fresh)
-        known = len(whole.t) - len(fresh.t)
-        told = np.logical_or.accumulate(np.concatenate(([track.tells], fresh.pct > 0)))[1:]
+        new = Samples(some.t, some.rpm, some.pct, some.current)
+        whole = new if track.tail is None else track.tail.joined(new)
+        known = len(whole.t) - len(new.t)
+        told = np.logical_or.accumulate(np.concatenate(([track.tells], new.pct > 0)))[1:]
         steady = self._throttles.get(unit.bus, ValidThrottle()).steady
         if track.hold is not None or not steady(sent, unit.index, int(some.t[-1]), self._timeout):
             throttle = self._at(unit.bus, unit.index, some.number, now)
-            lost = (throttle.t != NO_TIME) & (some.t - np.maximum(throttle.t, 0) > self._timeout)
+            lost = (throttle.t != NO_TIME) & ~fresh(some.t, throttle.t, self._timeout)
             edges = np.flatnonzero((lost[1:] != lost[:-1]) | (throttle.t[1:] != throttle.t[:-1])) + 1
             for part in np.split(np.arange(len(lost)), edges) if lost.any() or track.hold is not None else ():
                 first, stop = int(part[0]), int(part[-1]) + 1
@@ -238,8 +237,7 @@ class WithoutThrottle(Rule):
             other = self._tracks.get(unit._replace(bus=bus))
             if bus != unit.bus and other is not None:
                 throttle = self._at(bus, unit.index, number, now)
-                fresh = (throttle.t != NO_TIME) & (t - np.maximum(throttle.t, 0) <= self._timeout)
-                found |= fresh & (other.first <= number)
+                found |= fresh(t, throttle.t, self._timeout) & (other.first <= number)
         return found
 
 
@@ -266,7 +264,7 @@ def _stands_for(width: Array, value: Array, within: float) -> Array:
     """Return which widths (us) are those of throttles that were commanded, within some us."""
     found = np.zeros(len(width), bool)
     for low in _WIDTHS:
-        found |= np.abs(width - (low + _RANGE * value / _FULL)) <= within
+        found |= np.abs(width - (low + _RANGE * value / FULL_THROTTLE)) <= within
     return found
 
 
@@ -281,7 +279,7 @@ def _still(view: View, unit: ReportingEsc, some: SpeedReports, at: Array, thrott
 
     def values(row: int) -> Values:
         k = place[row]
-        last, value = int(throttle.last[k]), 100 * int(throttle.value[k]) / _FULL
+        last, value = int(throttle.last[k]), 100 * int(throttle.value[k]) / FULL_THROTTLE
         why = "no command since" if last >= 0 else f"{last} since" if last != NO_CHANNEL else "no channel since"
         return {
             "channel": unit.index + 1, "rpm": int(some.rpm[k]), "pct": float(some.pct[k]), "valid_pct": value,
@@ -291,6 +289,3 @@ def _still(view: View, unit: ReportingEsc, some: SpeedReports, at: Array, thrott
     worst: Any = {"rpm": ("strongest", some.rpm[at])}
     first = np.zeros(len(at), bool)
     return view.among_rows("BUS-038", table, rows, values, drops=True, since=throttle.t[at], worst=worst, rises=first)
-
-
-RULES: tuple[type[Rule], ...] = (WithoutThrottle,)

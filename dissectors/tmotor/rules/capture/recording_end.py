@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, rows_by_bus
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, commands, units
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, commands, units
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from dissectors.kit import Occurrences, View
-    from dissectors.tmotor.rules.bus.joins import ReportingEsc
+    from dissectors.tmotor.rules.joined.joins import ReportingEsc
 
 
 class RecordingEnds(Rule):

@@ -193,6 +193,3 @@ def _doubtful(packets: _Rows, status: _Rows, window: int, tolerance: Sequence[tu
             outside |= value > most + np.maximum(np.abs(most) * share, floor)
         found.append(mine[outside])
     return np.concatenate(found)
-
-
-RULES: tuple[type[Rule], ...] = (StatusAgreement,)

@@ -57,6 +57,13 @@ def unit_key(table: DecodedTable) -> Array:
     return sender(table).astype(np.int64) << 8 | table["unit_id"]
 
 
+def by_unit(table: DecodedTable, rows: Array) -> Iterator[tuple[tuple[int, int, int], Array]]:
+    """Yield bus, source node and power unit, and which of the rows are theirs, in order."""
+    keys = unit_key(table)[rows]
+    for key in np.unique(keys).tolist():
+        yield (key >> 15, key >> 8 & 0x7F, key & 0xFF), rows[keys == key]
+
+
 def sender_key(table: DecodedTable) -> Array:
     """Return bus and source node of each row as one number."""
     return sender(table).astype(np.int64)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Rule, sound
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, commands
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, LastCommands, in_order
 from dissectors.tmotor.rules.packets.carried import FIRST_UNIT, occurrence
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import Array, DecodedTable, Occurrence, Severity, View
+    from dissectors.kit import DecodedTable, Occurrence, Severity, View
 
 _SPEED, _CURRENT, _POSITION = (0x33, 0x3A), (0x44, 0x4A), (0x11, 0x1A)
 _LOCK, _LOCKED = 0x88, 0x11
@@ -52,20 +52,18 @@ class Control(Rule):
     def __init__(self) -> None:
         """Begin without an order."""
         self._orders: dict[tuple[int, int], _Order] = {}
-        self._last: dict[int, Array] = {}
+        self._last = LastCommands()
 
     def feed(self, view: View) -> Iterator[Occurrence]:
         """Yield units that have not followed for long enough."""
         asked, status = view.table("PUSHSCI.OutputControl"), view.table("PUSHCAN.MotorStatus")
         if asked is not None or (status is not None and self._orders):
-            rows = [(table, row) for table in (asked, status) if table is not None for row in _rows(table)]
-            for table, row in sorted(rows, key=_transfer):
+            for table, row in in_order((asked, _rows(asked)), (status, _rows(status))):
                 if table is asked:
                     self._ask(table, row)
                 else:
                     yield from self._look(view, table, row)
-        for bus, sent in commands(view).items():
-            self._last[bus] = sent.cmd[:, -1].copy()
+        self._last.feed(view)
 
     def _ask(self, table: DecodedTable, row: int) -> None:
         key, mode = (int(table.bus[row]), int(table["unit_id"][row])), int(table["control_mode"][row])
@@ -81,7 +79,7 @@ class Control(Rule):
         order = self._orders.get((bus, unit))
         if order is None:
             return
-        if self._throttle(view, table, row, unit) > 0:
+        if self._throttled(view, table, row, unit - FIRST_UNIT):
             order.t, order.place = t, None
             order.off.clear()
         if t - order.t < view.number("PUSH-306", "settle_s") * SECOND:
@@ -102,13 +100,12 @@ class Control(Rule):
             order.told = True
             yield replace(first)
 
-    def _throttle(self, view: View, table: DecodedTable, row: int, unit: int) -> int:
-        """Return the last throttle for the index of a unit before one of its reports, 0 without any."""
-        bus, index = int(table.bus[row]), unit - FIRST_UNIT
-        sent = commands(view).get(bus)
-        k = 0 if sent is None else int(sent.before(table, np.array([row]))[0])
-        channels = self._last.get(bus) if sent is None or not k else sent.cmd[:, k - 1]
-        return int(channels[index]) if channels is not None and 0 <= index < len(channels) else 0
+    def _throttled(self, view: View, table: DecodedTable, row: int, index: int) -> bool:
+        """Return whether the last throttle for an index before a report is above 0."""
+        if index < 0:
+            return False
+        command = self._last.in_force(view, int(table.bus[row]), index, table, np.array([row]))
+        return bool(command.cmd[0] > 0)
 
 
 def _off(view: View, table: DecodedTable, row: int, order: _Order) -> _Off | None:
@@ -151,11 +148,6 @@ def _angle(one: float, other: float) -> float:
     return abs((one - other + 180) % 360 - 180)
 
 
-def _transfer(one: tuple[DecodedTable, int]) -> int:
-    table, row = one
-    return int(table["transfer"][row])
-
-
-def _rows(table: DecodedTable) -> list[int]:
-    rows: list[int] = np.flatnonzero(sound(table) & (table.t != NO_TIME)).tolist()
+def _rows(table: DecodedTable | None) -> list[int]:
+    rows: list[int] = [] if table is None else np.flatnonzero(sound(table) & (table.t != NO_TIME)).tolist()
     return rows

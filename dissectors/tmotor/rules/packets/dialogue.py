@@ -263,6 +263,3 @@ def _differing(view: View, feedback: DecodedTable, row: int, question: _Question
             values: dict[str, Any] = {"field": name, "expected": question.wanted[name], "value": value}
             found = occurrence(view, feedback, row, "PUSH-103", values)
             yield replace(found, frames=(*found.frames, *question.found.frames))
-
-
-RULES: tuple[type[Rule], ...] = (Sets, Queries, Controls, Feedback)

@@ -12,7 +12,9 @@ from dissectors.tmotor.rules.packets.carried import NO_CHANGE_8, NO_CHANGE_16, h
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, Rule, Values, View
+    from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, Values, View, Worst
+
+    Worsts = dict[str, tuple[Worst, Array]]
 
 _SWITCHES = {
     "throttle priority": "throttle_priority.priority",
@@ -63,7 +65,8 @@ def set_points(view: View) -> Iterator[Occurrences]:
         code = int(mode[row])
         return {"mode": code, "value": int(point[row]), "limit": _LIMITS[code]}
 
-    yield view.among_rows("PUSH-302", table, rows, values, key=mode[rows])
+    worst: Worsts = {"value": ("highest", point[rows].astype(np.float64))}
+    yield view.among_rows("PUSH-302", table, rows, values, key=mode[rows], worst=worst)
 
 
 @rule("PUSH-403", "PUSH-404", "PUSH-405", "PUSH-406", "PUSH-408")
@@ -93,10 +96,13 @@ def _pulses(view: View, table: DecodedTable) -> Iterator[Occurrences]:
         def width(row: int) -> dict[str, float]:
             return {"microseconds": float(pulse[row])}
 
-        yield view.among_rows("PUSH-403", table, np.flatnonzero(odd & known), width)
-        yield view.among_rows("PUSH-403", table, np.flatnonzero(odd & ~known), width, severity="warning")
+        for mask, severity in ((odd & known, None), (odd & ~known, "warning")):
+            rows = np.flatnonzero(mask)
+            far: Worsts = {"microseconds": (sum(_USUAL_PULSE) / 2, pulse[rows].astype(np.float64))}
+            yield view.among_rows("PUSH-403", table, rows, width, severity=severity, worst=far)
     rows = np.flatnonzero(good & (np.rint(throttle * 10) > 1000))
-    yield view.among_rows("PUSH-404", table, rows, lambda row: {"percent": float(throttle[row])})
+    most: Worsts = {"percent": ("highest", throttle[rows].astype(np.float64))}
+    yield view.among_rows("PUSH-404", table, rows, lambda row: {"percent": float(throttle[row])}, worst=most)
 
 
 def _temperatures(view: View, table: DecodedTable) -> Iterator[Occurrences]:
@@ -160,6 +166,3 @@ def _readable(version: Sequence[int]) -> bool:
     """Return whether all before the first NUL or the spaces at the end is printable ASCII."""
     text = bytes(version).split(b"\0")[0].rstrip(b" ")
     return all(_FIRST_PRINTED <= byte <= _LAST_PRINTED for byte in text)
-
-
-RULES: tuple[type[Rule], ...] = (foc_parameters, set_points, motor_status, foc_feedback)

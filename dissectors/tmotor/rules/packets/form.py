@@ -25,7 +25,7 @@ from dissectors.tmotor.rules.packets.carried import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, Rule, Values, View
+    from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, Values, View
     from dissectors.tmotor.rules.packets.carried import CarriedPiece
 
 _SHOWN = 8  # first bytes of data that is no packet
@@ -139,6 +139,3 @@ def _header(data: bytes, name: str) -> Values:
 
 def _cell(table: DecodedTable, name: str, column: str) -> Callable[[int], Values]:
     return lambda row: {name: int(table[column][row])}
-
-
-RULES: tuple[type[Rule], ...] = (known_packets, leftovers)

@@ -191,6 +191,3 @@ def _overtaken(view: View, row: int, step: int) -> bool:
     """Return whether its transfer goes as far back as its count: it came behind one that was sent after it."""
     t, back = view.transfers, 256 - step
     return bool(back <= _NEAR and t.has("step")[row] and t.step[row] == _IDS - back)
-
-
-RULES: tuple[type[Rule], ...] = (FrameCounts,)

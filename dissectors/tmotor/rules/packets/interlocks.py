@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Rule, breach, sound, usable
+from dissectors.tmotor.rules.joined.speeds import Speeds
 from dissectors.tmotor.rules.packets.carried import ALL_UNITS, FIRST_UNIT, NO_CHANGE_8, NO_CHANGE_16, occurrence
-from dissectors.tmotor.rules.speeds import Speeds
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from dissectors.kit import DecodedTable, Occurrence, View
-    from dissectors.tmotor.rules.speeds import Turning
+    from dissectors.tmotor.rules.joined.speeds import Turning
 
 _PERMANENT = 1
 _ANY_UUID, _ANY_INDEX = 0xFFFFFFFF, 0xFF

@@ -127,6 +127,3 @@ class Lives(Rule):
 
 def _life(table: DecodedTable, row: int) -> _Life:
     return _Life(int(table.t[row]), int(table["power_on_count"][row]), int(table["runtime"][row]))
-
-
-RULES: tuple[type[Rule], ...] = (Lives,)

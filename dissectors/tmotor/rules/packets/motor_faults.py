@@ -78,6 +78,3 @@ def _status(table: DecodedTable) -> Callable[[int], Values]:
         return {"value": code, "meaning": _KNOWN.get(code, "unknown"), **measured(table, row)}
 
     return values
-
-
-RULES: tuple[type[Rule], ...] = (MotorFaults, SystemStatus)

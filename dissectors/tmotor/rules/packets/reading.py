@@ -111,6 +111,3 @@ def _indexes_of(status: DecodedTable, known: dict[int, int]) -> dict[int, Array]
 def _mapping_breach(view: View, packets: DecodedTable, row: int, index: int) -> Occurrence:
     values = {"unit_id": int(packets["unit_id"][row]), "esc_index": index}
     return occurrence(view, packets, row, "PUSH-011", values)
-
-
-RULES: tuple[type[Rule], ...] = (FloatOrders, UnitMapping)

@@ -136,6 +136,3 @@ def _rows(table: DecodedTable, good: Array, *names: str) -> list[tuple[int, ...]
     columns = table["transfer"], table.bus, table.src, table.t, *(table[name] for name in names)
     number, *others = (column[rows].tolist() for column in columns)
     return list(zip(number, rows.tolist(), *others, strict=True))
-
-
-RULES: tuple[type[Rule], ...] = (Identity,)

@@ -1,4 +1,4 @@
-"""ParamCfg and ParamGet: queries, doubtful values, lifetime counters, dates (4.4.2, 4.4.6). Both are rare."""
+"""ParamCfg and ParamGet: IDs, queries, doubtful values, lifetime counters, dates (4.4.2, 4.4.6). Both are rare."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dissectors.kit import Rule, breach, rule, usable
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import Occurrence, Occurrences, Values, View
+    from dissectors.kit import Array, Occurrence, Occurrences, Values, View
 
 _QUERY = b"\xff" * 27
 # Fields of ParamCfg with 16 bits; the UUID is the only one with 32.
@@ -21,12 +21,34 @@ _WORDS = (
     "esc_dacc_threshold", "esc_rotate_dir", "esc_led_mode", "esc_fdb_rate",
 )  # fmt: skip
 _PARTLY_ONES = (0xFF, 0xFFFF, 0xFFFFFF)  # masks of the low bytes of a 32-bit field
+_MOST_ID = 19  # 4.4.2 no 1
+_ALL_IDS = (0xFF, 0xFFFF)  # 4.4.6 no 6-7
 _RESERVED = (0, 32)
 _COUNTERS = ("esc_startup_times", "esc_startup_duration", "esc_error_count")
 _NEARLY_FULL, _JUST_BEGUN = 65_000, 500  # of 16 bits
 _MOST_DEVICES = 4096
 _YEARS = range(1990, 2100)
 _SECONDS_FROM = 946_684_800  # 2000-01-01
+
+
+@rule("TYP-202")
+def ids(view: View) -> Iterator[Occurrences]:
+    """Find IDs above 19, unless the index beside them says the same (4.4.2 no 6-7, 4.4.6 no 6-7)."""
+    for name, field in (("ParamCfg", "esc_id_set"), ("ParamGet", "esc_id_req")):
+        table = view.table(name)
+        if table is None:
+            continue
+        number = table[field]
+        wrong = usable(table) & (number > _MOST_ID) & ~np.isin(number, _ALL_IDS)
+        if name == "ParamGet":
+            wrong &= number != table["esc_index"]
+        rows = np.flatnonzero(wrong)
+        if rows.size:
+
+            def values_of(row: int, field: str = field, number: Array = number) -> Values:
+                return {"field": field, "value": int(number[row])}
+
+            yield view.among_rows("TYP-202", table, rows, values_of)
 
 
 @rule("TYP-208")
@@ -121,6 +143,3 @@ def _format(value: int) -> str:
     except ValueError:
         pass
     return "seconds since 1970" if value >= _SECONDS_FROM else "unknown"
-
-
-RULES: tuple[type[Rule], ...] = (queries, ambiguous, reserved, Lifetime, dates)

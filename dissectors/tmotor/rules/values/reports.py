@@ -41,8 +41,10 @@ def limits(view: View) -> Iterator[Occurrences]:
     ):
         rows = _good(table, wrong)
         if rows.size:
-            key = column[rows] if code == "TYP-304" else None
-            yield view.among_rows(code, table, rows, _telling(column), dialects=dialects, key=key)
+            states = code == "TYP-304"
+            worst = {} if states else {"value": ("highest", column[rows].astype(np.float64))}
+            key = column[rows] if states else None
+            yield view.among_rows(code, table, rows, _telling(column), dialects=dialects, key=key, worst=worst)
 
 
 def _good(table: DecodedTable, wrong: Array) -> Array:
@@ -74,7 +76,8 @@ def telemetry(view: View) -> Iterator[Occurrences]:
     ):
         rows = _good(table, (table[field] < lowest) | (table[field] > highest))
         if rows.size:
-            yield view.among_rows("TYP-308", table, rows, _measured(field, table[field]))
+            worst = {"value": ((lowest + highest) / 2, table[field][rows].astype(np.float64))}
+            yield view.among_rows("TYP-308", table, rows, _measured(field, table[field]), worst=worst)
 
 
 def _measured(field: str, column: Array) -> Callable[[int], Values]:
@@ -141,6 +144,3 @@ class Faults(Rule):
             rises=failed[wrong] == 0,
         )  # fmt: skip
         yield replace(found, values=values_of)
-
-
-RULES: tuple[type[Rule], ...] = (limits, telemetry, Faults)

@@ -120,6 +120,3 @@ def _is_overtaken(step: Array, sent: Array, value: Array) -> Array:
     """
     overtaken: Array = (step >= -_NEAR) & (sent == step + _IDS) & (value > 1)
     return overtaken
-
-
-RULES: tuple[type[Rule], ...] = (Sequences,)

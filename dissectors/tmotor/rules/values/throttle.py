@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import rule, usable
+from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,7 +29,7 @@ def ranges(view: View) -> Iterator[Occurrences]:
     rows = np.searchsorted(starts, low, "right") - 1
     good = usable(table)[rows]
     low, rows = low[good], rows[good]
-    for code, limit in (("TYP-101", 0), ("TYP-102", -8191)):
+    for code, limit in (("TYP-101", 0), ("TYP-102", -FULL_THROTTLE)):
         mine = values[low] < limit
         if mine.any():
             yield _channels(view, code, table, rows[mine], low[mine])
@@ -42,7 +43,8 @@ def _channels(view: View, rule: str, table: DecodedTable, rows: Array, at: Array
     def values_of(k: int) -> Values:
         return {"channel": int(channels[k]), "value": int(values[at[k]])}
 
-    return replace(view.among_rows(rule, table, rows, lambda _row: {}, key=channels), values=values_of)
+    worst = {"value": ("lowest", values[at].astype(np.float64))}
+    return replace(view.among_rows(rule, table, rows, lambda _row: {}, key=channels, worst=worst), values=values_of)
 
 
 @rule("TYP-104")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import Rule, breach, rule, sender, usable
+from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, Values, View
 
 _MOST_BYTES = 16  # eight words (4.4.1 expl. 3): sparse commands of more channels can look like words
-_FULL = 8191
 _BITS, _BYTE = 14, 8
 _PERIOD, _CHANNELS = 14, 8  # so many bytes are seven words or eight throttles: no padding tells them apart
 _MOST_SENDERS = 1024
@@ -134,7 +134,7 @@ class _Stream:
         sent = values[starts[rows][:, None] + np.arange(channels)].astype(np.int32)
         payloads = [view.transfers.payload(row) for row in table.row[rows].tolist()]
         words = np.frombuffer(b"".join(payloads), "<i2").reshape(len(rows), size // 2).astype(np.int32)
-        fits = np.abs(words).max(axis=1) <= _FULL
+        fits = np.abs(words).max(axis=1) <= FULL_THROTTLE
         told = _telling(table, rows, words, sent, payloads)
         spare = np.array([one[-1] & (1 << 8 * size - _BITS * channels & 0xFF) - 1 for one in payloads])
         for k in range(len(rows)):

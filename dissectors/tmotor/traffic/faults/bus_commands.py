@@ -1,12 +1,14 @@
-"""Faults between throttle commands and motors: BUS-006, -007, -016, -023, -026 to -028, -038 and -040."""
+"""Faults between throttle commands and motors: BUS-006, -007, -016, -023, -026 to -028, -038, -040 and -043."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from dissectors.times import MILLISECOND, SECOND
+from dissectors.tmotor.traffic.faults.carried import able, carries
 from dissectors.tmotor.traffic.faults.occasions import chosen, misreport, once, put, span, unsent
 from dissectors.tmotor.traffic.faults.status import STATUS, status_of
+from dissectors.tmotor.traffic.packets import change
 from dissectors.tmotor.traffic.throttle import TIMEOUT
 from dissectors.traffic import Fault, Step
 
@@ -20,6 +22,7 @@ _ABNORMAL = 4
 _TURN = 50 * MILLISECOND
 _SECOND_SOURCE = 99
 _DRIVEN = 1000  # a throttle at which a motor turns
+_NO_THROTTLE = 10_400  # 0.1 us: the width of throttle 0 of a UAV (4.4.1 explanation 5)
 _STILL = 2 * SECOND - 20 * MILLISECOND  # so long after the last command a motor must not turn any more
 _FOR_EVER = 1 << 62
 
@@ -185,6 +188,33 @@ def _less(case: Case) -> None:
     once(case, lambda: case.vehicle.command(esc.index) > _DRIVEN, begin)
 
 
+def _other_width(case: Case) -> None:
+    """Let an ESC receive a PWM width that is not that of its throttle (4.4.1 explanation 5)."""
+    esc = able(case)
+    if esc is None:
+        return
+    percent, node = int(case.options["percent"]), esc.node.number
+    shown = carries("MotorStatus")
+
+    def begin() -> None:
+        until, width = case.world.now + span(case), _NO_THROTTLE + 90 * percent
+
+        def widen(case: Case, sending: Sending) -> Step:
+            if sending.t > until:
+                return Step.DONE
+            if sending.node == node and not sending.changed and shown(sending):
+                data = bytes(sending.values["data"])
+                put(sending, "data", change(data, big_endian=esc.big_endian, pwm=width))
+                case.mark(sending)
+            return Step.MORE
+
+        case.touch("values", widen)
+        at = case.vehicle.command(esc.index)
+        case.say(f"the ESC with index {esc.index} receives PWM of {width / 10:.1f} us at throttle {at}")
+
+    once(case, lambda: case.vehicle.command(esc.index) > _DRIVEN, begin)
+
+
 FAULTS: tuple[Fault, ...] = (
     Fault("BUS-006", "RawCommand at half its rate", start=_slow, early=True, also=("BUS-018",)),
     Fault(
@@ -239,5 +269,13 @@ FAULTS: tuple[Fault, ...] = (
         options={"seconds": 6.0, "percent": 90},
         limits={"seconds": (5.5, 60), "percent": (0, 100)},
         lasts=7 * SECOND,
+    ),
+    Fault(
+        "BUS-043",
+        "an ESC receives another PWM width than that of its throttle",
+        start=_other_width,
+        options={"seconds": 6.5, "percent": 95},
+        limits={"seconds": (6, 60), "percent": (0, 100)},
+        lasts=8 * SECOND,
     ),
 )

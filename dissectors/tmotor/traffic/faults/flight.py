@@ -1,10 +1,13 @@
-"""Faults of a whole vehicle in flight: a pack that breaks down (BUS-036), a recording that just ends (CAP-005)."""
+"""Faults of a whole vehicle in flight.
+
+A pack that breaks down (BUS-036), ESCs that are switched off (BUS-042), a recording that just ends (CAP-005).
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.times import SECOND
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.faults.occasions import once, span
 from dissectors.traffic import Fault, Step
 
@@ -12,6 +15,8 @@ if TYPE_CHECKING:
     from dissectors.traffic import Case, Sending
 
 _UNDER_VOLTAGE = 1
+# In so long every ESC reports that its motor stands.
+_REPORTED = 500 * MILLISECOND
 
 
 def _turning(case: Case) -> bool:
@@ -40,6 +45,33 @@ def _sag(case: Case) -> None:
         once(case, lambda: _turning(case), fall)
 
 
+def _off(case: Case) -> None:
+    """Take all throttles away and, once the motors stand and have said so, the power of the ESCs, too."""
+    vehicle, world = case.vehicle, case.world
+
+    def off() -> None:
+        for esc in vehicle.escs:
+            esc.node.silent = True
+        case.say(f"all {len(vehicle.escs)} ESCs are switched off, their motors at rest")
+
+    def last(case: Case, sending: Sending) -> Step:
+        """Mark the last reports: those of motors that stand."""
+        if sending.name == "ESCStatus" and not sending.values["rpm"] and sending.t >= since[0]:
+            case.mark(sending)
+        return Step.MORE
+
+    since: list[int] = []
+
+    def stand() -> None:
+        since.append(world.now)
+        case.touch("frames", last)
+        world.at(world.now + _REPORTED, off)
+
+    if len(vehicle.escs) > 1:
+        vehicle.throttle_hook = lambda commands: [0] * len(commands)
+        once(case, lambda: not any(esc.motor.speed for esc in vehicle.escs), stand)
+
+
 def _end(case: Case, sending: Sending) -> Step:
     """End the recording behind the next transfer while motors turn."""
     if not _turning(case):
@@ -63,5 +95,6 @@ FAULTS: tuple[Fault, ...] = (
         lasts=SECOND,
         also=("TYP-305", "PUSH-410"),
     ),
+    Fault("BUS-042", "all ESCs are switched off once their motors stand", start=_off, lasts=4 * SECOND),
     Fault("CAP-005", "the recording ends in flight", start=_watch, also=("TRF-008",)),
 )

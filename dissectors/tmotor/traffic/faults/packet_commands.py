@@ -1,4 +1,4 @@
-"""Faults of packets that the ground station sends (4.4.4): PUSH-006, -101, -102, -201 and PUSH-301 to PUSH-305.
+"""Faults of packets that the ground station sends (4.4.4): PUSH-006, -101, -102, -201, -301 to -305, and BUS-044.
 
 It sends one more than it would, at the time of the fault, to a motor that turns: an ESC takes no control mode then, and
 no value out of range ever.
@@ -38,6 +38,7 @@ _AT_REST: dict[str, tuple[str, dict[str, int]]] = {
     "foc": ("FocParameters", {"acceleration_limit": 300}),
 }
 _TURNING = 300  # rpm, well above what counts as standing
+_FOR_EVER = 1 << 62
 # How long an answer stays away: the rule's limit, and what the command needs to get through.
 _FEEDBACK, _STATUS = 1100 * MILLISECOND, 230 * MILLISECOND
 
@@ -116,6 +117,24 @@ def _unanswered(name: str, answer: str, away: int, *commands: str, **values: int
     return start
 
 
+def _deaf(case: Case) -> None:
+    """Let no ESC ever answer a query, and the ground station ask again and again."""
+    esc, world = able(case), case.world
+    if esc is None:
+        return
+    times = max(3, round(float(case.options["seconds"])))
+    for one in case.vehicle.escs:
+        one.reports.hush("FocFeedback", _FOR_EVER)
+
+    def ask(turn: int) -> None:
+        case.mark(case.vehicle.push("FocQuery", EVERY_UNIT))
+        if turn + 1 < times:
+            world.at(world.now + SECOND, lambda: ask(turn + 1))
+
+    case.say(f"no ESC ever sends FocFeedback, and all units are asked for it {times} times")
+    world.at(world.now + SECOND, lambda: ask(0))
+
+
 def _asks(sending: Sending, unit: int, commands: tuple[str, ...]) -> bool:
     found = carried(sending)
     return found is not None and found[0] in commands and found[1]["unit_id"] in {unit, EVERY_UNIT}
@@ -135,6 +154,16 @@ def _interlock(case: Case) -> None:
 
 
 FAULTS: tuple[Fault, ...] = (
+    Fault(
+        "BUS-044",
+        "queries that no ESC ever answers",
+        start=_deaf,
+        early=True,
+        options={"seconds": 6.0},
+        limits={"seconds": (5, 60)},
+        also=("PUSH-102", "PUSH-201"),
+        lasts=8 * SECOND,
+    ),
     Fault("PUSH-006", "a checksum over bytes 1 to 28 of FocParameters", start=_range, also=("PUSH-305",)),
     Fault(
         "PUSH-101",

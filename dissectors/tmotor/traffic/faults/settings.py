@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 # Every byte of a query; as a 16-bit field it could mean "no change" or 255 (4.4.2 explanation 1).
 _ALL = 0xFF
+# Fields that ParamGet has by another name.
+_REPORTED = {"esc_id_set": "esc_id_req"}
 _WIDE = (
     *("esc_ov_threshold", "esc_oc_threshold", "esc_ot_threshold", "esc_acc_threshold", "esc_dacc_threshold"),
     *("esc_id_set", "esc_rotate_dir", "esc_led_mode", "esc_fdb_rate"),
@@ -32,7 +34,8 @@ def _fault(rule: str, title: str, field: str, value: int, wrong: Wrong, *reporte
             case.answer.also = reported
 
         def replace(case: Case, sending: Sending) -> Step:
-            return replaced(case, sending, field, wanted, wrong)
+            name = field if field in sending.values else _REPORTED.get(field, field)
+            return replaced(case, sending, name, wanted, wrong)
 
         provoke(case, name, "values", replace, chosen(case))
 

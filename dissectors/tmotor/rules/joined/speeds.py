@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dissectors.kit import NO_TIME, sound
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, units
-from dissectors.tmotor.rules.packets.carried import ALL_UNITS, FIRST_UNIT
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, units
+from dissectors.tmotor.rules.packets.carried import ALL_UNITS, FIRST_UNIT, by_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -150,16 +150,14 @@ class Speeds:
 def _reports(view: View) -> Iterator[tuple[_Place, _Reports]]:
     table = view.table("ESCStatus")
     if table is not None:
-        for unit, rows in units(view).items():
-            yield _Place(unit.bus, unit.node, _BY_INDEX, unit.index), _of(table, rows, table["rpm"])
+        for esc, reports in units(view).items():
+            yield _Place(esc.bus, esc.node, _BY_INDEX, esc.index), _of(table, reports, table["rpm"])
     packets = view.table("PUSHCAN.MotorStatus")
     if packets is None:
         return
     rows = np.flatnonzero(sound(packets) & (packets.t != NO_TIME))
-    keys = packets.bus[rows].astype(np.int64) << 16 | packets.src[rows].astype(np.int64) << 8 | packets["unit_id"][rows]
-    for key in np.unique(keys).tolist():
-        place = _Place(key >> 16, key >> 8 & 0xFF, _BY_UNIT, key & 0xFF)
-        yield place, _of(packets, rows[keys == key], packets["speed"])
+    for (bus, node, unit), mine in by_unit(packets, rows):
+        yield _Place(bus, node, _BY_UNIT, unit), _of(packets, mine, packets["speed"])
 
 
 def _of(table: DecodedTable, rows: Array, speed: Array) -> _Reports:

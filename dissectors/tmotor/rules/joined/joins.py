@@ -14,12 +14,13 @@ import numpy as np
 from dissectors.kit import NO_TIME, usable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from dissectors.kit import Array, DecodedTable, View
 
 MOST_UNITS = 4096  # of bus, node and index that are remembered
 NO_CHANNEL = -32768  # no 14-bit number
+FULL_THROTTLE = 8191  # 4.4.1
 _INDEXES = 32
 
 
@@ -47,10 +48,25 @@ class Commands:
         """Return how many of them ended before each row of another table."""
         return np.searchsorted(self.number, table["transfer"][rows].astype(np.int64))
 
+    def channel(self, index: int) -> Array:
+        """Return the throttle of a channel in each, `NO_CHANNEL` where it is too short."""
+        if index < len(self.cmd):
+            found: Array = self.cmd[index].astype(np.int64)
+            return found
+        return np.full(len(self.t), NO_CHANNEL, np.int64)
+
     def paused(self, last: int, longest: int) -> Array:
         """Return those that came later than so many ns after the one before; `last` is the time before all of them."""
         first = last == NO_TIME or bool(self.t[0] - last > longest)
         return np.concatenate((np.array([first]), np.diff(self.t) > longest))
+
+
+class InForce(NamedTuple):
+    """The command in force at each of some rows, 0 for the one before the batch: its place, time and one channel."""
+
+    k: Array
+    t: Array
+    cmd: Array
 
 
 _units: WeakKeyDictionary[View, Mapping[ReportingEsc, Array]] = WeakKeyDictionary()
@@ -73,9 +89,76 @@ def commands(view: View) -> Mapping[int, Commands]:
     return _commands[view]
 
 
+def in_force(sent: Commands | None, before: tuple[int, int], index: int, table: DecodedTable, rows: Array) -> InForce:
+    """Return the command in force at each row of another table.
+
+    Args:
+        sent: those of the bus in this batch.
+        before: time and throttle of the last one before.
+        index: the channel.
+        table: has the rows.
+        rows: in order.
+    """
+    t, cmd, k = np.array(before[:1]), np.array(before[1:], np.int64), np.zeros(len(rows), np.int64)
+    if sent is not None:
+        k = sent.before(table, rows)
+        t, cmd = np.concatenate((t, sent.t)), np.concatenate((cmd, sent.channel(index)))
+    return InForce(k, t[k], cmd[k])
+
+
+def fresh(t: Array, since: Array, longest: int) -> Array:
+    """Return which times are at most so many ns behind others, where those are known."""
+    found: Array = (since != NO_TIME) & (t - np.maximum(since, 0) <= longest)
+    return found
+
+
+def in_order(*parts: tuple[DecodedTable | None, Iterable[int]]) -> list[tuple[DecodedTable, int]]:
+    """Return rows of several tables one by one, in the order of their transfers; of equal ones the first table goes."""
+    rows = [(table, row) for table, some in parts if table is not None for row in some]
+    return sorted(rows, key=lambda one: int(one[0]["transfer"][one[1]]))
+
+
 def end(view: View, table: DecodedTable, rows: Array) -> Array:
     """Return times of the last frames of rows."""
     return view.transfers.t_end[table.row[rows]]
+
+
+class LastCommands:
+    """The last command of each bus before a batch."""
+
+    def __init__(self) -> None:
+        self._last: dict[int, tuple[int, Array]] = {}  # time and channels
+
+    def feed(self, view: View) -> None:
+        """Make the commands of a batch, once it has been looked at, those before the next one."""
+        for bus, sent in commands(view).items():
+            self._last[bus] = int(sent.t[-1]), sent.cmd[:, -1].copy()
+
+    def in_force(self, view: View, bus: int, index: int, table: DecodedTable, rows: Array) -> InForce:
+        """Return the command in force at each row; an ESC without a channel has `NO_CHANNEL`."""
+        t, channels = self._last.get(bus, (NO_TIME, np.empty(0, np.int16)))
+        before = int(channels[index]) if index < len(channels) else NO_CHANNEL
+        return in_force(commands(view).get(bus), (t, before), index, table, rows)
+
+
+class FirstReports:
+    """The first ESCStatus of each node: its transfer and index. The first `MOST_UNITS` nodes count."""
+
+    def __init__(self) -> None:
+        self._first: dict[tuple[int, int], tuple[int, int]] = {}
+
+    def feed(self, view: View) -> None:
+        """Add a batch."""
+        table = view.table("ESCStatus")
+        for unit, rows in units(view).items():
+            node = unit.bus, unit.node
+            if table is not None and (node in self._first or len(self._first) < MOST_UNITS):
+                first = int(table["transfer"][rows[0]]), unit.index
+                self._first[node] = min(self._first.get(node, first), first)
+
+    def of(self, bus: int, node: int) -> tuple[int, int] | None:
+        """Return transfer and index of a node's first report, None if it sends none."""
+        return self._first.get((bus, node))
 
 
 def _rows(view: View, table: DecodedTable) -> Array:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.kit import sound, usable
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 from dissectors.tmotor.rules.packets.carried import ALL_UNITS, FIRST_UNIT
 
 if TYPE_CHECKING:
     from dissectors.kit import Array, View
 
 _RELEASED = (0x00, 0x66)  # control modes that drive nothing
-_PWM = 0
+PWM, CAN = 0, 1  # throttle priorities (4.2)
 
 
 class _Switches:
@@ -68,6 +68,30 @@ class DrivenUnits:
         return mask
 
 
+class Priority(NamedTuple):
+    """The throttle priority that a node told of itself: 0 is PWM, 1 is CAN."""
+
+    transfer: int
+    bus: int
+    node: int
+    priority: int
+    t: int
+
+
+def priorities(view: View) -> list[Priority]:
+    """Return what ParamGet (4.4.6) and the FOC feedback (4.4.5) of a batch tell, in the order of transfers."""
+    said: list[Priority] = []
+    for name, column, good in (
+        ("ParamGet", "esc_signal_priority", usable), ("PUSHCAN.FocFeedback", "throttle_priority", sound),
+    ):  # fmt: skip
+        table = view.table(name)
+        if table is not None:
+            rows = np.flatnonzero(good(table))
+            parts = (table["transfer"], table.bus, table.src, table[column], table.t)
+            said += map(Priority._make, zip(*(part[rows].tolist() for part in parts), strict=True))
+    return sorted(said)
+
+
 class PwmPriority:
     """Nodes that say that PWM goes before CAN."""
 
@@ -77,18 +101,8 @@ class PwmPriority:
     def feed(self, view: View) -> None:
         """Add the next batch."""
         self._nodes.next()
-        said: list[tuple[int, int, int, bool]] = []
-        for name, column, good in (
-            ("ParamGet", "esc_signal_priority", usable), ("PUSHCAN.FocFeedback", "throttle_priority", sound),
-        ):  # fmt: skip
-            table = view.table(name)
-            if table is not None:
-                rows = np.flatnonzero(good(table))
-                pwm = (table[column][rows] == _PWM).tolist()
-                columns = (table[part][rows].tolist() for part in ("transfer", "bus", "src"))
-                said += zip(*columns, pwm, strict=True)
-        for number, bus, node, pwm in sorted(said):
-            self._nodes.turn(bus, node, number, on=pwm)
+        for said in priorities(view):
+            self._nodes.turn(said.bus, said.node, said.transfer, on=said.priority == PWM)
 
     def at(self, bus: int, node: int, number: Array) -> Array:
         """Return a mask of the transfers at which PWM has priority in a node."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dissectors.kit import NO_TIME, sound
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, ReportingEsc, units
-from dissectors.tmotor.rules.packets.carried import FIRST_UNIT
+from dissectors.tmotor.rules.joined.joins import FirstReports, ReportingEsc, units
+from dissectors.tmotor.rules.packets.carried import FIRST_UNIT, by_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,20 +50,40 @@ class PacketRows(NamedTuple):
     alone: bool
 
 
-class SpeedReporters:
-    """Tells who reports in which way; the first `MOST_UNITS` nodes count."""
+class StatusPackets:
+    """Tells which ESC each status packet speaks of."""
 
     def __init__(self) -> None:
-        self._first: dict[tuple[int, int], tuple[int, int]] = {}  # ESCStatus of a node: transfer number, index
+        self._first = FirstReports()
+
+    def feed(self, view: View) -> None:
+        """Add a batch before its packets are asked for."""
+        self._first.feed(view)
+
+    def of(self, view: View) -> Iterator[tuple[tuple[int, int], PacketRows]]:
+        """Yield the status packets of each bus, node and unit in the batch that was fed last."""
+        table = view.table("PUSHCAN.MotorStatus")
+        if table is None:
+            return
+        rows = np.flatnonzero(sound(table) & (table.t != NO_TIME))
+        for (bus, node, unit), mine in by_unit(table, rows):
+            number = table["transfer"][mine].astype(np.int64)
+            first, index = self._first.of(bus, node) or (1 << 62, 0)
+            for part, alone, which in ((number < first, True, unit - FIRST_UNIT), (number > first, False, index)):
+                if part.any() and 0 <= which <= _LAST_INDEX:
+                    yield (bus, node), PacketRows(table, mine[part], number[part], which, alone)
+
+
+class SpeedReporters:
+    """Tells who reports in which way."""
+
+    def __init__(self) -> None:
+        self._packets = StatusPackets()
 
     def feed(self, view: View) -> Iterator[tuple[ReportingEsc, SpeedReports]]:
         """Yield the reports of each ESC in the next batch, in order: packets come before its first ESCStatus."""
+        self._packets.feed(view)
         table = view.table("ESCStatus")
-        for unit, rows in units(view).items():
-            sender = unit.bus, unit.node
-            if table is not None and (sender in self._first or len(self._first) < MOST_UNITS):
-                first = int(table["transfer"][rows[0]]), unit.index
-                self._first[sender] = min(self._first.get(sender, first), first)
         for (bus, node), packets in self.packets(view):
             if packets.alone:
                 status, rows = packets.table, packets.rows
@@ -83,17 +103,4 @@ class SpeedReporters:
 
     def packets(self, view: View) -> Iterator[tuple[tuple[int, int], PacketRows]]:
         """Yield the status packets of each bus, node and unit."""
-        table = view.table("PUSHCAN.MotorStatus")
-        if table is None:
-            return
-        rows = np.flatnonzero(sound(table) & (table.t != NO_TIME))
-        code = (table.bus[rows].astype(np.int64) << 16) | (table.src[rows].astype(np.int64) << 8)
-        code |= table["unit_id"][rows]
-        for one in np.unique(code).tolist():
-            bus, node, unit = one >> 16, one >> 8 & 0xFF, one & 0xFF
-            mine = rows[code == one]
-            number = table["transfer"][mine].astype(np.int64)
-            first, index = self._first.get((bus, node), (1 << 62, 0))
-            for part, alone, which in ((number < first, True, unit - FIRST_UNIT), (number > first, False, index)):
-                if part.any() and 0 <= which <= _LAST_INDEX:
-                    yield (bus, node), PacketRows(table, mine[part], number[part], which, alone)
+        return self._packets.of(view)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dissectors.kit import NO_TIME
-from dissectors.tmotor.rules.bus.joins import NO_CHANNEL
+from dissectors.tmotor.rules.joined.joins import NO_CHANNEL
 
 if TYPE_CHECKING:
     from dissectors.kit import Array
-    from dissectors.tmotor.rules.bus.joins import Commands
+    from dissectors.tmotor.rules.joined.joins import Commands
 
 CHANNELS = 32
 
@@ -49,7 +49,7 @@ class ValidThrottle:
         if sent is None:
             k = np.zeros(len(number), np.int64)
             return LastThrottle(t[k], value[k], last[k])
-        cmd = _channel(sent, channel)
+        cmd = sent.channel(channel)
         latest = np.concatenate(([0], np.maximum.accumulate(np.where(cmd >= 0, np.arange(1, len(cmd) + 1), 0))))
         k = np.searchsorted(sent.number, number)
         times, values = np.concatenate((t, sent.t)), np.concatenate((value, cmd))
@@ -58,7 +58,7 @@ class ValidThrottle:
     def feed(self, sent: Commands) -> None:
         """Make the next commands the last ones."""
         for channel in range(CHANNELS):
-            cmd = _channel(sent, channel)
+            cmd = sent.channel(channel)
             self._last[channel] = cmd[-1]
             valid = cmd >= 0
             if valid[-1]:
@@ -66,10 +66,3 @@ class ValidThrottle:
             elif valid.any():
                 at = int(np.flatnonzero(valid)[-1])
                 self._t[channel], self._value[channel] = sent.t[at], cmd[at]
-
-
-def _channel(sent: Commands, channel: int) -> Array:
-    if channel < len(sent.cmd):
-        found: Array = sent.cmd[channel].astype(np.int64)
-        return found
-    return np.full(len(sent.t), NO_CHANNEL, np.int64)

@@ -8,7 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from dissectors.kit import Array, DecodedTable, View
-from dissectors.tmotor.rules.bus.joins import MOST_UNITS, ReportingEsc, commands, end, units
+from dissectors.tmotor.rules.joined.joins import MOST_UNITS, ReportingEsc, commands, end, units
 
 COMMANDS = -1  # in place of a node: the throttle on a bus
 

@@ -1,0 +1,69 @@
+"""Which rules name which frames: for lists that mark their rows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dissectors.kit import Occurrence
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from dissectors.kit import Array, Occurrences
+
+MOST_NAMED = 1 << 22  # places that are remembered, 8 bytes each, and as much to find them
+
+
+class NamedFrames:
+    """Remembers the frames that occurrences name, by rule, bus and node; the first `MOST_NAMED` of them."""
+
+    def __init__(self) -> None:
+        self._parts: dict[tuple[str, int, int], list[Array]] = {}
+        self._count = 0
+        self._rules: list[str] = []
+        self._frames = np.zeros(0, np.int64)
+        self._which = np.zeros(0, np.int64)
+
+    def feed(self, found: Occurrences | Occurrence) -> None:
+        """Take occurrences of a rule."""
+        if self._count >= MOST_NAMED:
+            return
+        if isinstance(found, Occurrence):
+            self._add(
+                (found.rule, found.bus, -1 if found.node is None else found.node), np.array(found.frames, np.int64)
+            )
+            return
+        frame, bus, nodes = (np.asarray(one, np.int64) for one in (found.frame, found.bus, found.node))
+        named = frame >= 0
+        who = bus * 256 + nodes + 1
+        for one in np.unique(who[named]).tolist():
+            self._add((found.rule, one // 256, one % 256 - 1), frame[named & (who == one)])
+
+    def finish(self, kept: Iterable[tuple[str, int, int]]) -> None:
+        """Forget what turned out to be no finding; `kept` are rule, bus and node (-1 for none) of all that are."""
+        wanted, parts = set(kept), dict[str, list[Any]]()
+        for key, some in self._parts.items():
+            if key in wanted:
+                parts.setdefault(key[0], []).extend(some)
+        self._parts.clear()
+        self._rules = sorted(parts)
+        every = [np.unique(np.concatenate(parts[rule])) for rule in self._rules]
+        if every:
+            frames, which = np.concatenate(every), np.repeat(np.arange(len(every)), list(map(len, every)))
+            order = np.lexsort((which, frames))
+            self._frames, self._which = frames[order], which[order]
+
+    def between(self, first: int, last: int) -> dict[int, list[str]]:
+        """Return the rules that name frames from the first place to the last, from 0, by place."""
+        low, high = np.searchsorted(self._frames, (first, last + 1))
+        found: dict[int, list[str]] = {}
+        for frame, which in zip(self._frames[low:high].tolist(), self._which[low:high].tolist(), strict=True):
+            found.setdefault(frame, []).append(self._rules[which])
+        return found
+
+    def _add(self, key: tuple[str, int, int], frames: Array) -> None:
+        if len(frames):
+            self._parts.setdefault(key, []).append(frames)
+            self._count += len(frames)
