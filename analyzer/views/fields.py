@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from analyzer.decode.engine import Batch
-    from analyzer.views.frames import FrameData, RawFrame
-    from analyzer.window.listed import Picked
+    from analyzer.views.frames.window import FrameData, RawFrame
+    from analyzer.window.listed import ListedRows
     from dissectors import Registry
     from dissectors.schema import Message, Packet
 
@@ -84,7 +84,7 @@ class Fields:
         """Write the names, if asked for."""
         return "\t".join(self._names) + "\n" if self._header else ""
 
-    def rows(self, batch: Batch, picked: Picked | None = None) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: ListedRows | None = None) -> Iterator[str]:
         """Write a line for each picked transfer (all if not given)."""
         for clock in self._clocks.values():
             clock.start(batch.frames)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.rules.named_frames import NamedFrames
-    from analyzer.window.listed import Picked
+    from analyzer.window.listed import ListedRows
     from dissectors import Registry
 
 
@@ -25,7 +25,7 @@ class Writer(Protocol):
     def begin(self) -> str:
         """Return what stands before everything."""
 
-    def rows(self, batch: Batch, picked: Picked) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
         """Yield what each picked transfer of one batch says, then what stands behind them."""
 
     def end(self) -> str:

@@ -12,7 +12,7 @@ from analyzer.window.numbering import Numbering
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer.views.frames import FrameData, RawFrame
+    from analyzer.views.frames.window import FrameData, RawFrame
 
 PER_LINE = 16
 _CRC_BYTES = 2

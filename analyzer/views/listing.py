@@ -8,15 +8,15 @@ import numpy as np
 
 from analyzer.facts.names import type_name
 from analyzer.tables import KINDS, STATUSES, TRANSFER_ANOMALIES
-from analyzer.views.frames import FrameWindow
-from analyzer.views.loose import LooseFrames
+from analyzer.views.frames.loose import LooseFrames
+from analyzer.views.frames.window import FrameWindow
 from analyzer.views.marks import Marks
 from analyzer.views.named import rules_of, tag
 from analyzer.views.phrases import octets, phrases
 from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
 from analyzer.views.wording import LISTED, anomalies
-from analyzer.window.listed import Picked
+from analyzer.window.listed import ListedRows
 from analyzer.window.numbering import Numbering
 from dissectors.kit.cells import numbers
 
@@ -87,7 +87,7 @@ class Listing:
         self._buses = -1
         self._time, self._type, self._bus = _NARROWEST
 
-    def lines(self, batch: Batch, picked: Picked | None = None) -> Iterator[str]:
+    def lines(self, batch: Batch, picked: ListedRows | None = None) -> Iterator[str]:
         """Give all lines about a batch, of all its rows if not told which."""
         self.feed(batch, picked)
         for place, entry in zip(self.places(), self.entries(), strict=True):
@@ -95,9 +95,9 @@ class Listing:
             yield from entry
         yield from self.between(None)
 
-    def feed(self, batch: Batch, picked: Picked | None = None) -> None:
+    def feed(self, batch: Batch, picked: ListedRows | None = None) -> None:
         """Take the next batch, and which of its rows to list: all if not given."""
-        picked = Picked.all_of(batch) if picked is None else picked
+        picked = ListedRows.all_of(batch) if picked is None else picked
         self._clock.start(batch.frames)
         if self._own is not None:
             self._own.feed(batch)

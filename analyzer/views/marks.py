@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
-    from analyzer.window.listed import Picked
+    from analyzer.window.listed import ListedRows
     from analyzer.window.numbering import Numbering
     from dissectors.kit import Array
 
@@ -55,7 +55,7 @@ class Marks:
         self._numbering = numbering
         self._waiting: deque[ListMark] = deque()
 
-    def feed(self, batch: Batch, picked: Picked, loose: Iterable[ListMark] = ()) -> None:
+    def feed(self, batch: Batch, picked: ListedRows, loose: Iterable[ListMark] = ()) -> None:
         """Take the picked events of the next batch, and its frames without a transfer."""
         self._waiting.extend(sorted([*self._events(batch, picked.events), *loose], key=lambda mark: mark.before))
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.rules.named_frames import NamedFrames
-    from analyzer.window.listed import Picked
+    from analyzer.window.listed import ListedRows
     from dissectors import Registry
     from dissectors.kit import Array
 
@@ -105,7 +105,7 @@ class JsonLines:
         """Write nothing: nothing stands before the first line."""
         return ""
 
-    def rows(self, batch: Batch, picked: Picked | None = None) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: ListedRows | None = None) -> Iterator[str]:
         """Write a line for each picked transfer (all if not given)."""
         for record in records(batch, self._registry, picked and picked.transfers, self._named):
             yield text_of(record) + "\n"
@@ -126,7 +126,7 @@ class JsonArray:
         """Write the bracket that opens the array."""
         return "["
 
-    def rows(self, batch: Batch, picked: Picked | None = None) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: ListedRows | None = None) -> Iterator[str]:
         """Write an element for each picked transfer (all if not given)."""
         for record in records(batch, self._registry, picked and picked.transfers, self._named):
             yield self._before + text_of(record)
@@ -150,7 +150,7 @@ class Csv:
         """Write the header."""
         return ",".join(KEYS if self._named is None else (*KEYS, FINDINGS)) + "\r\n"
 
-    def rows(self, batch: Batch, picked: Picked | None = None) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: ListedRows | None = None) -> Iterator[str]:
         """Write a line for each picked transfer (all if not given)."""
         out = io.StringIO()
         writer = csv.writer(out)

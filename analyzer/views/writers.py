@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.views.fields import Fields
 from analyzer.views.formats import BY_NAME
-from analyzer.views.frames import FrameWindow
+from analyzer.views.frames.window import FrameWindow
 from analyzer.views.hexdump import hexdump
 from analyzer.views.listing import Listing
 from analyzer.views.rows import TransferRows
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.rules.named_frames import NamedFrames
     from analyzer.views.formats import Writer
-    from analyzer.window.listed import Picked
+    from analyzer.window.listed import ListedRows
     from dissectors import Registry
     from dissectors.kit import Array
 
@@ -87,7 +87,7 @@ class Text:
         """Nothing: the header comes with the first transfer, which settles its widths."""
         return ""
 
-    def rows(self, batch: Batch, picked: Picked) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
         """Give the lines of each transfer together, before them those of what happened until it began."""
         self._frames.feed(batch)
         self._listing.feed(batch, picked)
@@ -122,7 +122,7 @@ class FieldLines:
         self._fields = Fields(registry, names, self._frames, zero, numbering=numbering)
         self.begin, self.end = self._fields.begin, self._fields.end
 
-    def rows(self, batch: Batch, picked: Picked) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
         """Give a line for each picked transfer."""
         self._frames.feed(batch)
         return self._fields.rows(batch, picked)
@@ -157,8 +157,8 @@ def writer(
 def _frame_list(
     options: WriterOptions, registry: Registry, zero: int | None, numbering: Numbering, named: NamedFrames | None
 ) -> Writer:
-    from analyzer.views.frame_list import FrameFields, FrameRecords, FrameText  # noqa: PLC0415 - few lists are of frames
-    from analyzer.views.frame_rows import FrameRows  # noqa: PLC0415
+    from analyzer.views.frames.rows import FrameRows  # noqa: PLC0415
+    from analyzer.views.frames.writers import FrameFields, FrameRecords, FrameText  # noqa: PLC0415 - few lists are of frames
 
     rows = FrameRows(registry, numbering, wait=not options.follow, most=options.count, named=named)
     if options.form == "fields":

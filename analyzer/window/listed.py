@@ -25,7 +25,7 @@ _NONE = np.zeros(0, np.int64)
 _BATCHES_KEPT = 4  # whose frames may still get another verdict
 
 
-class Picked(NamedTuple):
+class ListedRows(NamedTuple):
     """Rows of a batch that a list shows.
 
     `transfers` are in the order of their first frames; `frames` form no transfer; `settled` are frames of earlier
@@ -38,7 +38,7 @@ class Picked(NamedTuple):
     events: Array
 
     @classmethod
-    def all_of(cls, batch: Batch) -> Picked:
+    def all_of(cls, batch: Batch) -> ListedRows:
         """Return all rows of a batch, transfers as they ended."""
         loose = np.flatnonzero(numbers(batch.frames.column("verdict")) != _USED)
         settled, events = np.arange(len(batch.settled)), np.arange(len(batch.events))
@@ -57,24 +57,24 @@ class ListSelection(TransferSelection):
         super().__init__(window, again, numbering)
         self._kept: deque[tuple[int, Array]] = deque(maxlen=_BATCHES_KEPT)
 
-    def frames(self, batches: Iterable[Batch]) -> Iterator[tuple[Batch, Picked, int | None]]:
+    def frames(self, batches: Iterable[Batch]) -> Iterator[tuple[Batch, ListedRows, int | None]]:
         """Yield batches with all their frames inside the window, and no transfers."""
         for batch, _, zero in self.apply(batches):
             frames, events = rows_inside(batch, self.window, self._limits(), self.numbering)
-            yield batch, Picked(_NONE, frames, _NONE, events), zero
+            yield batch, ListedRows(_NONE, frames, _NONE, events), zero
 
-    def picked(self, batches: Iterable[Batch]) -> Iterator[tuple[Batch, Picked, int | None]]:
+    def picked(self, batches: Iterable[Batch]) -> Iterator[tuple[Batch, ListedRows, int | None]]:
         """Yield batches with their rows inside the window, and the time that is 0."""
         for batch, transfers, zero in self.apply(batches):
             if not self.window:
-                yield batch, Picked.all_of(batch)._replace(transfers=transfers), zero
+                yield batch, ListedRows.all_of(batch)._replace(transfers=transfers), zero
                 continue
             frames, events = rows_inside(batch, self.window, self._limits(), self.numbering)
             self._kept.append((batch.first_frame, numbers(batch.frames.column("t"))))
             loose = frames[numbers(batch.frames.column("verdict"))[frames] != _USED]
             late = numbers(batch.settled.column("frame")).tolist()
             settled = [row for row, frame in enumerate(late) if self._has(frame)]
-            yield batch, Picked(transfers, loose, np.array(settled, np.int64), events), zero
+            yield batch, ListedRows(transfers, loose, np.array(settled, np.int64), events), zero
 
     def _has(self, frame: int) -> bool:
         """Return whether a frame of an earlier batch is inside; one that is long gone is not."""

@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from analyzer.tables import VERDICTS
 from analyzer.window.limits import Moment
-from analyzer.window.listed import Picked
+from analyzer.window.listed import ListedRows
 from analyzer.window.selection import NEVER
 from dissectors.kit.cells import numbers
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from analyzer.window.numbering import Numbering
     from dissectors.kit import Array
 
-    Item = tuple[Batch, Picked, int | None]
+    Item = tuple[Batch, ListedRows, int | None]
 
 _FOREIGN = VERDICTS.index("foreign")
 
@@ -104,11 +104,11 @@ def _within(item: Item, shown: Array) -> Item:
     """Return an item with the rows from the first place shown to the last one."""
     batch, picked, zero = item
     if not len(shown):
-        return batch, Picked(*(some[:0] for some in picked)), zero
+        return batch, ListedRows(*(some[:0] for some in picked)), zero
     low, high = int(shown[0]), int(shown[-1])
     lines = numbers(batch.frames.column("line"))
     of_events = np.searchsorted(lines, numbers(batch.events.column("line"))) if len(batch.events) else np.zeros(0)
     parts = (_first_frames(batch), np.arange(len(batch.frames)) + batch.first_frame)
     places = (*parts, numbers(batch.settled.column("frame")).astype(np.int64), of_events + batch.first_frame)
     kept = (some[(of[some] >= low) & (of[some] <= high)] for of, some in zip(places, picked, strict=True))
-    return batch, Picked(*kept), zero
+    return batch, ListedRows(*kept), zero

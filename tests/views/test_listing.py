@@ -14,7 +14,7 @@ from kit.traffic import SECOND, START, at, lines, push, retail, status, throttle
 
 from analyzer.facts.summary import Summary
 from analyzer.tables import STATUSES
-from analyzer.views.frames import FrameWindow
+from analyzer.views.frames.window import FrameWindow
 from analyzer.views.hexdump import hexdump
 from analyzer.views.info import render, render_json
 from analyzer.views.listing import Listing, broken_words
@@ -23,7 +23,7 @@ from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import Palette, display_width
 from analyzer.views.times import TimeFormat
 from analyzer.views.tree import Tree
-from analyzer.window.listed import Picked
+from analyzer.window.listed import ListedRows
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -200,7 +200,7 @@ def test_no_view_fails_or_lets_control_characters_out(
         count = len(batch.transfers)
         listing.feed(batch)
         assert len(list(listing.entries())) == len(list(JsonLines(registry).rows(batch))) == count
-        backward = Picked.all_of(batch)._replace(transfers=np.arange(count)[::-1])
+        backward = ListedRows.all_of(batch)._replace(transfers=np.arange(count)[::-1])
         assert len(list(Csv(registry).rows(batch, backward))) == count
         texts = [line for details in tree.details(batch) for line in details]
         texts += [line for lines_ in listing.entries() for line in lines_] + listing.between(None) + listing.end()

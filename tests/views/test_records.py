@@ -17,9 +17,9 @@ from kit.strategies import examples, fields_of
 from kit.traffic import START, lines, push, same, status, throttle
 
 from analyzer.views.fields import Fields, field_names
-from analyzer.views.frames import FrameWindow
+from analyzer.views.frames.window import FrameWindow
 from analyzer.views.records import KEYS, Csv, JsonArray, JsonLines, records
-from analyzer.window.listed import Picked
+from analyzer.window.listed import ListedRows
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,9 +33,9 @@ def vectors(name: str) -> list[dict[str, Any]]:
     return json.loads((VECTORS / f"{name}.json").read_text())
 
 
-def only(*transfers: int) -> Picked:
+def only(*transfers: int) -> ListedRows:
     none = np.zeros(0, np.int64)
-    return Picked(np.array(transfers, np.int64), none, none, none)
+    return ListedRows(np.array(transfers, np.int64), none, none, none)
 
 
 def written(view: Any, got: Any, picked: Any = None) -> str:

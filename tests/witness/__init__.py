@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from witness import bus, can, push_form, push_values, trf, trf_series, typ_layout, typ_values
+from witness import can, push_form, push_values, trf, trf_series, typ_layout, typ_values
 
 if TYPE_CHECKING:
     from witness.views import Finder
@@ -21,4 +21,4 @@ def finder(rule: str) -> Finder:
     if rule in VALUES:
         return VALUES[rule]
     name = "find_" + rule.lower().replace("-", "_")
-    return next(getattr(module, name) for module in (bus, can, trf, trf_series) if hasattr(module, name))
+    return next(getattr(module, name) for module in (can, push_values, trf, trf_series) if hasattr(module, name))

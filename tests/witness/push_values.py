@@ -1,7 +1,8 @@
-"""Proofs of PUSH-101 to PUSH-502: the values of packets, and whether they are answered."""
+"""Proofs of PUSH-101 to PUSH-502 and BUS-038: values of packets, their answers, what they show of motors."""
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Callable
 from itertools import pairwise
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
 SET, FEEDBACK = "PUSHSCI.FocParameters", "PUSHCAN.FocFeedback"
 QUERY, STATUS, CONTROL = "PUSHSCI.FocQuery", "PUSHCAN.MotorStatus", "PUSHSCI.OutputControl"
+HELD = 2 * SECOND  # after the last throttle: no ESC holds it so long
+TURNS = 500  # rpm
+MOST_ESCS = 20
 MODES = bytes.fromhex("00EE228866555A444A333A111ABB")
 REST = bytes.fromhex("8866")  # lock and free are for motors at rest
 TEN_THOUSAND, TURN = bytes.fromhex("555A444A333ABB"), bytes.fromhex("111A88")
@@ -260,3 +264,23 @@ FINDERS: dict[str, Finder] = {
     "PUSH-501": _where(FEEDBACK, text),
     "PUSH-502": _where(FEEDBACK, feedback_range),
 }
+
+
+def find_bus_038(log: Log) -> Found:
+    """What an ESC says, from 2.0 s after its last throttle to the next one, while its motor turns and is driven."""
+    commands = messages(log, "RawCommand")
+    valid = [[one.t for one in commands if len(one["cmd"]) > k and one["cmd"][k] >= 0] for k in range(MOST_ESCS)]
+    found: dict[tuple[int, int], set[int]] = {}
+    for t, index, rpm, throttle, numbers in _said(log):
+        past = bisect_left(valid[index], t) if index < MOST_ESCS else 0
+        if past and t - valid[index][past - 1] >= HELD and abs(rpm) > TURNS and throttle:
+            found.setdefault((index, past), set()).update(numbers)
+    return list(found.values())
+
+
+def _said(log: Log) -> Iterator[tuple[int, int, int, int, set[int]]]:
+    """Time, index, speed, throttle and frames of each report of an ESC."""
+    for one in messages(log, "ESCStatus"):
+        yield one.t, one["esc_index"], one["rpm"], one["power_rating_pct"], one.numbers
+    for piece, values in packets(log, "PUSHCAN.MotorStatus"):
+        yield piece.t, piece.unit - 0xA1, values["speed"], values["throttle"], piece.numbers

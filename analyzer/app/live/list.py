@@ -8,7 +8,7 @@ from analyzer.facts.traffic import times
 from analyzer.report import wording
 from analyzer.views.terminal import escape
 from analyzer.views.writers import writer
-from analyzer.window.listed import Picked
+from analyzer.window.listed import ListedRows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -89,7 +89,7 @@ class TransferList(EventLines):
             if not len(batch.frames) and not len(batch.events):
                 return
             self._writer = self._begun(_first_time(measured))
-        for text in self._writer.rows(batch, Picked.all_of(batch)):
+        for text in self._writer.rows(batch, ListedRows.all_of(batch)):
             self._printer.put(text)
 
     def look(self, session: LiveSession) -> None:

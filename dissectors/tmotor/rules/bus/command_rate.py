@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach
-from dissectors.tmotor.rules.bus.periods import PeriodHistogram
 from dissectors.tmotor.rules.joined.joins import commands
+from dissectors.tmotor.rules.joined.periods import PeriodHistogram
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -52,7 +52,7 @@ class _Run:
 
 @dataclass(slots=True)
 class _Esc:
-    """What the packets of one ESC have shown: how far width (us) and throttle (%) moved."""
+    """Range of widths (us) and throttles (%) in the packets of one ESC."""
 
     widths: tuple[float, float] = (np.inf, -np.inf)
     wanted: tuple[float, float] = (np.inf, -np.inf)
@@ -71,7 +71,7 @@ class _Packet(NamedTuple):
 
 
 class _Claims:
-    """Who first said what is to belong to one alone: units and indexes to a node, and the other way round."""
+    """First claims of what belongs to one alone: units and indexes to a node, and the other way round."""
 
     def __init__(self) -> None:
         self._first: dict[_Claim, dict[int, int]] = {}

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, breach, sender, usable
-from dissectors.tmotor.rules.bus.periods import PeriodHistogram
 from dissectors.tmotor.rules.joined.joins import units
+from dissectors.tmotor.rules.joined.periods import PeriodHistogram
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Pauses, Rule, breach
-from dissectors.tmotor.rules.bus.hold import STILL, Hold, Samples
 from dissectors.tmotor.rules.joined.driven import DrivenUnits, PwmPriority
+from dissectors.tmotor.rules.joined.hold import STILL, Hold, Samples
 from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE, MOST_UNITS, NO_CHANNEL, ReportingEsc, commands, fresh
 from dissectors.tmotor.rules.joined.speed_reports import SpeedReporters
 from dissectors.tmotor.rules.joined.valid_throttle import LastThrottle, ValidThrottle

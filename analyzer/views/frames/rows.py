@@ -10,7 +10,7 @@ import numpy as np
 
 from analyzer.facts.names import type_name
 from analyzer.tables import ERROR, EVENTS, VERDICTS, raw_times
-from analyzer.views.frames import RawFrame
+from analyzer.views.frames.window import RawFrame
 from dissectors.kit.cells import numbers, pylist, valid
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.rules.named_frames import NamedFrames
-    from analyzer.window.listed import Picked
+    from analyzer.window.listed import ListedRows
     from analyzer.window.numbering import Numbering
     from dissectors import Registry
     from dissectors.kit import Array
@@ -50,9 +50,9 @@ class FrameRow(NamedTuple):
 
 
 class _Held:
-    """Picked frames of a batch that are not given yet."""
+    """ListedRows frames of a batch that are not given yet."""
 
-    def __init__(self, batch: Batch, picked: Picked, errors: list[tuple[int, int | None, str, RawFrame]]) -> None:
+    def __init__(self, batch: Batch, picked: ListedRows, errors: list[tuple[int, int | None, str, RawFrame]]) -> None:
         rows = np.asarray(picked.frames).astype(np.int64)
         table = batch.frames.take(rows)
         self.places = rows + batch.first_frame
@@ -105,7 +105,7 @@ class FrameRows:
         """True if rows say which rules name them."""
         return self._named is not None
 
-    def feed(self, batch: Batch, picked: Picked) -> Iterator[FrameRow]:
+    def feed(self, batch: Batch, picked: ListedRows) -> Iterator[FrameRow]:
         """Take the next batch; `picked.frames` are all the frames to give, those of transfers, too."""
         self._held.append(_Held(batch, picked, self._errors(batch, picked.events)))
         self._join(batch)

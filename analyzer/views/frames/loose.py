@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.rules.named_frames import NamedFrames
-    from analyzer.views.frames import FrameWindow, RawFrame
-    from analyzer.window.listed import Picked
+    from analyzer.views.frames.window import FrameWindow, RawFrame
+    from analyzer.window.listed import ListedRows
     from analyzer.window.numbering import Numbering
     from dissectors import Registry
     from dissectors.kit import Array
@@ -71,7 +71,7 @@ class LooseFrames:
         self._sums: dict[int, _Sum] = {}
         self._beyond = 0
 
-    def feed(self, batch: Batch, picked: Picked) -> Iterator[ListMark]:
+    def feed(self, batch: Batch, picked: ListedRows) -> Iterator[ListMark]:
         """Yield an entry for each picked frame without a transfer."""
         late = (numbers(batch.settled.column(name))[picked.settled].tolist() for name in ("frame", "verdict"))
         for place, verdict in zip(*late, strict=True):

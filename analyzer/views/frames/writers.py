@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from analyzer.decode.engine import Batch
-    from analyzer.views.frame_rows import FrameRow, FrameRows
-    from analyzer.views.frames import RawFrame
+    from analyzer.views.frames.rows import FrameRow, FrameRows
+    from analyzer.views.frames.window import RawFrame
     from analyzer.views.times import TimeFormat
-    from analyzer.window.listed import Picked
+    from analyzer.window.listed import ListedRows
 
 KEYS = (
     "frame", "number", "t_ns", "bus", "kind", "id", "len", "data", "flags", "verdict", "transfer", "place",
@@ -51,7 +51,7 @@ class FrameText:
         """Nothing: the header comes with the first frame, which settles its widths."""
         return ""
 
-    def rows(self, batch: Batch, picked: Picked) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
         """Give a line for each frame that is known for good."""
         self._clock.start(batch.frames)
         yield from map(self._line, self._rows.feed(batch, picked))
@@ -105,7 +105,7 @@ class FrameRecords:
         keys = (*KEYS, FINDINGS) if self._rows.marked else KEYS
         return {"json": "[", "csv": ",".join(keys) + "\r\n"}.get(self._form, "")
 
-    def rows(self, batch: Batch, picked: Picked) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
         """Write a record for each frame that is known for good."""
         yield from map(self._text, self._rows.feed(batch, picked))
 
@@ -143,7 +143,7 @@ class FrameFields:
         """Write nothing."""
         return ""
 
-    def rows(self, batch: Batch, picked: Picked) -> Iterator[str]:
+    def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
         """Write a line for each frame that is known for good."""
         yield from map(self._text, self._rows.feed(batch, picked))
 
