@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache, cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from dissectors.profile import KINDS, Profile, ProfileError
 
@@ -47,6 +47,10 @@ class Registry:
     def __init__(self, profiles: Sequence[Profile]) -> None:
         self.profiles = tuple(profiles)
         self._found: dict[tuple[bool, int], list[tuple[Profile, str]]] = {}
+
+    def __deepcopy__(self, _memo: object) -> Self:
+        """Share it: what has been looked up is true for a copy of whoever asks, too."""
+        return self
 
     def signatures(self, service: int, type_id: int) -> list[int]:
         """Return the signatures of types with a message (`service` 0) or service (1) ID, the preferred one first."""

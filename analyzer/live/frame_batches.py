@@ -28,13 +28,15 @@ _ERROR, _DROP, _COMMENT = (EVENTS.index(kind) for kind in ("error frame", "drop"
 class OrderedRows:
     """The rows of a batch in the order of their records.
 
-    `t` is the time of each (ns, i64, `NO_TIME` where there is none), `frame` whether it is a frame.
+    `t` is the time of each (ns, i64, `NO_TIME` where there is none), `frame` whether it is a frame; `size` are the
+    bytes of their data and texts.
     """
 
     def __init__(self, batch: FrameBatch) -> None:
         self.batch = batch
         frames, events = batch.columns()
         lines = np.concatenate([_of(frames, "line", "u4"), _of(events, "line", "u4")])
+        self.size = len(frames["data"]) + len(events["data"]) + len(events["text"])
         first = len(frames["t"]) // 8
         # A record is one row; where numbers have come to their end, frames go first, as the writers have it.
         self._order = np.lexsort((np.arange(len(lines)) >= first, lines))

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from analyzer.report import folding
 from analyzer.report.draft import Draft
 from analyzer.report.found import findings_from, ranked
+from analyzer.rules.runs import PAUSE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from analyzer.report.draft import Revise
     from analyzer.report.model import Finding, Place, Severity
-    from analyzer.rules.judge import Judge
+    from analyzer.rules.judge import Judge, Outcome
     from analyzer.rules.settings import Settings
+
+    _Seen = dict[tuple[object, ...], dict[Severity, tuple[int, Place]]]
 
 # Times as long as a look took the next one waits.
 _PATIENCE = 10
@@ -24,11 +27,15 @@ _PATIENCE = 10
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A finding that is new, or has come up again; `fresh` says which, `more` how often since the last look."""
+    """A finding that is new, or has come up again; `fresh` says which, `more` how often since the last look.
+
+    What has come up since then is not before `since` (ns); None is the time of the last that was found.
+    """
 
     finding: Finding
     fresh: bool
     more: int
+    since: int | None = None
 
 
 class Newest:
@@ -54,7 +61,8 @@ class Newest:
     ) -> None:
         self._judge, self._settings, self._revise, self._capture = judge, settings, revise, capture
         self._now = now
-        self._seen: dict[tuple[object, ...], dict[Severity, tuple[int, Place]]] = {}
+        self._seen: _Seen = {}
+        self._early: _Seen = {}  # what a look ahead has told
         self._changes = 0
         self._next = 0.0
         self.all: tuple[Finding, ...] = ()
@@ -68,25 +76,65 @@ class Newest:
         if self._judge.changes == self._changes or (start < self._next and not last):
             return []
         self._changes = self._judge.changes
-        outcome = self._judge.so_far()
+        self.all = self._findings(self._judge.so_far(), buses)
+        found, self._seen = _changes(self.all, {**self._seen, **self._early})
+        self._early = {name: runs for name, runs in self._early.items() if name not in self._seen}
+        self._wait(start)
+        return found
+
+    def look_ahead(self, buses: Sequence[str]) -> list[Change] | None:
+        """Return what would be new if nothing more came; None if it is too early for another look.
+
+        It is provisional: what comes may explain it. Notes can wait, and what is said of the end of a capture is not
+        true of one that goes on.
+        """
+        start = self._now()
+        if start < self._next:
+            return None
+        outcome = self._judge.as_ended()
+        pages = self._judge.pages
+        runs = tuple(
+            (key, run) for key, run in outcome.runs if key.severity != "note" and pages[key.rule].category != "capture"
+        )
+        findings = self._findings(replace(outcome, runs=runs), buses)
+        found, self._early = _changes(findings, {**self._seen, **self._early})
+        self._wait(start)
+        return found
+
+    def _findings(self, outcome: Outcome, buses: Sequence[str]) -> tuple[Finding, ...]:
         shown, _ = folding.fold(
             ranked(findings_from(outcome, buses, self._judge.pages, self._settings, capture=self._capture))
         )
         draft = Draft((), (), shown)
         for revise in self._revise:
             draft = revise(draft)
-        before, self._seen = self._seen, {}
-        self.all = draft.findings
-        found: list[Change] = []
-        for one in draft.findings:
-            name = one.rule, one.bus, one.node, one.type, one.key, one.first
-            runs = self._seen.setdefault(name, {})
-            runs[one.severity] = one.count, one.last
-            then = before.get(name, {})
-            if then.get(one.severity) != (one.count, one.last):
-                count = then[one.severity][0] if one.severity in then else 0
-                # Another severity than before makes it no new one.
-                found.append(Change(one, not then, one.count - count if count or not then else 0))
+        return tuple(draft.findings)
+
+    def _wait(self, start: float) -> None:
         end = self._now()
         self._next = end + _PATIENCE * (end - start)
-        return found
+
+
+def _changes(findings: Iterable[Finding], before: _Seen) -> tuple[list[Change], _Seen]:
+    """Return what differs from what has been seen before, and what has been seen now."""
+    found: list[Change] = []
+    seen: _Seen = {}
+    for one in findings:
+        name = one.rule, one.bus, one.node, one.type, one.key, one.first
+        seen.setdefault(name, {})[one.severity] = one.count, one.last
+        then = before.get(name, {})
+        if then.get(one.severity) == (one.count, one.last):
+            continue
+        if not then:
+            found.append(Change(one, fresh=True, more=one.count, since=one.first.t_ns))
+            continue
+        # Another severity than before makes it no new one.
+        count, last = then.get(one.severity, (one.count, one.last))
+        found.append(Change(one, fresh=False, more=one.count - count, since=_since(one, one.count - count, last.t_ns)))
+    return found, seen
+
+
+def _since(finding: Finding, more: int, last: int | None) -> int | None:
+    """Return the time behind which all that is new lies: its occurrences follow each other without a pause."""
+    now = finding.last.t_ns
+    return now if now is None or last is None else max(last, now - max(0, more - 1) * PAUSE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -102,6 +103,13 @@ class Judge:
         readings = tuple(self._past.dialects.statements())
         runs = self._findings.results(readings, self._past.end, over=False)
         return Outcome(tuple(runs), frozenset(), dict(self._labels), readings)
+
+    def as_ended(self) -> Outcome:
+        """Return what `finish` would if there were no more batches; there may be.
+
+        Raises whatever the state of a rule raises that cannot be copied.
+        """
+        return deepcopy(self).finish()
 
     def finish(self) -> Outcome:
         """Return everything, after the last batch."""

@@ -6,7 +6,7 @@ from bisect import bisect_right
 from dataclasses import replace
 from functools import cached_property
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -168,6 +168,10 @@ class BatchView:
         self._tables: dict[str, DecodedTable] = {}
         self.before = past.last
         self.joint_losses: Sequence[JointLoss] = ()  # what is known now of frames that several senders lack at once
+
+    def __deepcopy__(self, _memo: object) -> Self:
+        """Share it: rules that are copied have seen this batch."""
+        return self
 
     @cached_property
     def bit_times(self) -> Array:

@@ -7,7 +7,7 @@ capture from 0. Cells without a value are arbitrary: ask `has`.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pyarrow as pa
@@ -29,6 +29,10 @@ class Columns:
     def __init__(self, batch: pa.RecordBatch, first: int = 0) -> None:
         self._batch = batch
         self.first = first
+
+    def __deepcopy__(self, _memo: object) -> Self:
+        """Share it: it never changes."""
+        return self
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -191,6 +195,10 @@ class DecodedTable:
         self._first = first_transfer
         self._columns: dict[str, Array] = {}
         self._lists: dict[str, tuple[Array, Array]] = {}
+
+    def __deepcopy__(self, _memo: object) -> Self:
+        """Share it: it never changes."""
+        return self
 
     def __len__(self) -> int:
         """Return the number of rows."""

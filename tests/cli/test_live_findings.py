@@ -38,9 +38,9 @@ ROWS = 700
 NOTHING = RecordingOptions(None, None, None, False, (), (), None, (), None, None)
 
 
-def bus(name: str, log: str) -> list[Row]:
+def bus(name: str, log: str, count: int | None = ROWS) -> list[Row]:
     """The first rows of a capture, on a bus of this name."""
-    return [replace(row, bus=name) for row in stored(CAPTURES / log)[:ROWS] if isinstance(row, Frame)]
+    return [replace(row, bus=name) for row in stored(CAPTURES / log)[:count] if isinstance(row, Frame)]
 
 
 def flown() -> list[Row]:
@@ -221,3 +221,19 @@ def test_two_interfaces_that_lose_and_complain(
     assert json.dumps(found) == json.dumps(json.loads(check.read_bytes())["findings"])
     assert {one["bus"] for one in found} >= {"can0", "can1"}
     assert any(one["rule"] == "CAP-004" for one in found)
+
+
+def test_the_recording_ends_behind_the_last_finding(
+    command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """What is only known at the end opens a window, too."""
+    sent = bus("can0", "command-loss.log", None)
+    fed = Fed("can0", cut(sent, [1000]))
+    monkeypatch.setattr(live_run, "open_receiver", lambda *_, **__: fed)
+    path = tmp_path / "a.log"
+    _, _, err = command("live", "can0", "-q", "-c", len(sent), "-w", path, "--trigger", "BUS-007", "--pre", "0.2s")
+    rows = stored(path)
+    assert f"recorded: {sum(isinstance(row, Frame) for row in rows)} frames" in err.replace(",", "")
+    assert any("trigger 1: BUS-007 (error)" in row.text for row in rows if isinstance(row, Note))
+    assert isinstance(rows[-2], Frame)
+    assert "not recorded" not in err

@@ -80,7 +80,8 @@ def change(
 ) -> Change:  # fmt: skip
     """A finding as a live session tells it: new, or come up again so often; `t` is its time in ns."""
     given = {"node": None, "severity": severity} | more
-    return Change(finding(rule, None if t is None else t - START, frame=None, **given), fresh, count)
+    since = given.pop("since", None)
+    return Change(finding(rule, None if t is None else t - START, frame=None, **given), fresh, count, since)
 
 
 def rules(findings: Iterable[Finding] = (), missing: Iterable[str] = ("CAN-004", "BUS-005")) -> tuple[RuleVerdict, ...]:

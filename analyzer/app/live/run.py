@@ -72,7 +72,7 @@ class LiveRun:
             hub = self._hub(stack)
             recording = SessionRecording(request.plan, stack)
             loop = CaptureLoop(
-                hub, recording.recorder, recording.autostop, self._control, recording.close, recording.header,
+                hub, recording.recorder, recording.autostop, self._control, recording.end, recording.header,
                 self._interval(),
             )  # fmt: skip
             session = LiveSession(loop, recording, request.name, self._criteria, self._views, self._interval())
@@ -80,6 +80,7 @@ class LiveRun:
             with loop:
                 self._go(session, say)
             report = self._concluded(session)
+            recording.close()
         if self._list is not None:
             self._list.look(session)
         failed = (f"{one.name}: {one.failed}" for one in self._receivers if one.failed is not None)

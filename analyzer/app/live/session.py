@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from analyzer.rules.checking import Measured
 
 
+# Seconds without a row after which findings are told that wait for more.
+SILENCE = 2.0
+
+
 class SessionView(Protocol):
     """Shows a session while it runs; `failed` once it cannot."""
 
@@ -73,7 +77,8 @@ class LiveSession:
         self._judged: JudgedRun | None = JudgedRun(self._run, criteria)
         self.newest = Newest(self._judged.judge, criteria.settings, criteria.revisions(), now=now)
         self.problems: list[str] = []
-        self._views, self._recording = views, recording
+        self._views, self._recording, self._now = views, recording, now
+        self._came: float | None = None  # the last row, until findings have been told that wait for more
 
     def stop(self) -> None:
         """Ask it to end soon."""
@@ -115,12 +120,15 @@ class LiveSession:
     def _look(self) -> None:
         """Show what is due."""
         self.tell(*self.loop.notes())
+        if self._came is not None and self._now() - self._came >= SILENCE:
+            self._tell_early()
         self._show(lambda view: view.look(self))
 
     def _judge(self, batch: Batch) -> None:
         empty = not any(map(len, (batch.frames, batch.transfers, batch.events, batch.settled)))
         if self._judged is None or empty:
             return
+        self._came = self._now()
         try:
             for measured in self._judged.feed(batch):
                 self._show(partial(_batch, measured))
@@ -129,7 +137,23 @@ class LiveSession:
             self._give_up(error)
 
     def _tell_findings(self, *, last: bool = False) -> None:
-        changes = self.newest.look(self._run.engine.buses, last=last)
+        self._found(self.newest.look(self._run.engine.buses, last=last))
+
+    def _tell_early(self) -> None:
+        """Tell findings by the clock, as no frame does: the bus is silent."""
+        if self._judged is None:
+            return
+        try:
+            changes = self.newest.look_ahead(self._run.engine.buses)
+        except Exception as error:  # noqa: BLE001 - a rule that cannot be copied: its findings wait for frames
+            self._came = None
+            self.tell(f"findings that wait for more frames are not told in silence: {type(error).__name__}: {error}")
+            return
+        if changes is not None:
+            self._came = None
+            self._found(changes)
+
+    def _found(self, changes: list[Change]) -> None:
         if changes:
             self.loop.take_findings(changes)
             self._show(lambda view: view.found(changes))

@@ -156,6 +156,11 @@ class SessionRecording:
             return []
         return [recorder.problem]
 
+    def end(self) -> None:
+        """Finish it, as nothing more will be received; but not before the last finding if these say what is in it."""
+        if not isinstance(self.recorder, PreTriggerRecorder):
+            self.close()
+
     def close(self) -> None:
         """Finish it."""
         if isinstance(self.recorder, PreTriggerRecorder):

@@ -44,7 +44,7 @@ class PreTriggerRecorder:
     def notes(self) -> list[str]:
         """Return what has happened since the last call, a line each; to be called a few times a second."""
         self._record(self._trigger.tick(self._clock() - self._came))
-        return self.recorder.notes()
+        return [*self._trigger.notes(), *self.recorder.notes()]
 
     def close(self) -> None:
         """End the windows with the session."""

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from analyzer.report.newest import Change
     from dissectors.kit import Array
 
-# Findings may come this much later than what they are about: rules wait for what explains it, transfers for their end.
-LATE = 5 * SECOND
-# Rows that are kept for windows to come at most, 138 s of a full bus of 1 Mbit/s: some 100 MB.
-MOST = 1 << 20
+# Rows and bytes that are kept for windows to come at most, 138 s of a full bus of 1 Mbit/s.
+MOST, MOST_BYTES = 1 << 20, 128 << 20
+# Bytes of a row beside its data, and of each piece that rows come in.
+_ROW, _PIECE = 72, 3000
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +57,17 @@ def parse_trigger(
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    """Rows that have not gone out, where they are on the axis, and the time that the row in front of them says."""
+    """Rows that have not gone out, where they are on the axis, and what is in front of them.
+
+    `before` is the time that the row in front says, `frames` are those of the capture so far, `weight` the bytes a row.
+    """
 
     ordered: OrderedRows
     come: Array
     since: Array
     before: int
+    frames: int
+    weight: int
 
     @property
     def first(self) -> int:
@@ -78,8 +83,16 @@ class _Kept:
         """Return what is left behind so many rows."""
         rows = slice(count, len(self.ordered))
         return _Kept(
-            OrderedRows(self.ordered.take(rows)), self.come[rows], self.since[rows], self._said(slice(0, count))
-        )
+            OrderedRows(self.ordered.take(rows)), self.come[rows], self.since[rows], self._said(slice(0, count)),
+            self.frames + int(self.ordered.frame[:count].sum()), self.weight,
+        )  # fmt: skip
+
+    def place(self, number: int) -> int | None:
+        """Return where the frame with this number, from 1, is on the axis; None if it is not among them."""
+        wanted = number - self.frames
+        if not 0 < wanted <= int(self.ordered.frame.sum()):
+            return None
+        return int(self.come[self.ordered.behind_frame(wanted) - 1])
 
     def _said(self, rows: slice) -> int:
         said = self.ordered.t[rows][self.ordered.clocks()[rows] != NO_CLOCK]
@@ -87,24 +100,29 @@ class _Kept:
 
 
 class Trigger:
-    """Lets rows through whose time is at most `pre` before or `post` behind that of a finding.
+    """Lets rows through from `pre` before the frames of a finding until `post` behind them.
 
     Times are those of the rows on one `Axis`, so that neither load makes a difference nor clocks that are set, or not
-    the same. Rows go out in their order and once: windows that overlap are one, and a finding that is told late
-    adds nothing in front of rows that have gone out. In front of each window stand comments that say why it is there,
-    and how many frames before it were left out; behind it, one that says that a gap follows.
+    the same. However late a finding is told, rows are there as long as the limits allow; what they do not is said. Rows
+    go out in their order and once: windows that overlap are one, and a finding that is told late adds nothing in front
+    of rows that have gone out. In front of each window stand comments that say why it is there, and how many frames
+    before it were left out; behind it, one that says that a gap follows.
 
     On a silent bus no row ends a window: `tick` does, once `post` has passed.
 
     Args:
         plan: what to wait for.
-        most: rows that are kept. On a bus that brings more in `pre` + `LATE` windows begin later.
+        most: rows that are kept.
+        most_bytes: bytes that they may take.
     """
 
-    def __init__(self, plan: TriggerPlan, most: int = MOST) -> None:
-        self._plan, self._most = plan, most
+    def __init__(self, plan: TriggerPlan, most: int = MOST, most_bytes: int = MOST_BYTES) -> None:
+        self._plan, self._most, self._most_bytes = plan, most, most_bytes
         self._kept: deque[_Kept] = deque()
-        self._rows = 0
+        self._rows = self._bytes = self._frames = 0
+        # Where on the axis the last row was that had to be forgotten.
+        self._forgotten: int | None = None
+        self._notes: list[str] = []
         self._axis = Axis()
         # The time of the last row, as it says.
         self._said = 0
@@ -117,9 +135,12 @@ class Trigger:
         """Take the next rows; return what is to be recorded now."""
         ordered = OrderedRows(batch)
         if len(ordered):
-            kept = _Kept(ordered, *self._axis.place(ordered), self._said)
+            weight = _ROW + (_PIECE + ordered.size) // len(ordered)
+            kept = _Kept(ordered, *self._axis.place(ordered), self._said, self._frames, weight)
             self._kept.append(kept)
             self._rows += len(ordered)
+            self._bytes += len(ordered) * weight
+            self._frames += int(ordered.frame.sum())
             self._said = kept.last
         out = self._released()
         self._forget()
@@ -133,12 +154,18 @@ class Trigger:
             if finding is not None:
                 t = self._said if finding.last.t_ns is None else finding.last.t_ns
                 at = self._axis.now if finding.last.t_ns is None else self._axis.locate(finding.bus, t)
-                out += self._fire(at, f"{finding.rule} ({finding.severity}), {_utc(t)}: {finding.text}", change.fresh)
+                why = f"{finding.rule} ({finding.severity}), {_utc(t)}: {finding.text}"
+                out += self._fire((self._first(change, at), at), why, change.fresh)
         return out
+
+    def notes(self) -> list[str]:
+        """Return the lines that are new for people."""
+        notes, self._notes = self._notes, []
+        return notes
 
     def record_now(self, why: str) -> list[FrameBatch]:
         """Open a window, as somebody wants what is there now; return what is to be recorded."""
-        return self._fire(self._axis.now, f"{why}, {_utc(self._said)}", fresh=True)
+        return self._fire((self._axis.now, self._axis.now), f"{why}, {_utc(self._said)}", fresh=True)
 
     def tick(self, passed: int) -> list[FrameBatch]:
         """Note that so many ns have passed since rows of a bus came; return what is to be recorded now."""
@@ -148,23 +175,34 @@ class Trigger:
         """End: nothing more will come. Return what is to be recorded of that."""
         return self._shut() if self._until is not None else []
 
-    def _fire(self, at: int, why: str, fresh: bool) -> list[FrameBatch]:
-        until = at + self._plan.post
+    def _first(self, change: Change, at: int) -> int:
+        """Return where the first of the frames is that a change is about; `at` is the last one."""
+        finding = change.finding
+        places = [at] if change.since is None else [at, self._axis.locate(finding.bus, change.since)]
+        if change.fresh and finding.frames:
+            number = min(finding.frames)
+            places += [place for kept in self._kept if (place := kept.place(number)) is not None]
+        return min(places)
+
+    def _fire(self, span: tuple[int, int], why: str, fresh: bool) -> list[FrameBatch]:
+        start, until = span[0] - self._plan.pre, span[1] + self._plan.post
         if self._until is not None:
             self._until = max(self._until, until)
             return [remarks.make_comment(self._said, f"trigger, too: {why}")] if fresh else []
-        self._skip(at - self._plan.pre)
+        self._skip(start)
+        lost = self._missing(start, until)
         if (self._kept[0].since[0] if self._kept else self._axis.now + 1) > until:
             # All of it has gone out, or has been forgotten.
-            return [remarks.make_comment(self._said, f"trigger, told late: {why}")] if fresh else []
-        start = self._kept[0].first if self._kept else self._said
+            return [remarks.make_comment(self._said, f"trigger, told late{lost}: {why}")] if fresh else []
+        t = self._kept[0].first if self._kept else self._said
         self.windows += 1
         left, self._left_out = self._left_out, 0
         self._until = until
-        text = f"trigger {self.windows}: {why}"
+        if lost:
+            self._notes.append(f"trigger {self.windows}{lost}")
         return [
-            remarks.make_comment(start, f"{left} frames before this are left out"),
-            remarks.make_comment(start, text),
+            remarks.make_comment(t, f"{left} frames before this are left out"),
+            remarks.make_comment(t, f"trigger {self.windows}{lost}: {why}"),
             *self._released(),
         ]
 
@@ -190,11 +228,22 @@ class Trigger:
         while self._kept and self._kept[0].come[0] < since:
             self._leave_out(int(np.searchsorted(self._kept[0].come, since, "left")))
 
+    def _missing(self, start: int, until: int) -> str:
+        """Say how much of a window is forgotten; nothing if all of it is there."""
+        if self._forgotten is None or self._forgotten < start:
+            return ""
+        if self._forgotten >= until:
+            return ", its frames are no longer held"
+        return f", its first {(self._forgotten - start) / SECOND:.3g} s are no longer held"
+
     def _forget(self) -> None:
-        """Forget rows that are too old for any window, or too many."""
-        self._skip(self._axis.now - self._plan.pre - LATE)
-        while self._rows > self._most:
-            self._leave_out(min(self._rows - self._most, len(self._kept[0].come)))
+        """Forget the oldest rows while there are too many."""
+        while self._rows > self._most or (self._bytes > self._most_bytes and self._rows > 1):
+            kept = self._kept[0]
+            excess = max(self._rows - self._most, -(-(self._bytes - self._most_bytes) // kept.weight))
+            count = min(excess, len(kept.come))
+            self._forgotten = int(kept.come[count - 1])
+            self._leave_out(count)
 
     def _leave_out(self, count: int) -> None:
         self._left_out += int(self._kept[0].ordered.frame[:count].sum())
@@ -204,6 +253,7 @@ class Trigger:
         """Drop the first rows of the first batch."""
         kept = self._kept.popleft()
         self._rows -= count
+        self._bytes -= count * kept.weight
         if count < len(kept.ordered):
             self._kept.appendleft(kept.behind(count))
 
