@@ -230,8 +230,11 @@ class NoteReader:
             clause=_clause(body, clause),
             format=cast('Literal["", "date"]', body.one_of("format")),
             element=body.integer("element"),
+            low=body.fraction("low"),
+            high=body.fraction("high"),
         )
         body.finish()
+        _ordered(body)
         return derived
 
     def _pieces(self, body: TomlTable) -> Iterator[Piece]:

@@ -49,7 +49,8 @@ class Bits:
     """A named slice of an unsigned field, bit `low` to bit `high` (0 is the least significant bit).
 
     One bit without an enumeration is a flag. With `scale` the value is raw * scale in `unit`. `low_limit` and
-    `high_limit` are raw. `tentative` marks a name that the document does not give for this field.
+    `high_limit` are raw. `tentative` marks a name that the document does not give for this field. A word that has a
+    special value has no parts.
     """
 
     name: str
@@ -146,10 +147,10 @@ class Piece:
 class Derived:
     """A column computed from the raw value of the field `source`, element by element if that is an array.
 
-    Of an array, `element` takes one place, from 0; a row with fewer has no value.
-    value = raw * scale + offset; then the first of `pieces` that holds this value adds to it. A raw value listed in
-    the source's `special` has no value here. With `format` "date" the value is the day that the raw number names as
-    YYYYMMDD or, failing that, as Unix seconds; neither is certain.
+    Of an array, `element` takes one place, from 0; a row with fewer has no value. Neither has a raw value outside `low`
+    to `high`, or one that is listed in the source's `special`. value = raw * scale + offset; then the first of `pieces`
+    that holds this value adds to it. With `format` "date" the value is the day that the raw number names as YYYYMMDD
+    or, failing that, as Unix seconds; neither is certain.
     """
 
     name: str
@@ -161,6 +162,8 @@ class Derived:
     clause: str = ""
     format: Literal["", "date"] = ""
     element: int | None = None
+    low: Fraction | None = None
+    high: Fraction | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from dissectors.kit.cells import numbers
 from dissectors.schema import ArrayType, CompoundType, PrimitiveType
@@ -91,7 +92,7 @@ def enrich(
         )  # fmt: skip
         shown = array if note.scale is None else scaled(array, note.scale)
         out.append((pa.field(name, shown.type, metadata=about), shown))
-        out += [_part(name, array, part) for part in note.parts]
+        out += [_part(name, _ordinary(array, note), part) for part in note.parts]
         if note.text:
             out.append((pa.field(f"{name}.text", pa.string(), metadata=about), as_text(array)))
         if note.unit_by is not None:
@@ -153,6 +154,14 @@ def _masked(values: Array, like: pa.Array) -> pa.Array:
 def _relist(array: pa.Array, child: pa.Array) -> pa.Array:
     buffers = array.buffers()
     return pa.Array.from_buffers(pa.list_(child.type), len(array), buffers[:2], offset=array.offset, children=[child])
+
+
+def _ordinary(word: pa.Array, note: Note) -> pa.Array:
+    """Return a word, null where it is a special value: that has no parts."""
+    if not note.special:
+        return word
+    special = np.isin(numbers(word), tuple(note.special))
+    return pc.if_else(pa.array(special), pa.scalar(None, word.type), word) if special.any() else word
 
 
 def _part(name: str, word: pa.Array, part: Bits) -> tuple[pa.Field, pa.Array]:
@@ -222,10 +231,12 @@ def _converted(source: pa.Array, rule: Derived, special: tuple[int, ...]) -> pa.
         here = todo & (values >= low) & (values < high)
         values[here] += float(piece.add)
         todo &= ~here
-    if special:
-        mask = np.isin(raw, special) | np.asarray(source.is_null())
-        return pa.array(values, mask=mask)
-    return _masked(values, source)
+    mask = np.isin(raw, special)
+    if rule.low is not None:
+        mask |= raw < float(rule.low)
+    if rule.high is not None:
+        mask |= raw > float(rule.high)
+    return pa.array(values, mask=mask | np.asarray(source.is_null())) if mask.any() else _masked(values, source)
 
 
 @lru_cache(maxsize=4096)

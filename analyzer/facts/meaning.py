@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -13,13 +13,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """Of one column. `texts` name values of its cells, `note` belongs to a field and `part` to a bit part of one."""
+    """Of one column. `texts` name values of its cells, `note` belongs to a field and `part` to a bit part of one.
+
+    `source` is the field that a derived column is computed from.
+    """
 
     unit: str = ""
     texts: Mapping[float, str] = field(default_factory=dict)
     clause: str = ""
     note: Note | None = None
     part: Bits | None = None
+    source: str = ""
 
 
 def meaning(of: Message | Packet | None, column: str) -> Meaning:
@@ -43,5 +47,18 @@ def meaning(of: Message | Packet | None, column: str) -> Meaning:
             return Meaning(part.unit, named, part.clause, part=part)
     for derived in of.derived:
         if derived.name == column:
-            return Meaning(derived.unit, {}, derived.clause)
+            return Meaning(derived.unit, {}, derived.clause, source=derived.source)
     return Meaning()
+
+
+def stands_for(note: Note | None, raw: Any) -> str:
+    """Return what to write instead of a value computed from `raw`; empty if the value says it.
+
+    A special value by its name, a code that people read in hexadecimal as it is where it is outside its limits.
+    """
+    if note is None or not isinstance(raw, int):
+        return ""
+    if raw in note.special:
+        return note.special[raw]
+    outside = (note.low is not None and raw < note.low) or (note.high is not None and raw > note.high)
+    return f"0x{raw:02X}" if note.hex and outside else ""

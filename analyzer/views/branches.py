@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from analyzer.facts.meaning import meaning
+from analyzer.facts.meaning import meaning, stands_for
 from analyzer.views.places import FieldPlace, raw_bits, span
 from analyzer.views.terminal import escape
 from analyzer.views.wording import plain, quantity
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from analyzer.facts.meaning import Meaning
-    from dissectors.schema import Bits, Message, Packet, Type
+    from dissectors.schema import Bits, Derived, Message, Packet, Type
 
     Lookup = Callable[[str], Any]
 
@@ -43,8 +43,7 @@ def branches(of: Message | Packet, value: Lookup, where: Sequence[FieldPlace], p
     grow = _Grower(of, value, list(where), payload)
     fields = [grow.branch(m.type, m.name, m.name, value(m.name)) for m in of.layout.fields if m.name]
     derived = [
-        Branch(f"[{d.name}: {quantity(_shown(value(d.name), meaning(of, d.name)), d.unit)}, from {d.source}]",
-               f"clause {d.clause}" if d.clause else "")
+        Branch(f"[{d.name}: {_computed(of, d, value)}, from {d.source}]", f"clause {d.clause}" if d.clause else "")
         for d in of.derived
     ]  # fmt: skip
     return [*fields, *derived]
@@ -97,7 +96,7 @@ class _Grower:
             text = text if value is None else quantity(plain(value), unit or "")
         if place is not None and place.type is not None and raw is not None:
             text += _raw(raw, place.type, cell, hexadecimal=note is not None and note.hex, scaled=text != plain(cell))
-        parts = note.parts if note is not None and raw is not None else ()
+        parts = note.parts if note is not None and raw is not None and raw not in note.special else ()
         below = [_part(part, raw or 0, place.bits if place is not None else 0) for part in parts]
         return text, below
 
@@ -112,6 +111,12 @@ def _part(part: Bits, word: int, width: int) -> Branch:
         text = f"{value}" + (f" ({part.enum.get(value, 'undefined')})" if part.enum else "")
     guess = " (tentative name)" if part.tentative else ""
     return Branch(f"{word_bits(word, width, part.low, part.high)} = {part.name}: {text}{guess}")
+
+
+def _computed(of: Message | Packet, derived: Derived, value: Lookup) -> str:
+    """Return a computed value, or what stands for it."""
+    instead = stands_for(of.notes.get(derived.source), value(derived.source))
+    return escape(instead) or quantity(_shown(value(derived.name), meaning(of, derived.name)), derived.unit)
 
 
 def _list(kind: ArrayType, cell: list[Any], about: Meaning) -> str:

@@ -1,7 +1,8 @@
 """Decoded rows as JSON values, a column at a time.
 
 Messages give what was on the wire: raw numbers by DSDL field name. Packets give physical values and text. In both a
-field whose values have names, or that has bit parts, becomes an object with `raw`.
+field whose values have names, or that has bit parts, becomes an object with `raw`. The parts of a special value are
+null.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ def _objects(raw: list[Any], note: Note) -> list[dict[str, Any] | None]:
             continue
         made: dict[str, Any] = {"raw": cell}
         for bits in note.parts:
-            made[bits.name] = _part(cell, bits)
+            made[bits.name] = None if cell in note.special else _part(cell, bits)
         if note.enum or cell in texts:
             made["text"] = texts.get(cell)
         out.append(made)

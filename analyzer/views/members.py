@@ -8,7 +8,7 @@ from analyzer.facts.meaning import meaning
 from dissectors.kit.cells import pylist, step_into
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     import pyarrow as pa
 
@@ -29,7 +29,8 @@ def cells(part: MessagePart, column: str) -> list[Any]:
         raise KeyError(column)
     bits = meaning(part.of, column).part
     if bits is not None:
-        return [_each(value, bits) for value in cells(part, outer)]
+        special = owner.special if (owner := meaning(part.of, outer).note) is not None else ()
+        return [_each(value, bits, special) for value in cells(part, outer)]
     kind = _type_of(part.table, outer)
     if kind is None or last not in kind:
         raise KeyError(column)
@@ -54,11 +55,11 @@ def _type_of(table: pa.RecordBatch, column: str) -> Sequence[str] | None:
     return None
 
 
-def _each(value: Any, bits: Bits) -> Any:
-    """Return a bit part of a word that is nested in a structure."""
+def _each(value: Any, bits: Bits, special: Collection[int]) -> Any:
+    """Return a bit part of a word that is nested in a structure; a special value has none."""
     if isinstance(value, list):
-        return [_each(cell, bits) for cell in value]
-    if value is None:
+        return [_each(cell, bits, special) for cell in value]
+    if value is None or value in special:
         return None
     raw = value >> bits.low & (1 << bits.width) - 1
     if bits.scale is not None:

@@ -7,7 +7,7 @@ from functools import lru_cache
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
-from analyzer.facts.meaning import Meaning, meaning
+from analyzer.facts.meaning import Meaning, meaning, stands_for
 from analyzer.views.members import cells
 from analyzer.views.terminal import escape
 from analyzer.views.wording import MISSING, formatter, plain, quantity
@@ -62,8 +62,14 @@ def _texts(part: MessagePart, column: str, spec: str) -> list[str]:
     except KeyError:
         return [MISSING] * len(part.table)
     if isinstance(values[0] if values else None, float) and not about.texts and spec.endswith("f"):
-        return _floats(values, spec)
-    return list(map(formatter(spec, about.texts), values))
+        texts = _floats(values, spec)
+    else:
+        texts = list(map(formatter(spec, about.texts), values))
+    source = part.of.notes.get(about.source) if part.of is not None and about.source else None
+    if source is None or not (source.special or source.hex):
+        return texts
+    raws = cells(part, about.source)
+    return [escape(stands_for(source, raw)) or text for raw, text in zip(raws, texts, strict=True)]
 
 
 def _floats(values: list[Any], spec: str) -> list[str]:

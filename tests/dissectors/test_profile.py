@@ -199,7 +199,8 @@ def test_no_change_is_not_a_number(messages: dict[str, Message]) -> None:
     for member in messages["ParamCfg"].layout.fields:
         ones = -1 if member.type.kind == "int" else (1 << member.type.bits) - 1
         assert ones in note[member.name].special, member.name
-    assert note["esc_id_set"].special == {0x00FF: "all", 0xFFFF: "all"}
+    assert note["esc_id_set"].special == {0xFFFF: "no change"}
+    assert messages["ParamGet"].notes["esc_id_req"].special == {0x00FF: "all", 0xFFFF: "all"}
     assert 0x00FF not in note["esc_fdb_rate"].special
 
 
