@@ -216,6 +216,7 @@ class Profile:
             aliases=table.strings("aliases"),
             turns=self._turns(table, layout),
             actuates=table.flag("actuates"),
+            role=table.string("role"),
         )
         for key in ("type", "dsdl"):
             table.string(key)

@@ -237,7 +237,7 @@ class Message:
 
     `turns` is the column that is not 0 while the motor of its sender, an ESC, turns; empty if it tells of none.
     `actuates` says that whoever receives it may move, release or enable something, or change what it has stored: not
-    to be sent by accident.
+    to be sent by accident. `role` is what its sender is, in a word for people.
     """
 
     name: str
@@ -256,6 +256,7 @@ class Message:
     aliases: tuple[str, ...] = ()
     turns: str = ""
     actuates: bool = False
+    role: str = ""
 
     @property
     def table(self) -> str:

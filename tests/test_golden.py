@@ -28,7 +28,7 @@ def shown(case: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[str]:
     if case.name not in FLIGHTS:
         yield from run(case, capsys, "decode", "-t", "ud")
         return
-    yield from run(case, capsys, "info", "--all")
+    yield from run(case, capsys, "info", "--all", "--types")
     for fault in json.loads(key_of(case).read_text())["faults"]:
         yield f"\n{fault['rule']}: {fault['done']}\n"
         where = f"{fault['frames'][0]}+-2ms" if fault["frames"] else f"{fault['time']}+-2ms"

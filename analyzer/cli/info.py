@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 
 from analyzer.cli import options, status
@@ -17,6 +18,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     options.add_window(parser)
     options.add_output(parser)
     parser.add_argument("-T", dest="form", choices=("text", "json"), default="text", help="default: text")
+    parser.add_argument("--types", action="store_true", help="also the types that each node sends")
     parser.add_argument("--all", action="store_true", help="every node and identifier, however many")
     options.add_dialect(parser)
     parser.set_defaults(run=run)
@@ -29,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     from analyzer.cli.reading import reading  # noqa: PLC0415
     from analyzer.facts.dialects import checked  # noqa: PLC0415
     from analyzer.facts.summary import Summary  # noqa: PLC0415
-    from analyzer.views.info import render, render_json  # noqa: PLC0415
+    from analyzer.views.info import WIDTH, render, render_json  # noqa: PLC0415
 
     try:
         request = options.request(args)
@@ -48,6 +50,10 @@ def run(args: argparse.Namespace) -> int:
         if run.state == "refused":
             return status.USAGE
         facts = summary.finish(run.source.parts, run.engine)
-        text = render_json(facts) if args.form == "json" else render(facts, everything=args.all)
+        if args.form == "json":
+            text = render_json(facts)
+        else:
+            width = max(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns if sys.stdout.isatty() else WIDTH)
+            text = render(facts, everything=args.all, types=args.types, width=width)
         sys.stdout.write(text)
     return status.of_run(run)

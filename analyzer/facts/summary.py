@@ -6,28 +6,29 @@ An accumulator over batches with bounded memory, and its result.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import pyarrow as pa
 
 from analyzer.facts.dialects import Dialects, Statement
 from analyzer.facts.names import type_name
+from analyzer.facts.odd import compared
 from analyzer.facts.recording import RecordingFacts, mixed
+from analyzer.facts.senders import SenderFacts, Senders
 from analyzer.facts.traffic import BIT_RATE, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
 from analyzer.tables import KINDS, STAMPS, distinct
-from dissectors.kit.cells import numbers, pylist, valid
+from dissectors.kit.cells import numbers, valid
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
 
+    import pyarrow as pa
+
     from analyzer.decode.engine import Batch, Engine
     from dissectors import Registry
 
 MOST_CHANNELS = 32
-MOST_NODES = 4096
-MOST_VERSION = 32  # characters
 YEAR_2000 = 946_684_800 * SECOND
 
 
@@ -118,6 +119,7 @@ class Facts:
     broken: int = 0
     bus_names: tuple[str, ...] = field(default=())
     lossy: bool = False
+    senders: tuple[SenderFacts, ...] = ()
 
 
 class Summary:
@@ -128,7 +130,7 @@ class Summary:
         forced: readings by node ID that stand against any evidence.
         read: the readings of nodes, if somebody else adds them up already.
 
-    Bounds: `MOST_TALKS` combinations of bus, node and type, `MOST_IDS` foreign identifiers, `MOST_NODES` versions.
+    Bounds: `MOST_TALKS` combinations of bus, node and type, `MOST_IDS` foreign identifiers, and those of `Senders`.
     """
 
     def __init__(
@@ -141,7 +143,7 @@ class Summary:
         self._foreign = ForeignIds()
         self._dialects = Dialects(forced) if read is None else read
         self._reads = read is None
-        self._software: dict[tuple[int, int], str] = {}
+        self._senders = Senders()
         self._recording = RecordingFacts()
 
     def feed(self, batch: Batch) -> None:
@@ -157,8 +159,12 @@ class Summary:
                 if self._reads:
                     self._dialects.feed(message, table)
                 self._note_channels(sent, table)
-        for table in batch.messages.values():
-            self._note_software(table)
+        self._senders.feed(batch)
+
+    @property
+    def names(self) -> Mapping[tuple[int, int], str]:
+        """Names that nodes give themselves, by (bus, node)."""
+        return self._senders.names.all
 
     def finish(self, stored: Iterable[StoredCapture], engine: Engine) -> Facts:
         """Return everything that is known, after the last batch of the captures `stored`."""
@@ -188,6 +194,7 @@ class Summary:
             broken=sum(node.bad for node in nodes),
             bus_names=self._names,
             lossy=self._recording.lossy,
+            senders=compared(self._senders.facts(self._talks.all, self._registry, self._names, timed=timed)),
         )
 
     def _count_frames(self, batch: Batch) -> None:
@@ -214,18 +221,6 @@ class Summary:
             talk = self._talks.all.get((code >> 40, code >> 32 & 0xFF, sent))
             if talk is not None and len(talk.channels) < MOST_CHANNELS:
                 talk.channels.add(code & 0xFFFF_FFFF)
-
-    def _note_software(self, table: pa.RecordBatch) -> None:
-        """Note a version that a node reports of itself, as a text or as major and minor."""
-        names = table.schema.names
-        column = next((c for c in ("software_version.text", "software_version") if c in names), None)
-        if column is None or pa.types.is_list(table.schema.field(column).type):
-            return
-        columns = [pylist(table.column(c)) for c in ("bus", "src", "trusted", column)]
-        for bus, src, trusted, value in zip(*columns, strict=True):
-            text = _version(value)
-            if trusted and text and ((bus, src) in self._software or len(self._software) < MOST_NODES):
-                self._software[bus, src] = text
 
     def _bus_facts(self, *, timed: bool) -> Iterator[BusFacts]:
         for index, bus in sorted(self._buses.items()):
@@ -258,12 +253,5 @@ class Summary:
             first=talk.first,
             last=talk.last,
             channels=tuple(sorted(talk.channels)),
-            software=self._software.get((bus, src)),
+            software=self._senders.software.all.get((bus, src)),
         )
-
-
-def _version(value: Any) -> str:
-    if isinstance(value, dict):
-        parts = [value.get("major"), value.get("minor")]
-        return ".".join(map(str, parts)) if None not in parts else ""
-    return str(value or "")[:MOST_VERSION]

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.facts.clock import TimeResolution
-from analyzer.facts.node_names import NodeNames
 from analyzer.facts.summary import Summary
 from analyzer.rules.course import Course
 from analyzer.rules.coverage import Tracker
@@ -58,7 +57,6 @@ class Check:
         self._seen = Tracker(registry)
         self._course = Course()
         self._clock = TimeResolution()
-        self._names = NodeNames()
 
     def measured(self, batches: Iterable[Batch]) -> Iterator[Measured]:
         """Measure what no rule is needed for: another thread may do this while `feed` judges what came before."""
@@ -73,9 +71,8 @@ class Check:
         view = self.judge.feed(batch, bits)
         self._seen.feed(view)
         self._course.feed(view)
-        self._names.feed(batch.messages)
 
     def finish(self, stored: Iterable[StoredCapture], engine: Engine) -> Checked:
         """Return everything, after the last batch of the captures `stored`."""
         outcome, facts = self.judge.finish(), self._summary.finish(stored, engine)
-        return Checked(facts, outcome, self._seen.finish(), self._course, self._names.all, self._clock.coarse)
+        return Checked(facts, outcome, self._seen.finish(), self._course, self._summary.names, self._clock.coarse)

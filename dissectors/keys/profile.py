@@ -37,6 +37,7 @@ MESSAGE = Keys("message.NAME, request.NAME, response.NAME", "One type, by the na
     Key("packets", "text", "File of the packets that it carries, from this folder.", '"packets/PUSHCAN.toml"'),
     by_name("reading", READING.about, READING),
     Key("turns", "text", "Its sender counts as an ESC; this column is not 0 while its motor turns.", '"rpm"'),
+    Key("role", "text", "What its sender is, in a word, for lists of nodes.", '"ESC"'),
     Key("actuates", "flag", "It makes something move, so `simulate` and `replay` ask before they send it.", "true",
         "false"),
 ))  # fmt: skip

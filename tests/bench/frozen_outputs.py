@@ -30,6 +30,7 @@ REPORTS = "--json OUT/r.json --html OUT/r.html --junit OUT/r.xml --markdown OUT/
 ALL = ["decode {}", "decode {} -V", "decode {} -x", f"decode {{}} {FIELDS}", "decode {} -T json", "decode {} -T csv"]
 ALL += [
     "info {} --all",
+    "info {} --types",
     "info {} -T json",
     f"check {{}} {REPORTS}",
     "check {} --github --select all --fail-on any:note",

@@ -48,7 +48,7 @@ def test_sums_and_widths(decode: Callable[..., Any], registry: Registry, name: s
     assert found.balanced
     assert found.transfers == len(got.transfers) == sum(node.count for node in found.nodes)
     assert found.broken == sum(row["status"] not in ("ok", "unchecked") for row in got.transfers)
-    text = render(found)
+    text = render(found, types=True)
     assert max(map(display_width, text.splitlines())) <= 80
     assert f"Lines      {len(got.frames)} = {len(got.frames)} frames    balanced" in text
     used = got.verdicts.count("used")
@@ -56,6 +56,7 @@ def test_sums_and_widths(decode: Callable[..., Any], registry: Registry, name: s
     content = json.loads(render_json(found))
     assert content["verdicts"]["used"] == used
     assert content["nodes"][0]["sends"] == found.nodes[0].sends
+    assert sum(one["count"] for one in content["senders"]) == found.transfers
 
 
 def test_rates_and_last_seen(decode: Callable[..., Any], registry: Registry) -> None:
@@ -73,8 +74,9 @@ def test_rates_and_last_seen(decode: Callable[..., Any], registry: Registry) -> 
     assert bus.mean == pytest.approx(100.3)
     bits = 1001 * (67 + 64) + 67 * 3 + 8 * sum(len(f.data) for f in late)
     assert bus.load == pytest.approx(100 * bits / 10 / 1e6)
-    rows = [line.split() for line in render(found).splitlines() if line[:4] in ("   1", "  10")]
-    assert [row[-2:] for row in rows] == [["start", "end"], [rows[1][-1]] * 2]
+    rows = [line.split() for line in render(found, types=True).splitlines() if line[:4] in ("   1", "  10")]
+    assert [row[-1] for row in rows[:2]] == ["all", rows[3][-1]]
+    assert [row[-2:] for row in rows[2:]] == [["start", "end"], [rows[3][-1]] * 2]
 
 
 def test_peak_survives_the_end_of_a_batch(decode: Callable[..., Any], registry: Registry, flush: object) -> None:
@@ -104,8 +106,9 @@ def test_what_the_capture_can_show(decode: Callable[..., Any], registry: Registr
 
 def test_an_empty_capture(decode: Callable[..., Any], registry: Registry) -> None:
     found = facts(decode(b""), registry)
-    assert render(found).endswith("No DroneCAN transfers of a known type.\n")
-    assert json.loads(render_json(found))["nodes"] == []
+    assert render(found).endswith("No DroneCAN transfers.\n")
+    content = json.loads(render_json(found))
+    assert (content["nodes"], content["senders"]) == ([], [])
     assert found.judge["transfers"] == "NO"
 
 
@@ -201,12 +204,13 @@ def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch, decode: Callable[...
 def test_long_lists_are_cut_until_all_is_asked_for(decode: Callable[..., Any], registry: Registry) -> None:
     sent = [replace(f, id=f.id & ~0x7F | node, bus=f"can{node}") for node in range(1, 60) for f in throttle(0).frames()]
     found = facts(decode(lines(sent)), registry)
-    short, whole = render(found), render(found, everything=True)
+    short, whole = (render(found, everything=everything, types=True) for everything in (False, True))
+    assert "and 19 more, none of them odd (--all)" in short
     assert "and 19 more (--all)" in short
     assert "and 51 more (--all)" in short
     assert "more (--all)" not in whole
     assert max(map(len, whole.splitlines())) <= 80
-    assert sum(line.startswith("can") for line in whole.splitlines()) == 59
+    assert sum(line.startswith("can") for line in whole.splitlines()) == 2 * 59
 
 
 def test_hostile_names_are_harmless(decode: Callable[..., Any], registry: Registry) -> None:

@@ -160,7 +160,7 @@ def test_motors_turn_from_the_first_speed_on(lines: int) -> None:
 
 
 def test_info_counts_the_reports(command: Any) -> None:
-    _, out, _ = command("info", str(LOG))
+    _, out, _ = command("info", str(LOG), "--types")
     lines = [line.split()[:5] for line in out.splitlines()]
     for channel, node in enumerate(ESCS, 1):
         assert [str(node), str(channel), "GetEscID", "3", "1.0"] in lines

@@ -1,4 +1,4 @@
-"""`tailbyte info`: the facts of a capture for people, in 80 columns, and as JSON."""
+"""`tailbyte info`: the facts of a capture for people, and as JSON."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import textwrap
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from analyzer.facts.names import short
 from analyzer.tables import VERDICTS
-from analyzer.views.terminal import escape, fit
+from analyzer.views.info import nodes
+from analyzer.views.terminal import escape
 from analyzer.views.times import TimeFormat
 from dissectors.times import SECOND
 
@@ -17,19 +17,23 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from analyzer.facts.dialects import Statement
-    from analyzer.facts.summary import Facts, NodeFacts
+    from analyzer.facts.summary import Facts
 
 WIDTH = 80
 _LABEL = 11
-_ROWS, _IDS, _BUSES = 40, 5, 8
-_NEAR = 2 * SECOND  # as long as a first or last transfer counts as "start" or "end", in a long capture
+_IDS, _BUSES = 5, 8
 _FOREIGN = VERDICTS[1]
 
 
-def render(facts: Facts, *, everything: bool = False) -> str:
-    """Write the summary as text; long lists are cut unless `everything` is wanted."""
+def render(facts: Facts, *, everything: bool = False, types: bool = False, width: int = WIDTH) -> str:
+    """Write the summary as text, with the `types` that each node sends if that is wanted.
+
+    Long lists are cut unless `everything` is wanted. Tables have at most `width` columns, texts `WIDTH`.
+    """
     lines = [*_head(facts), *_buses(facts, everything), ""]
-    lines += _nodes(facts, everything)
+    lines += nodes.senders(facts, width, everything=everything)
+    if types and facts.nodes:
+        lines += ["", *nodes.types(facts, width, everything=everything)]
     lines += _unknown(facts, everything)
     lines += _readings(facts)
     lines += _foreign(facts, everything)
@@ -128,59 +132,6 @@ def _buses(facts: Facts, everything: bool) -> Iterator[str]:
         yield from _labelled("", [f"and {len(facts.buses) - len(shown)} more (--all)"])
 
 
-def _nodes(facts: Facts, everything: bool) -> Iterator[str]:
-    known = [node for node in facts.nodes if node.known]
-    if not known:
-        yield "No DroneCAN transfers of a known type."
-        return
-    shown = known if everything else known[:_ROWS]
-    many = len(facts.buses) > 1
-    names = [fit(_sends(node), 24 if not many else 16) for node in shown]
-    width = max(5, *map(len, names))
-    counts = max(5, *(len(str(node.count)) for node in shown))
-    bus = "Bus      " if many else ""
-    yield f"{bus}Node  Ch {'Sends':<{width}} {'Count':>{counts}}      Hz  Bad  Software  First    Last".rstrip()
-    for node, name in zip(shown, names, strict=True):
-        where = f"{fit(escape(node.bus), 8):<8} " if many else ""
-        hz = "-" if node.hz is None else f"{node.hz:.1f}"
-        software = fit(escape(node.software or "-"), 9)
-        yield (
-            f"{where}{_number(node):>4} {_channels(node):>3} {name:<{width}} {node.count:>{counts}} {hz:>7} "
-            f"{node.bad:>4}  {software:<9} {_moment(node.first, facts):<8} {_moment(node.last, facts)}"
-        )
-    if len(known) > len(shown):
-        yield f"and {len(known) - len(shown)} more (--all)"
-    if facts.not_listed:
-        yield f"and {facts.not_listed} transfers of further nodes and types"
-
-
-def _number(node: NodeFacts) -> str:
-    """Return the node ID; only a message can come from 0 and not be anonymous."""
-    return str(node.node) if node.node or node.kind == "message" else "anon"
-
-
-def _sends(node: NodeFacts) -> str:
-    kinds = {"request": " request", "response": " response"}
-    return escape(short(node.sends)) + kinds.get(node.kind, "")
-
-
-def _channels(node: NodeFacts) -> str:
-    if not node.channels:
-        return "-"
-    return str(node.channels[0]) if len(node.channels) == 1 else f"{len(node.channels)}x"
-
-
-def _moment(t: int | None, facts: Facts) -> str:
-    if t is None or facts.start is None or facts.end is None:
-        return "-"
-    near = min(_NEAR, (facts.end - facts.start) // 10)
-    if t - facts.start <= near:
-        return "start"
-    if facts.end - t <= near:
-        return "end"
-    return TimeFormat("a", digits=6).text(t)[:8] if facts.absolute else f"{(t - facts.start) / SECOND:.1f} s"
-
-
 def _unknown(facts: Facts, everything: bool) -> Iterator[str]:
     """Give types that no dissector knows, most frequent first."""
     found: dict[str, int] = {}
@@ -217,10 +168,10 @@ def _readings(facts: Facts) -> Iterator[str]:
         groups.setdefault((s.message, s.field, s.reading, s.choice), []).append(s)
     for (message, field, reading, choice), statements in groups.items():
         bus = len(facts.buses) > 1
-        nodes = [f"{escape(facts.bus_names[s.bus])}:{s.node}" if bus else str(s.node) for s in statements]
+        who = [f"{escape(facts.bus_names[s.bus])}:{s.node}" if bus else str(s.node) for s in statements]
         name = reading if reading == field else f"{field} ({reading})"
-        word = "node" if len(nodes) == 1 else "nodes"
-        yield from _labelled("Reading", [f"{message}.{name}: {choice}, {word} {', '.join(nodes)}"])
+        word = "node" if len(who) == 1 else "nodes"
+        yield from _labelled("Reading", [f"{message}.{name}: {choice}, {word} {', '.join(who)}"])
 
 
 def _labelled(label: str, parts: list[str]) -> Iterator[str]:

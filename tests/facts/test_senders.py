@@ -1,0 +1,147 @@
+"""Facts of nodes: what they are, what is missing of what they sent, restarts, and how they differ from others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from kit.command import CAPTURES
+from kit.encode import Transfer, log_line, transfer
+from kit.traffic import START, TURNING, Timed, alive, log, status, throttle
+
+from analyzer.facts.summary import Summary
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from analyzer.facts.senders import SenderFacts
+    from dissectors import Registry
+
+Facts = dict[tuple[str, int], "SenderFacts"]
+
+
+@pytest.fixture
+def senders(decode: Callable[..., Any], registry: Registry) -> Callable[..., Facts]:
+    def found(*text: Any) -> Facts:
+        got = decode(*(piece.encode() if isinstance(piece, str) else piece for piece in text))
+        summary = Summary(registry)
+        for batch in got.batches:
+            summary.feed(batch)
+        return {(one.bus, one.node): one for one in summary.finish([], got.engine).senders}
+
+    return found
+
+
+def esc(node: int, channel: int, transfer_id: int) -> Transfer:
+    return transfer("ESCStatus", TURNING | {"esc_index": channel - 1}, node, transfer_id)
+
+
+def reports(node: int, ids: Sequence[int], channel: int = 0, every: float = 20) -> list[Timed]:
+    return [(every * k, esc(node, channel or node - 10, number % 32)) for k, number in enumerate(ids)]
+
+
+def test_roles_channels_and_rates(senders: Callable[..., Facts]) -> None:
+    text = log(*reports(11, range(51)), *((10.0 * k, throttle(k % 32)) for k in range(101)))
+    found = senders(text)
+    assert {(one.node, one.roles, one.channels, one.types, one.count) for one in found.values()} == {
+        (1, ("autopilot",), (), 1, 101), (11, ("ESC",), (1,), 1, 51),
+    }  # fmt: skip
+    assert found["can0", 11].hz == pytest.approx(50)
+    assert found["can0", 1].hz == pytest.approx(100)
+
+
+def test_who_only_sends_types_without_definition_is_there(senders: Callable[..., Facts]) -> None:
+    sent = [(20.0 * k, Transfer("message", 20_710, 30, b"ab", 0, k)) for k in range(8)]
+    (one,) = senders(log(*sent)).values()
+    assert (one.node, one.count, one.known, one.types, one.roles) == (30, 8, 0, 1, ())
+
+
+@pytest.mark.parametrize(
+    ("ids", "lost"),
+    [
+        (range(40), 0),
+        ([0, 1, 2, 6, 7], 3),
+        ([*range(30), *range(33, 40)], 3),
+        ([5, 7, 6, 8], 0),
+        ([5, 8, 6, 7, 9], 0),
+        ([0, 1, 1, 2], 0),
+        ([0, 1, 21], 19),
+    ],
+    ids=str,
+)
+def test_what_is_missing_by_transfer_ids(
+    senders: Callable[..., Facts], flush: object, ids: Sequence[int], lost: int
+) -> None:
+    text = log(*reports(11, ids))
+    assert senders(text)["can0", 11].lost == lost
+    half = text.index("\n", len(text) // 2) + 1
+    assert senders(text[:half], flush, text[half:])["can0", 11].lost == lost
+
+
+def test_a_session_after_silence_and_a_restart_lose_nothing(senders: Callable[..., Facts]) -> None:
+    silent = [(0.0, esc(11, 1, 4)), (2500.0, esc(11, 1, 20))]
+    restarted = [(20.0 * k, esc(12, 2, number)) for k, number in enumerate([9, 10, 0, 1])]
+    found = senders(log(*silent, *restarted))
+    assert [one.lost for one in found.values()] == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("uptimes", "restarts"),
+    [([3, 4, 5], 0), ([300, 301, 0, 1], 1), ([300, 0, 1, 0], 2), ([3000, 2000, 3001, 2001], 0)],
+    ids=str,
+)
+def test_restarts(senders: Callable[..., Facts], flush: object, uptimes: Sequence[int], restarts: int) -> None:
+    """Two devices with one ID, whose uptimes both run on, are no restarts."""
+    text = log(*((1000.0 * k, alive(up, transfer_id=k)) for k, up in enumerate(uptimes)), (5.0, esc(12, 2, 0)))
+    rows = text.splitlines(keepends=True)
+    pieces = [piece for row in rows for piece in (row, flush)]
+    for found in (senders(text), senders(*pieces)):
+        assert (found["can0", 11].restarts, found["can0", 12].restarts) == (restarts, None)
+
+
+def test_the_text_of_a_version_stands_against_its_numbers(senders: Callable[..., Facts]) -> None:
+    found = senders((CAPTURES / "mission-8-faults.log").read_bytes())
+    assert {found["can0", node].software for node in range(11, 19)} == {"V2.2.0-20250314"}
+    assert found["can0", 125].software == "2.2"
+    assert found["can0", 11].name
+
+
+def odd(found: Facts) -> dict[int, tuple[str, ...]]:
+    return {one.node: one.odd for one in found.values() if one.odd}
+
+
+def test_an_esc_that_is_like_the_others_is_not_odd(senders: Callable[..., Facts]) -> None:
+    assert odd(senders((CAPTURES / "hover-4.log").read_bytes())) == {}
+
+
+def test_what_is_odd(senders: Callable[..., Facts]) -> None:
+    alike = [one for node in (11, 12, 13) for one in reports(node, range(300))]
+    slow = reports(14, range(100), every=60)
+    late = [(at + 3000, one) for at, one in reports(15, range(150))]
+    gone = reports(16, range(100))
+    lossy = reports(17, [*range(200), *range(203, 303)])
+    twice = reports(18, range(300), channel=1)
+    assert odd(senders(log(*alike, *slow, *late, *gone, *lossy, *twice))) == {
+        11: ("channel shared",), 14: ("rate",), 15: ("came late",), 16: ("left early",), 17: ("lost",),
+        18: ("channel shared",),
+    }  # fmt: skip
+    assert odd(senders(log(*reports(11, range(300)), *slow))) == {}, "two do not tell which is odd"
+
+
+def test_another_firmware_is_odd(decode: Callable[..., Any], registry: Registry) -> None:
+    got = decode(log(*(one for node in range(11, 15) for one in reports(node, range(20)))).encode())
+    summary = Summary(registry)
+    for batch in got.batches:
+        summary.feed(batch)
+    versions = {(0, 11): "2.2.07", (0, 12): "2.2.05", (0, 13): "2.2.07", (0, 14): "2.2.07"}
+    summary._senders.software.all.update(versions)
+    assert {one.node: one.odd for one in summary.finish([], got.engine).senders if one.odd} == {12: ("software",)}
+
+
+def test_broken_transfers_give_no_role(senders: Callable[..., Facts]) -> None:
+    frames = status(0).frames(START)
+    broken = [replace(frames[1], data=b"\xff" + frames[1].data[1:])]
+    text = "".join(log_line(one) + "\n" for one in (frames[0], *broken, *frames[2:]))
+    (one,) = senders(text).values()
+    assert (one.roles, one.bad) == ((), 1)
