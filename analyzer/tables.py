@@ -157,6 +157,32 @@ SETTLED = pa.schema([
     _field("anomaly", pa.uint16(), "bits to add to its anomalies"),
 ])  # fmt: skip
 
+FINDINGS = pa.schema([
+    _field("finding", pa.uint32(), "number in the order of the report, worst first, from 1"),
+    _field("rule", pa.string(), "name of the rule, such as TRF-003"),
+    _field("title", pa.string(), "the rule in words"),
+    _field("severity", pa.string(), "error, warning or note"),
+    _field("category", pa.string(), "whose fault it is: protocol, device or capture"),
+    _field("origin", pa.string(), "what states the rule: document, implied, dronecan or heuristic"),
+    _field("clause", pa.string(), "clause of the document"),
+    _field("t", _NS, "time of the first occurrence; null when it has none"),
+    _field("t_end", _NS, "time of the last occurrence; null when it has none"),
+    _field("bus", pa.uint8(), "index of the interface name; null for what is of the whole capture"),
+    _field("node", pa.uint8(), "node ID of who broke the rule; null for nobody in particular"),
+    _field("label", pa.string(), "the ESC as people call it, such as ch6"),
+    _field("type", pa.string(), "data type"),
+    _field("key", pa.string(), "what else tells it apart from findings of the same rule"),
+    _field("cause", pa.string(), "the diagnosis in a word"),
+    _field("text", pa.string(), "what is wrong, of the first occurrence or of all of them"),
+    _field("count", pa.uint64(), "occurrences"),
+    _field("frame", pa.uint64(), "number of the frame of the first occurrence, from 0; null when it has none"),
+    _field("frame_end", pa.uint64(), "number of the frame of the last occurrence, from 0"),
+    _field("transfer", pa.uint64(), "number of the transfer that holds `frame`, from 0; null when none does"),
+    _field("frames", pa.list_(pa.uint64()), "numbers of the frames of the first occurrences, from 0"),
+    _field("transfers", pa.list_(pa.uint64()), "numbers of the transfers that hold them, from 0"),
+    _field("waived", pa.bool_(), "a waiver of the vehicle file excuses it"),
+])  # fmt: skip
+
 
 def wrap(schema: pa.Schema, columns: Mapping[str, Any]) -> pa.RecordBatch:
     """Return the native core's columns as one batch, without a copy.

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
+from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from analyzer.app.request import Request
+from analyzer.app.criteria import Criteria
+from analyzer.app.found import FoundTable
+from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
 from analyzer.decode.by_name import example, find_table
 from analyzer.sources.merge import Plan
@@ -15,7 +19,7 @@ from analyzer.sources.origin import given
 from analyzer.tables import FRAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     from analyzer.app.source import RunSource
@@ -53,10 +57,7 @@ class Capture:
 
     def __iter__(self) -> Iterator[Batch]:
         """Yield batches in capture order."""
-        if self._read:
-            self._run = self._run.renewed()
-        self._read = True
-        yield from self._run.batches()
+        yield from self._next_run().batches()
 
     @property
     def registry(self) -> Registry:
@@ -76,9 +77,12 @@ class Capture:
     def table(self, name: str) -> pa.Table:
         """Return one table: `frames`, `transfers`, `events`, a message type or a packet (`PUSHCAN.MotorStatus`).
 
-        Verdicts of frames are the final ones. A type that does not occur gives its columns without rows. Raises
-        `LookupError`, with near names, for a name that no type has, and `CaptureError`.
+        `findings` are those of `findings()`. Verdicts of frames are the final ones. A type that does not occur gives
+        its columns without rows. Raises `LookupError`, with near names, for a name that no type has, and
+        `CaptureError`.
         """
+        if name == "findings":
+            return self.findings()
         if name == "frames":
             return _settled(list(self))
         if name in ("transfers", "events"):
@@ -86,6 +90,34 @@ class Capture:
         message, wanted = find_table(self.registry, name)
         pieces = [batch.messages[wanted] for batch in self if wanted in batch.messages]
         return pa.Table.from_batches(pieces or [example(self.registry, message)[wanted].slice(0, 0)])
+
+    def findings(
+        self,
+        *,
+        select: Iterable[str] = (),
+        ignore: Iterable[str] = (),
+        origins: Iterable[str] = (),
+        bit_rate: int | None = None,
+        vehicle: str | PathLike[str] | None = None,
+    ) -> pa.Table:
+        """Judge the capture; return what is found as a table (`analyzer.tables.FINDINGS`), the worst first.
+
+        The arguments are those of `analyzer.check`. Raises what that and reading a table raise.
+        """
+        of = None if vehicle is None else fspath(vehicle)
+        chosen = RuleChoice(tuple(select), tuple(ignore), tuple(origins), bit_rate=bit_rate, vehicle=of)
+        run = self._next_run()
+        with closing(FoundTable(run, Criteria(chosen, self.registry))) as found:
+            for _ in found.beside(run.batches()):
+                pass
+            return pa.Table.from_batches([found.rows()])
+
+    def _next_run(self) -> Run:
+        """Return the run, which has not been read: the first one, or another over the same captures."""
+        if self._read:
+            self._run = self._run.renewed()
+        self._read = True
+        return self._run
 
     @property
     def damage(self) -> CaptureError | None:

@@ -19,15 +19,7 @@ if TYPE_CHECKING:
 
 def add_rules(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     """Add the choice of rules and limits, and of what fails."""
-    group = parser.add_argument_group("rules", "RULES: TRF-010, a layer (CAN, TRF, TYP, PUSH, BUS, CAP), or all")
-    for name, text in (("select", "only these, also those that are off by default"), ("ignore", "all but these")):
-        group.add_argument(
-            f"--{name}", action="append", default=[], metavar="RULES", help=f"{text}; comma-separated, repeatable"
-        )
-    group.add_argument(
-        "--origin", action="append", default=[], metavar="ORIGIN",
-        help="only rules that these state: document, implied (by it), dronecan, heuristic",
-    )  # fmt: skip
+    group = add_choice(parser, "rules")
     group.add_argument(
         "--fail-on", action="append", default=[], metavar="CATEGORY:SEVERITY",
         help="what exit status 1 is for: protocol, device, capture or any; error, warning or note; comma-separated; "
@@ -37,15 +29,29 @@ def add_rules(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
         "--least", action="append", default=[], metavar="KIND=N",
         help="what a capture must have to be judged, else exit status 4: transfers=20, seconds=1 are the defaults",
     )  # fmt: skip
-    group.add_argument("--vehicle", metavar="FILE.toml", help="what is expected of the vehicle, with its own limits")
     group.add_argument("--profile", action=options.OldName, dest="vehicle", new="--vehicle")
     group.add_argument("--baseline", metavar="OLD.json", help="an older --json: what it has already does not fail")
+    return group
+
+
+def add_choice(parser: argparse.ArgumentParser, title: str) -> argparse._ArgumentGroup:
+    """Add the choice of rules and limits, in a group of that title."""
+    group = parser.add_argument_group(title, "RULES: TRF-010, a layer (CAN, TRF, TYP, PUSH, BUS, CAP), or all")
+    for name, text in (("select", "only these, also those that are off by default"), ("ignore", "all but these")):
+        group.add_argument(
+            f"--{name}", action="append", default=[], metavar="RULES", help=f"{text}; comma-separated, repeatable"
+        )
+    group.add_argument(
+        "--origin", action="append", default=[], metavar="ORIGIN",
+        help="only rules that these state: document, implied (by it), dronecan, heuristic",
+    )  # fmt: skip
+    group.add_argument("--vehicle", metavar="FILE.toml", help="what is expected of the vehicle, with its own limits")
     options.add_dialect(group)
     return group
 
 
 def choice(args: argparse.Namespace) -> RuleChoice:
-    """Return the rules and limits that the arguments ask for."""
+    """Return the rules and limits that the arguments of `add_rules` or `add_choice` ask for."""
     from analyzer.app.request import RuleChoice  # noqa: PLC0415
     from analyzer.rules.gate import Least  # noqa: PLC0415
 
@@ -53,12 +59,12 @@ def choice(args: argparse.Namespace) -> RuleChoice:
         select=_words(args.select),
         ignore=_words(args.ignore),
         origins=tuple(word.lower() for word in _words(args.origin)),
-        fail_on=tuple(args.fail_on),
-        least=Least.parse(args.least),
+        fail_on=tuple(getattr(args, "fail_on", ())),
+        least=Least.parse(getattr(args, "least", ())),
         bit_rate=args.bitrate,
         dialects=tuple(args.dialect),
         vehicle=args.vehicle,
-        baseline=args.baseline,
+        baseline=getattr(args, "baseline", None),
     )
 
 

@@ -27,7 +27,7 @@ def log_messages(report: Report, extent: Extent, file: str, *, windowed: bool) -
     A message has the time of the first occurrence. Its log time is the same, or that of the first exported frame where
     the occurrence has none or was before a window. `MOST` findings are told; one more message counts the others.
     """
-    found = [one for one in report.findings if not windowed or _meets(extent, one)]
+    found = [one for one in report.findings if not windowed or meets(extent, one)]
     start = extent.times[0] if extent.times else 0
     several = wording.several_buses(report)
     told = [(one.first.t_ns, _LEVELS[one.severity], _message(one), _name(one, several=several)) for one in found[:MOST]]
@@ -65,7 +65,7 @@ def _name(one: Finding, *, several: bool) -> str:
     return wording.place(one, bus=several) if one.bus or one.node is not None else "capture"
 
 
-def _meets(extent: Extent, one: Finding) -> bool:
+def meets(extent: Extent, one: Finding) -> bool:
     """Return True if a finding goes on there: by its frames, else by its times; with neither, everywhere."""
     first, last = one.first, one.last
     if first.frame is not None and last.frame is not None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO, Protocol
 if TYPE_CHECKING:
     from analyzer._native import FrameBatch
 
+ALL = "all"  # among names of tables: every one but those that have to be asked for
 FORMS = ("candump", "mcap", "pcapng")
 COMPRESSIONS = ("none", "lz4", "zstd")
 _SUFFIXES = {".candump": "candump", ".log": "candump", ".txt": "candump", ".mcap": "mcap", ".pcapng": "pcapng"}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.decode.by_name import example, find_table
-from analyzer.sinks import portable
+from analyzer.sinks import ALL, portable
 from analyzer.sinks.late import LateFrames
 from analyzer.sinks.tables import Tables
 from analyzer.tables import EVENT_ROWS, FRAMES, TRANSFERS, empty
@@ -17,16 +17,18 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping
     from typing import BinaryIO
 
+    import pyarrow as pa
+
     from analyzer.window.part import BatchPart
     from dissectors import Registry
 
 BASIC = ("frames", "transfers", "events")
-FINDINGS = "findings"  # no table: only telemetry has them
+FINDINGS = "findings"  # what rules find: written only if it is asked for
 
 
 def resolve(registry: Registry, name: str) -> str:
-    """Return the table that a person means, or the findings. Raises `LookupError`."""
-    return name if name in (*BASIC, FINDINGS) else find_table(registry, name)[1]
+    """Return the table that a person means, or `ALL`. Raises `LookupError`."""
+    return name if name in (*BASIC, FINDINGS, ALL) else find_table(registry, name)[1]
 
 
 class TableExport:
@@ -38,7 +40,7 @@ class TableExport:
         form: a key of `tables.SUFFIXES`.
         make: makes the file of a table.
         registry: the types the capture is decoded with.
-        wanted: names of tables as `resolve` gives them; all if empty.
+        wanted: names of tables as `resolve` gives them; `ALL` if empty.
         folder: where frames wait for their verdicts.
         about: what is known of the capture, for the metadata of the files.
     """
@@ -68,6 +70,10 @@ class TableExport:
             if self._wants(name):
                 self._tables.feed(name, portable.messages(table, part.buses))
 
+    def feed_findings(self, found: pa.RecordBatch) -> None:
+        """Take the findings, after the last part."""
+        self._tables.feed(FINDINGS, portable.findings(found, self._buses))
+
     def finish(self) -> Iterator[None]:
         """Write what had to wait for the end, in steps."""
         if self._frames is not None:
@@ -91,8 +97,8 @@ class TableExport:
     def _complete(self) -> None:
         """Give tables without rows their columns."""
         none = np.zeros(0, np.uint64)
-        for name in self._wanted or BASIC:
-            if name in self._tables.rows:
+        for name in (BASIC if self._wants(ALL) else ()) + tuple(self._wanted):
+            if name in self._tables.rows or name == ALL:
                 continue
             if name == "frames":
                 rows = portable.frames(empty(FRAMES), none, ())
@@ -106,4 +112,4 @@ class TableExport:
             self._tables.feed(name, rows)
 
     def _wants(self, name: str) -> bool:
-        return not self._wanted or name in self._wanted
+        return not self._wanted or ALL in self._wanted or name in self._wanted

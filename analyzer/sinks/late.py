@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import tempfile
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 
-from analyzer.sinks.atomic import TargetError
+from analyzer.sinks.spool import Spool
 from analyzer.tables import FRAMES
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from typing import IO
 
     from dissectors.kit import Array
 
 
 _ROWS = "frame"
 _STORED = FRAMES.append(pa.field(_ROWS, pa.uint64()))
-_IN_MEMORY = 1 << 25
 
 
 class LateFrames:
@@ -36,20 +33,13 @@ class LateFrames:
     """
 
     def __init__(self, folder: str | None) -> None:
-        self._file: IO[bytes] = tempfile.SpooledTemporaryFile(_IN_MEMORY, dir=folder)  # noqa: SIM115 - see close
-        self._label = "temporary file" + (f" in {folder}" if folder else "")
-        options = pa.ipc.IpcWriteOptions(compression="lz4")
-        self._writer = pa.ipc.new_stream(self._file, _STORED, options=options)
+        self._spool = Spool(_STORED, folder)
         self._settled: list[pa.RecordBatch] = []
 
     def feed(self, frames: pa.RecordBatch, rows: Array) -> None:
         """Take frames with their numbers, from 0. Raises `TargetError` when there is no room."""
         if len(frames):
-            stored = pa.RecordBatch.from_arrays([*frames.columns, pa.array(rows)], schema=_STORED)
-            try:
-                self._writer.write_batch(stored)
-            except OSError as error:
-                raise TargetError(self._label, error) from None
+            self._spool.feed(pa.RecordBatch.from_arrays([*frames.columns, pa.array(rows)], schema=_STORED))
 
     def feed_verdicts(self, settled: pa.RecordBatch) -> None:
         """Take verdicts of frames that came before."""
@@ -58,19 +48,14 @@ class LateFrames:
 
     def replay(self) -> Iterator[tuple[pa.RecordBatch, Array]]:
         """Give the frames once more, with their numbers."""
-        try:
-            self._writer.close()
-            self._file.seek(0)
-        except OSError as error:
-            raise TargetError(self._label, error) from None
         late = _Late(self._settled)
-        for stored in pa.ipc.open_stream(self._file):
+        for stored in self._spool.replay():
             rows = numbers(stored.column(_ROWS))
             yield late.corrected(stored.select(FRAMES.names).cast(FRAMES), rows), rows
 
     def close(self) -> None:
         """Give the room back."""
-        self._file.close()
+        self._spool.close()
 
 
 class _Late:

@@ -63,12 +63,7 @@ def transfers(table: pa.RecordBatch, rows: Array, buses: Sequence[str], registry
     out = [_column("transfer", pa.array(rows), "number, from 0"), *_columns(table, buses)]
     names = [field.name for field, _ in out]
     of = names.index("frame")
-    inner = out[of][1]
-    counted = pa.Array.from_buffers(
-        inner.type, len(inner), inner.buffers()[:2], offset=inner.offset,
-        children=[pc.add(inner.values, pa.scalar(1, inner.type.value_type))],
-    )  # fmt: skip
-    out[of] = _column("frames", counted, "numbers of its frames, from 1")
+    out[of] = _column("frames", _one_more(out[of][1]), "numbers of its frames, from 1")
     out.insert(names.index("kind") + 1, _column("type", _types(table, registry), "data type; null when unknown"))
     return _batch(
         _in_words(out, {"kind": KINDS, "status": STATUSES}, {"anomaly": TRANSFER_ANOMALIES}),
@@ -79,6 +74,19 @@ def transfers(table: pa.RecordBatch, rows: Array, buses: Sequence[str], registry
 def events(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
     """Return events, their kind in words."""
     return _batch(_in_words(_columns(table, buses), {"kind": EVENTS}, {}), table.schema.metadata)
+
+
+def findings(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
+    """Return findings; frames count from 1."""
+    out: list[Column] = []
+    for field, array in _columns(table, buses):
+        if field.name in ("frame", "frame_end"):
+            out.append(_column(field.name, pc.add(array, pa.scalar(1, array.type)), _from_1(field)))
+        elif field.name == "frames":
+            out.append(_column(field.name, _one_more(array), _from_1(field)))
+        else:
+            out.append((field, array))
+    return _batch(out, table.schema.metadata)
 
 
 def messages(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
@@ -97,6 +105,17 @@ def messages(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
             text = _named(array, names)
             out.append((pa.field(f"{field.name}.text", text.type, metadata=about), text))
     return _batch(out, table.schema.metadata)
+
+
+def _one_more(lists: pa.Array) -> pa.Array:
+    """Return lists of numbers, each of them larger by 1."""
+    values = pc.add(lists.values, pa.scalar(1, lists.type.value_type))
+    return pa.Array.from_buffers(lists.type, len(lists), lists.buffers()[:2], offset=lists.offset, children=[values])
+
+
+def _from_1(field: pa.Field) -> str:
+    about: str = field.metadata[b"about"].decode()
+    return about.replace("from 0", "from 1")
 
 
 def _columns(table: pa.RecordBatch, buses: Sequence[str]) -> list[Column]:

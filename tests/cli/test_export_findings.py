@@ -240,14 +240,6 @@ def test_chosen_tables(command: Main, tmp_path: Path) -> None:
     assert "findings" not in err
 
 
-@pytest.mark.parametrize("form", ["parquet", "arrow", "csv"])
-def test_tables_have_none(command: Main, tmp_path: Path, form: str) -> None:
-    status, _, err = command("export", HOVER, "-o", tmp_path / "out", "-F", form, "--table", "findings")
-    assert (status, list(tmp_path.iterdir())) == (2, [])
-    assert err.count("\n") == 1
-    assert "FILE.mcap" in err
-
-
 @pytest.mark.slow
 def test_the_worst_are_told_when_there_are_many(command: Main, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("analyzer.report.log_messages.MOST", 8)

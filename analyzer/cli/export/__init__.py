@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import closing
+from contextlib import ExitStack, closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from analyzer.app import streams
 from analyzer.app.targets import refuse_input
-from analyzer.cli import options, status
+from analyzer.cli import options, rules, status
 from analyzer.cli.export.target import FORMS, goal
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from contextlib import AbstractContextManager
 
-    from analyzer.app.judged import JudgedRun
+    from analyzer.app.criteria import Criteria
     from analyzer.app.run import Run
     from analyzer.cli.complaints import Complaints
     from analyzer.cli.export.target import Goal
+    from analyzer.decode.engine import Batch
     from analyzer.sinks.atomic import Target, TargetFolder
     from analyzer.window.part import BatchPart
 
@@ -46,8 +48,10 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         "--table", action="append", default=[], metavar="NAME",
         help="only this table: frames, transfers, events, NodeStatus or another type or packet; repeatable; "
-        "findings: what `check` finds, into MCAP",
+        "all: each of them; findings: what `check` finds, in no folder unless it is asked for",
     )  # fmt: skip
+    group = rules.add_choice(parser, "rules of the findings")
+    group.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
     options.add_window(parser)
     parser.set_defaults(run=run)
 
@@ -65,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     if args.stop in FORMS:
         return status.usage(f"--to is a time: did you mean -F {args.stop}", NAME)
     try:
-        request = options.request(args)
+        request = replace(options.request(args), rules=rules.choice(args))
     except (argparse.ArgumentTypeError, ValueError) as error:
         return status.usage(error, NAME)
     complaints = Complaints()
@@ -76,9 +80,10 @@ def run(args: argparse.Namespace) -> int:
             refuse_input(request.names, args.output)
             for name in (tables or BASIC) if wanted.folder else ():
                 refuse_input(request.names, _file(wanted, name))
-        except (argparse.ArgumentTypeError, LookupError, ValueError) as error:
+            criteria = _criteria(run, wanted)
+        except (argparse.ArgumentTypeError, LookupError, OSError, ValueError) as error:
             return status.usage(error, NAME)
-        export = _Export(run, wanted, complaints)
+        export = _Export(run, wanted, complaints, criteria)
         try:
             if wanted.form == "mcap":
                 export.telemetry()
@@ -89,23 +94,43 @@ def run(args: argparse.Namespace) -> int:
     return status.of_run(run)
 
 
-class _Export:
-    """The capture part by part on its way into the output, with what is inside the window counted."""
+def _criteria(run: Run, goal: Goal) -> Criteria | None:
+    """Return by what the capture is judged, None if no findings are wanted. Raises what `Criteria` raises."""
+    from analyzer.app.request import RuleChoice  # noqa: PLC0415
 
-    def __init__(self, run: Run, goal: Goal, complaints: Complaints) -> None:
-        self._run, self._goal, self._complaints = run, goal, complaints
+    if goal.findings:
+        return rules.criteria(run.request.rules, run.registry, NAME)
+    if run.request.rules != RuleChoice():
+        raise ValueError("rules are chosen, but no findings: give --table findings")
+    return None
+
+
+class _Export:
+    """The capture part by part on its way into the output, with what is inside the window counted.
+
+    It is judged by the criteria, if there are some.
+    """
+
+    def __init__(self, run: Run, goal: Goal, complaints: Complaints, criteria: Criteria | None) -> None:
+        self._run, self._goal, self._complaints, self._criteria = run, goal, complaints, criteria
         self._frames = self._transfers = self._events = 0
 
     def tables(self) -> None:
         """Write a file for each table, or one table."""
+        from analyzer.app.found import FoundTable  # noqa: PLC0415
         from analyzer.cli.reading import watched  # noqa: PLC0415
         from analyzer.sinks.atomic import Target, TargetFolder  # noqa: PLC0415
         from analyzer.sinks.export import TableExport  # noqa: PLC0415
+        from analyzer.sinks.extent import Extent  # noqa: PLC0415
 
         run, goal = self._run, self._goal
         place: AbstractContextManager[Target | TargetFolder]
         place = TargetFolder(goal.path) if goal.folder else Target(goal.path)
-        with place as target:
+        found = None if self._criteria is None else FoundTable(run, self._criteria, _scratch(goal.path))
+        extent = Extent()
+        with place as target, ExitStack() as stack:
+            if found is not None:
+                stack.callback(found.close)
 
             def make(name: str) -> BinaryIO:
                 if not isinstance(target, TargetFolder):
@@ -119,8 +144,11 @@ class _Export:
 
             export = TableExport(goal.form, make, run.registry, goal.tables, _scratch(goal.path), _about(run))
             with closing(export), watched(run.source, self._complaints) as progress:
-                for part in progress.over(self._parts()):
+                for part in progress.over(self._parts(None if found is None else found.beside)):
                     export.feed(part)
+                    extent.feed(part)
+                if found is not None:
+                    export.feed_findings(found.rows(extent if run.request.window else None))
                 for _ in progress.over(export.finish(), "writing frames"):
                     run.go_on()
             run.go_on()
@@ -131,24 +159,22 @@ class _Export:
 
     def telemetry(self) -> None:
         """Write messages, frames, events and findings into one MCAP file."""
-        from analyzer.app.criteria import Criteria  # noqa: PLC0415
         from analyzer.app.judged import JudgedRun  # noqa: PLC0415
         from analyzer.cli.reading import watched  # noqa: PLC0415
         from analyzer.report.log_messages import log_messages  # noqa: PLC0415
         from analyzer.sinks import losses  # noqa: PLC0415
         from analyzer.sinks.atomic import Target  # noqa: PLC0415
-        from analyzer.sinks.export import FINDINGS  # noqa: PLC0415
         from analyzer.sinks.telemetry import TelemetryExport  # noqa: PLC0415
 
         run, goal = self._run, self._goal
-        criteria = Criteria(run.request.rules, run.registry)
-        judged = JudgedRun(run, criteria) if FINDINGS in (goal.tables or [FINDINGS]) else None
+        criteria = self._criteria
+        judged = None if criteria is None else JudgedRun(run, criteria)
         with Target(goal.path) as target:
             export = TelemetryExport(target.file, goal.tables, _about(run))
             with watched(run.source, self._complaints) as progress:
-                for part in progress.over(self._parts(judged)):
+                for part in progress.over(self._parts(None if judged is None else judged.beside)):
                     export.feed(part)
-            if judged is not None:
+            if criteria is not None and judged is not None:
                 report = criteria.report([judged.taken(run.source.name)])
                 log = log_messages(report, export.extent, export.capture, windowed=bool(run.request.window))
                 export.add_findings(log)
@@ -160,14 +186,14 @@ class _Export:
         if lost := losses(export.lost):
             streams.tell(f"-- frames in MCAP cannot hold: {lost}\n")
 
-    def _parts(self, judged: JudgedRun | None = None) -> Iterator[BatchPart]:
-        """Yield what is inside the window; all is judged. Ends the run when there is no use in going on."""
+    def _parts(self, beside: Callable[[Iterable[Batch]], Iterator[Batch]] | None) -> Iterator[BatchPart]:
+        """Yield what is inside the window; all goes through `beside`. Ends the run when there is no use in going on."""
         from analyzer.window.part import TableSelection  # noqa: PLC0415
 
         run = self._run
         selection = TableSelection(run.request.window, run.again)
         batches = run.batches()
-        for part in selection.parts(batches if judged is None else judged.beside(batches)):
+        for part in selection.parts(batches if beside is None else beside(batches)):
             self._frames += len(part.frames)
             self._transfers += len(part.transfers)
             self._events += len(part.events)

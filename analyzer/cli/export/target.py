@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from analyzer.sinks import ALL
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -24,6 +26,11 @@ class Goal:
     folder: bool
     tables: tuple[str, ...]
 
+    @property
+    def findings(self) -> bool:
+        """True if they are among what is written: MCAP has them if nothing is chosen."""
+        return "findings" in self.tables or (self.form == "mcap" and not self.tables)
+
 
 def goal(output: str, form: str | None, tables: Sequence[str]) -> Goal:
     """Return what the arguments ask for. Raises `ValueError` when they do not go together."""
@@ -35,18 +42,17 @@ def goal(output: str, form: str | None, tables: Sequence[str]) -> Goal:
         raise ValueError("- says no format: give -F parquet, arrow, csv or mcap")
     if form is not None and named not in (None, form) and not into:
         raise ValueError(f"-o {output} and -F {form} contradict each other")
-    one = not into and len(tables) == 1 and Path(output).exists()
+    alone = len(tables) == 1 and ALL not in tables
+    one = not into and alone and Path(output).exists()
     if not (into or named):
         _check_suffix(output, free=one or form == "mcap")
     form = form or named or "parquet"
     if output == "-" and form != "csv" and sys.stdout.isatty():
         raise ValueError(f"{form} is nothing for a terminal")
-    if form != "mcap" and "findings" in tables:
-        raise ValueError("findings go into MCAP: give FILE.mcap, or use tailbyte check")
     if form == "mcap":
         return _mcap(output, tables, into=into)
     folder = into or (named is None and output != "-" and not one)
-    if not folder and len(tables) != 1:
+    if not folder and not alone:
         raise ValueError(f"{output}: one file holds one table: choose it with --table NAME, or give a folder")
     return Goal(form, output, folder, tuple(tables))
 
@@ -56,7 +62,7 @@ def _mcap(output: str, tables: Sequence[str], *, into: bool) -> Goal:
         raise ValueError("MCAP holds messages, frames, events and findings, but no table of transfers")
     if into:
         raise ValueError(f"{output}: is a folder, and MCAP is one file: give it a name")
-    return Goal("mcap", output, folder=False, tables=tuple(tables))
+    return Goal("mcap", output, folder=False, tables=() if ALL in tables else tuple(tables))
 
 
 def _suffix(output: str) -> str:
