@@ -47,6 +47,24 @@ def graceful(work: Callable[[], Stoppable]) -> Iterator[None]:
 
 
 @contextmanager
+def orderly(work: Callable[[], Stoppable]) -> Iterator[list[int]]:
+    """Let the first Ctrl-C, SIGTERM or SIGHUP stop the work that `work` names, and a second signal end the program.
+
+    Yields the numbers of the signals that came.
+    """
+    heard: list[int] = []
+
+    def stop(number: int, _: object) -> None:
+        heard.append(number)
+        if len(heard) > 1:
+            raise SystemExit(128 + number)
+        work().stopped = True
+
+    with handling({"SIGINT": stop, "SIGTERM": stop, "SIGHUP": stop}):
+        yield heard
+
+
+@contextmanager
 def cleaning() -> Iterator[None]:
     """Let SIGTERM and SIGHUP end the program at once, but not without cleaning up: `SystemExit` with 128 + signal."""
     with handling({"SIGTERM": _leave, "SIGHUP": _leave}):

@@ -22,13 +22,14 @@ NAME = "tailbyte live"
 HOUR = 3600.0
 _EPILOG = """\
 On a terminal a monitor (q ends it, ? tells of its keys); in a pipe, or with an option about what to list, a list. Both
-end with Ctrl-C or SIGTERM, which finish the recording; SIGUSR1 sets a mark in it. Findings are told on standard error
-when they begin, and the verdict at the end is that of `tailbyte check` on the recording.
+end with Ctrl-C or SIGTERM, which finish the recording; SIGUSR1 sets a mark in it, and SIGHUP begins it anew under its
+name, once it was moved away. Findings are told on standard error when they begin, and the verdict at the end is that of
+`tailbyte check` on the recording.
 
 COND of -b and -a as dumpcap has them. Times may be written as 10, 10s, 5min, 2h; sizes in kB, or as 100MB.
 
 exit status: that of check: 0 clean, 1 findings at or above --fail-on, 2 wrong usage, 3 an interface that cannot be
-opened or is gone for good, or a recording that could not be written, 4 nothing to judge."""
+opened or is gone for good, or a recording that could not be written, whatever was found, 4 nothing to judge."""
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -125,6 +126,7 @@ class Wanted:
         self.files = list(reports.files(args))
         _check_record(args.record, self.files)
         self._text = reports.show_options(args)
+        self._recorded = args.record not in (None, "-")
         # Whether standard output belongs to a report, and whether it is full of frames.
         self._silent, self._apart = any(path == "-" for _, path in self.files), mode == "list" or args.record == "-"
         if self._silent and self._apart:
@@ -161,7 +163,7 @@ class Wanted:
         control, everything = SessionControl(), self._text.everything
         session = LiveRun(self.request, self.criteria, control)
         with ExitStack() as stack:
-            stack.enter_context(signals(control))
+            stack.enter_context(signals(control, recorded=self._recorded))
             targets = reports.opened(self.files, stack)
             report = session.run()
             written = report is not None and reports.all_written(targets, report, everything=everything)
@@ -178,7 +180,7 @@ class Wanted:
         elif not self._silent:
             reports.tell(report, self._text)
         rules.tell_gate(self._rules, report)
-        return status.of_report(report, complete=written and not session.problems)
+        return status.DAMAGED if session.problems else status.of_report(report, complete=written)
 
 
 def _mode(args: argparse.Namespace) -> LiveMode:

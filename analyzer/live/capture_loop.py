@@ -31,7 +31,7 @@ class SessionControl:
 
     def __init__(self) -> None:
         self.stopped = False
-        self.marks = 0
+        self.marks = self.renewals = 0
 
     def stop(self) -> None:
         """Ask it to end soon."""
@@ -40,6 +40,10 @@ class SessionControl:
     def mark(self) -> None:
         """Ask for a mark in the recording."""
         self.marks += 1
+
+    def renew(self) -> None:
+        """Ask for a new file of the recording, once the one that is written was moved away."""
+        self.renewals += 1
 
 
 class Recorder(Protocol):
@@ -53,6 +57,9 @@ class Recorder(Protocol):
 
     def record_now(self, why: str) -> None:
         """Record what is there now, as somebody asks for it."""
+
+    def begin_anew(self) -> None:
+        """Begin a new file."""
 
     def notes(self) -> Sequence[str]:
         """Return what has happened to it since the last call."""
@@ -96,7 +103,7 @@ class CaptureLoop(AbstractContextManager["CaptureLoop"]):
         self._recorder_lock = Lock()
         self._changed = Condition()
         self._waiting: list[FrameBatch] = []
-        self._rows = self._marked = self._unreadable = 0
+        self._rows = self._marked = self._renewed = self._unreadable = 0
         self._losses = FrameLosses()
         self._notes: list[str] = []
         if header:
@@ -168,6 +175,11 @@ class CaptureLoop(AbstractContextManager["CaptureLoop"]):
             if self._recorder is not None:
                 with self._recorder_lock:
                     self._recorder.record_now(text)
+        while self._renewed < self.control.renewals:
+            self._renewed += 1
+            if self._recorder is not None:
+                with self._recorder_lock:
+                    self._recorder.begin_anew()
         self._look()
         if self._autostop.due() and not self.control.stopped:
             self._say(f"enough: {self._autostop.reason}")

@@ -90,6 +90,11 @@ class GrowingFile:
         if self._regular:
             self._try(os.fsync)
 
+    @property
+    def deleted(self) -> bool:
+        """True if no name leads to it any more."""
+        return self._regular and not os.fstat(self._descriptor).st_nlink
+
     def discard(self) -> None:
         """Forget what is gathered: it will not be written."""
         self._parts, self.gathered = [], 0

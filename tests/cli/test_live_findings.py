@@ -215,7 +215,7 @@ def test_two_interfaces_that_lose_and_complain(
     frames = sum(isinstance(row, Frame) for mine in sent.values() for row in mine)
     record, live, check = tmp_path / name, tmp_path / "live.json", tmp_path / "check.json"
     status, _, err = command("live", "can0", "can1", "-q", "-c", frames, "-w", record, "--json", live)
-    assert "-- can0: 708 frames = 701 received + 7 dropped" in err
+    assert "-- can0: 707 frames = 700 received + 7 dropped; 1 error frame received" in err
     assert command("check", record, "--json", check)[0] == status
     found = json.loads(live.read_bytes())["findings"]
     assert json.dumps(found) == json.dumps(json.loads(check.read_bytes())["findings"])

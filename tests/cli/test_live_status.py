@@ -58,10 +58,10 @@ def test_no_more_rules_are_named_than_fit() -> None:
 
 
 def test_the_account_adds_up() -> None:
-    counts = {"can0": InterfaceCounts(90, 7, 3), "slcan:\x1b": InterfaceCounts(5)}
+    counts = {"can0": InterfaceCounts(90, 7, 3), "slcan:\x1b": InterfaceCounts(5, errors=2)}
     assert list(account(counts, {"can0"})) == [
         "can0: 100 frames = 90 received + 7 dropped + 3 lost here",
-        "slcan:\\x1b: 5 frames = 5 received + 0 dropped, as far as its driver tells",
+        "slcan:\\x1b: 5 frames = 5 received + 0 dropped, as far as its driver tells; 2 error frames received",
     ]
 
 

@@ -258,3 +258,22 @@ def test_a_key_that_cannot_be_written_is_known_before_anything_is_sent(command: 
 )  # fmt: skip
 def test_what_is_refused(command: Command, args: list[str], reason: str) -> None:
     assert command("simulate", *args) == (2, "", f"tailbyte simulate: {reason}\n")
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_whoever_ends_it_gets_the_key(name: str, command: Command, receiver: can.BusABC) -> None:
+    """What was sent has been sent, however it ended."""
+
+    def end() -> None:
+        for _ in range(20):
+            assert receiver.recv(30) is not None
+        os.kill(os.getpid(), signal.Signals[name])
+
+    reader = threading.Thread(target=end)
+    reader.start()
+    status, _, err = command("simulate", "virtual:here", "--key", "key.json")
+    reader.join()
+    frames = 20 + len(got(receiver))
+    assert status == 128 + signal.Signals[name]
+    assert err.startswith(f"-- {frames:,} frames, ")
+    assert json.loads(Path("key.json").read_text())["capture"]["frames"] == frames

@@ -117,7 +117,7 @@ class Session:
         """Frames received and dropped, as it says at its end."""
         head = f"-- {name}: "
         (line,) = (line for line in self.said.splitlines() if line.startswith(head) and " received + " in line)
-        total, _, parts = line.removeprefix(head).replace(",", "").partition(" frames = ")
+        total, _, parts = line.partition("; ")[0].removeprefix(head).replace(",", "").partition(" frames = ")
         received, _, dropped = parts.removesuffix(" dropped").partition(" received + ")
         assert int(total) == int(received) + int(dropped)
         return int(received), int(dropped)

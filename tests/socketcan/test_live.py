@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 FAULTY = CAPTURES / "mission-8-faults.log"
 NOTHING_TO_JUDGE = 4
-ENDS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+ENDS = (signal.SIGTERM, signal.SIGINT, signal.SIGTERM)
 BRS, ESI = 16, 32
 # What an interface without CAN FD takes, and what else there is.
 PLAIN = (

@@ -107,6 +107,20 @@ def test_files_that_follow_each_other(tmp_path: Path) -> None:
             assert {len(part) for part in parts[:-1]} == {700}
 
 
+def test_a_file_that_is_moved_away(tmp_path: Path) -> None:
+    """SIGHUP begins the recording anew under its name; no frame is lost between the two files."""
+    path, moved = tmp_path / "x.mcap", tmp_path / "moved.mcap"
+    with quiet(tmp_path, ["vcan0"], path.name) as session, Traffic("vcan0", 1500) as traffic:
+        wait_until(lambda: len(frames_in(path)) > 100)
+        path.rename(moved)
+        session.tell(signal.SIGHUP)
+        wait_until(lambda: len(frames_in(path)) > 100)
+        traffic.stop()
+        session.end()
+        assert session.counts("vcan0") == (traffic.sent, 0)
+    assert numbers([*stored(moved), *stored(path)]) == list(range(traffic.sent))
+
+
 def test_killed(tmp_path: Path) -> None:
     """What could be read while it was written is still there, and no frame of it is wrong."""
     with ExitStack() as stack, Witness("vcan0") as witness:

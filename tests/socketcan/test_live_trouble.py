@@ -95,7 +95,10 @@ def test_error_frames(command: Command, tmp_path: Path) -> None:
             status = session.end()
         rows = stored(recording)
         faults = [row for row in rows if isinstance(row, Fault)]
-        assert session.counts(adapter.channel) == (len(faults) + 1, 0)
+        assert session.counts(adapter.channel) == (1, 0)
+        errors = f"{len(faults)} error frames"
+        assert f"-- {adapter.channel}: 1 frames = 1 received + 0 dropped; {errors} received\n" in session.said
+        assert f"-- recorded: 1 frames and {errors}, " in session.said
     finally:
         adapter.unplug()
 
@@ -237,6 +240,23 @@ def test_an_interface_that_comes_and_goes(tmp_path: Path, vcan7: str) -> None:
     # It may have been seen before it was up.
     assert [(text[:20], count) for text, count in told[6:]] in ([], [("vcan7: link up after", 200)])
     assert numbers(rows) == list(range(300))
+
+
+def test_another_name(tmp_path: Path, vcan7: str) -> None:
+    """The session stays with its interface, and says what that is called."""
+    recording = tmp_path / "x.log"
+    with quiet(tmp_path, [vcan7], recording.name) as session:
+        ip("set", vcan7, "down")
+        ip("set", vcan7, "name", "vcan9")
+        ip("set", "vcan9", "up")
+        session.until("-- vcan7: is called vcan9 now")
+        with Sender("vcan9") as sender:
+            sender.send(*numbered(10))
+            wait_until(lambda: len(frames_of(frames_in(recording))) == 10)
+        session.end()
+        assert session.counts(vcan7) == (10, 0)
+    subprocess.run(["ip", "link", "del", "vcan9"], check=True)
+    assert any(text and "vcan7: is called vcan9 now" in text for text in map(note, stored(recording)))
 
 
 def test_missing(command: Command, tmp_path: Path) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -175,8 +176,12 @@ def printed(stack: ExitStack) -> Callable[[str], None]:
 
 
 @contextmanager
-def signals(control: SessionControl) -> Iterator[None]:
-    """End the session on Ctrl-C, SIGTERM, SIGHUP, at once on a second Ctrl-C; set a mark in it on SIGUSR1."""
+def signals(control: SessionControl, *, recorded: bool) -> Iterator[None]:
+    """End the session on Ctrl-C and SIGTERM, at once on a second Ctrl-C; set a mark in it on SIGUSR1.
+
+    SIGHUP renews the files of the recording. It ends the session if its terminal is gone, or if nothing is recorded.
+    """
+    terminal = _has_terminal()
 
     def stop(number: int, _: object) -> None:
         if control.stopped and number == signal.SIGINT:
@@ -186,5 +191,19 @@ def signals(control: SessionControl) -> Iterator[None]:
     def mark(*_: object) -> None:
         control.mark()
 
-    with handling({"SIGINT": stop, "SIGTERM": stop, "SIGHUP": stop, "SIGUSR1": mark}):
+    def renew(*_: object) -> None:
+        if not recorded or (terminal and not _has_terminal()):
+            control.stop()
+        else:
+            control.renew()
+
+    with handling({"SIGINT": stop, "SIGTERM": stop, "SIGHUP": renew, "SIGUSR1": mark}):
         yield
+
+
+def _has_terminal() -> bool:
+    """Return True unless whoever started this has hung up, or never had a terminal."""
+    with suppress(OSError):
+        os.close(os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY))
+        return True
+    return False

@@ -123,7 +123,7 @@ class SessionRecording:
         plan, recorder = self._plan, self.file_recorder
         if plan.recording is None or recorder is None or plan.recording.path == "-":
             return ()
-        return () if plan.trigger is not None or recorder.lost else recorder.files
+        return () if plan.trigger is not None or recorder.lost or recorder.begun_anew else recorder.files
 
     def stored(self) -> list[RecordedFile]:
         """Return the files, for the facts of a report."""
@@ -177,7 +177,8 @@ class SessionRecording:
         where = wording.safe(names[-1]) if names else "nothing"
         more = f" and {wording.plural(len(names) - 1, 'file')} before it" if len(names) > 1 else ""
         lost = f", {recorder.lost:,} not recorded" if recorder.lost else ""
-        yield f"recorded: {recorder.frames:,} frames, {wording.size(recorder.bytes)}, in {where}{more}{lost}"
+        errors = f" and {wording.plural(recorder.error_frames, 'error frame')}" if recorder.error_frames else ""
+        yield f"recorded: {recorder.frames:,} frames{errors}, {wording.size(recorder.bytes)}, in {where}{more}{lost}"
         if len(self.files) == 1:
             rate = "" if bit_rate is None else f" --bitrate {bit_rate}"
             yield f"the same verdict: tailbyte check {wording.argument(self.files[0])}{rate}"

@@ -92,5 +92,6 @@ def account(counts: Mapping[str, InterfaceCounts], counted: Collection[str]) -> 
         total = one.received + one.dropped + one.lost
         lost = f" + {one.lost:,} lost here" if one.lost else ""
         told = "" if name in counted else ", as far as its driver tells"
-        sums = f"{one.received:,} received + {one.dropped:,} dropped{lost}{told}"
+        errors = f"; {wording.plural(one.errors, 'error frame')} received" if one.errors else ""
+        sums = f"{one.received:,} received + {one.dropped:,} dropped{lost}{told}{errors}"
         yield f"{wording.safe(name)}: {total:,} frames = {sums}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import dissectors
 from analyzer.app import streams
-from analyzer.app.interrupt import graceful
+from analyzer.app.interrupt import orderly
 from analyzer.cli import sending, status
 from analyzer.cli.progress import Progress
 from analyzer.cli.simulate.file import Work, account, missing, shown
@@ -34,7 +34,7 @@ _AHEAD = 10 * SECOND
 
 
 def run(settings: SimulationSettings, interface: Interface, key_path: str | None, *, actuating: bool, who: str) -> int:
-    """Send until the end or Ctrl-C, and write the key; return the exit status."""
+    """Send until the end or a signal, and write the key; return the exit status."""
     registry, work = dissectors.load(), Work()
     guard = Guard(registry)
     try:
@@ -45,7 +45,7 @@ def run(settings: SimulationSettings, interface: Interface, key_path: str | None
             outlet.open()
             key = stack.enter_context(Target(key_path)) if key_path is not None else None
             run_ = _Run(Simulation(settings, registry), work, outlet)
-            with graceful(lambda: work):
+            with orderly(lambda: work) as signals:
                 failure = run_.send()
             if failure is not None and not run_.simulation.recorder.frames:
                 raise failure
@@ -56,6 +56,8 @@ def run(settings: SimulationSettings, interface: Interface, key_path: str | None
     except (InterfaceError, ActuationError) as error:
         return sending.failed(error, who)
     done = run_.conclude(who)
+    if signals and done == status.INTERRUPTED:
+        done = 128 + signals[0]
     return done if failure is None else sending.failed(failure, who)
 
 

@@ -34,13 +34,14 @@ _NAME = 64
 class InterfaceCounts:
     """Frames and error frames of an interface; the sum is everything that reached its socket.
 
-    `received` went on to the one who takes, or will; `dropped` were lost by the kernel, as far as it says; `lost`
-    came while too many rows waited.
+    `received` frames and `errors`, which the controller made, went on to the one who takes, or will; `dropped` were
+    lost by the kernel, as far as it says; `lost` came while too many rows waited.
     """
 
     received: int = 0
     dropped: int = 0
     lost: int = 0
+    errors: int = 0
 
 
 class Hub(AbstractContextManager["Hub"]):
@@ -195,7 +196,9 @@ class Hub(AbstractContextManager["Hub"]):
                 return
             if frames and self._untold[index]:
                 self._tell(index, remarks.first_time(batch))
-            self._counts[index] = replace(count, received=count.received + frames, dropped=dropped)
+            errors = lines["error_frames"]
+            received = count.received + frames - errors
+            self._counts[index] = replace(count, received=received, errors=count.errors + errors, dropped=dropped)
             self._waiting.append((index, batch))
             self._rows += lines["lines"]
             if self._rows >= self._most // 2:

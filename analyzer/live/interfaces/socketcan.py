@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 # Bytes asked for; the kernel counts twice as many, and 768 for a classic frame.
 BUFFER = 4 << 20
 _CLASSIC = 768
+# Seconds between two looks at its name.
+_RENAMED = 1.0
 _GONE = (errno.ENODEV, errno.ENXIO)
 _LONGEST_FRAME = 72
 
@@ -63,6 +65,7 @@ class SocketCanReceiver:
         self._bus: can.BusABC | None = None
         self._socket: SocketReceiver | None = None
         self._index: int | None = None
+        self._called, self._asked = "", 0.0
         self._since: float | None = None  # down or gone
         self._looked = 0.0
         self._open()
@@ -111,6 +114,7 @@ class SocketCanReceiver:
             self._failed_with(error, native)
             return
         self._retry.work(self._now())
+        self._tell_name()
         if not native.waiting and native.drops_now() > native.dropped:
             native.finish()  # frames were lost, and none has come since that would tell
         self._keep(native)
@@ -142,12 +146,25 @@ class SocketCanReceiver:
         self._bus, self._socket = bus, native
         link = self._link(lambda link: link.name == self._interface.channel)
         self._index = link.index if link else None
+        self._called = str(self._interface.channel)
         self._since = self._now() if link and not link.up else None
 
     def _tell_buffer(self) -> None:
         granted = self._socket.buffer if self._socket is not None else 0
         less = "" if granted >= 2 * BUFFER else ", less than asked for: that takes CAP_NET_ADMIN or net.core.rmem_max"
         self._journal.note(f"receive buffer of {granted:,} bytes, {granted // _CLASSIC:,} classic frames{less}")
+
+    def _tell_name(self) -> None:
+        """Tell that somebody has renamed the interface: the socket stays with it."""
+        now = self._now()
+        if self._index is None or now - self._asked < _RENAMED:
+            return
+        self._asked = now
+        with suppress(OSError):
+            name = socket.if_indextoname(self._index)
+            if name != self._called:
+                self._journal.say(f"is called {name} now")
+                self._called = name
 
     def _tell_stamps(self, native: SocketReceiver | None) -> None:
         """Tell which clock it turned out to be."""

@@ -58,7 +58,7 @@ class FileRecorder(AbstractContextManager["FileRecorder"]):
         self._queue: deque[FrameBatch] = deque()
         self._waiting = self._lost = self._taken = 0
         self._losses = FrameLosses()
-        self._ended = False
+        self._ended = self._anew = False
         self._notes: list[str] = []
         self._behind = False
         self._thread = Thread(target=self._run, name="recorder", daemon=True)
@@ -90,6 +90,12 @@ class FileRecorder(AbstractContextManager["FileRecorder"]):
     def record_now(self, why: str) -> None:
         """Ignore that somebody wants what is there now to be recorded: it is."""
 
+    def begin_anew(self) -> None:
+        """Begin a new file under the same name, if somebody has taken the one that is written away; or the next one."""
+        with self._changed:
+            self._anew = True
+            self._changed.notify()
+
     def notes(self) -> list[str]:
         """Return what has happened since the last call, a line each."""
         with self._changed:
@@ -100,6 +106,16 @@ class FileRecorder(AbstractContextManager["FileRecorder"]):
     def frames(self) -> int:
         """Frames that can be read in the files, or could before a file was deleted."""
         return self._files.frames
+
+    @property
+    def error_frames(self) -> int:
+        """Error frames that can be read there."""
+        return self._files.error_frames
+
+    @property
+    def begun_anew(self) -> bool:
+        """True if the names that it was given do not hold all of it any more."""
+        return self._files.begun_anew
 
     @property
     def lost(self) -> int:
@@ -191,9 +207,9 @@ class FileRecorder(AbstractContextManager["FileRecorder"]):
             ends = [flush + self._flushed] * dirty + [sync + self._synced] * files.unsynced
             with self._changed:
                 wait = max(min(ends) - self._clock(), 0.0) if ends else None
-                self._changed.wait_for(lambda: self._queue or self._ended, wait)
+                self._changed.wait_for(lambda: self._queue or self._ended or self._anew, wait)
                 batches, self._queue = self._queue, deque()
-                ended = self._ended
+                ended, anew, self._anew = self._ended, self._anew, False
                 self._taken += sum(map(count_frames, batches))
             if batches and not dirty:
                 flush = self._clock()  # counts from the first row that waits
@@ -201,6 +217,8 @@ class FileRecorder(AbstractContextManager["FileRecorder"]):
                 files.write(batch)
                 with self._changed:
                     self._waiting -= count_rows(batch)
+            if anew:
+                files.begin_anew()
             if ended and not batches:
                 files.close()
                 return
@@ -208,5 +226,6 @@ class FileRecorder(AbstractContextManager["FileRecorder"]):
                 files.flush()
                 flush = self._clock()
             if files.unsynced and self._clock() >= sync + self._synced:
+                files.look()
                 files.sync()
                 sync = self._clock()

@@ -42,6 +42,7 @@ class Files:
         self._frames = self._bytes = 0
         self._errors = self.error_frames = 0
         self.frames = self.full = 0
+        self.begun_anew = False
         self.names: list[str] = []
         self.unsynced = self._used = False
         self._file, self._sink = self._open()
@@ -101,8 +102,24 @@ class Files:
         self._file.sync_aside()
         self.unsynced = False
 
+    def begin_anew(self) -> None:
+        """Begin the next file of a ring, else one under the same name, if that is free."""
+        if self._ring is not None:
+            self._next()
+        elif Path(self._plan.path).exists():
+            self._notes.append(f"{self.current}: is there, and goes on: move it away, then a new one begins")
+        else:
+            self._begin_anew("")
+
+    def look(self) -> None:
+        """Begin anew if somebody has deleted the file: what goes into it nobody will read."""
+        if self._file.deleted:
+            self._begin_anew(f"has been deleted, with {self._sink.frames:,} frames; ")
+
     def close(self) -> None:
         """Finish the file."""
+        if self._file.deleted:
+            raise TargetError(self.current, "has been deleted")
         self._sink.close()
         self.flush()
         self._file.sync()
@@ -136,15 +153,27 @@ class Files:
             size = file.size
         return ring.over(size) or ring.left(sink.frames) == 0
 
+    def _begin_anew(self, why: str) -> None:
+        del self.names[-1]
+        self._notes.append(f"{self.current}: {why}a new file begins")
+        self.begun_anew = True
+        self._change()
+
     def _next(self) -> None:
         self.full += 1
         if self.full == self._plan.files:
             return
+        self._change()
+        self._delete()
+
+    def _change(self) -> None:
+        """Open a file, then finish the one before."""
         old, sink = self._file, self._sink
         try:
             self._file, self._sink = self._open()
         except TargetError:
-            self.close()
+            with suppress(TargetError):
+                self.close()
             raise
         sink.close()
         old.flush()
@@ -152,7 +181,6 @@ class Files:
         self._frames += sink.frames
         self._bytes += old.size
         old.close()
-        self._delete()
 
     def _open(self) -> tuple[GrowingFile, Sink]:
         plan, path = self._plan, self._plan.path

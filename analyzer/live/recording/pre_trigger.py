@@ -41,6 +41,10 @@ class PreTriggerRecorder:
         """Record what is there now, as somebody asks for it."""
         self._record(self._trigger.record_now(why))
 
+    def begin_anew(self) -> None:
+        """Begin a new file."""
+        self.recorder.begin_anew()
+
     def notes(self) -> list[str]:
         """Return what has happened since the last call, a line each; to be called a few times a second."""
         self._record(self._trigger.tick(self._clock() - self._came))
