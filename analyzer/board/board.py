@@ -59,7 +59,8 @@ class Board:
         self._names: tuple[str, ...] = ()
         self._recording: RecordingState | None = None
         self._start = self._since = self._last = self._then = NO_TIME
-        self._marks = 0
+        self._marks = self._behind = 0
+        self._ages: Mapping[tuple[str, int], int] = {}
 
     def feed(self, batch: Batch, now_ns: int, bits: Array | None = None) -> None:
         """Take the next batch, known at `now_ns`; `bits` are the `bit_times` of its frames if somebody has them."""
@@ -90,6 +91,10 @@ class Board:
     def take_recording(self, state: RecordingState | None) -> None:
         """Take how the recording goes."""
         self._recording = state
+
+    def take_lag(self, behind: int, ages: Mapping[tuple[str, int], int]) -> None:
+        """Take how far (ns) it is behind what comes, and how long ago nodes were heard, by bus and number."""
+        self._behind, self._ages = behind, ages
 
     def note(self, text: str, now_ns: int) -> None:
         """Take a note, such as a link that went down; `NAME: text` belongs to an interface.
@@ -135,14 +140,15 @@ class Board:
             start=now if self._start == NO_TIME else self._start,
             marks=self._marks,
             buses=tuple(self._buses.rows(now)),
-            nodes=tuple(self._nodes.rows(now, self._names, found, overdue)),
-            devices=tuple(self._devices.tables(now, self._names, found)),
+            nodes=tuple(self._nodes.rows(now, self._names, self._ages, found, overdue)),
+            devices=tuple(self._devices.tables(now, self._names, self._ages, found)),
             findings=tuple(self._findings.rows()),
             found=self._findings.tally,
             latched=tuple(nlargest(MOST_LATCHED, latched, key=_latest)),
             notes=tuple(self._notes),
             recording=self._recording,
             beyond=self._nodes.beyond + self._devices.beyond + self._latches.beyond,
+            behind=self._behind,
         )
 
     def _begin(self, t: int) -> None:

@@ -101,9 +101,13 @@ class DeviceStates:
                     yield Latched("silence", one.unit.title, text, ended - gap, ended, 1)
 
     def tables(
-        self, now: int, buses: tuple[str, ...], found: Mapping[tuple[int, int], Tally]
+        self, now: int, buses: tuple[str, ...], ages: Mapping[tuple[str, int], int],
+        found: Mapping[tuple[int, int], Tally],
     ) -> Iterator[DeviceTable]:  # fmt: skip
-        """Give the devices of each kind; those that nobody but an idle commander speaks of are left out."""
+        """Give the devices of each kind; those that nobody but an idle commander speaks of are left out.
+
+        `ages` are how long nodes have been silent by the clock, where that is known to be longer than it seems.
+        """
         kinds: dict[str, list[DeviceSheet]] = {}
         for sheet in self._sheets.values():
             kinds.setdefault(sheet.plot.who.path, []).append(sheet)
@@ -113,7 +117,7 @@ class DeviceStates:
                 _gather(sheet, rows)
             title = sheets[0].plot.who.title
             shown = [row for parts, row in rows.items() if self._shown(parts, row, now)]
-            made = [self._row(row, title, now, buses, found) for row in shown]
+            made = [self._row(row, title, now, (buses, ages), found) for row in shown]
             if made:
                 heads = tuple(self._heads(sheets, made))
                 yield DeviceTable(kind, title, heads, tuple(sorted(made, key=lambda row: (row.bus, row.number))))
@@ -129,10 +133,12 @@ class DeviceStates:
         return any(one.last or one.low or one.high for _, one in row.readings.values())
 
     def _row(
-        self, row: _Row, title: str, now: int, buses: tuple[str, ...], found: Mapping[tuple[int, int], Tally]
+        self, row: _Row, title: str, now: int, heard: tuple[tuple[str, ...], Mapping[tuple[str, int], int]],
+        found: Mapping[tuple[int, int], Tally],
     ) -> DeviceRow:  # fmt: skip
-        speaks, unit = row.speaks, row.first.unit
+        speaks, unit, (buses, ages) = row.speaks, row.first.unit, heard
         spoken = speaks or row.first
+        silent = ages.get((buses[spoken.bus], spoken.node), 0)
         return DeviceRow(
             bus=buses[spoken.bus],
             title=unit.title,
@@ -142,10 +148,10 @@ class DeviceStates:
             readings={key: reading for key, (_, reading) in row.readings.items()},
             states=tuple(row.states),
             flags=tuple(row.flags),
-            age=max(0, now - speaks.t) if speaks else None,
+            age=max(0, now - speaks.t, silent) if speaks else None,
             gap=speaks.gap[0] or None if speaks else None,
             found=found.get((speaks.bus, speaks.node), Tally()) if speaks else Tally(),
-            stale=spoken.stale(now),
+            stale=spoken.stale(max(now, spoken.t + silent)),
         )
 
     def _heads(self, sheets: list[DeviceSheet], rows: list[DeviceRow]) -> Iterator[Head]:

@@ -108,14 +108,18 @@ class NodeStates:
         self._hidden |= {key for key, place in self._slots.of.items() if now - self._heard[place] > STALE}
 
     def rows(
-        self, now: int, buses: tuple[str, ...], found: Mapping[tuple[int, int], Tally], overdue: Mapping[int, int]
+        self, now: int, buses: tuple[str, ...], ages: Mapping[tuple[str, int], int],
+        found: Mapping[tuple[int, int], Tally], overdue: Mapping[int, int],
     ) -> Iterator[NodeRow]:  # fmt: skip
-        """Give nodes by interface and number; `found` is by bus and node, `overdue` by bus << 8 | node."""
+        """Give nodes by interface and number; `found` is by bus and node, `overdue` by bus << 8 | node.
+
+        `ages` are how long nodes have been silent by the clock, where that is known to be longer than it seems.
+        """
         rates = self._meter.rates(now)
         for key, place in sorted(self._slots.of.items()):
             if key in self._hidden:
                 continue
-            age = max(0, now - int(self._heard[place]))
+            age = max(0, now - int(self._heard[place]), ages.get((buses[key >> 8], key & 0xFF), 0))
             health, mode, uptime = (int(one[place]) for one in (self._health, self._mode, self._uptime))
             yield NodeRow(
                 bus=buses[key >> 8],

@@ -171,7 +171,8 @@ class RecordingState:
 class Snapshot:
     """The state of all interfaces at `now`. `since` is the time of mark number `marks`, or of the start.
 
-    `findings` and `latched` are the newest first. `beyond` counts what no row was left for.
+    `findings` and `latched` are the newest first. `beyond` counts what no row was left for. `behind` is how long the
+    oldest frame has waited that is not in it.
     """
 
     now: int
@@ -187,3 +188,4 @@ class Snapshot:
     notes: tuple[tuple[int, str], ...] = ()
     recording: RecordingState | None = None
     beyond: int = 0
+    behind: int = 0

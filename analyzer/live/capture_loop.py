@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from contextlib import AbstractContextManager
 from threading import Condition, Lock, Thread
 from typing import TYPE_CHECKING, Protocol, Self
@@ -10,6 +11,8 @@ from typing import TYPE_CHECKING, Protocol, Self
 from analyzer._native import AsRecorded
 from analyzer.live import remarks
 from analyzer.live.frame_batches import FrameLosses, count_frames, count_rows, pick_comments
+from analyzer.live.heard import HeardSenders
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -20,8 +23,8 @@ if TYPE_CHECKING:
     from analyzer.live.interfaces.hub import Hub
     from analyzer.report.newest import Change
 
-# Rows that may wait to be judged.
-MOST = 1 << 20
+# Rows that may wait to be judged, and that are judged in one go: 4 s of a full bus of 1 Mbit/s.
+MOST, PIECE = 1 << 20, 1 << 15
 # Seconds between two looks at the hub, at most.
 INTERVAL = 0.1
 
@@ -80,6 +83,7 @@ class CaptureLoop(AbstractContextManager["CaptureLoop"]):
         header: a comment that stands in front of it.
         interval: seconds between two looks at the hub.
         most: rows.
+        clock: nanoseconds since any moment.
     """
 
     def __init__(
@@ -92,17 +96,21 @@ class CaptureLoop(AbstractContextManager["CaptureLoop"]):
         header: str = "",
         interval: float = INTERVAL,
         most: int = MOST,
+        clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self.hub, self.control = hub, control
         self.ended = False
         self.frames = self.unjudged = 0
         self.problem: str | None = None
         self._recorder, self._autostop, self._close = recorder, autostop, close
-        self._interval, self._most = min(interval, INTERVAL), most
+        self._interval, self._most, self._enough = min(interval, INTERVAL), most, min(most // 2, PIECE)
         self._recorded = AsRecorded()
         self._recorder_lock = Lock()
         self._changed = Condition()
-        self._waiting: list[FrameBatch] = []
+        self.heard = HeardSenders(clock)
+        self._clock = clock
+        # With the times at which they came, and the rows that count.
+        self._waiting: deque[tuple[int, int, FrameBatch]] = deque()
         self._rows = self._marked = self._renewed = self._unreadable = 0
         self._losses = FrameLosses()
         self._notes: list[str] = []
@@ -127,13 +135,27 @@ class CaptureLoop(AbstractContextManager["CaptureLoop"]):
         return own | self._recorded.lost
 
     def take(self, seconds: float) -> list[FrameBatch]:
-        """Return the rows that have come, after gathering for so many seconds; the rest at once when it has ended."""
+        """Return the rows that have come, after gathering for so many seconds; the rest at once when it has ended.
+
+        Of many that wait it returns some `PIECE`, without gathering, so that what is shown goes on.
+        """
+        taken: list[FrameBatch] = []
         with self._changed:
-            self._changed.wait_for(lambda: self.ended or self._rows >= self._most // 2, seconds)
+            self._changed.wait_for(lambda: self.ended or self._rows >= self._enough, seconds)
             if (drops := self._losses.take()) is not None:
-                self._waiting.append(drops)
-            taken, self._waiting, self._rows = self._waiting, [], 0
+                self._waiting.append((self._clock(), 0, drops))
+            left = self._rows - PIECE
+            while self._waiting and (self.ended or self._rows > left):
+                _, rows, batch = self._waiting.popleft()
+                taken.append(batch)
+                self._rows -= rows
         return taken
+
+    @property
+    def behind(self) -> float:
+        """Seconds since the first of the rows came that wait to be taken."""
+        with self._changed:
+            return (self._clock() - self._waiting[0][0]) / SECOND if self._waiting else 0.0
 
     def take_findings(self, changes: Sequence[Change]) -> None:
         """Take findings of rows that were taken."""
@@ -198,6 +220,7 @@ class CaptureLoop(AbstractContextManager["CaptureLoop"]):
             with self._recorder_lock:
                 self._recorder.put(batch)
         self.frames += batch.frames
+        self.heard.feed(batch)
         self._pass_on(batch)
 
     def _pass_on(self, batch: FrameBatch) -> None:
@@ -211,13 +234,14 @@ class CaptureLoop(AbstractContextManager["CaptureLoop"]):
                 self.unjudged += count_frames(batch)
                 self._losses.feed(batch)
                 if (comments := pick_comments(batch)) is not None:
-                    self._waiting.append(comments)
+                    self._waiting.append((self._clock(), 0, comments))
                 return
+            now = self._clock()
             if (drops := self._losses.take()) is not None:
-                self._waiting.append(drops)
-            self._waiting.append(batch)
+                self._waiting.append((now, 0, drops))
+            self._waiting.append((now, size, batch))
             self._rows += size
-            if self._rows >= self._most // 2:
+            if self._rows >= self._enough:
                 self._changed.notify_all()
 
     def _say(self, *texts: str) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.terminal.figures import amount, clock, rate, size, span
 from analyzer.views.terminal import display_width, escape, fit
+from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
     from analyzer.board.snapshot import RecordingState, Snapshot
     from analyzer.terminal.sheet import Line, Span
 
+# What is shown is told to be old from here on.
+_BEHIND = 2 * SECOND
 _KEYS = (
     "? help", "q quit", "space pause", "m mark", "w save", "s sort", "tab pane", "x min/max", "c clear",
     "e n b f l panes", "S reverse",
@@ -31,6 +34,8 @@ def top(snapshot: Snapshot | None, paused: int | None, width: int) -> Line:
     left: list[Span] = [(f" {fit(names, max(8, width // 4))}", "bold"), (f" {clock(snapshot.now)}", "")]
     if paused is not None:
         left.append((f" PAUSED {span(paused)}", "alarm"))
+    if snapshot.behind >= _BEHIND:
+        left.append((f" BEHIND {span(snapshot.behind)}", "alarm"))
     left += _recording(snapshot.recording, width)
     lost = sum(bus.dropped + bus.here for bus in buses) + (snapshot.recording.lost if snapshot.recording else 0)
     right: list[Span] = []

@@ -7,7 +7,9 @@ from collections import deque
 from threading import Thread
 from typing import TYPE_CHECKING
 
+from analyzer.app.live.lag import BEHIND
 from analyzer.board.board import Board
+from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -72,6 +74,8 @@ class Display:
         for name, count in session.loop.hub.counts.items():
             self._board.take_counts(name, count.received, count.dropped, count.lost)
         self._board.take_recording(self._recording())
+        behind = session.loop.behind
+        self._board.take_lag(round(behind * SECOND), session.loop.heard.ages() if behind >= BEHIND else {})
         self._snapshot = self._board.snapshot(self._clock())
 
     # ---- for the monitor, in its thread

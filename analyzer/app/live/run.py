@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.app import streams
 from analyzer.app.interrupt import handling
+from analyzer.app.live.lag import Lag
 from analyzer.app.live.list import EventLines, TransferList, said
 from analyzer.app.live.overdue import Overdue
 from analyzer.app.live.session import LiveSession
@@ -125,6 +126,7 @@ class LiveRun:
             self._views.append(EventLines(several=self._several, say=say))
         if self._display is None:
             self._views.append(Overdue(tell))
+        self._views.append(Lag(tell))
         self._views.append(Status(request.every, tell, recording.words))
         if request.plot is not None:
             from analyzer.app.live.plot import LivePlot, opened  # noqa: PLC0415 - Rerun takes its time
