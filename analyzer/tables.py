@@ -184,6 +184,29 @@ FINDINGS = pa.schema([
 ])  # fmt: skip
 
 
+def _quantity(name: str, kind: pa.DataType, unit: str, about: str) -> pa.Field:
+    return pa.field(name, kind, metadata={"unit": unit, "about": about})
+
+
+ESC = pa.schema([
+    _field("transfer", pa.uint64(), "number of the transfer that is the report, from 0"),
+    _field("t", _NS, "time of the report's first frame; null when the capture has none"),
+    _field("bus", pa.uint8(), "index of the interface name"),
+    _field("node", pa.uint8(), "node ID of the ESC"),
+    _field("ch", pa.int32(), "channel as people count them, from 1; null while nobody has told it"),
+    _field("type", pa.string(), "data type of the report"),
+    _quantity("commanded", pa.float32(), "%", "what was commanded last before the report began; null for nothing"),
+    _field("command_age", pa.duration("ns"), "time from the first frame of that command to the report's first"),
+    _quantity("reported", pa.float32(), "%", "what the ESC says it was commanded"),
+    _quantity("rpm", pa.float32(), "rpm", "speed"),
+    _quantity("voltage", pa.float32(), "V", "voltage"),
+    _quantity("current", pa.float32(), "A", "current"),
+    _quantity("temperature", pa.float32(), "degC", "temperature of the ESC"),
+    _field("mode", pa.string(), "operating mode in words; null when it tells none"),
+    _field("faults", pa.string(), "flags that are set, joined by commas, empty for none; null when it tells none"),
+])  # fmt: skip
+
+
 def wrap(schema: pa.Schema, columns: Mapping[str, Any]) -> pa.RecordBatch:
     """Return the native core's columns as one batch, without a copy.
 

@@ -7,7 +7,7 @@ the decoded tables, fields, parts (`field.part`) and derived ones alike.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 from dissectors.keys import PLOTS
@@ -103,6 +103,23 @@ class Interval:
 
 
 @dataclass(frozen=True, slots=True)
+class EscColumns:
+    """The columns of a table that go into the table `esc`, empty for none; commands have only `commanded`.
+
+    `faults` is a word with flags, `mode` a column with named values, the others are numbers in the units of that table.
+    """
+
+    commanded: str = ""
+    reported: str = ""
+    rpm: str = ""
+    voltage: str = ""
+    current: str = ""
+    temperature: str = ""
+    mode: str = ""
+    faults: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Plot:
     """The picture of one table. Columns in `hidden` say nothing that is not shown otherwise.
 
@@ -118,6 +135,7 @@ class Plot:
     intervals: tuple[Interval, ...] = ()
     hidden: frozenset[str] = frozenset()
     parameters: bool = False
+    esc: EscColumns = EscColumns()
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +200,7 @@ class _Reader:
             intervals=tuple(self._interval(*one) for one in table.tables("interval")),
             hidden=frozenset(table.strings("hidden")),
             parameters=table.flag("parameters"),
+            esc=_esc(table),
         )
         lines = {line.quantity for line in plot.lines}
         made = lines | {product.quantity for product in plot.products}
@@ -243,6 +262,13 @@ def _who(table: TomlTable) -> Who:
     if found.column and found.elements:
         table.fail("a device is numbered by a column or by its place in a list, not by both", "elements")
     table.finish()
+    return found
+
+
+def _esc(table: TomlTable) -> EscColumns:
+    about = table.table("esc")
+    found = EscColumns(**{column.name: about.string(column.name) for column in fields(EscColumns)})
+    about.finish()
     return found
 
 

@@ -14,9 +14,10 @@ from analyzer.app.found import FoundTable
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
 from analyzer.decode.by_name import example, find_table
+from analyzer.devices.escs import Escs
 from analyzer.sources.merge import Plan
 from analyzer.sources.origin import given
-from analyzer.tables import FRAMES
+from analyzer.tables import ESC, FRAMES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -77,12 +78,15 @@ class Capture:
     def table(self, name: str) -> pa.Table:
         """Return one table: `frames`, `transfers`, `events`, a message type or a packet (`PUSHCAN.MotorStatus`).
 
-        `findings` are those of `findings()`. Verdicts of frames are the final ones. A type that does not occur gives
-        its columns without rows. Raises `LookupError`, with near names, for a name that no type has, and
-        `CaptureError`.
+        `findings` are those of `findings()`; `esc` is what ESCs report beside what they were commanded. Verdicts of
+        frames are the final ones. A type that does not occur gives its columns without rows. Raises `LookupError`, with
+        near names, for a name that no type has, and `CaptureError`.
         """
         if name == "findings":
             return self.findings()
+        if name == "esc":
+            escs = Escs(self.registry)
+            return pa.Table.from_batches([escs.feed(batch) for batch in self], ESC)
         if name == "frames":
             return _settled(list(self))
         if name in ("transfers", "events"):

@@ -11,7 +11,7 @@ from analyzer.decode.by_name import example, find_table
 from analyzer.sinks import ALL, portable
 from analyzer.sinks.late import LateFrames
 from analyzer.sinks.tables import Tables
-from analyzer.tables import EVENT_ROWS, FRAMES, TRANSFERS, empty
+from analyzer.tables import ESC, EVENT_ROWS, FRAMES, TRANSFERS, empty
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping
@@ -24,11 +24,12 @@ if TYPE_CHECKING:
 
 BASIC = ("frames", "transfers", "events")
 FINDINGS = "findings"  # what rules find: written only if it is asked for
+ESCS = "esc"  # reports of ESCs beside their commands: likewise
 
 
 def resolve(registry: Registry, name: str) -> str:
     """Return the table that a person means, or `ALL`. Raises `LookupError`."""
-    return name if name in (*BASIC, FINDINGS, ALL) else find_table(registry, name)[1]
+    return name if name in (*BASIC, FINDINGS, ESCS, ALL) else find_table(registry, name)[1]
 
 
 class TableExport:
@@ -106,6 +107,8 @@ class TableExport:
                 rows = portable.transfers(empty(TRANSFERS), none, (), self._registry)
             elif name == "events":
                 rows = portable.events(empty(EVENT_ROWS), ())
+            elif name == ESCS:
+                rows = portable.messages(empty(ESC), ())
             else:
                 message, _ = find_table(self._registry, name)
                 rows = portable.messages(example(self._registry, message)[name].slice(0, 0), ())

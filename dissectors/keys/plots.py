@@ -43,6 +43,17 @@ INTERVAL = Keys("interval.QUANTITY", "A quantity that is the time between a send
     Key("change", "flag", "How much that time changed.", "true", "false"),
 ))  # fmt: skip
 
+ESC = Keys("esc", "Columns for the table `esc`: of commands to ESCs the first one, of reports the others.", (
+    Key("commanded", "text", "What each ESC is commanded, a list in %.", '"percent"'),
+    Key("reported", "text", "What the ESC says it was commanded, in %.", '"percent_seen"'),
+    Key("rpm", "text", "Speed in rpm.", '"rpm"'),
+    Key("voltage", "text", "In V.", '"voltage"'),
+    Key("current", "text", "In A.", '"current"'),
+    Key("temperature", "text", "Of the ESC, in degC.", '"temperature"'),
+    Key("mode", "text", "Operating mode, with names.", '"status.mode"'),
+    Key("faults", "text", "A word whose flags are faults.", '"status"'),
+))  # fmt: skip
+
 TABLE = Keys("table.NAME", "What is shown of one table: a message, or MESSAGE.PACKET.", (
     Key("who", "table", WHO.about, '{ path = "esc", column = "esc_index", first = 1 }', "the sender", keys=WHO),
     by_name("line", LINE.about, LINE, 'line.voltage = { column = "voltage" }'),
@@ -50,6 +61,7 @@ TABLE = Keys("table.NAME", "What is shown of one table: a message, or MESSAGE.PA
     by_name("product", PRODUCT.about, PRODUCT),
     by_name("integral", INTEGRAL.about, INTEGRAL),
     by_name("interval", INTERVAL.about, INTERVAL),
+    Key("esc", "table", ESC.about, '{ rpm = "rpm", voltage = "voltage", mode = "status.mode" }', keys=ESC),
     Key("hidden", "texts", "Columns that say nothing that is not shown otherwise.", '["esc_index"]'),
     Key("parameters", "flag", "Its columns are settings, shown beside the commands.", "true", "false"),
 ))  # fmt: skip

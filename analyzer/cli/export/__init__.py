@@ -48,7 +48,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         "--table", action="append", default=[], metavar="NAME",
         help="only this table: frames, transfers, events, NodeStatus or another type or packet; repeatable; "
-        "all: each of them; findings: what `check` finds, in no folder unless it is asked for",
+        "all: each of them; in no folder unless they are asked for: findings (what `check` finds) and esc (what each "
+        "ESC reported, beside what it was commanded)",
     )  # fmt: skip
     group = rules.add_choice(parser, "rules of the findings")
     group.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
@@ -191,9 +192,9 @@ class _Export:
         from analyzer.window.part import TableSelection  # noqa: PLC0415
 
         run = self._run
-        selection = TableSelection(run.request.window, run.again)
+        selection = TableSelection(run.request.window, self._again)
         batches = run.batches()
-        for part in selection.parts(batches if beside is None else beside(batches)):
+        for part in selection.parts(self._with_escs(batches if beside is None else beside(batches))):
             self._frames += len(part.frames)
             self._transfers += len(part.transfers)
             self._events += len(part.events)
@@ -202,6 +203,17 @@ class _Export:
         run.go_on()
         run.require(selection.problem)
         run.require_inside(self._frames + self._transfers + self._events)
+
+    def _again(self) -> Iterator[Batch] | None:
+        batches = self._run.again()
+        return None if batches is None else self._with_escs(batches)
+
+    def _with_escs(self, batches: Iterator[Batch]) -> Iterator[Batch]:
+        """Return the batches, with the table of ESCs if it is wanted."""
+        from analyzer.devices import escs  # noqa: PLC0415
+        from analyzer.sinks.export import ESCS  # noqa: PLC0415
+
+        return escs.beside(batches, self._run.registry) if ESCS in self._goal.tables else batches
 
     def _account(self, what: str, where: str) -> None:
         from analyzer.cli.reading import account  # noqa: PLC0415
