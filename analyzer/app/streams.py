@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import codecs
 import os
+import signal
 import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 _PLAIN = {"…": "~", "±": "+-", "°": "deg", "µ": "u"}
 _ERRORS = "tailbyte.plain"
@@ -44,6 +50,35 @@ def tell(text: str) -> None:
         sys.stderr.flush()
     except OSError:
         forget(2)
+
+
+class _TakesNothingError(Exception):
+    """A stream has taken nothing for too long."""
+
+
+@contextmanager
+def bounded(seconds: float, *, wanted: bool) -> Iterator[None]:
+    """Give up what is still to be written after so many seconds: a terminal that is held (Ctrl-S) takes nothing.
+
+    It makes no difference unless it is `wanted`, and where there are no alarms.
+    """
+    if not wanted or not hasattr(signal, "SIGALRM"):
+        yield
+        return
+
+    def give_up(*_: object) -> None:
+        raise _TakesNothingError
+
+    usual = signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    except _TakesNothingError:
+        for number in (1, 2):
+            forget(number)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, usual)
 
 
 def forget(number: int) -> None:

@@ -15,11 +15,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from analyzer.app.live.request import LiveMode
+    from analyzer.app.live.run import LiveRun
     from analyzer.live.interfaces.filters import Filters
     from analyzer.live.interfaces.naming import Interface
+    from analyzer.report.model import Report
 
 NAME = "tailbyte live"
 HOUR = 3600.0
+# Seconds that the last words may take after SIGTERM.
+_LAST_WORDS = 3.0
 _EPILOG = """\
 On a terminal a monitor (q ends it, ? tells of its keys); in a pipe, or with an option about what to list, a list. Both
 end with Ctrl-C or SIGTERM, which finish the recording; SIGUSR1 sets a mark in it, and SIGHUP begins it anew under its
@@ -160,27 +164,34 @@ class Wanted:
         from analyzer.app.live.run import LiveRun, signals  # noqa: PLC0415 - not before there is something to do
         from analyzer.live.capture_loop import SessionControl  # noqa: PLC0415
 
-        control, everything = SessionControl(), self._text.everything
+        control = SessionControl()
         session = LiveRun(self.request, self.criteria, control)
         with ExitStack() as stack:
             stack.enter_context(signals(control, recorded=self._recorded))
             targets = reports.opened(self.files, stack)
             report = session.run()
-            written = report is not None and reports.all_written(targets, report, everything=everything)
+            written = report is not None and reports.all_written(targets, report, everything=self._text.everything)
+        with streams.bounded(_LAST_WORDS, wanted=control.hurried):
+            self._tell(session, report)
+        if report is None or session.problems:
+            return status.DAMAGED
+        return status.of_report(report, complete=written)
+
+    def _tell(self, session: LiveRun, report: Report | None) -> None:
+        """Say how it went; the report is None if the rules have failed."""
         for line in session.account:
             streams.tell(f"-- {line}\n")
         for problem in session.problems:
             streams.complain(problem)
         if report is None:
-            return status.DAMAGED
+            return
         if self._apart:
             from analyzer.report.text import render  # noqa: PLC0415
 
-            streams.tell(render(report, everything=everything))
+            streams.tell(render(report, everything=self._text.everything))
         elif not self._silent:
             reports.tell(report, self._text)
         rules.tell_gate(self._rules, report)
-        return status.DAMAGED if session.problems else status.of_report(report, complete=written)
 
 
 def _mode(args: argparse.Namespace) -> LiveMode:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from analyzer.app.request import Request
     from analyzer.plot.output import Output
     from analyzer.plot.picture import Picture
-    from analyzer.plot.viewer_program import Server
+    from analyzer.plot.serving.server import Server
 
     Opened = tuple[Output, str]  # and what it is called
 
@@ -191,9 +191,11 @@ def _goal(asked: _Asked, until_the_end: ExitStack) -> _Goal:
     if asked.connect is not None:
         return _connected(asked, asked.connect, "shown by")
     if asked.serve:
+        from analyzer.plot.serving.server import Server  # noqa: PLC0415
+
         until_the_end.enter_context(cleaning())
         try:
-            server = viewer.Server(viewer.address(asked.bind or viewer.LOOPBACK), asked.port)
+            server = Server(viewer.address(asked.bind or viewer.LOOPBACK), asked.port)
         except viewer.NoViewerError as error:
             raise _UnreachedError(str(error)) from None
         until_the_end.callback(server.close)
@@ -223,7 +225,8 @@ def _connected(asked: _Asked, url: str, words: str, server: Server | None = None
     def opened(stack: ExitStack) -> Opened:
         from analyzer.plot.viewer import ViewerOutput  # noqa: PLC0415 - Rerun takes its time
 
-        return stack.enter_context(ViewerOutput(address, asked.name)), f"{words} {address}"
+        shown = address if server is None else server.public
+        return stack.enter_context(ViewerOutput(address, asked.name)), f"{words} {shown}"
 
     return _Goal(opened, server=server)
 

@@ -33,12 +33,16 @@ class SessionControl:
     """The requests to a session that anybody may make at any time, also from a signal handler."""
 
     def __init__(self) -> None:
-        self.stopped = False
+        self.stopped = self.hurried = False
         self.marks = self.renewals = 0
 
     def stop(self) -> None:
         """Ask it to end soon."""
         self.stopped = True
+
+    def hurry(self) -> None:
+        """Ask it to end soon, whether its last words are heard or not."""
+        self.stopped = self.hurried = True
 
     def mark(self) -> None:
         """Ask for a mark in the recording."""

@@ -106,6 +106,21 @@ def test_a_terminal_that_is_closed_finishes_the_recording(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("args", "shown"), [(("--list",), b"NodeStatus"), (("-q",), b"\n! ")])
+def test_a_terminal_that_is_held_does_not_keep_it(args: tuple[str, ...], shown: bytes, tmp_path: Path) -> None:
+    """Ctrl-S, and then SIGTERM: the recording is whole, and nobody hears the verdict."""
+    record = tmp_path / "x.mcap"
+    with watched(*args, "-w", record, "--color", "never") as seen:
+        seen.reader.until(shown)
+        seen.press(b"\x13")
+        seen.process.send_signal(signal.SIGTERM)
+        assert seen.process.wait(LIMIT) in {0, 1, 4}  # however much it has seen
+    done = run("decode", "-q", record)
+    assert done.returncode == 0
+    assert b"not finished" not in done.stderr
+
+
+@pytest.mark.slow
 def test_marks_by_key_and_by_signal_are_in_the_recording(tmp_path: Path) -> None:
     record = tmp_path / "x.log"
     with watched("-w", record, flies=HOVER) as seen:

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import re
+import socket
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from kit.command import HOVER
-from kit.live import got
+from kit.judged import registry
+from kit.live import Failing, got
 from kit.rows import EXTENDED, REMOTE, Frame
 from kit.waiting import RAW, START, STATUS, Clock, frames, log, replays_wait_by, standard_input
 
 from analyzer.app import reel as replay_reel
 from analyzer.live.interfaces import links
+from analyzer.live.interfaces.naming import Interface
+from analyzer.live.replay import outlet as outlet_module
+from analyzer.live.replay.outlet import AGAIN, ActuationError, Outlet
+from analyzer.live.replay.player import ReplayFrame
+from analyzer.live.replay.safety import Guard
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,19 +90,59 @@ def test_what_nobody_knows_may_move_something(
         assert (status, " 1         -\n" in err, real, got(receiver)) == (2, True, [], [])
 
 
-def test_what_cannot_be_looked_through_is_watched(
+def test_what_cannot_be_looked_through_is_refused(
     command: Command, receiver: can.BusABC, real: list[dict[str, Any]]
 ) -> None:
-    """A pipe is read once: it is sent up to the first command."""
+    """A pipe is read once: what it would actuate is known when half of it has been sent."""
+    for found in (frames(STATUS, STATUS, RAW, STATUS), frames(STATUS)):
+        with standard_input() as pipe:
+            pipe.write(Path(log("x.log", found)).read_bytes())
+            pipe.close()
+            status, _, err = command("replay", "-", "slcan:x")
+        assert (status, real, got(receiver)) == (2, [], [])
+        assert err.startswith(
+            "tailbyte replay: slcan:x may be real: slcan is no virtual interface; "
+            "a pipe cannot be looked through first\n-- nothing was sent; --allow-actuation sends it"
+        )
     with standard_input() as pipe:
-        pipe.write(Path(log("x.log", frames(STATUS, STATUS, RAW, STATUS))).read_bytes())
+        pipe.write(Path(log("x.log", frames(STATUS, RAW))).read_bytes())
         pipe.close()
-        status, _, err = command("replay", "-", "slcan:x")
-    assert (status, len(real), [number for number, *_ in got(receiver)]) == (2, 1, [STATUS, STATUS])
-    assert err.splitlines()[-1] == (
-        "tailbyte replay: RawCommand of node 1 comes up 0.002 s after the start: not sent on slcan:x, which may be "
-        "real, without --allow-actuation"
-    )
+        assert command("replay", "-", "slcan:x", "--allow-actuation")[0] == 0
+    assert [number for number, *_ in got(receiver)] == [STATUS, RAW]
+
+
+@pytest.mark.parametrize(
+    ("routes", "name", "why"),
+    [
+        ([(1, 2)], "vcan0", "its frames go on to can7: the kernel calls it can, not vcan"),
+        ([], "vcan9", "it is called vcan9 by now"),
+    ],
+    ids=["routed", "renamed"],
+)
+def test_a_bus_that_becomes_real_gets_no_command(
+    routes: list[tuple[int, int]], name: str, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A route of the gateway, or another name, that comes up in the midst of sending; no later than `AGAIN`."""
+    now, names, rules = [0.0], {1: "vcan0"}, list[tuple[int, int]]()
+    known = [links.Link(1, "vcan0", "vcan", up=True), links.Link(2, "can7", "can", up=True)]
+    monkeypatch.setattr(links, "list_links", lambda: known)
+    monkeypatch.setattr(links, "list_gateways", lambda: rules)
+    monkeypatch.setattr(socket, "if_nametoindex", lambda _: 1)
+    monkeypatch.setattr(socket, "if_indextoname", names.__getitem__)
+    monkeypatch.setattr(outlet_module, "open_bus", lambda _: Failing(10, RuntimeError()))
+    flags = {"extended": True, "remote": False, "fd": False, "brs": False, "esi": False}
+    raw, status = (ReplayFrame(0, 0, number, bytes(8), dlc=8, **flags) for number in (RAW, STATUS))  # type: ignore[arg-type]
+    with Outlet(Interface("socketcan", "vcan0"), Guard(registry()), lambda: now[0]) as outlet:
+        assert outlet.send(raw)
+        rules += routes
+        names[1] = name
+        now[0] += AGAIN / 2
+        assert outlet.send(raw)
+        now[0] += AGAIN / 2
+        assert outlet.send(status)
+        with pytest.raises(ActuationError, match=re.escape(f"not sent on vcan0, which may be real now ({why})")):
+            outlet.send(raw)
+        assert outlet.sent == 3
 
 
 @pytest.mark.usefixtures("real")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit.command import CODE, HOVER, LIMIT, commands, environment, log, run
+
+from analyzer.app import streams
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -113,3 +117,27 @@ def test_an_ellipsis_degrades_to_one_letter(hostile: Path) -> None:
     shown = run("info", hostile).stdout.decode()
     assert "…" in shown
     assert run("info", hostile, env={"PYTHONIOENCODING": "ascii"}).stdout.decode() == shown.replace("…", "~")
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="there are no alarms here")
+def test_what_nobody_takes_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pipe that is full stands in for a terminal that is held."""
+    given_up: list[int] = []
+    monkeypatch.setattr(streams, "forget", given_up.append)
+    ends = os.pipe()
+    before = signal.getsignal(signal.SIGALRM)
+    with streams.bounded(0.05, wanted=True):
+        while True:
+            os.write(ends[1], bytes(1 << 16))
+    assert given_up == [1, 2]
+    with streams.bounded(0.0, wanted=False):
+        given_up.clear()
+    with streams.bounded(60.0, wanted=True):
+        pass
+    assert (given_up, signal.getitimer(signal.ITIMER_REAL), signal.getsignal(signal.SIGALRM)) == (
+        [],
+        (0.0, 0.0),
+        before,
+    )
+    for end in ends:
+        os.close(end)

@@ -177,7 +177,7 @@ def keeper(folder: Path) -> Iterator[tuple[Address, Path]]:
     command = [program, "--bind", "127.0.0.1", "--port", str(port), "--save", str(kept)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        plot_viewer._wait_for(process, port)
+        plot_viewer.wait_for(process, port)
         yield Address("rerun+http", "127.0.0.1", port), kept
     finally:
         process.kill()

@@ -12,7 +12,7 @@ import pytest
 from kit.command import CAPTURES, HOVER, start, wait_until
 from kit.live import got
 from kit.rows import EXTENDED, FD, Frame, piece, records, text
-from socketcan.kernel import Recorder, SlcanAdapter, ip
+from socketcan.kernel import Recorder, SlcanAdapter, ip, route
 
 from analyzer.sinks import open_sink
 
@@ -119,6 +119,27 @@ def test_a_name_proves_nothing(command: Command, adapter: SlcanAdapter) -> None:
     wait_until(lambda: bool(written(adapter)))
     ip("set", "vcan9", "down")
     assert {line[1:9] for line in written(adapter)} == {b"1F040A0B"}
+
+
+def test_a_route_that_comes_up_ends_it(command: Command, adapter: SlcanAdapter) -> None:
+    """Nothing real was behind the interface when it began."""
+    ip("add", "vcan7", "type", "vcan")
+    ip("set", "vcan7", "up")
+    recorder = Recorder("vcan7")
+
+    def lead_on() -> None:
+        recorder.first()
+        route("vcan7", adapter.channel)
+
+    thread = threading.Thread(target=lead_on)
+    thread.start()
+    status, _, err = command("replay", HOVER, "vcan7", "--loop", "inf")
+    thread.join()
+    recorder.close()
+    ip("del", "vcan7")
+    why = f"its frames go on to {adapter.channel}: the kernel calls it can, not vcan"
+    assert status == 2
+    assert f"not sent on vcan7, which may be real now ({why}), without --allow-actuation" in err
 
 
 def test_as_fast_as_a_controller_takes_it(command: Command, adapter: SlcanAdapter) -> None:

@@ -188,6 +188,8 @@ def signals(control: SessionControl, *, recorded: bool) -> Iterator[None]:
     def stop(number: int, _: object) -> None:
         if control.stopped and number == signal.SIGINT:
             raise KeyboardInterrupt
+        if number == signal.SIGTERM:
+            control.hurry()
         control.stop()
 
     def mark(*_: object) -> None:

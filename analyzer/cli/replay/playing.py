@@ -74,7 +74,7 @@ def _run(run: Run, order: PlayOrder, complaints: Complaints, who: str) -> int:
         with ExitStack() as stack:
             for outlet in replay.outlets:
                 stack.enter_context(outlet)
-            if not order.pipe and (done := replay.look()):
+            if done := replay.refuse_pipe() if order.pipe else replay.look():
                 return done
             for outlet in replay.outlets:
                 outlet.open()
@@ -119,6 +119,14 @@ class _Replay:
         order = self._order
         known = self._reel.whole and order.loops is not None and order.most is None
         return self._reel.length * (order.loops or 0) if known else None
+
+    def refuse_pipe(self) -> int:
+        """Refuse a bus that may be real, as a pipe is read once: what it would actuate is known too late."""
+        doubtful = [outlet for outlet in self.outlets if outlet.doubt]
+        for outlet in doubtful:
+            name = escape(outlet.interface.name)
+            streams.complain(f"{name} may be real: {outlet.doubt}; a pipe cannot be looked through first", self._who)
+        return sending.refused() if doubtful else status.OK
 
     def look(self) -> int:
         """Read ahead, and say what is not to be sent; return the exit status if that is the end of it."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import time
 from collections import Counter
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Protocol, Self
@@ -14,8 +16,14 @@ from analyzer.live.replay.sender import Sender, Timed
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from analyzer.live.interfaces.naming import Interface
     from analyzer.live.replay.safety import Guard
+
+
+# Seconds between two looks whether a bus can still not be real.
+AGAIN = 0.05
 
 
 class Sendable(Timed, Protocol):
@@ -46,19 +54,28 @@ class Outlet(AbstractContextManager["Outlet"]):
     """One bus, to be opened when it is known that it may be.
 
     With a `guard`, `doubt` says from the beginning why the bus may be real, and nothing is then sent there that would
-    actuate something; it is empty if nothing real can be reached, or if there is no guard. `sent` counts frames,
+    actuate something; it is empty if nothing real can be reached, or if there is no guard. That need not stay so:
+    before something is sent that would actuate, it is asked again, every `AGAIN` seconds at most. `sent` counts frames,
     `left_out` those that cannot be sent, in words.
+
+    Args:
+        interface: which bus.
+        guard: knows what actuates; None if everything may be sent.
+        clock: seconds of a monotonic clock.
 
     Entering it raises `InterfaceError` for a SocketCAN interface that is not there: that is another mistake, and
     opening one changes nothing on the bus.
     """
 
-    def __init__(self, interface: Interface, guard: Guard | None) -> None:
+    def __init__(
+        self, interface: Interface, guard: Guard | None, clock: Callable[[], float] = time.monotonic
+    ) -> None:  # fmt: skip
         self.interface = interface
         self.doubt = ""
         self.sent = 0
         self.left_out: Counter[str] = Counter()
-        self._guard = guard
+        self._guard, self._clock = guard, clock
+        self._asked, self._index = 0.0, 0
         self._bus: can.BusABC | None = None
 
     def __enter__(self) -> Self:
@@ -66,7 +83,8 @@ class Outlet(AbstractContextManager["Outlet"]):
         if self.interface.kind == "socketcan":
             self.open()
         if self._guard is not None:
-            self.doubt = find_doubt(self.interface.kind, self.interface.channel, self.interface.options)
+            self._index = _index(self.interface)
+            self._ask(self.interface)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -92,14 +110,47 @@ class Outlet(AbstractContextManager["Outlet"]):
         return True
 
     def _check(self, frame: Sendable) -> None:
-        if self._guard is None or not self.doubt:
+        if self._guard is None:
             return
         verdict = self._guard.judge(frame.id, extended=frame.extended, remote=frame.remote)
-        if verdict.actuates:
+        if not verdict.actuates:
+            return
+        since = ""
+        if not self.doubt and self._clock() - self._asked >= AGAIN:
+            self._ask_again()
+            since = f" now ({self.doubt})"
+        if self.doubt:
             raise ActuationError(
                 f"{verdict.name} of node {verdict.node} comes up {frame.t / SECOND:.3f} s after the start: "
-                f"not sent on {self.interface.name}, which may be real, without --allow-actuation"
+                f"not sent on {self.interface.name}, which may be real{since}, without --allow-actuation"
             )
+
+    def _ask(self, interface: Interface) -> None:
+        self._asked = self._clock()
+        self.doubt = find_doubt(interface.kind, interface.channel, interface.options)
+
+    def _ask_again(self) -> None:
+        """Ask of the same interface, which may have another name: the bus stays with it."""
+        self._ask(self.interface)
+        if not self._index:
+            return
+        try:
+            name = socket.if_indextoname(self._index)
+        except OSError:  # it has been removed: sending will say so
+            self.doubt = ""
+        else:
+            if name != str(self.interface.channel):
+                self.doubt = f"it is called {name} by now"
+
+
+def _index(interface: Interface) -> int:
+    """Return the kernel's number of an interface, which stays when its name changes; 0 if it has none."""
+    if interface.kind != "socketcan":
+        return 0
+    try:
+        return socket.if_nametoindex(str(interface.channel))
+    except OSError:
+        return 0
 
 
 def to_message(frame: Sendable, *, esi: bool = False) -> can.Message:
