@@ -40,8 +40,9 @@ def compared(senders: Iterable[SenderFacts]) -> tuple[SenderFacts, ...]:
 
 def _differences(one: SenderFacts, group: Sequence[SenderFacts]) -> Iterator[str]:
     versions = Counter(member.software for member in group if member.software)
-    usual, count = versions.most_common(1)[0] if versions else (None, 0)
-    if one.software and usual != one.software and count * 2 > versions.total():
+    usual = versions.most_common(1)[0][0] if versions else ""
+    alike = sum(count for version, count in versions.items() if _same(version, usual))
+    if one.software and alike * 2 > versions.total() and not _same(one.software, usual):
         yield "software"
     rates = [member.hz for member in group if member.hz is not None and member.count >= STEADY]
     if one.hz is not None and one.count >= STEADY and len(rates) >= ENOUGH:
@@ -57,3 +58,8 @@ def _differences(one: SenderFacts, group: Sequence[SenderFacts]) -> Iterator[str
         yield "came late"
     if one.last is not None and median(ended) - one.last > LATE:
         yield "left early"
+
+
+def _same(one: str, other: str) -> bool:
+    """Return whether two versions may be one: some nodes answer `2.2` to those who ask, and tell `V2.2.0` in full."""
+    return one in other or other in one

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from dissectors.schema import Message
 
 COMMANDS = "commands"  # role of whoever has no other and actuates
-_GAP = 1 << TRANSFER_ANOMALIES.index("transfer id gap")
+_GAP, _TO_ZERO = (1 << TRANSFER_ANOMALIES.index(name) for name in ("transfer id gap", "transfer id restarted"))
 _MESSAGE = KINDS.index("message")
 _COUNTING = (_MESSAGE, KINDS.index("request"))  # a response has the transfer ID of its request
 _BACK = TRANSFER_IDS - 3  # steps from here on are those of transfers that changed places with their neighbours
@@ -71,6 +71,7 @@ class Senders:
         self.names = NodeNames()
         self.software = Software()
         self._lost: Counter[tuple[int, int]] = Counter()
+        self._lost_to_zero: Counter[tuple[int, int]] = Counter()  # or its sender began anew
         self._uptimes: dict[int, tuple[int, int | None]] = {}  # seconds and the time of the last report
         self._restarts: Counter[tuple[int, int]] = Counter()
 
@@ -100,6 +101,7 @@ class Senders:
             roles = tuple(dict.fromkeys(about.role for about in whole if about.role))
             channels = set[int]().union(*(talk.channels for talk, _ in sent_))
             at = bus, src
+            restarts = self._restarts[at] if bus << 8 | src in self._uptimes and not anonymous else None
             yield SenderFacts(
                 bus=buses[bus],
                 node=src,
@@ -113,8 +115,8 @@ class Senders:
                 known=sum(talk.count for talk, about in sent_ if about is not None),
                 hz=(count - 1) * SECOND / span if span and count > 1 else None,
                 bad=sum(talk.bad for talk, _ in sent_),
-                lost=0 if anonymous else max(0, self._lost[at]),
-                restarts=self._restarts[at] if bus << 8 | src in self._uptimes and not anonymous else None,
+                lost=0 if anonymous else max(0, self._lost[at] + (self._lost_to_zero[at] if restarts == 0 else 0)),
+                restarts=restarts,
                 first=first,
                 last=last,
             )
@@ -124,14 +126,17 @@ class Senders:
 
         What comes in another order runs ahead and falls back by as much.
         """
-        gaps = numbers(transfers.column("anomaly")) & _GAP != 0
+        anomaly = numbers(transfers.column("anomaly"))
+        gaps = anomaly & (_GAP | _TO_ZERO) != 0
         if not gaps.any():
             return
         rows = np.flatnonzero(gaps & np.isin(numbers(transfers.column("kind")), _COUNTING))
         step, bus, src = (numbers(transfers.column(name))[rows].astype(np.int64) for name in ("step", "bus", "src"))
         missing = np.where(step >= _BACK, step - 1 - TRANSFER_IDS, (step - 1) % TRANSFER_IDS)
+        to_zero = anomaly[rows] & _TO_ZERO != 0
         for code in distinct(node := bus << 8 | src):
-            self._lost[code >> 8, code & 0xFF] += int(missing[node == code].sum())
+            for lost, of in ((self._lost, ~to_zero), (self._lost_to_zero, to_zero)):
+                lost[code >> 8, code & 0xFF] += int(missing[of & (node == code)].sum())
 
     def _note_uptimes(self, table: pa.RecordBatch) -> None:
         """Count uptimes that fell and can have begun since the report before: an old report again is none."""

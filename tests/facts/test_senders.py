@@ -79,6 +79,14 @@ def test_what_is_missing_by_transfer_ids(
     assert senders(text[:half], flush, text[half:])["can0", 11].lost == lost
 
 
+def test_what_is_missing_before_an_id_of_0_is_no_restart(senders: Callable[..., Facts]) -> None:
+    """Where the uptime runs on."""
+    ids = [29, 30, 0, 1]
+    running, fell = ([(0.0, alive(up)), (900.0, alive(to, transfer_id=1))] for up, to in ((9, 10), (9, 0)))
+    for uptimes, lost in ((running, 1), (fell, 0), ([], 0)):
+        assert senders(log(*reports(11, ids), *uptimes))["can0", 11].lost == lost
+
+
 def test_a_session_after_silence_and_a_restart_lose_nothing(senders: Callable[..., Facts]) -> None:
     silent = [(0.0, esc(11, 1, 4)), (2500.0, esc(11, 1, 20))]
     restarted = [(20.0 * k, esc(12, 2, number)) for k, number in enumerate([9, 10, 0, 1])]
@@ -134,7 +142,7 @@ def test_another_firmware_is_odd(decode: Callable[..., Any], registry: Registry)
     summary = Summary(registry)
     for batch in got.batches:
         summary.feed(batch)
-    versions = {(0, 11): "2.2.07", (0, 12): "2.2.05", (0, 13): "2.2.07", (0, 14): "2.2.07"}
+    versions = {(0, 11): "V2.2.07", (0, 12): "V2.2.05", (0, 13): "V2.2.07", (0, 14): "2.2"}
     summary._senders.software.all.update(versions)
     assert {one.node: one.odd for one in summary.finish([], got.engine).senders if one.odd} == {12: ("software",)}
 
