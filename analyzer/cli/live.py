@@ -65,7 +65,18 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     show.add_argument(
         "--plot", nargs="?", const="", metavar="URL", help="feed a Rerun viewer: a new one, or that of URL"
     )
-    show.add_argument("--status", metavar="TIME", help="say so often what has happened; default: 1h")
+    show.add_argument("--status", metavar="TIME", help="say so often what has happened; default: 1h, and once a day")
+    alone = parser.add_argument_group("while nobody looks")
+    alone.add_argument("--status-file", metavar="FILE", help="write every few seconds how it goes, as JSON")
+    alone.add_argument(
+        "--exec", dest="exec_", metavar="CMD",
+        help="run this for each new finding, without a shell: it is JSON on standard input; {rule} {severity} "
+        "{category} {bus} {node} {type} {time} {text} stand for what it says",
+    )  # fmt: skip
+    alone.add_argument(
+        "--exec-on", action="append", default=[], metavar="RULE|SEVERITY",
+        help="for findings of a rule or layer, or of at least this severity; default: error; repeatable",
+    )  # fmt: skip
     group = rules.add_rules(parser)
     options.add_dissectors(group)
     reports.add(parser, ["-o"])
@@ -120,6 +131,7 @@ class Wanted:
 
     def __init__(self, args: argparse.Namespace) -> None:
         import dissectors  # noqa: PLC0415
+        from analyzer.app.live.hook import parse_command  # noqa: PLC0415
         from analyzer.app.live.request import LiveRequest  # noqa: PLC0415
         from analyzer.app.live.session_recording import RecordingOptions, SessionPlan  # noqa: PLC0415
         from analyzer.views.writers import writer  # noqa: PLC0415
@@ -128,7 +140,7 @@ class Wanted:
         named = buses.buses(args)
         mode = _mode(args)
         self.files = list(reports.files(args))
-        _check_record(args.record, self.files)
+        _check_files(args.record, args.status_file, self.files)
         self._text = reports.show_options(args)
         self._recorded = args.record not in (None, "-")
         # Whether standard output belongs to a report, and whether it is full of frames.
@@ -143,6 +155,7 @@ class Wanted:
         self.criteria = rules.criteria(self._rules, registry, NAME)
         if mode == "list":
             writer(view, registry, None)  # names that do not exist are told before anything is opened
+        command = parse_command(args.exec_, args.exec_on, self.criteria.pages)
         recording = RecordingOptions(
             args.record, args.record_form, args.compression, args.force, args.ring, args.autostop, args.count,
             args.trigger, args.pre, args.post,
@@ -157,6 +170,8 @@ class Wanted:
             hardware=args.stamps == "adapter",
             plot=args.plot,
             bit_rate=args.bitrate,
+            status_file=args.status_file,
+            command=command,
         )
 
     def run(self) -> int:
@@ -220,11 +235,15 @@ def _header(buses: Sequence[tuple[Interface, Filters]]) -> str:
     return statement(drops=kernel, errors=kernel and all(filters.errors is None for _, filters in buses))
 
 
-def _check_record(path: str | None, files: Iterable[tuple[str, str]]) -> None:
-    """Raise `ValueError` for a recording and a report in one file."""
-    for _, report in files:
-        if path not in (None, "", "-") and report != "-" and os.path.realpath(path) == os.path.realpath(report):
-            raise ValueError(f"{path}: a recording and a report cannot be one file")
+def _check_files(record: str | None, state: str | None, reports: Iterable[tuple[str, str]]) -> None:
+    """Raise `ValueError` for two of them in one file."""
+    seen: dict[str, tuple[str, str]] = {}
+    for kind, path in (("recording", record), ("state", state), *(("report", path) for _, path in reports)):
+        if path in (None, "", "-"):
+            continue
+        other, first = seen.setdefault(os.path.realpath(path), (kind, path))
+        if (other, first) != (kind, path):
+            raise ValueError(f"{first}: a {other} and a {kind} cannot be one file")
 
 
 def _count(text: str) -> int:

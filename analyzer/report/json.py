@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from analyzer.report.model import Report
+    from analyzer.report.model import Finding, Report
 
 
 def render(report: Report) -> str:
@@ -19,6 +20,11 @@ def render(report: Report) -> str:
     Numbers that are not finite become null, bytes of names that are not UTF-8 become `\xNN`.
     """
     return "\n".join(_lines(_plain(report.as_json()))) + "\n"
+
+
+def render_finding(finding: Finding) -> str:
+    """Write a finding as it stands in a report, as one line."""
+    return _text(_plain(asdict(finding)))
 
 
 def schema() -> dict[str, Any]:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from dissectors.kit import JointLoss, Occurrence, View
 
 MOST_HELD = 4096
+MOST_JOINT = 1 << 16  # losses of a bus that are inferred
 
 
 class Drops:
@@ -51,6 +52,7 @@ class Drops:
             if at < end:
                 since, until = min(since, known[at][0]), max(until, known[end - 1][1])
             known[at:end] = [(since, until)]
+            del known[:-MOST_JOINT]
 
     def hold(self, found: Occurrences | Occurrence) -> None:
         """Keep occurrences until `ready` gives them back."""

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from dissectors.kit import Array, Values, View
 
+# Times that are kept of a bus, more than there are in two batches, and those that are forgotten at once.
+LATEST, SPARE = 1 << 18, 1 << 12
 EVERY_BUS = -1  # of an event that names none
 _DROP, _ERROR_FRAME = EVENTS.index("drop"), EVENTS.index("error frame")
 
@@ -74,7 +76,10 @@ def among_events(rule: str, view: View, rows: Array, t: Array, values: Callable[
 
 
 class EventTimes:
-    """Times of events by bus, in order; those of `EVERY_BUS` count for each. A bus has at most so many."""
+    """Times of events by bus, in order; those of `EVERY_BUS` count for each.
+
+    A bus has at most so many, which are the first ones; and in any case at most `LATEST`, which are the latest.
+    """
 
     def __init__(self, most: float = math.inf) -> None:
         self._most = most
@@ -90,6 +95,8 @@ class EventTimes:
         at = bisect_left(times, t)
         if t != NO_TIME and len(times) < self._most and times[at : at + 1] != [t]:
             times.insert(at, t)
+            if len(times) > LATEST + SPARE:
+                del times[:-LATEST]
 
     def near(self, bus: int, since: int, until: int) -> bool:
         """Return whether one lies between two times, or at one of them."""

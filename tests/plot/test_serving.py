@@ -14,7 +14,7 @@ import pytest
 from kit.command import LIMIT, environment, wait_until
 
 from analyzer.plot.serving import server as serving
-from analyzer.plot.serving.gate import Gate, is_ours
+from analyzer.plot.serving.gate import HostGate, is_ours
 from analyzer.plot.viewer_program import NoViewerError
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def port() -> Iterator[int]:
                     came.sendall(ANSWER + came.recv(1 << 16))
 
         Thread(target=serve, daemon=True).start()
-        gate = Gate(HERE, 0, listening.getsockname()[:2])
+        gate = HostGate(HERE, 0, listening.getsockname()[:2])
         yield gate.port
         gate.close()
         with pytest.raises(OSError, match="refused"):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    from analyzer.app.live.hook import FindingCommand
     from analyzer.app.live.session_recording import SessionPlan
     from analyzer.live.interfaces.filters import Filters
     from analyzer.live.interfaces.naming import Interface
@@ -21,6 +22,7 @@ class LiveRequest:
     `buses` are interfaces with what is let through, `mode` and `view` how they are shown, `flush` asks for it more
     often. `plan` is the recording, `every` are the seconds between two lines about the state, `hardware` asks for the
     controller's time stamps. `plot` is the address of a viewer, empty for a new one. `bit_rate` is what is known of it.
+    `status_file` is where its state is written, `command` is run for findings.
     """
 
     buses: tuple[tuple[Interface, Filters], ...]
@@ -32,6 +34,8 @@ class LiveRequest:
     hardware: bool = False
     plot: str | None = None
     bit_rate: int | None = None
+    status_file: str | None = None
+    command: FindingCommand | None = None
 
     @property
     def counted(self) -> set[str]:

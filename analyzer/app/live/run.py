@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING
 
 from analyzer.app import streams
 from analyzer.app.interrupt import handling
+from analyzer.app.live.hook import FindingHook
 from analyzer.app.live.lag import Lag
 from analyzer.app.live.list import EventLines, TransferList, said
 from analyzer.app.live.overdue import Overdue
 from analyzer.app.live.session import LiveSession
 from analyzer.app.live.session_recording import SessionRecording
-from analyzer.app.live.status import Status, account
+from analyzer.app.live.status import DAY, Status, account
+from analyzer.app.live.status_file import StatusFile
 from analyzer.live.capture_loop import CaptureLoop
 from analyzer.live.interfaces.hub import Hub
 from analyzer.live.interfaces.receiver import open_receiver
@@ -62,6 +64,8 @@ class LiveRun:
         self._plot: LivePlot | None = None
         self._list: TransferList | None = None
         self._display: Display | None = None
+        self._status_file: StatusFile | None = None
+        self._hook: FindingHook | None = None
 
     def run(self) -> Report | None:
         """Run it; return the verdict, None if the rules have failed.
@@ -83,6 +87,11 @@ class LiveRun:
                 self._go(session, say)
             report = self._concluded(session)
             recording.close()
+            if self._hook is not None:
+                self._hook.close()
+                self._hook.look(session)
+            if self._status_file is not None:
+                self._status_file.end(session)
         if self._list is not None:
             self._list.look(session)
         failed = (f"{one.name}: {one.failed}" for one in self._receivers if one.failed is not None)
@@ -128,6 +137,14 @@ class LiveRun:
             self._views.append(Overdue(tell))
         self._views.append(Lag(tell))
         self._views.append(Status(request.every, tell, recording.words))
+        if request.every < DAY:
+            self._views.append(Status(DAY, tell, recording.words, span="in the last day"))
+        if request.status_file is not None:
+            self._status_file = StatusFile(request.status_file, tell, recording.now)
+            self._views.append(self._status_file)
+        if request.command is not None:
+            self._hook = FindingHook(request.command, tell)
+            self._views.append(self._hook)
         if request.plot is not None:
             from analyzer.app.live.plot import LivePlot, opened  # noqa: PLC0415 - Rerun takes its time
 

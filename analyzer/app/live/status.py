@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from analyzer.report.newest import Change
     from analyzer.rules.checking import Measured
 
+# Seconds of a day, after which there is a line in any case.
+DAY = 86_400.0
 _NAMED = 3
 
 
@@ -29,6 +31,7 @@ class Status:
         every: seconds.
         tell: takes the line.
         recording: says in words what is being recorded; empty if nothing is.
+        span: the time since the last line, in words.
         now: seconds of a monotonic clock.
     """
 
@@ -38,8 +41,10 @@ class Status:
         tell: Callable[..., None],
         recording: Callable[[], str],
         now: Callable[[], float] = time.monotonic,
+        span: str = "since the last line",
     ) -> None:
         self.failed = False
+        self._span = span
         self._every, self._tell, self._recording, self._now = every, tell, recording, now
         self._start = self._last = now()
         self._frames = self._dropped = 0
@@ -74,7 +79,7 @@ class Status:
         running = wording.length(round((now - self._start) * SECOND))
         self._last, self._frames, self._dropped = now, frames, dropped
         self._new.clear()
-        return f"{PROGRESS}{running}; since the last line: {', '.join(filter(None, words))}"
+        return f"{PROGRESS}{running}; {self._span}: {', '.join(filter(None, words))}"
 
 
 def _new(found: Counter[tuple[str, str]]) -> Iterator[str]:

@@ -24,7 +24,7 @@ _REFUSED = (
 )
 
 
-class Gate:
+class HostGate:
     """Listens on an address and passes on to another one what may come in. It ends with `close`.
 
     Args:

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from analyzer.plot.serving.gate import Gate
+from analyzer.plot.serving.gate import HostGate
 from analyzer.plot.viewer_program import (
     END,
     LOOPBACK,
@@ -86,15 +86,15 @@ class Server:
         self._stack.close()
 
 
-def _gate(bind: str, port: int | None, inner: tuple[str, int]) -> Gate:
+def _gate(bind: str, port: int | None, inner: tuple[str, int]) -> HostGate:
     """Open a gate at a port; None is the usual one of pages, or any."""
     try:
         if port is None:
             try:
-                return Gate(bind, WEB_PORT, inner)
+                return HostGate(bind, WEB_PORT, inner)
             except OSError:
-                return Gate(bind, 0, inner)
-        return Gate(bind, port, inner)
+                return HostGate(bind, 0, inner)
+        return HostGate(bind, port, inner)
     except OSError:
         where = f"{bind} port {port}" if port else bind
         raise NoViewerError(f"{where} is in use, or not of this computer: choose another with --port") from None
