@@ -64,19 +64,7 @@ class NoteReader:
         self, table: TomlTable, layout: CompoundType, notes: Mapping[str, Note], derived: Mapping[str, Derived]
     ) -> str:
         """Return the table's `summary` template, every column of it checked."""
-        text = table.string("summary")
-        known: dict[str, int | float | str] = dict(columns(layout, notes))
-        known |= {name: "text" if column.format else 1.5 for name, column in derived.items()}
-        try:
-            slots = template.parse(text)
-        except ValueError as error:
-            table.fail(str(error), "summary")
-        for slot in slots:
-            if slot.column and slot.column not in known:
-                table.fail(f"no column {slot.column!r} (allowed: {', '.join(sorted(known))})", "summary")
-            if slot.column and not slot.fits(known[slot.column]):
-                table.fail(f"the format {slot.format!r} does not suit {slot.column}", "summary")
-        return text
+        return template_of(table, "summary", known_columns(layout, notes, derived))
 
     def _note(self, body: TomlTable, kind: Type, layout: CompoundType, clause: str) -> Note:
         scalar = _scalar(kind)
@@ -188,6 +176,7 @@ class NoteReader:
             enum=self._enum(body, "enum", PrimitiveType("uint", high - low + 1)),
             clause=body.string("clause") or clause,
             tentative=body.flag("tentative"),
+            title=body.string("title"),
             low_limit=body.fraction("low"),
             high_limit=body.fraction("high"),
         )
@@ -246,6 +235,29 @@ class NoteReader:
             if start is not None and stop is not None and start >= stop:
                 row.fail("start must be below stop")
             yield Piece(start, stop, add)
+
+
+def known_columns(
+    layout: CompoundType, notes: Mapping[str, Note], derived: Mapping[str, Derived]
+) -> dict[str, int | float | str]:
+    """Return every column of a layout with a sample value, the computed ones too."""
+    known: dict[str, int | float | str] = dict(columns(layout, notes))
+    return known | {name: "text" if column.format else 1.5 for name, column in derived.items()}
+
+
+def template_of(table: TomlTable, key: str, known: Mapping[str, int | float | str]) -> str:
+    """Return a template, every column of it checked against those that are known."""
+    text = table.string(key)
+    try:
+        slots = template.parse(text)
+    except ValueError as error:
+        table.fail(str(error), key)
+    for slot in slots:
+        if slot.column and slot.column not in known:
+            table.fail(f"no column {slot.column!r} (allowed: {', '.join(sorted(known))})", key)
+        if slot.column and not slot.fits(known[slot.column]):
+            table.fail(f"the format {slot.format!r} does not suit {slot.column}", key)
+    return text
 
 
 def columns(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from dissectors.keys import PACKET_FILE
 from dissectors.layout import ArrayType, CompoundType, PrimitiveType
 from dissectors.namespace import Namespace
+from dissectors.remarks import RemarkReader
 from dissectors.schema import Packet, PacketFamily
 from dissectors.toml_table import read
 
@@ -87,6 +88,7 @@ def _packet(table: TomlTable, head: TomlTable, carrier: str, reader: NoteReader)
         checksum_ends=table.integers("checksum_ends", high=length - 1) or (length - 1,),
         summary=reader.summary(table, layout, notes, derived),
         numbers=tuple(_numbers(layout)),
+        remarks=RemarkReader(layout, notes, derived).remarks(table),
     )
     table.finish()
     return packet

@@ -11,12 +11,14 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 from dissectors.keys import PLOTS
+from dissectors.only import only
 from dissectors.registry import UnknownNameError
 from dissectors.toml_table import read
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from dissectors.only import Only
     from dissectors.registry import Registry
     from dissectors.toml_table import TomlTable
 
@@ -49,14 +51,6 @@ class Who:
     column: str = ""
     elements: bool = False
     first: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Only:
-    """Holds for the rows of nodes that read a doubtful field in this way."""
-
-    reading: str
-    choice: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +215,7 @@ class _Reader:
 
     def _line(self, key: str, body: TomlTable) -> Line:
         quantity, _, role = key.partition("/")
-        found = Line(self._known(body, quantity), body.string("column"), role, _only(body))
+        found = Line(self._known(body, quantity), body.string("column"), role, only(body))
         body.finish()
         return found
 
@@ -246,7 +240,7 @@ class _Reader:
 
 
 def _states(key: str, body: TomlTable) -> States:
-    found = States(key, _only(body))
+    found = States(key, only(body))
     body.finish()
     return found
 
@@ -270,12 +264,3 @@ def _esc(table: TomlTable) -> EscColumns:
     found = EscColumns(**{column.name: about.string(column.name) for column in fields(EscColumns)})
     about.finish()
     return found
-
-
-def _only(table: TomlTable) -> Only | None:
-    """Read `only = "dialect=tm"`: rows of nodes that read it so."""
-    text = table.string("only")
-    reading, equals, choice = text.partition("=")
-    if text and not (reading and equals and choice):
-        table.fail("READING=CHOICE is expected", "only")
-    return Only(reading, choice) if text else None

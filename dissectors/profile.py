@@ -19,6 +19,7 @@ from dissectors.keys.profile import NESTED
 from dissectors.layout import ArrayType, CompoundType, PrimitiveType
 from dissectors.namespace import Compiled, Namespace
 from dissectors.notes import NoteReader, columns
+from dissectors.remarks import RemarkReader
 from dissectors.schema import Dissector, Evidence, Message, Reading
 from dissectors.toml_table import ProfileError, TomlTable, read
 
@@ -199,6 +200,7 @@ class Profile:
         clause = table.string("clause")
         notes = self._notes(table, layout, clause)
         derived = self.reader.derived(table, layout, clause)
+        readings = tuple(self._readings(table, layout, notes))
         message = Message(
             name=name,
             full_name=compiled.full_name,
@@ -210,13 +212,14 @@ class Profile:
             derived=tuple(derived.values()),
             packets=packets.family(table, layout, self.folder, replace(self.reader, messages=self._layout)),
             prefix=table.flag("prefix"),
-            readings=tuple(self._readings(table, layout, notes)),
+            readings=readings,
             clause=clause,
             summary=self.reader.summary(table, layout, notes, derived),
             aliases=table.strings("aliases"),
             turns=self._turns(table, layout),
             actuates=table.flag("actuates"),
             role=table.string("role"),
+            remarks=RemarkReader(layout, notes, derived, readings).remarks(table),
         )
         for key in ("type", "dsdl"):
             table.string(key)

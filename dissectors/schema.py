@@ -16,6 +16,8 @@ from dissectors.layout import ArrayType, CompoundType, Member, PlanToken, Primit
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from dissectors.only import Only
+
 __all__ = [
     "Agreement",
     "ArrayType",
@@ -35,6 +37,7 @@ __all__ = [
     "PlanToken",
     "PrimitiveType",
     "Reading",
+    "Remark",
     "Type",
     "UnitBy",
     "plan",
@@ -50,7 +53,7 @@ class Bits:
 
     One bit without an enumeration is a flag. With `scale` the value is raw * scale in `unit`. `low_limit` and
     `high_limit` are raw. `tentative` marks a name that the document does not give for this field. A word that has a
-    special value has no parts.
+    special value has no parts. `title` is what people call it, by default its name.
     """
 
     name: str
@@ -63,6 +66,7 @@ class Bits:
     tentative: bool = False
     low_limit: Fraction | None = None
     high_limit: Fraction | None = None
+    title: str = ""
 
     @property
     def width(self) -> int:
@@ -73,6 +77,11 @@ class Bits:
     def flag(self) -> bool:
         """True for a single bit that is simply set or not."""
         return self.low == self.high and not self.enum and self.scale is None
+
+    @property
+    def called(self) -> str:
+        """The words for it."""
+        return self.title or self.name.replace("_", " ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +176,27 @@ class Derived:
 
 
 @dataclass(frozen=True, slots=True)
+class Remark:
+    """What a line about a row says behind its summary, if the row gives cause for it.
+
+    The cause is the raw value of `column`, a field or `field.part`: one that is neither `usual` nor a special value of
+    the field; a flag that is set; of a word with flags, without a `text`, each flag that is set, by its name. With
+    `changes` also another value than the one before, of the same sender and the same value of the field `per`: both
+    names are said. `text` is a template, by default the value of the column. Values among the `capitals` stand in
+    capital letters. `only` holds it to the nodes that read a doubtful field so. A remark without a column is the `text`
+    of rows that have no other.
+    """
+
+    column: str
+    text: str = ""
+    usual: tuple[int, ...] = ()
+    capitals: tuple[int, ...] = ()
+    changes: bool = False
+    per: str = ""
+    only: Only | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Packet:
     """A packet inside a byte array, with a table of its own called `<message>.<name>`.
 
@@ -185,6 +215,7 @@ class Packet:
     checksum_ends: tuple[int, ...]
     summary: str
     numbers: tuple[tuple[int, int], ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,6 +288,7 @@ class Message:
     turns: str = ""
     actuates: bool = False
     role: str = ""
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def table(self) -> str:

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from analyzer.devices.readings import Readings
     from analyzer.devices.units import Unit, Units
     from dissectors.kit import Array
-    from dissectors.picture import Line, Only, Plot
+    from dissectors.only import Only
+    from dissectors.picture import Line, Plot
     from dissectors.schema import Message, Packet
 
 MOST_DEVICES = 256  # of one table

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
     from dissectors import Registry
     from dissectors.kit import Array
-    from dissectors.picture import Only, Plot
+    from dissectors.only import Only
+    from dissectors.picture import Plot
     from dissectors.schema import Evidence, Message, Reading
 
 _NEVER = np.iinfo(np.uint64).max

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from analyzer.plot.canvas import Canvas, Column
     from analyzer.plot.moments import Moments
     from dissectors.kit import Array
-    from dissectors.picture import Line, Only, Pictures, Plot
+    from dissectors.only import Only
+    from dissectors.picture import Line, Pictures, Plot
     from dissectors.schema import Message, Packet
 
 MESSAGES, STATES = "messages", "states"

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.devices.remarks import Remarks
 from analyzer.facts.names import type_name
 from analyzer.tables import KINDS, STATUSES, TRANSFER_ANOMALIES
 from analyzer.views.frames.loose import LooseFrames
 from analyzer.views.frames.window import FrameWindow
 from analyzer.views.marks import Marks
 from analyzer.views.named import rules_of, tag
-from analyzer.views.phrases import octets, phrases
+from analyzer.views.phrases import octets, with_remarks
 from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
 from analyzer.views.wording import LISTED, anomalies
@@ -21,9 +22,10 @@ from analyzer.window.numbering import Numbering
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from analyzer.decode.engine import Batch
+    from analyzer.devices.remarks import Remarked
     from analyzer.rules.named_frames import NamedFrames
     from analyzer.views.marks import ListMark
     from analyzer.views.times import TimeFormat
@@ -79,6 +81,7 @@ class Listing:
         kept = self._own or frames or FrameWindow()
         self._loose = LooseFrames(registry, kept, self._numbering, foreign=foreign, named=named)
         self._marks = Marks(self._numbering)
+        self._remarks = Remarks()
         self._names: tuple[str, ...] = ()
         self._rows: TransferRows | None = None
         self._times: list[str] = []
@@ -192,7 +195,7 @@ class Listing:
             yield entry
 
     def _infos(self, rows: TransferRows) -> list[str]:
-        infos = _infos(rows)
+        infos = _infos(rows, self._remarks)
         if self._named is None:
             return infos
         named = rules_of(self._named, rows.column("frame"))
@@ -211,13 +214,15 @@ class Listing:
         return line if self._width is None else fit(line, self._width)
 
 
-def _infos(rows: TransferRows) -> list[str]:
+def _infos(rows: TransferRows, remarks: Remarks) -> list[str]:
     """Return what each transfer says."""
     infos: list[str] = [""] * len(rows)
+    tables = ((part.name, part.of, part.table) for part in (*rows.typed, *rows.packets) if part.of is not None)
+    remarked = remarks.feed(tables)
     for part in rows.typed:
-        for at, text in zip(part.at, phrases(part), strict=True):
+        for at, text in zip(part.at, with_remarks(part, remarked[part.name]), strict=True):
             infos[at] = text
-    _add_packets(rows, infos)
+    _add_packets(rows, infos, remarked)
     for part in rows.typed:
         left = numbers(part.table.column("bits_left"))
         for row in np.flatnonzero(left < 0).tolist():
@@ -231,8 +236,8 @@ def _infos(rows: TransferRows) -> list[str]:
     return infos
 
 
-def _add_packets(rows: TransferRows, infos: list[str]) -> None:
-    texts = {id(part): phrases(part) for part in rows.packets}
+def _add_packets(rows: TransferRows, infos: list[str], remarked: Mapping[str, Sequence[Remarked]]) -> None:
+    texts = {id(part): with_remarks(part, remarked.get(part.name, ())) for part in rows.packets}
     sound = {id(part): part.table.column("packet_ok").to_pylist() for part in rows.packets if part.of is not None}
     for at, packets in rows.inner().items():
         said = []

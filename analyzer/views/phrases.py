@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
 
 from analyzer.facts.meaning import Meaning, meaning, stands_for
 from analyzer.views.members import cells
@@ -15,10 +19,11 @@ from dissectors import template
 from dissectors.kit.cells import pylist
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
+    from analyzer.devices.remarks import Remarked
     from analyzer.views.rows import MessagePart
-    from dissectors.schema import Message, Packet
+    from dissectors.schema import Message, Packet, Remark
 
 # Bounds of a line about a type without a template, and of bytes shown in a line.
 FIELDS_SHOWN = 12
@@ -42,6 +47,62 @@ def phrases(part: MessagePart) -> list[str]:
         if slot.column:
             pieces.append(_texts(part, slot.column, slot.format))
     return ["".join(row) for row, _ in zip(zip(*pieces, strict=False), range(len(part.table)), strict=False)]
+
+
+def with_remarks(part: MessagePart, found: Sequence[Remarked]) -> list[str]:
+    """Write a line for each row, and behind it what is remarked of the row."""
+    lines = phrases(part)
+    if part.of is None or not part.of.remarks:
+        return lines
+    said: list[list[str]] = [[] for _ in lines]
+    for one in found:
+        for row, text in zip(one.rows.tolist(), _said(part, one), strict=True):
+            said[row].append(text)
+    otherwise = [escape(remark.text) for remark in part.of.remarks if not remark.column]
+    return [
+        " ".join(filter(None, [line, ", ".join(some or otherwise)])) for line, some in zip(lines, said, strict=True)
+    ]
+
+
+def _said(part: MessagePart, found: Remarked) -> list[str]:
+    """Write what is remarked of rows; values that are the same are written once."""
+    remark = found.remark
+    own = all(slot.column.startswith(remark.column) or not slot.column for slot in _slots(remark.text))
+    codes = found.raw if own else np.arange(len(found.rows))
+    _, first, inverse = np.unique(codes, return_index=True, return_inverse=True)
+    rows = pa.array(found.rows[first])
+    texts = _remark_texts(replace(part, table=part.table.take(rows), at=[]), remark, found.raw[first].tolist())
+    out = [texts[k] for k in inverse.tolist()]
+    for row in np.flatnonzero(found.before >= 0).tolist():
+        out[row] = f"{_name(part, remark.column, int(found.before[row]))} -> {out[row]}"
+    return out
+
+
+def _remark_texts(part: MessagePart, remark: Remark, raw: list[int]) -> list[str]:
+    note = part.of.notes.get(remark.column) if part.of is not None else None
+    if not remark.text and note is not None and any(bits.flag for bits in note.parts):
+        return [", ".join(escape(b.called) for b in note.parts if b.flag and code >> b.low & 1) for code in raw]
+    pieces: list[list[str]] = []
+    for slot in _slots(remark.text or f"{{{remark.column}}}"):
+        pieces.append([escape(slot.text)] * len(raw))
+        if slot.column == remark.column and not slot.format:
+            pieces.append([_name(part, slot.column, code) for code in raw])
+        elif slot.column:
+            pieces.append(_texts(part, slot.column, slot.format))
+    texts = ["".join(row) for row in zip(*pieces, strict=True)]
+    return [text.upper() if code in remark.capitals else text for code, text in zip(raw, texts, strict=True)]
+
+
+def _name(part: MessagePart, column: str, raw: int) -> str:
+    """Write one raw value of a column: its name, of a flag what it says, else the number in its unit."""
+    about = meaning(part.of, column)
+    if about.part is not None and about.part.flag:
+        return escape(about.part.called if raw else f"no {about.part.called}")
+    scale = next((one.scale for one in (about.note, about.part) if one is not None and one.scale is not None), None)
+    value = raw if scale is None else float(raw * scale)
+    named = about.part.enum if about.part is not None else about.note.enum if about.note is not None else {}
+    text = about.texts.get(value, f"{raw} (undefined)" if named else plain(value))
+    return quantity(escape(text), about.unit)
 
 
 def octets(data: bytes, limit: int = BYTES_SHOWN) -> str:

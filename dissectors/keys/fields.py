@@ -13,6 +13,7 @@ PART = Keys("bits.NAME", "Some bits of a whole number.", (
     Key("unit", "text", "Unit of the scaled value.", '"deg"'),
     Key("enum", "enumeration", "Texts of raw values.", '"OperatingMode"'),
     Key("clause", "text", "Clause of the document.", '"4.4.3"', "that of the field"),
+    Key("title", "text", "What people call it.", '"MOS over temperature"', "NAME"),
     Key("tentative", "flag", "The document is not clear here.", "true", "false"),
     Key("low", "number", _LOW, "0"),
     Key("high", "number", _HIGH, "16383"),
@@ -81,3 +82,22 @@ PACKET_FIELDS = by_name("field", PACKET_FIELD.about, PACKET_FIELD, "field.count 
 COLUMNS = by_name("derived", DERIVED.about, DERIVED, 'derived.celsius = { source = "temperature", offset = -273.15 }')
 SUMMARY = Key("summary", "text", "One line about it, with columns filled in: `{column}` or `{column:format}`.",
               '"{voltage:.1f} V"')  # fmt: skip
+
+ONLY = Key("only", "text", "Rows of nodes that read a doubtful field so: READING=CHOICE.", '"dialect=tm"')
+_LEAST, _MOST = -(1 << 31), (1 << 32) - 1
+_REMARK = (
+    Key("of", "text", "A whole number, or a part of one (`field.part`). A flag is remarked when it is set; a word with "
+        "flags, without a `text`, names those that are set; any other column is remarked unless its value is `usual` "
+        "or `special`. A row without `of` has the `text` of lines that have no other remark.", '"state"'),
+    Key("text", "text", "What is said, with columns filled in as in `summary`.", '"{state} mode"', "the value's name"),
+    Key("usual", "wholes", "Raw values that are not worth a word.", "[2]", low=_LEAST, high=_MOST),
+    Key("capitals", "wholes", "Raw values that are said in capital letters.", "[6]", low=_LEAST, high=_MOST),
+    Key("changes", "flag", "A value other than the last one of the same sender is said, too, with both names.", "true",
+        "false"),
+    Key("per", "text", "A field: each value of it has a last one of its own.", '"esc_index"'),
+)  # fmt: skip
+_REMARKS = "What the line about it says behind its summary, where there is something to remark."
+REMARK = Keys("remarks", _REMARKS, (*_REMARK, ONLY))
+PACKET_REMARK = Keys("remarks of packets", _REMARKS, _REMARK)
+REMARKS = Key("remarks", "rows", _REMARKS, '[{ of = "state", usual = [2], changes = true }]', keys=REMARK)
+PACKET_REMARKS = Key("remarks", "rows", _REMARKS, '[{ of = "fault" }]', keys=PACKET_REMARK)

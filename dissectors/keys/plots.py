@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from dissectors.keys.fields import ONLY
 from dissectors.keys.key import Key, Keys, by_name
 
-_ONLY = Key("only", "text", "Rows of nodes that read a doubtful field so: READING=CHOICE.", '"dialect=tm"')
 _MOST_FIRST = 1000
 
 QUANTITY = Keys("quantity.NAME", "Something that is measured or commanded: one plot, with a line for each device.", (
@@ -23,12 +23,10 @@ WHO = Keys("who", "Whose values a row holds: the device that a column numbers, o
 
 LINE = Keys('line.QUANTITY, line."QUANTITY/ROLE"', "A quantity's column; a role tells apart what shares a plot.", (
     Key("column", "text", "Field, part (`field.part`) or derived column.", '"voltage"', required=True),
-    _ONLY,
+    ONLY,
 ))  # fmt: skip
 
-STATES = Keys(
-    "states.COLUMN", "A column with named values, or a word whose flags and enumerations are lanes.", (_ONLY,)
-)
+STATES = Keys("states.COLUMN", "A column with named values, or a word whose flags and enumerations are lanes.", (ONLY,))
 
 PRODUCT = Keys("product.QUANTITY", "A quantity that is the product of two others of the same row.", (
     Key("of", "texts", "The two.", '["voltage", "current"]', required=True),

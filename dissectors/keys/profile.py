@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dissectors.keys.fields import COLUMNS, FIELDS, PACKET_FIELDS, SUMMARY
+from dissectors.keys.fields import COLUMNS, FIELDS, PACKET_FIELDS, PACKET_REMARKS, REMARKS, SUMMARY
 from dissectors.keys.key import Key, Keys, by_name
 
 _MOST_ID = 0xFFFF
@@ -32,6 +32,7 @@ MESSAGE = Keys("message.NAME, request.NAME, response.NAME", "One type, by the na
     FIELDS,
     COLUMNS,
     SUMMARY,
+    REMARKS,
     Key("aliases", "texts", "Other full names that it answers to.", '["uavcan.equipment.esc.Status"]'),
     Key("prefix", "flag", "Senders may put the length of the last array in front on classic CAN.", "true", "false"),
     Key("packets", "text", "File of the packets that it carries, from this folder.", '"packets/PUSHCAN.toml"'),
@@ -86,6 +87,7 @@ PACKET = Keys("packet.NAME", "One packet, by the name of its table.", (
     Key("checksum_ends", "wholes", "Bytes up to which a sender may have summed, this one not included.", "[26, 27]",
         "the last byte", low=1, high=_MOST_PACKET - 1),
     SUMMARY,
+    PACKET_REMARKS,
 ))  # fmt: skip
 
 PACKET_FILE = Keys("packets/NAME.toml", "Packets in a byte array of a message, and what all of them have in common.", (

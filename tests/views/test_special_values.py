@@ -66,7 +66,7 @@ def test_list(flight: Path, command: Command) -> None:
     assert "ID all" in answer
     assert one.startswith("FocQuery unit 1 query FOC parameters")
     assert everyone.startswith("FocQuery unit all query FOC parameters")
-    assert packet.startswith("FocParameters unit 0xAA ")  # a unit that there is not
+    assert packet.startswith("FocParameters unit 0xAA: ")  # a unit that there is not
 
 
 def test_details(flight: Path, command: Command) -> None:

@@ -1,0 +1,126 @@
+"""Rows of messages and packets that have something to remark, as their profiles say, batch by batch."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.devices.readings import Readings, senders
+from analyzer.devices.rows import NUMBER_BITS
+from analyzer.facts.meaning import meaning
+from dissectors.kit.cells import numbers, valid
+from dissectors.schema import Message
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import pyarrow as pa
+
+    from dissectors.kit import Array
+    from dissectors.schema import Packet, Remark
+
+    Table = tuple[str, Message | Packet, pa.RecordBatch]
+
+_MOST_SENDERS = 1 << 16
+
+
+class Remarked(NamedTuple):
+    """The rows of a table that give cause for a remark, with their raw values.
+
+    Of a word only the flags are in `raw`. `before` is the raw value that each row was changed from, -1 if it was not.
+    """
+
+    remark: Remark
+    rows: Array
+    raw: Array
+    before: Array
+
+
+class Remarks:
+    """Knows the last value of each sender, so that changes are told wherever batches end."""
+
+    def __init__(self) -> None:
+        self._readings: dict[str, Readings] = {}
+        self._last: dict[tuple[str, int], dict[int, int]] = {}  # by table and remark: by sender
+
+    def feed(self, tables: Iterable[Table]) -> dict[str, list[Remarked]]:
+        """Take the rows that are listed of a batch; return by table what is remarked of them."""
+        listed = list(tables)
+        by_name = {name: table for name, _, table in listed}
+        found = {}
+        for name, of, table in listed:
+            if isinstance(of, Message) and any(remark.only for remark in of.remarks):
+                self._readings.setdefault(name, Readings(of, {})).feed(by_name)
+            found[name] = [
+                self._remarked(name, place, of, table) for place, remark in enumerate(of.remarks) if remark.column
+            ]
+        return found
+
+    def _remarked(self, name: str, place: int, of: Message | Packet, table: pa.RecordBatch) -> Remarked:
+        remark = of.remarks[place]
+        raw, has, usual = _raw(of, remark, table)
+        wanted = has & ~np.isin(raw, usual)
+        before = np.full(len(table), -1, np.int64)
+        if remark.only is not None:
+            holds = self._readings[name].holds(remark.only, table)
+            wanted, has = wanted & holds, has & holds
+        if remark.changes:
+            before = self._before(self._last.setdefault((name, place), {}), remark, table, raw, has)
+            wanted |= before >= 0
+        rows = np.flatnonzero(wanted)
+        return Remarked(remark, rows, raw[rows], before[rows])
+
+    def _before(
+        self, last: dict[int, int], remark: Remark, table: pa.RecordBatch, raw: Array, has: Array
+    ) -> Array:  # fmt: skip
+        """Return what each row was changed from; a row that cannot be trusted changes nothing."""
+        before = np.full(len(table), -1, np.int64)
+        for name in ("trusted", "packet_ok"):
+            if name in table.schema.names:
+                has = has & numbers(table.column(name))
+        rows = np.flatnonzero(has)
+        if not len(rows):
+            return before
+        key = senders(table).astype(np.int64)[rows] << NUMBER_BITS
+        if remark.per:
+            key |= numbers(table.column(_own(table, remark.per)))[rows].astype(np.int64) & (1 << NUMBER_BITS) - 1
+        order = np.argsort(key, kind="stable")
+        rows, key = rows[order], key[order]
+        starts = np.concatenate(([True], key[1:] != key[:-1]))
+        previous = np.concatenate(([0], raw[rows[:-1]]))
+        for first in np.flatnonzero(starts).tolist():
+            previous[first] = last.get(int(key[first]), raw[rows[first]])
+        for end in [*(np.flatnonzero(starts)[1:] - 1).tolist(), len(rows) - 1]:
+            if int(key[end]) in last or len(last) < _MOST_SENDERS:
+                last[int(key[end])] = int(raw[rows[end]])
+        changed = previous != raw[rows]
+        before[rows[changed]] = previous[changed]
+        return before
+
+
+def _raw(of: Message | Packet, remark: Remark, table: pa.RecordBatch) -> tuple[Array, Array, tuple[int, ...]]:
+    """Return the raw values of a remark's column, which of them are there, and those that are usual."""
+    about = meaning(of, remark.column)
+    outer = remark.column if about.part is None else remark.column.rpartition(".")[0]
+    word = table.column(_own(table, outer))
+    note = of.notes.get(outer)
+    values, has = numbers(word), valid(word)
+    if note is not None and note.scale is not None:
+        values = np.rint(np.where(has, values, 0) * note.scale.denominator / note.scale.numerator)
+    raw = values.astype(np.int64)
+    special = () if note is None else tuple(note.special)
+    if about.part is not None:
+        has = has & ~np.isin(raw, special)
+        raw = raw >> about.part.low & (1 << about.part.width) - 1
+        return raw, has, remark.usual or ((0,) if about.part.flag else ())
+    flags = sum(1 << part.low for part in note.parts if part.flag) if note is not None and not remark.text else 0
+    if flags:
+        return np.where(np.isin(raw, special), 0, raw & flags), has, (0,)
+    return raw, has, (*remark.usual, *special)
+
+
+def _own(table: pa.RecordBatch, field: str) -> str:
+    """Return the column of a field: another one if it is called like a column that every message has."""
+    other = f"{field}.field"
+    return other if other in table.schema.names else field
