@@ -177,7 +177,7 @@ class Derived:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What a line about a row says behind its summary, if the row gives cause for it.
+    """Words behind the summary of a line, for rows that give cause for them.
 
     The cause is the raw value of `column`, a field or `field.part`: one that is neither `usual` nor a special value of
     the field; a flag that is set; of a word with flags, without a `text`, each flag that is set, by its name. With

@@ -1,7 +1,8 @@
-"""`tailbyte explain`: the page of a rule: what it checks, why that matters, an example, what to look at next."""
+"""`tailbyte explain`: what a rule checks, why that matters, an example, what to look at next; or what a word means."""
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from typing import TYPE_CHECKING
@@ -14,9 +15,11 @@ if TYPE_CHECKING:
 
     from analyzer.rules.catalogue import Page
     from analyzer.views.terminal import Palette
+    from dissectors import Registry
 
 NAME = "tailbyte explain"
 _WIDTH = 80
+_RULE = re.compile(r"[A-Za-z]+-\d+")
 _STYLES = {"error": "bad", "warning": "note", "note": "dim"}
 
 
@@ -24,11 +27,15 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command and its options."""
     parser = commands.add_parser(
         "explain",
-        help="what a rule of check means",
+        help="what a rule of check means, or a clause, type, field or word of the document",
         description=__doc__,
-        usage="%(prog)s [options] [RULE...]",
+        usage="%(prog)s [options] [RULE|WORD...]",
     )
-    parser.add_argument("rule", nargs="*", metavar="RULE", help="TRF-010, or a layer: CAN, TRF, TYP, PUSH, BUS, CAP")
+    parser.add_argument(
+        "rule", nargs="*", metavar="RULE|WORD",
+        help="TRF-010, or a layer: CAN, TRF, TYP, PUSH, BUS, CAP; or a clause (4.4.3), a type (NodeStatus, 341), "
+        "a field (voltage), a word of the document (Oversupply)",
+    )  # fmt: skip
     parser.add_argument("--list", action="store_true", help="one line for each rule; of all rules if none is named")
     parser.add_argument("--markdown", action="store_true", help="one Markdown document; of all rules if none is named")
     options.add_dissectors(parser)
@@ -37,10 +44,10 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the pages that are asked for."""
+    """Print what is asked for."""
     import dissectors  # noqa: PLC0415
     from analyzer.cli.pager import paged  # noqa: PLC0415
-    from analyzer.report.explain import document, render  # noqa: PLC0415
+    from analyzer.report.explain import document  # noqa: PLC0415
     from analyzer.rules.catalogue import load, matching  # noqa: PLC0415
     from analyzer.views.terminal import Palette  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
@@ -49,22 +56,62 @@ def run(args: argparse.Namespace) -> int:
         return status.usage("--list and --markdown: which one?", NAME)
     if not args.rule and not args.list and not args.markdown:
         return status.usage("which rule? --list names them all", NAME)
-    try:
-        pages = load(dissectors.load(*options.folders(args)))
-        wanted = matching(_patterns(args.rule) or ["all"], pages)
-    except (DsdlError, ProfileError, LookupError, OSError) as error:
-        return status.usage(error, NAME)
-    chosen = {rule: page for rule, page in pages.items() if rule in wanted}
+    words = _patterns(args.rule)
     width = min(shutil.get_terminal_size().columns, 100) if sys.stdout.isatty() else _WIDTH
     palette = Palette(options.colour(args))
+    try:
+        registry = dissectors.load(*options.folders(args))
+        pages = load(registry)
+        if not (args.list or args.markdown):
+            text = _explained(words, " ".join(args.rule), registry, pages, width, palette)
+        else:
+            wanted = matching(words or ["all"], pages)
+    except (DsdlError, ProfileError, LookupError, OSError) as error:
+        return status.usage(error, NAME)
     with paged(wanted=not args.no_pager) as out:
+        if not (args.list or args.markdown):
+            out.write(text)
+            return status.OK
+        chosen = {rule: page for rule, page in pages.items() if rule in wanted}
         if args.markdown:
             out.write(document({rule: page.body for rule, page in chosen.items()}))
-        elif args.list:
-            out.writelines(_listed(chosen, width, palette))
         else:
-            out.write("\n".join(render(rule, page.body, width=width, palette=palette) for rule, page in chosen.items()))
+            out.writelines(_listed(chosen, width, palette))
     return status.OK
+
+
+def _explained(
+    words: list[str], phrase: str, registry: Registry, pages: Mapping[str, Page], width: int, palette: Palette
+) -> str:
+    """Return the pages of rules in their order, then those of other words. Raises `LookupError` with near names."""
+    from analyzer.report.explain import render  # noqa: PLC0415
+    from analyzer.rules.catalogue import matching  # noqa: PLC0415
+
+    rules, others = set[str](), list[str]()
+    for word in words:
+        try:
+            rules |= matching([word], pages)
+        except LookupError:
+            if _RULE.fullmatch(word):
+                raise
+            others.append(word)
+    texts = [render(rule, page.body, width=width, palette=palette) for rule, page in pages.items() if rule in rules]
+    if others:
+        from analyzer.report.topics.finding import Index  # noqa: PLC0415 - a rule needs no types
+        from analyzer.report.topics.page import Pages  # noqa: PLC0415
+
+        index = Index(registry, pages)
+        whole = index.find(phrase) if len(words) > 1 else []
+        texts, others = ([], [phrase]) if whole else (texts, others)  # the words belong together
+        found = [index.find(word) for word in others]
+        for word, topics in zip(others, found, strict=True):
+            if not topics:
+                near = index.near(phrase if len(others) == len(words) else word)
+                hint = f"; did you mean {', '.join(near)}?" if near else ""
+                raise LookupError(f"no rule, clause, type, field or word of the document is called {word[:40]!r}{hint}")
+        writer = Pages(index, registry, pages, width=width, palette=palette)
+        texts += [writer.write(topics) for topics in found]
+    return "\n".join(texts)
 
 
 def _patterns(given: Iterable[str]) -> list[str]:

@@ -7,10 +7,10 @@ writes the reference for people from the same.
 from __future__ import annotations
 
 from dissectors.keys.key import Key, Keys
-from dissectors.keys.pages import CLAUSES, PAGES
+from dissectors.keys.pages import CLAUSES, PAGES, PRINTED
 from dissectors.keys.plots import PLOTS
 from dissectors.keys.profile import PACKET_FILE, PROFILE
 
-__all__ = ["CLAUSES", "FILES", "PACKET_FILE", "PAGES", "PLOTS", "PROFILE", "Key", "Keys"]
+__all__ = ["CLAUSES", "FILES", "PACKET_FILE", "PAGES", "PLOTS", "PRINTED", "PROFILE", "Key", "Keys"]
 
-FILES = (PROFILE, PACKET_FILE, PAGES, PLOTS, CLAUSES)
+FILES = (PROFILE, PACKET_FILE, PAGES, PLOTS, CLAUSES, PRINTED)

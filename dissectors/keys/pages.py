@@ -82,3 +82,10 @@ NEVER = Keys("never", "A clause that no capture can show.", (
 CLAUSES = Keys("clauses.toml", "Clauses of the document that no rule can check.", (
     Key("never", "rows", NEVER.about, 'never = [{ clause = "3.1", why = "connectors and wires" }]', keys=NEVER),
 ))  # fmt: skip
+
+PRINTED = Keys("printed.toml", "Words that the document prints, so that `explain` finds what they are called here.", (
+    Key("name", "table", "Printed names of fields and of parts of fields.", 'name."Pump.pressure" = "Hose pressure"',
+        each=Key("MESSAGE.FIELD", "text", "The word as it is printed.")),
+    Key("value", "tables", "Printed names of values.", 'value."Pump.state" = { 2 = "Motor is spinning" }',
+        each=Key("MESSAGE.FIELD", "codes", "Words of raw values.")),
+))  # fmt: skip

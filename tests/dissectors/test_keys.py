@@ -11,6 +11,7 @@ from analyzer.rules import catalogue, coverage, field_tests
 from dissectors import keys, kit, picture
 from dissectors.keys import pages
 from dissectors.kit.rule import PageKeys
+from dissectors.printed import printed
 from dissectors.profile import Profile
 from dissectors.toml_table import TomlTable, parse
 
@@ -55,6 +56,7 @@ def test_every_key_that_is_described_is_read(monkeypatch: pytest.MonkeyPatch) ->
     assert list(field_tests.rules_from(registry, found))
     picture.load(registry)
     coverage.never(registry)
+    assert any(list(printed(profile.folder)) for profile in registry.profiles)
     all_keys = {one.title: one for file in keys.FILES for one in described(file) if one.keys}
     for title, asked in finished.items():
         assert asked == {key.name for key in all_keys[title].keys}, title
