@@ -59,6 +59,7 @@ def add_view(show: argparse._ArgumentGroup) -> None:
     show.add_argument("-x", dest="bytes", action="store_true", help="bytes: CRC, payload, padding and tail told apart")
     show.add_argument("-t", dest="time", choices=_TIMES, default="r", metavar="a|ad|d|dd|e|r|u|ud", help=_TIME_HELP)
     show.add_argument("-T", dest="form", choices=_FORMS, default="text", help="default: text")
+    show.add_argument("--derived", action="store_true", help="units and derived values, in -T jsonl, json and csv")
     show.add_argument("--foreign", action="store_true", help="list each frame that is not DroneCAN, not sums of them")
     show.add_argument(
         "-e", dest="fields", action="append", default=[], metavar="FIELD", help="a field of -T fields; repeatable"
@@ -104,6 +105,10 @@ def view_options(args: argparse.Namespace) -> WriterOptions:
         raise ValueError("--findings marks rows of a list, of json, jsonl or csv: not with --follow, -q or -T fields")
     if getattr(args, "frame_list", False) and (args.details or args.only is not None or args.summary or args.bytes):
         raise ValueError("--frame-list is a list of its own: -V, -O, -P and -x are about transfers")
+    if args.derived and (args.form in ("text", "fields") or getattr(args, "frame_list", False)):
+        raise ValueError(
+            "--derived is for -T jsonl, json and csv of transfers; -V and -T fields have derived values anyway"
+        )
     if bool(args.fields) != (args.form == "fields"):
         raise ValueError("-T fields and -e FIELD go together")
     return WriterOptions(
@@ -121,6 +126,7 @@ def view_options(args: argparse.Namespace) -> WriterOptions:
         follow=getattr(args, "follow", False),
         wireshark=getattr(args, "number", None) == "wireshark",
         count=getattr(args, "count", None),
+        derived=args.derived,
     )
 
 

@@ -36,26 +36,31 @@ class Writer(Protocol):
 class ViewFormat:
     """A view for programs: its name for `-T`, its module in `analyzer.views`, and its class there.
 
-    `marks` says that the class takes which rules name which frames, too.
+    `marks` says that the class takes which rules name which frames, too, `derives` that it gives derived values.
     """
 
     name: str
     module: str
     view: str
     marks: bool = False
+    derives: bool = False
 
-    def writer(self, registry: Registry, named: NamedFrames | None = None) -> Writer:
-        """Return the view; its module is imported only now. Raises `ValueError` if it cannot mark rows."""
+    def writer(self, registry: Registry, named: NamedFrames | None = None, *, derived: bool = False) -> Writer:
+        """Return the view; its module is imported only now. Raises `ValueError` for what it cannot give."""
         if named is not None and not self.marks:
             raise ValueError(f"-T {self.name} does not mark rows with --findings")
+        if derived and not self.derives:
+            raise ValueError(f"-T {self.name} has no derived values")
         module: Any = import_module(f"analyzer.views.{self.module}")
-        made: Writer = getattr(module, self.view)(registry, *(() if named is None else (named,)))
+        made: Writer = getattr(module, self.view)(
+            registry, *(() if named is None else (named,)), **({"derived": True} if derived else {})
+        )  # fmt: skip
         return made
 
 
 FORMATS = (
-    ViewFormat("json", "records", "JsonArray", marks=True),
-    ViewFormat("jsonl", "records", "JsonLines", marks=True),
-    ViewFormat("csv", "records", "Csv", marks=True),
+    ViewFormat("json", "records", "JsonArray", marks=True, derives=True),
+    ViewFormat("jsonl", "records", "JsonLines", marks=True, derives=True),
+    ViewFormat("csv", "records", "Csv", marks=True, derives=True),
 )
 BY_NAME = {form.name: form for form in FORMATS}

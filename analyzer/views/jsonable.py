@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from analyzer.facts.json_number import number
 from analyzer.facts.meaning import meaning
+from analyzer.views.members import cells
 from dissectors.kit.cells import pylist, step_into
 from dissectors.schema import ArrayType, CompoundType, PrimitiveType
 
@@ -36,6 +37,63 @@ def field_objects(part: MessagePart, *, physical: bool) -> list[dict[str, Any]]:
     if not columns:
         return [{} for _ in range(len(part.table))]
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def derived_objects(part: MessagePart, *, physical: bool) -> list[dict[str, Any]]:
+    """Return of every row what follows from its fields: `derived`, `units` and `texts`, each by column.
+
+    `derived` are the computed columns, and the values in their units of fields that are raw numbers elsewhere; those of
+    packets are `physical` there, too. `texts` name special values, such as "no change".
+    """
+    rows: list[dict[str, Any]] = [{"derived": {}, "units": {}, "texts": {}} for _ in range(len(part.table))]
+    if part.of is None:
+        return rows
+    for name, note in part.of.notes.items():
+        if not physical and (note.scale is not None or note.unit_by is not None):
+            _put(rows, "derived", name, cells(part, f"{name}.value" if note.unit_by is not None else name))
+        if note.unit_by is not None and not physical:
+            _put(rows, "units", name, cells(part, f"{name}.unit"))
+        if note.wraps:
+            _put(rows, "derived", f"{name}.unwrapped", cells(part, f"{name}.unwrapped"))
+        units = {name: note.unit} | {f"{name}.{bits.name}": bits.unit for bits in note.parts}
+        units |= {f"{name}.unwrapped": note.unit} if note.wraps else {}
+        _put_units(rows, units)
+        if note.special:
+            texts = meaning(part.of, name).texts
+            special = {value: text for value, text in texts.items() if text in note.special.values()}
+            _put_texts(rows, name, cells(part, name), special)
+    for derived in part.of.derived:
+        _put(rows, "derived", derived.name, cells(part, derived.name))
+        _put_units(rows, {derived.name: derived.unit})
+        _put_texts(rows, derived.name, cells(part, derived.source), _special(part.of.notes.get(derived.source)))
+    return rows
+
+
+def _special(note: Note | None) -> Mapping[float, str]:
+    return {} if note is None else {raw: text for raw, text in note.special.items()}  # noqa: C416 - int keys to float
+
+
+def _put(rows: list[dict[str, Any]], key: str, name: str, values: list[Any]) -> None:
+    for row, value in zip(rows, values, strict=True):
+        row[key][name] = _numbers(value)
+
+
+def _numbers(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_numbers(cell) for cell in value]
+    return number(value) if isinstance(value, float) else value
+
+
+def _put_units(rows: list[dict[str, Any]], units: Mapping[str, str]) -> None:
+    known = {name: unit for name, unit in units.items() if unit not in ("", "unspecified")}
+    for row in rows if known else ():
+        row["units"] |= known
+
+
+def _put_texts(rows: list[dict[str, Any]], name: str, values: list[Any], texts: Mapping[float, str]) -> None:
+    for row, value in zip(rows, values, strict=True) if texts else ():
+        if isinstance(value, (int, float)) and value in texts:
+            row["texts"][name] = texts[value]
 
 
 def _field(part: MessagePart, of: Message | Packet, name: str, kind: Type, *, physical: bool) -> list[Any]:

@@ -11,7 +11,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from analyzer.tables import KINDS, STATUSES
-from analyzer.views.jsonable import field_objects
+from analyzer.views.jsonable import derived_objects, field_objects
 from analyzer.views.named import rules_of
 from analyzer.views.rows import TransferRows
 from dissectors.kit.cells import pylist
@@ -29,22 +29,29 @@ KEYS = (
     "frame", "frames", "t_ns", "bus", "kind", "type", "type_id", "src", "dst", "priority", "transfer_id", "status",
     "crc_wire", "crc_here", "payload", "fields", "packets",
 )  # fmt: skip
+DERIVED = ("derived", "units", "texts")
 FINDINGS = "findings"
 _DECODED = (STATUSES.index("ok"), STATUSES.index("bad crc"))
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 def records(
-    batch: Batch, registry: Registry, picked: Array | None = None, named: NamedFrames | None = None
+    batch: Batch,
+    registry: Registry,
+    picked: Array | None = None,
+    named: NamedFrames | None = None,
+    *,
+    derived: bool = False,
 ) -> Iterator[dict[str, Any]]:
     """Give a record for each picked transfer (all if not given), with the keys of `KEYS` in that order.
 
     `frames` are numbers from 1. What is absent is None: the time of a capture without times, the destination of a
     broadcast, the type of an unknown ID, the fields of a transfer that is broken. `packets` is None for types that
-    carry none. With `named` there is a last key `findings`: the rules that name one of the frames.
+    carry none. With `derived` a record, and each packet, has the keys of `DERIVED`, too. With `named` there is a last
+    key `findings`: the rules that name one of the frames.
     """
     rows = TransferRows(batch, registry, picked)
-    fields, packets = _fields(rows), _packets(rows)
+    fields, packets = _fields(rows), _packets(rows, derived=derived)
     numbers = [[frame + 1 for frame in frames] for frames in rows.column("frame")]
     columns = {
         "frame": [frames[0] if frames else None for frames in numbers],
@@ -60,11 +67,27 @@ def records(
         "fields": fields,
         "packets": packets,
     }
-    keys = KEYS if named is None else (*KEYS, FINDINGS)
+    keys = _keys(named, derived=derived)
+    if derived:
+        columns |= _derived(rows)
     if named is not None:
         columns[FINDINGS] = rules_of(named, rows.column("frame"))
     for values in zip(*(columns[key] for key in keys), strict=True):
         yield dict(zip(keys, values, strict=True))
+
+
+def _keys(named: NamedFrames | None, *, derived: bool) -> tuple[str, ...]:
+    return (*KEYS, *(DERIVED if derived else ()), *(() if named is None else (FINDINGS,)))
+
+
+def _derived(rows: TransferRows) -> dict[str, list[Any]]:
+    found: dict[str, list[Any]] = {key: [None] * len(rows) for key in DERIVED}
+    status = rows.column("status")
+    for part in rows.typed:
+        for at, values in zip(part.at, derived_objects(part, physical=False), strict=True):
+            for key in DERIVED:
+                found[key][at] = values[key] if status[at] in _DECODED else None
+    return found
 
 
 def _fields(rows: TransferRows) -> list[dict[str, Any] | None]:
@@ -76,7 +99,7 @@ def _fields(rows: TransferRows) -> list[dict[str, Any] | None]:
     return found
 
 
-def _packets(rows: TransferRows) -> list[list[dict[str, Any]] | None]:
+def _packets(rows: TransferRows, *, derived: bool) -> list[list[dict[str, Any]] | None]:
     found: list[list[dict[str, Any]] | None] = [None] * len(rows)
     status = rows.column("status")
     for part in rows.typed:
@@ -88,7 +111,9 @@ def _packets(rows: TransferRows) -> list[list[dict[str, Any]] | None]:
         name = None if part.of is None else part.of.name
         sound = [False] * len(part.table) if part.of is None else pylist(part.table.column("packet_ok"))
         fields = field_objects(part, physical=True)
-        objects[id(part)] = [{"type": name, "ok": ok, "fields": f} for ok, f in zip(sound, fields, strict=True)]
+        more = derived_objects(part, physical=True) if derived else [{}] * len(part.table)
+        three = zip(sound, fields, more, strict=True)
+        objects[id(part)] = [{"type": name, "ok": ok, "fields": f, **beside} for ok, f, beside in three]
     for at, packets in rows.inner().items():
         if found[at] is not None:
             found[at] = [objects[id(part)][row] for _, part, row in packets]
@@ -98,8 +123,8 @@ def _packets(rows: TransferRows) -> list[list[dict[str, Any]] | None]:
 class JsonLines:
     """One JSON object a line."""
 
-    def __init__(self, registry: Registry, named: NamedFrames | None = None) -> None:
-        self._registry, self._named = registry, named
+    def __init__(self, registry: Registry, named: NamedFrames | None = None, *, derived: bool = False) -> None:
+        self._registry, self._named, self._derived = registry, named, derived
 
     def begin(self) -> str:
         """Write nothing: nothing stands before the first line."""
@@ -107,7 +132,7 @@ class JsonLines:
 
     def rows(self, batch: Batch, picked: ListedRows | None = None) -> Iterator[str]:
         """Write a line for each picked transfer (all if not given)."""
-        for record in records(batch, self._registry, picked and picked.transfers, self._named):
+        for record in records(batch, self._registry, picked and picked.transfers, self._named, derived=self._derived):
             yield text_of(record) + "\n"
 
     def end(self) -> str:
@@ -118,8 +143,8 @@ class JsonLines:
 class JsonArray:
     """One JSON array over the whole capture, valid also when it is empty."""
 
-    def __init__(self, registry: Registry, named: NamedFrames | None = None) -> None:
-        self._registry, self._named = registry, named
+    def __init__(self, registry: Registry, named: NamedFrames | None = None, *, derived: bool = False) -> None:
+        self._registry, self._named, self._derived = registry, named, derived
         self._before = "\n"
 
     def begin(self) -> str:
@@ -128,7 +153,7 @@ class JsonArray:
 
     def rows(self, batch: Batch, picked: ListedRows | None = None) -> Iterator[str]:
         """Write an element for each picked transfer (all if not given)."""
-        for record in records(batch, self._registry, picked and picked.transfers, self._named):
+        for record in records(batch, self._registry, picked and picked.transfers, self._named, derived=self._derived):
             yield self._before + text_of(record)
             self._before = ",\n"
 
@@ -138,27 +163,27 @@ class JsonArray:
 
 
 class Csv:
-    """RFC 4180: one header, a line a transfer; `frames` are joined by blanks, `fields` and `packets` are JSON.
+    """RFC 4180: one header, a line a transfer; `frames` are joined by blanks, what has parts of its own is JSON.
 
     Text that a spreadsheet would take for a formula gets an apostrophe in front.
     """
 
-    def __init__(self, registry: Registry, named: NamedFrames | None = None) -> None:
-        self._registry, self._named = registry, named
+    def __init__(self, registry: Registry, named: NamedFrames | None = None, *, derived: bool = False) -> None:
+        self._registry, self._named, self._derived = registry, named, derived
 
     def begin(self) -> str:
         """Write the header."""
-        return ",".join(KEYS if self._named is None else (*KEYS, FINDINGS)) + "\r\n"
+        return ",".join(_keys(self._named, derived=self._derived)) + "\r\n"
 
     def rows(self, batch: Batch, picked: ListedRows | None = None) -> Iterator[str]:
         """Write a line for each picked transfer (all if not given)."""
         out = io.StringIO()
         writer = csv.writer(out)
-        for record in records(batch, self._registry, picked and picked.transfers, self._named):
+        for record in records(batch, self._registry, picked and picked.transfers, self._named, derived=self._derived):
             record["frames"] = " ".join(map(str, record["frames"]))
             if FINDINGS in record:
                 record[FINDINGS] = " ".join(record[FINDINGS])
-            for key in ("fields", "packets"):
+            for key in ("fields", "packets", *(DERIVED if self._derived else ())):
                 record[key] = None if record[key] is None else text_of(record[key])
             writer.writerow([harmless(value) for value in record.values()])
             yield out.getvalue()

@@ -36,7 +36,8 @@ class WriterOptions:
     `form` is text, fields, json, jsonl or csv. Of a text: `time` is the form of times as tshark has it, `signed` says
     that some are before zero, `only` names the types that are shown in detail, `dumps` asks for the bytes, `foreign`
     for every frame that is not DroneCAN. `frame_list` asks for frames instead of transfers, `follow` for each at once,
-    `count` for so many of them. `wireshark` numbers frames as Wireshark does.
+    `count` for so many of them. `wireshark` numbers frames as Wireshark does. Of a view for
+    programs `derived` asks for units and computed values.
     """
 
     form: str = "text"
@@ -53,6 +54,7 @@ class WriterOptions:
     follow: bool = False
     count: int | None = None
     wireshark: bool = False
+    derived: bool = False
 
 
 class Text:
@@ -146,7 +148,7 @@ def writer(
     if options.frame_list:
         return _frame_list(options, registry, zero, numbering, named)
     if options.form in BY_NAME:
-        return BY_NAME[options.form].writer(registry, named)
+        return BY_NAME[options.form].writer(registry, named, derived=options.derived)
     if options.form == "fields":
         if named is not None:
             raise ValueError("-T fields does not mark rows with --findings")
