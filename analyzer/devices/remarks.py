@@ -10,15 +10,15 @@ from analyzer.devices.readings import Readings, senders
 from analyzer.devices.rows import NUMBER_BITS
 from analyzer.facts.meaning import meaning
 from dissectors.kit.cells import numbers, valid
-from dissectors.schema import Message
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     import pyarrow as pa
 
+    from dissectors import Registry
     from dissectors.kit import Array
-    from dissectors.schema import Packet, Remark
+    from dissectors.schema import Message, Packet, Remark
 
     Table = tuple[str, Message | Packet, pa.RecordBatch]
 
@@ -38,24 +38,26 @@ class Remarked(NamedTuple):
 
 
 class Remarks:
-    """Knows the last value of each sender, so that changes are told wherever batches end."""
+    """Knows the last value of each sender, and how it reads its fields, so that batches may end anywhere."""
 
-    def __init__(self) -> None:
-        self._readings: dict[str, Readings] = {}
+    def __init__(self, registry: Registry) -> None:
+        self._readings = {
+            message.table: Readings(message, {})
+            for message in registry.remarking()
+            if any(remark.only for remark in message.remarks)
+        }
         self._last: dict[tuple[str, int], dict[int, int]] = {}  # by table and remark: by sender
 
     def feed(self, tables: Iterable[Table]) -> dict[str, list[Remarked]]:
         """Take the rows that are listed of a batch; return by table what is remarked of them."""
         listed = list(tables)
         by_name = {name: table for name, _, table in listed}
-        found = {}
-        for name, of, table in listed:
-            if isinstance(of, Message) and any(remark.only for remark in of.remarks):
-                self._readings.setdefault(name, Readings(of, {})).feed(by_name)
-            found[name] = [
-                self._remarked(name, place, of, table) for place, remark in enumerate(of.remarks) if remark.column
-            ]
-        return found
+        for readings in self._readings.values():
+            readings.feed(by_name)
+        return {
+            name: [self._remarked(name, place, of, table) for place, one in enumerate(of.remarks) if one.column]
+            for name, of, table in listed
+        }
 
     def _remarked(self, name: str, place: int, of: Message | Packet, table: pa.RecordBatch) -> Remarked:
         remark = of.remarks[place]
@@ -79,6 +81,8 @@ class Remarks:
         for name in ("trusted", "packet_ok"):
             if name in table.schema.names:
                 has = has & numbers(table.column(name))
+        if remark.per:
+            has = has & valid(table.column(_own(table, remark.per)))
         rows = np.flatnonzero(has)
         if not len(rows):
             return before

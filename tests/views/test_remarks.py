@@ -82,10 +82,11 @@ def test_a_damaged_report_changes_nothing(decode: Decode, registry: Registry) ->
     assert found[1].startswith(" ERROR MODE bad CRC")
 
 
-def test_a_counter_of_errors_has_no_faults(decode: Decode, registry: Registry) -> None:
+@pytest.mark.parametrize("step", [None, 40])
+def test_a_counter_of_errors_has_no_faults(decode: Decode, registry: Registry, step: int | None) -> None:
     """4.4.3: of a node that counts errors the first word is no status."""
     packet = (12, "PUSHCAN", motor(0))
-    lines = said(decode, registry, *reports(7), packet, *reports(0), *reports(7, node=12))
+    lines = said(decode, registry, packet, *reports(7), *reports(0), *reports(7, node=12), step=step)
     assert [line.partition("%")[2].strip() for line in lines if line.startswith("ch")] == [
         "", "", "0 (undefined) mode, over voltage, under voltage, over current",
     ]  # fmt: skip
