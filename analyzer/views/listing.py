@@ -13,7 +13,7 @@ from analyzer.views.frames.loose import LooseFrames
 from analyzer.views.frames.window import FrameWindow
 from analyzer.views.marks import Marks
 from analyzer.views.named import rules_of, tag
-from analyzer.views.phrases import octets, with_remarks
+from analyzer.views.phrases import REMARK, octets, shortened, with_remarks
 from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
 from analyzer.views.wording import LISTED, anomalies
@@ -184,10 +184,10 @@ class Listing:
             where = f"{time:>{self._time}}"
             line = (
                 f"{'x' if broken else ' '}{frame:>8}  {where}{src:>{shown - len(where)}}>"
-                f"{'*' if dst is None else dst:<3} {bus}{name:<{width}} {tid:>2}  {info}"
+                f"{'*' if dst is None else dst:<3} {bus}{name:<{width}} {tid:>2}  "
             )
-            if narrow:
-                line = self._cut(line)
+            room = None if self._width is None else self._width - display_width(line)
+            line = self._cut(line + (info.replace(REMARK, " ") if room is None else shortened(info, max(room, 0))))
             entry = [palette.paint("bad", line) if broken else line]
             if bits & LISTED:
                 note = f"{_INDENT}! {'; '.join(anomalies(bits & LISTED, step))}"

@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from analyzer.facts.meaning import Meaning, meaning, stands_for
 from analyzer.views.members import cells
-from analyzer.views.terminal import escape
+from analyzer.views.terminal import display_width, escape, fit
 from analyzer.views.wording import MISSING, formatter, plain, quantity
 from dissectors import template
 from dissectors.kit.cells import pylist
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 FIELDS_SHOWN = 12
 ITEMS_SHOWN = 20
 BYTES_SHOWN = 64
+_LEAST_SUMMARY = 10
+REMARK = "\x1f"  # in front of what is remarked: texts have no control characters
 
 _slots = lru_cache(maxsize=1024)(template.parse)
 
@@ -50,7 +52,7 @@ def phrases(part: MessagePart) -> list[str]:
 
 
 def with_remarks(part: MessagePart, found: Sequence[Remarked]) -> list[str]:
-    """Write a line for each row, and behind it what is remarked of the row."""
+    """Write a line for each row, and behind it, and a `REMARK`, what is remarked of the row."""
     lines = phrases(part)
     if part.of is None or not part.of.remarks:
         return lines
@@ -59,9 +61,19 @@ def with_remarks(part: MessagePart, found: Sequence[Remarked]) -> list[str]:
         for row, text in zip(one.rows.tolist(), _said(part, one), strict=True):
             said[row].append(text)
     otherwise = [escape(remark.text) for remark in part.of.remarks if not remark.column]
-    return [
-        " ".join(filter(None, [line, ", ".join(some or otherwise)])) for line, some in zip(lines, said, strict=True)
-    ]
+    rows = zip(lines, said, strict=True)
+    return [REMARK.join(filter(None, [line, ", ".join(some or otherwise)])) for line, some in rows]
+
+
+def shortened(info: str, width: int) -> str:
+    """Return a line in at most `width` columns; what is remarked is cut only after most of what stands before it."""
+    whole = info.replace(REMARK, " ")
+    summary, mark, _ = info.partition(REMARK)
+    if not mark or display_width(whole) <= width:
+        return fit(whole, width)
+    rest = whole[len(summary) + 1 :]
+    start = fit(summary, max(_LEAST_SUMMARY, width - 1 - display_width(rest)))
+    return fit(f"{start} {rest}", width)
 
 
 def _said(part: MessagePart, found: Remarked) -> list[str]:

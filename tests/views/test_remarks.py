@@ -36,10 +36,10 @@ def infos(got: Any, registry: Registry) -> list[str]:
     return [line[start:] for line in lines[1:]]
 
 
-def said(decode: Decode, registry: Registry, *planned: tuple[int, str, Any], step: int | None = None) -> list[str]:
-    """What lines say of messages that nodes send one after the other."""
+def said(decode: Decode, registry: Registry, *planned: tuple[int, str, Any], cut: object = None) -> list[str]:
+    """What lines say of messages that nodes send one after the other; `cut` ends a batch behind each frame."""
     text = capture((10.0 * k, node, name, what) for k, (node, name, what) in enumerate(planned)).encode()
-    chunks = [text] if step is None else [text[k : k + step] for k in range(0, len(text), step)]
+    chunks = [text] if cut is None else [part for line in text.splitlines(keepends=True) for part in (line, cut)]
     return infos(decode(*chunks, types=registry), registry)
 
 
@@ -61,11 +61,15 @@ def test_mode_and_faults(decode: Decode, registry: Registry) -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("step", [None, 40, 200])
-def test_changes_have_both_names_wherever_batches_end(decode: Decode, registry: Registry, step: int | None) -> None:
+@pytest.fixture(params=[False, True], ids=["whole", "cut"])
+def cut(request: pytest.FixtureRequest, flush: object) -> object:
+    return flush if request.param else None
+
+
+def test_changes_have_both_names_wherever_batches_end(decode: Decode, registry: Registry, cut: object) -> None:
     sent = [*reports(IDLE, IDLE, OPERATING, OPERATING, ERROR), *reports(OPERATING, node=12), *reports(ERROR, OPERATING)]
     two = [(14, "ESCStatus", TURNING | {"error_count": (IDLE, OPERATING)[k % 2], "esc_index": k % 2}) for k in range(4)]
-    found = [line.partition("%")[2].strip() for line in said(decode, registry, *sent, *two, step=step)]
+    found = [line.partition("%")[2].strip() for line in said(decode, registry, *sent, *two, cut=cut)]
     assert found == [
         "idle mode", "idle mode", "idle -> operating mode", "", "operating -> ERROR MODE", "", "ERROR MODE",
         "error -> operating mode", "idle mode", "", "idle mode", "",
@@ -82,11 +86,10 @@ def test_a_damaged_report_changes_nothing(decode: Decode, registry: Registry) ->
     assert found[1].startswith(" ERROR MODE bad CRC")
 
 
-@pytest.mark.parametrize("step", [None, 40])
-def test_a_counter_of_errors_has_no_faults(decode: Decode, registry: Registry, step: int | None) -> None:
+def test_a_counter_of_errors_has_no_faults(decode: Decode, registry: Registry, cut: object) -> None:
     """4.4.3: of a node that counts errors the first word is no status."""
     packet = (12, "PUSHCAN", motor(0))
-    lines = said(decode, registry, packet, *reports(7), *reports(0), *reports(7, node=12), step=step)
+    lines = said(decode, registry, packet, *reports(7), *reports(0), *reports(7, node=12), cut=cut)
     assert [line.partition("%")[2].strip() for line in lines if line.startswith("ch")] == [
         "", "", "0 (undefined) mode, over voltage, under voltage, over current",
     ]  # fmt: skip
@@ -100,6 +103,25 @@ def test_packets_of_motors(decode: Decode, registry: Registry) -> None:
     assert [line.partition("%")[2].rpartition(" | ")[0].strip() for line in lines] == [
         "", "MOS over temperature", "no rotor lock -> rotor lock", "rotor lock -> FAULT", "fault -> no rotor lock",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("width", "shown"),
+    [
+        (50, "c..."),
+        (80, "ch1 48.5V... ERROR MODE, MOS over..."),
+        (91, "ch1 48.5V... ERROR MODE, MOS over temperature"),
+        (112, "ch1 48.5V 1.2A 41C 3011rpm 40% ERROR MODE, MOS over temperature"),
+    ],
+)
+def test_what_is_remarked_goes_before_numbers_where_not_all_fits(
+    decode: Decode, registry: Registry, width: int, shown: str
+) -> None:
+    got = decode(capture((10.0, *one) for one in reports(OPERATING, ERROR | HOT)[1:]).encode())
+    view = Listing(registry, TimeFormat("r"), width=width)
+    _, line = [line for batch in got.batches for line in view.lines(batch)]
+    assert line[48:] == shown.replace("...", "…")
+    assert len(line) <= width
 
 
 def test_settings_list_what_they_change(decode: Decode, registry: Registry) -> None:
