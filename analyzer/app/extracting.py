@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analyzer.app import streams
-from analyzer.app.targets import refuse_input
+from analyzer.app.targets import refuse_filled, refuse_input
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -25,8 +25,11 @@ MOST_FILES = 100
 _LONGEST = 100  # characters of a name, without what comes after it
 
 
-def refuse_streams(folder: str | None, names: Iterable[str]) -> None:
-    """Raise `ValueError` if the parts are to come from what can be read only once, or have no place."""
+def refuse(folder: str | None, names: Iterable[str], *, force: bool) -> None:
+    """Raise `ValueError` if the parts are to come from what can be read only once, or have no place.
+
+    Among other files they have one only with `force`.
+    """
     if folder is None:
         return
     if not folder:
@@ -37,6 +40,7 @@ def refuse_streams(folder: str | None, names: Iterable[str]) -> None:
             raise ValueError(f"--extract reads the capture again, {shown} exists only once: save it to a file first")
     if Path(folder).exists() and not Path(folder).is_dir():
         raise ValueError(f"--extract {folder}: is not a folder")
+    refuse_filled(folder, force=force)
 
 
 def recorded(request: Request, registry: Registry) -> Iterator[FrameBatch]:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import stat
 import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from analyzer.sinks import form_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+_SHOWN = 3  # names of files in a complaint
 
 
 def capture_form(output: str, form: str | None, compression: str | None, pipe: str = "") -> tuple[str, str]:
@@ -39,6 +42,18 @@ def refuse_input(captures: Iterable[str], output: str) -> None:
     if same := next((name for name in captures if _is_file(name, output)), None):
         shown = "standard output" if output == "-" else output
         raise ValueError(f"{shown}: is " + ("standard input itself" if same == "-" else f"the capture {same} itself"))
+
+
+def refuse_filled(folder: str, *, force: bool) -> None:
+    """Raise `ValueError` when a command would put files among others without being told to; hidden ones are none."""
+    found: list[str] = []
+    with suppress(OSError, ValueError):  # whoever opens it will say what is wrong
+        found = sorted(name for name in os.listdir(folder) if not name.startswith("."))  # noqa: PTH208 - any name
+    if found and not force:
+        more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
+        raise ValueError(
+            f"{folder}: holds files already ({', '.join(found[:_SHOWN])}{more}): --force writes among them"
+        )
 
 
 def _is_file(capture: str, output: str) -> bool:

@@ -49,7 +49,11 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         help="write a file for --vehicle from a healthy capture to -o FILE instead; "
         "a capture with findings at or above --fail-on, or errors of devices, is none: exit status 1, no file",
     )
-    group.add_argument("--force", action="store_true", help="--init writes over a file, and from any capture")
+    group.add_argument(
+        "--force",
+        action="store_true",
+        help="--init writes over a file, and from any capture; --extract writes among the files of a folder",
+    )
     group.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
     group = reports.add(parser)
     group.add_argument(
@@ -95,7 +99,7 @@ class _Wanted:
             self.files = [("toml", check_init.target(args))] if args.init else list(reports.files(args))
             for _, path in self.files:
                 refuse_input(asked.names, path)
-            extracting.refuse_streams(args.extract, asked.names)
+            extracting.refuse(args.extract, asked.names, force=args.force)
             self._show = reports.show_options(args)
             self._criteria: Criteria = _criteria(self.request)
         except LookupError as error:

@@ -35,16 +35,20 @@ ALL += [
     f"check {{}} {REPORTS}",
     "check {} --github --select all --fail-on any:note",
 ]
-ALL += ["convert {} OUT/c.log", "convert {} OUT/c.mcap", "convert {} OUT/c.pcapng", "export {} -o OUT/tables"]
+ALL += ["convert {} OUT/c.log", "convert {} OUT/c.mcap", "convert {} OUT/c.pcapng", "export {} --force -o OUT/tables"]
 ALL += ["plot {} -o OUT/p.rrd"]
-SOME = ["decode {} -T jsonl", "export {} -F arrow -o OUT/tables", "export {} -F csv -o OUT/tables"]
+SOME = ["decode {} -T jsonl", "export {} -F arrow --force -o OUT/tables", "export {} -F csv --force -o OUT/tables"]
 SOME += ["export {} -o OUT/e.mcap", "export {} --table findings -o OUT/f.mcap", "check {} --all"]
 SOME += [
     "check {} --init -o OUT/vehicle.toml --force",
     "plot {} --max-points 100 --from 1 -o OUT/p.rrd",
     "info {} --last 1s",
 ]
-SOME += ["check {} --from 1 --to 2 --extract OUT/cut", "check {} --vehicle OUT/vehicle.toml --json -", "decode {} -q"]
+SOME += [
+    "check {} --from 1 --to 2 --force --extract OUT/cut",
+    "check {} --vehicle OUT/vehicle.toml --json -",
+    "decode {} -q",
+]
 SOME += ["decode {} -V -x --last 0.05", "decode {} -x --frames 100-140", "decode {} -t e --from 1 --to 1.2"]
 SOME += ["decode {} -c 20 -t ud", "decode {} --around 50 -O ESCStatus", "convert {} --last 0.5 OUT/c.log.gz", "info {}"]
 SOME += ["check {} --baseline OUT/r.json --ignore TRF,BUS --json -", "check {} --bitrate 1000000 --html -"]

@@ -111,11 +111,27 @@ def test_a_capture_is_not_written_over(tmp_path: Path, capfd: pytest.CaptureFixt
     (path,) = tmp_path.iterdir()
     content = path.read_bytes()
     less = ["--fail-on", "never", "--least", "transfers=1,seconds=0"]
-    assert main(["check", str(path), "--select", "TRF-010", *less, "--extract", str(tmp_path)]) == 3
+    assert main(["check", str(path), "--select", "TRF-010", *less, "--extract", str(tmp_path), "--force"]) == 3
     err = capfd.readouterr().err
     assert "is the capture" in err
     assert "-- 0 of 1 findings written" in err
     assert (path.read_bytes(), list(tmp_path.iterdir())) == (content, [path])
+
+
+def test_other_files_are_left_alone_without_force(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    args = ["check", str(FAULTS), "--select", "TRF-010", "--extract", str(folder)]
+    for name in ("d", "b", "a", "c\x1b[2J"):
+        (folder / name).write_text("mine")
+    assert main(args) == 2
+    out, err = capfd.readouterr()
+    said = f"tailbyte check: {folder}: holds files already (a, b, c\\x1b[2J and 1 more): --force writes among them\n"
+    assert (out, err) == ("", said)
+    assert len(list(folder.iterdir())) == 4
+    assert main([*args, "--force"]) == 1
+    assert (folder / "a").read_text() == "mine"
+    assert len(list(folder.iterdir())) > 4
 
 
 def test_names_are_safe_and_differ() -> None:
@@ -150,7 +166,7 @@ def test_a_finding_that_no_part_shows_is_named(tmp_path: Path, capfd: pytest.Cap
 def test_one_that_cannot_be_written_does_not_stop_the_others(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     log = CAPTURES / "faults.log"
     (tmp_path / "CAN-004-1.log").mkdir()
-    assert main(["check", str(log), "--select", "CAN-004,CAP-004", "--extract", str(tmp_path)]) == 3
+    assert main(["check", str(log), "--select", "CAN-004,CAP-004", "--extract", str(tmp_path), "--force"]) == 3
     err = capfd.readouterr().err
     assert "CAN-004-1.log: is a directory" in err
     assert "-- 2 of 3 findings written" in err

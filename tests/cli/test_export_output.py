@@ -98,7 +98,7 @@ def test_a_full_disk_leaves_what_was_there(tmp_path: Path, form: str) -> None:
         target.mkdir()
         (target / f"frames.{form}").write_bytes(b"before")
 
-    done = run_in_room(8192, "export", HOVER, "-o", target, "-F", form)
+    done = run_in_room(8192, "export", HOVER, "-o", target, "-F", form, "--force")
     assert done.returncode == 3
     assert done.stderr.count(b"\n") == 1
     assert b"File too large" in done.stderr
@@ -124,7 +124,7 @@ def test_a_killed_export_leaves_the_old_files(tmp_path: Path, long: Path) -> Non
     target = tmp_path / "out"
     assert run("export", HOVER, "-o", target).returncode == 0
     before = {path.name: path.read_bytes() for path in target.iterdir()}
-    with start("export", long, "-o", target, stderr=subprocess.DEVNULL) as process:
+    with start("export", long, "-o", target, "--force", stderr=subprocess.DEVNULL) as process:
         wait_until(lambda: any(path.name not in before for path in target.iterdir()))
         process.kill()
     assert {name: (target / name).read_bytes() for name in before} == before
@@ -164,7 +164,7 @@ def test_files_of_an_earlier_export_are_pointed_out(command: Main, tmp_path: Pat
     assert "also holds" not in command("export", HOVER, "-o", tmp_path)[2]
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "ESCStatus.csv").write_text("mine")
-    status, _, err = command("export", CAPTURES / "services.log", "-o", tmp_path)
+    status, _, err = command("export", CAPTURES / "services.log", "-o", tmp_path, "--force")
     assert status == 0
     assert "also holds earlier files: ESCStatus.parquet, PUSHCAN.FocFeedback.parquet" in err
     assert "notes" not in err
@@ -189,7 +189,7 @@ def test_memory_does_not_grow_with_the_capture(tmp_path: Path, long: Path, form:
     data = long.read_bytes()
     half.write_bytes(data[: len(data) // 2])
     out = "out.mcap" if form == "mcap" else "out"
-    sizes = [peak("export", source, "-o", tmp_path / out, "-F", form) for source in (half, long)]
+    sizes = [peak("export", source, "-o", tmp_path / out, "-F", form, "--force") for source in (half, long)]
     assert sizes[1] - sizes[0] < 60_000, sizes
 
 

@@ -104,17 +104,41 @@ def test_a_capture_is_not_written_over(command: Main, capture: str, args: list[s
     if capture == "there.log":
         Path("linked/frames.csv").symlink_to("../there.log")
     before = files()
-    status, out, err = command("export", *args, "-F", "csv")
+    status, out, err = command("export", *args, "-F", "csv", "--force")
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert err.endswith(f"csv: is the capture {capture} itself\n")
     assert files() == before
     assert not [path for path in Path().rglob("*") if path.suffix == ".part"]
 
 
+def test_a_folder_with_other_files_asks_for_force(command: Main) -> None:
+    Path("full").mkdir()
+    Path("full/notes.txt").write_text("mine")
+    Path("full/.hidden").write_text("mine")
+    before = files()
+    for form in ("parquet", "csv"):
+        status, out, err = command("export", HOVER, "-o", "full", "-F", form)
+        said = "tailbyte export: full: holds files already (notes.txt): --force writes among them\n"
+        assert (status, out, err) == (2, "", said)
+        assert files() == before
+    assert command("export", HOVER, "-o", "full", "--force")[0] == 0
+    assert files().items() > before.items()
+    assert command("export", HOVER, "-o", "full")[0] == 2, "its own tables are files, too"
+
+
+def test_an_empty_folder_and_a_file_ask_for_nothing(command: Main) -> None:
+    Path("empty").mkdir()
+    Path("empty/.hidden").write_text("mine")
+    Path("frames.csv").write_text("before")
+    assert command("export", HOVER, "-o", "empty")[0] == 0
+    assert command("export", HOVER, "-o", "new/")[0] == 0
+    assert command("export", HOVER, "-o", "frames.csv", "--table", "frames")[0] == 0
+
+
 def test_a_capture_beside_the_tables_is_no_obstacle(command: Main) -> None:
     Path("hover.csv").write_bytes(HOVER.read_bytes())
     Path("frames.csv").write_bytes(HOVER.read_bytes())
-    assert command("export", "hover.csv", "-o", ".", "-F", "csv")[0] == 0
+    assert command("export", "hover.csv", "-o", ".", "-F", "csv", "--force")[0] == 0
     assert Path("frames.csv").read_bytes().startswith(b'"frame"')
     assert Path("hover.csv").read_bytes() == HOVER.read_bytes()
 
@@ -125,7 +149,7 @@ def test_a_capture_beside_the_tables_is_no_obstacle(command: Main) -> None:
     [
         ("convert", "-", "t.log"),
         ("export", "-", "-o", "t.log", "-F", "csv", "--table", "frames"),
-        ("export", "-", "-o", "linked", "-F", "csv"),
+        ("export", "-", "-o", "linked", "-F", "csv", "--force"),
     ],
 )
 def test_standard_input_is_not_written_over(args: tuple[str, ...]) -> None:
@@ -159,7 +183,7 @@ def test_a_window_with_nothing_in_it_keeps_what_is_there(command: Main, output: 
     one = ("--table", "frames") if output == "one.csv" else ()
     assert command("export", HOVER, "-o", output, *one)[0] == 0
     before = files()
-    status, out, err = command("export", HOVER, "-o", output, *one, *window)
+    status, out, err = command("export", HOVER, "-o", output, *one, *window, "--force")
     assert (status, out) == (2, "")
     assert err.splitlines()[-1] == f"tailbyte: {HOVER}: nothing is inside the window"
     assert files() == before

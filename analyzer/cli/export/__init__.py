@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from analyzer.app import streams
-from analyzer.app.targets import refuse_input
+from analyzer.app.targets import refuse_filled, refuse_input
 from analyzer.cli import options, rules, status
 from analyzer.cli.export.target import FORMS, goal
 
@@ -45,6 +45,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         "-F", "--format", dest="form", choices=FORMS, help="default: what the name of the output says, else parquet"
     )
+    parser.add_argument("--force", action="store_true", help="write among the files that the folder holds already")
     parser.add_argument(
         "--table", action="append", default=[], metavar="NAME",
         help="only this table: frames, transfers, events, NodeStatus or another type or packet; repeatable; "
@@ -81,6 +82,8 @@ def run(args: argparse.Namespace) -> int:
             refuse_input(request.names, args.output)
             for name in (tables or BASIC) if wanted.folder else ():
                 refuse_input(request.names, _file(wanted, name))
+            if wanted.folder:
+                refuse_filled(wanted.path, force=args.force)
             criteria = _criteria(run, wanted)
         except (argparse.ArgumentTypeError, LookupError, OSError, ValueError) as error:
             return status.usage(error, NAME)
