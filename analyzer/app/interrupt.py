@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Protocol
 
@@ -12,6 +13,7 @@ from analyzer.sources import StopReading
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
+GRACE = 3.0  # seconds
 _USUAL = (signal.SIG_DFL, signal.default_int_handler)
 _ALARM = "SIGALRM"
 _MOMENT = 0.005  # seconds: as soon as the finalizer is over
@@ -50,18 +52,30 @@ def graceful(work: Callable[[], Stoppable]) -> Iterator[None]:
 def orderly(work: Callable[[], Stoppable]) -> Iterator[list[int]]:
     """Let the first Ctrl-C, SIGTERM or SIGHUP stop the work that `work` names, and a second signal end the program.
 
-    Yields the numbers of the signals that came.
+    Work that does not end within `GRACE` of SIGTERM or SIGHUP, such as a line for a terminal that takes none, is ended
+    like that. Yields the numbers of the signals that came.
     """
     heard: list[int] = []
+    here = threading.get_ident()
+    timers: list[threading.Timer] = []
 
     def stop(number: int, _: object) -> None:
         heard.append(number)
         if len(heard) > 1:
             raise SystemExit(128 + number)
         work().stopped = True
+        if number != signal.SIGINT and hasattr(signal, "pthread_kill"):
+            # To this thread: only there it interrupts what waits.
+            timers.append(threading.Timer(GRACE, signal.pthread_kill, (here, number)))
+            timers[0].daemon = True
+            timers[0].start()
 
     with handling({"SIGINT": stop, "SIGTERM": stop, "SIGHUP": stop}):
-        yield heard
+        try:
+            yield heard
+        finally:
+            for timer in timers:
+                timer.cancel()
 
 
 @contextmanager

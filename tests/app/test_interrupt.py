@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from dataclasses import dataclass
@@ -9,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from analyzer.app.interrupt import cleaning, graceful
+from analyzer.app import interrupt
+from analyzer.app.interrupt import cleaning, graceful, orderly
 from analyzer.sources import StopReading
 
 if TYPE_CHECKING:
@@ -47,6 +49,35 @@ def twice(work: Work) -> None:
     signal.raise_signal(signal.SIGINT)
     assert work.stopped
     signal.raise_signal(signal.SIGINT)
+
+
+def deaf(number: int, file: int) -> None:
+    """Write for ever, whatever somebody asks for."""
+    with orderly(Work):
+        signal.raise_signal(number)
+        while True:
+            os.write(file, bytes(1 << 16))
+
+
+@pytest.mark.parametrize("number", ENDING)
+def test_work_ends_in_order(number: int) -> None:
+    work = Work()
+    with orderly(lambda: work) as heard:
+        signal.raise_signal(number)
+        assert (work.stopped, heard) == (True, [number])
+    assert signal.getsignal(number) is signal.SIG_DFL
+
+
+@pytest.mark.parametrize("number", ENDING)
+def test_work_that_does_not_end_is_ended(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pipe that is full stands in for a terminal that takes nothing."""
+    monkeypatch.setattr(interrupt, "GRACE", 0.05)
+    ends = os.pipe()
+    with pytest.raises(SystemExit) as leave:
+        deaf(number, ends[1])
+    assert leave.value.code == 128 + number
+    for end in ends:
+        os.close(end)
 
 
 @pytest.mark.parametrize("number", ENDING)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from contextlib import ExitStack
 from dataclasses import replace
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 # As much of a simulation is looked at before it is let onto a bus that may be real.
 _AHEAD = 10 * SECOND
+# Seconds that the last words may take after SIGTERM.
+_LAST_WORDS = 3.0
 
 
 def run(settings: SimulationSettings, interface: Interface, key_path: str | None, *, actuating: bool, who: str) -> int:
@@ -55,7 +58,9 @@ def run(settings: SimulationSettings, interface: Interface, key_path: str | None
         return status.damaged(error)
     except (InterfaceError, ActuationError) as error:
         return sending.failed(error, who)
-    done = run_.conclude(who)
+    done = status.INTERRUPTED
+    with streams.bounded(_LAST_WORDS, wanted=bool(signals) and signals[0] != signal.SIGINT):
+        done = run_.conclude(who)
     if signals and done == status.INTERRUPTED:
         done = 128 + signals[0]
     return done if failure is None else sending.failed(failure, who)
