@@ -26,6 +26,14 @@ def test_a_finding_may_come_late() -> None:
     assert rows == ["40 frames before this are left out", why(1, 50), *range(40, 56), ENDS]
 
 
+def test_findings_that_come_together_open_their_windows_by_time() -> None:
+    """They come by severity; none of them must drop the rows of another one."""
+    trigger = Trigger(PLAN)
+    trigger.feed(made(traffic(200)))
+    rows = sent(taken(trigger.take_findings([change(150), change(50), change(100)])))
+    assert rows == [*range(40, 56), *range(90, 106), *range(140, 156)]
+
+
 @pytest.mark.parametrize(
     ("limits", "held"), [({"most": 5}, 5), ({"most_bytes": 4 * ((72 + 1024) + 8)}, 4)], ids=["rows", "bytes"]
 )

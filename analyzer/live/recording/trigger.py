@@ -147,16 +147,20 @@ class Trigger:
         return out
 
     def take_findings(self, changes: Iterable[Change]) -> list[FrameBatch]:
-        """Take findings about rows that it has had; return what is to be recorded now."""
-        out: list[FrameBatch] = []
+        """Take findings about rows that it has had; return what is to be recorded now.
+
+        Of those that come together the first in time opens its window first, whatever their order.
+        """
+        found: list[tuple[tuple[int, int], str, bool]] = []
         for change in changes:
             finding = first_match(self._plan.wanted, [change])
             if finding is not None:
                 t = self._said if finding.last.t_ns is None else finding.last.t_ns
                 at = self._axis.now if finding.last.t_ns is None else self._axis.locate(finding.bus, t)
                 why = f"{finding.rule} ({finding.severity}), {_utc(t)}: {finding.text}"
-                out += self._fire((self._first(change, at), at), why, change.fresh)
-        return out
+                found.append(((self._first(change, at), at), why, change.fresh))
+        found.sort(key=lambda one: one[0])
+        return [part for one in found for part in self._fire(*one)]
 
     def notes(self) -> list[str]:
         """Return the lines that are new for people."""
@@ -181,7 +185,9 @@ class Trigger:
         places = [at] if change.since is None else [at, self._axis.locate(finding.bus, change.since)]
         if change.fresh and finding.frames:
             number = min(finding.frames)
-            places += [place for kept in self._kept if (place := kept.place(number)) is not None]
+            kept = next((one for one in reversed(self._kept) if one.frames < number), None)
+            place = None if kept is None else kept.place(number)
+            places += [] if place is None else [place]
         return min(places)
 
     def _fire(self, span: tuple[int, int], why: str, fresh: bool) -> list[FrameBatch]:
