@@ -114,6 +114,12 @@ def test_unreadable_text_is_printable_and_short() -> None:
             RX,
         ),
         (
+            ";$FILEVERSION=1.2\n;$STARTTIME=45244.92592592593\n",
+            ["1) 1.5 1 Rx 0123 2 AB CD", "2) 2.0 1 Rx 00000123 8 RTR", "3) 3.0 1 Warng FFFFFFFF 4 00 00 00 08 BUSLIGHT"],
+            START,
+            RX,
+        ),
+        (
             ";$FILEVERSION=1.3\n;$STARTTIME=45244.92592592593\n",
             ["1) 1.5 1 Rx 0123 - 2 AB CD", "2) 2.0 1 Rx 00000123 - 8 RTR", "3) 3.0 1 Warng 0 - 4 00 00 00 08"],
             START,
@@ -150,13 +156,22 @@ def test_trc_with_can_fd_and_error_frames() -> None:
         "2 2.0 FE 2 0123 Tx - 1 FF",
         "3 3.0 ER 2 - Rx - 5 04 00 02 00 00",
         "4 4.0 ER 2 - Tx - 5 04 00 02 00 00",
+        "5 5.0 FD 2 0123 Tx - 12 01 02 03 04 05 06 07 08 09 0A 0B 0C",
+        "6 6.0 FD 2 0123 Tx - 16 " + bytes(range(16)).hex(" "),
     )
     assert frames(".trc", data) == [
         Frame(START + MS, "can1", 0x123, FD | RX, bytes(range(12))),
         Frame(START + 2 * MS, "can1", 0x123, FD | BRS | ESI | TX, b"\xff"),
         Fault(START + 3 * MS, "can1", BUS_ERROR, b"", RX),
         Fault(START + 4 * MS, "can1", BUS_ERROR, b"", TX),
+        Frame(START + 5 * MS, "can1", 0x123, FD | TX, bytes(range(1, 13))),
+        Frame(START + 6 * MS, "can1", 0x123, FD | TX, bytes(range(16))),
     ]
+
+
+def test_an_error_frame_of_the_first_trc() -> None:
+    data = trc("1) 1.0 0123 1 AB", "2) 2.0 0008 4 ERROR 00 19 08 08", head=";######\n")
+    assert frames(".trc", data) == [Frame(MS, "can0", 0x123, 0, b"\xab"), Fault(2 * MS, "can0", BUS_ERROR, b"", 0)]
 
 
 @pytest.mark.parametrize(
@@ -170,6 +185,8 @@ def test_trc_with_can_fd_and_error_frames() -> None:
         ("1 now DT 1 0123 Rx - 2 AB CD", "time is not a number"),
         ("1 1e999999999 DT 1 0123 Rx - 2 AB CD", "time out of range"),
         ("1 1.5 DT 1 0123 Rx - 16 AB CD", "length code beyond 15"),
+        ("1 1.5 FD 1 0123 Rx - 12 AB CD", "2 data bytes, 24 expected"),
+        ("1 1.5 FD 1 0123 Rx - 99 AB CD", "length code beyond 15"),
     ],
 )
 def test_a_bad_line_of_trc_is_told_and_the_next_one_counts(line: str, reason: str) -> None:
@@ -181,9 +198,9 @@ def test_a_bad_line_of_trc_is_told_and_the_next_one_counts(line: str, reason: st
 
 def test_trc_that_cannot_be_read_at_all() -> None:
     with pytest.raises(
-        CaptureError, match=r"^capture.trc: TRC of version 1.2, only 1.0, 1.1, 1.3, 2.0, 2.1 can be read$"
+        CaptureError, match=r"^capture.trc: TRC of version 1.4, only 1.0, 1.1, 1.2, 1.3, 2.0, 2.1 can be read$"
     ):
-        pieces_of(".trc", b";$FILEVERSION=1.2\n1) 1.5 1 Rx 0123 2 AB CD\n")
+        pieces_of(".trc", b";$FILEVERSION=1.4\n1) 1.5 1 Rx 0123 2 AB CD\n")
     pieces, _ = pieces_of(".trc", b";$FILEVERSION=2.1\n1 1.5 DT 1 0123 Rx - 2 AB CD\n")
     assert [text for _, _, text in events(pieces, "unreadable")] == [
         "the columns are not stated: 1 1.5 DT 1 0123 Rx - 2 AB CD"

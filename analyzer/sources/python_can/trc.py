@@ -6,7 +6,7 @@ from decimal import Decimal, InvalidOperation
 from typing import TYPE_CHECKING
 
 from can.io.trc import TRCReader
-from can.util import dlc2len
+from can.util import dlc2len, len2dlc
 
 from analyzer._native import Rows
 from analyzer.sources.can_rows import (
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from analyzer.sources import Source
 
 # The columns of the versions that do not state theirs, in the letters of those that do.
-_COLUMNS = {"1.0": "N,O,I,L,D", "1.1": "N,O,T,I,L,D", "1.3": "N,O,B,T,I,R,L,D"}
+_COLUMNS = {"1.0": "N,O,I,L,D", "1.1": "N,O,T,I,L,D", "1.2": "N,O,B,T,I,L,D", "1.3": "N,O,B,T,I,R,L,D"}
 _STATED = ("2.0", "2.1")
 _FRAMES = {"Rx", "Tx", "DT", "FD", "FB", "FE", "BI", "RR"}
 _ERRORS = {"Error", "ER"}
@@ -63,7 +63,8 @@ class _Trc:
         self.header: tuple[str, ...] = ()
 
     def reader(self, file: lines.Lines) -> Iterable[Message]:
-        return TRCReader(file)  # type: ignore[arg-type]  # iterating is all it does
+        text = _with_reserved_cells(file) if self._version == "1.2" else file
+        return TRCReader(text)  # type: ignore[arg-type]  # iterating is all it does
 
     def sort(self, line: str) -> tuple[Sort, int]:
         if not line:
@@ -72,7 +73,7 @@ class _Trc:
             self._read_header(line)
             return Sort.COMMENT, 0
         cells = self._cells(line)
-        kind = cells.get("T", "Rx")
+        kind = cells.get("T", "Error" if cells.get("D", "").startswith("ERROR") else "Rx")
         if kind in _OTHER or (self._version == "1.0" and cells["I"] == _BUS_STATE):
             return Sort.OTHER, 0
         if kind not in _FRAMES | _ERRORS:
@@ -89,9 +90,12 @@ class _Trc:
             flags = {"Rx": RX, "Tx": TX}.get(cells.get("d", ""), 0)
             store_error(rows, t, bus_name(int(number) if number.isdigit() else 1), flags=flags)
             return
+        data = cells.get("D", "").split()
         code = message.dlc
+        if message.is_fd and code == len(data) <= 64 and dlc2len(len2dlc(code)) == code:
+            code = len2dlc(code)  # some write the length where the code belongs
         size = dlc2len(code) if message.is_fd else min(8, code)
-        if not message.is_remote_frame and any(len(byte) != 2 for byte in cells.get("D", "").split()[:size]):
+        if not message.is_remote_frame and any(len(byte) != 2 for byte in data[:size]):
             raise Unreadable("a data byte is not two digits")
         bus = bus_name(channel(message, 1))
         store(rows, message, t, bus, code=code, size=size, directed=self._version != "1.0")
@@ -132,7 +136,8 @@ class _Trc:
         else:
             return
         stated = (f";$COLUMNS={','.join(self._columns)}",) if self._version in _STATED else ()
-        self.header = (f";$FILEVERSION={self._version}", *stated)
+        known = "1.3" if self._version == "1.2" else self._version  # python-can does not know 1.2
+        self.header = (f";$FILEVERSION={known}", *stated)
 
     def _set_version(self, version: str) -> None:
         if version not in _COLUMNS and version not in _STATED:
@@ -140,6 +145,13 @@ class _Trc:
             raise CaptureError(self._source.name, "", f"TRC of version {quoted(version, 20)}, only {known} can be read")
         self._version = version
         self._columns = _COLUMNS.get(version, "").split(",") if version in _COLUMNS else []
+
+
+def _with_reserved_cells(file: Iterable[str]) -> Iterator[str]:
+    """Yield lines of version 1.2 as those of 1.3, which have one column more."""
+    for line in file:
+        cells = line.split(maxsplit=5)
+        yield line if line.startswith(";") else " ".join([*cells[:5], "-", *cells[5:]])
 
 
 def _start(days: str) -> int | None:
