@@ -37,6 +37,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     from analyzer.cli.commands import parser  # noqa: PLC0415 - Ctrl-C while it is imported is Ctrl-C, too
 
+    if "can" not in sys.modules:
+        # python-can imports asammdf, and pandas with it, where it can: another process reads MDF 4.
+        sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # what stands for "there is none"
+
     try:
         args = parser().parse_args(argv)
         args.alone = argv is None  # nobody else uses this process

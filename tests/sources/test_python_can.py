@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import gzip
-import io
-import resource
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
 import zstandard
@@ -18,12 +15,10 @@ from kit.rows import BRS, ESI, EXTENDED, FD, REMOTE, RX, TX, Fault, Frame, Recor
 from kit.strategies import examples
 
 from analyzer._native import FrameBatch
-from analyzer.sources import CaptureError, Source
+from analyzer.sources import Source
 from analyzer.sources.formats import detect
-from analyzer.sources.python_can import mdf
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
 T0 = 1_700_000_000_000_000_000
@@ -138,87 +133,3 @@ def test_formats_are_found_by_content_and_in_zstd(tmp_path: Path) -> None:
         assert records(piece for piece in source.chunks() if isinstance(piece, FrameBatch)) == left(suffix, SAMPLE)
         assert source.notes
         assert all(len(note) < 120 for note in source.notes)
-
-
-def test_mdf_without_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("can.io.mf4.asammdf", None)
-    with pytest.raises(CaptureError, match=r": reading MDF 4 needs asammdf: pip install 'tailbyte\[mf4\]'$"):
-        pieces_of(".mf4", b"MDF     4.10")
-
-
-NO_MDF = "capture.mf4: damaged, or not of the kinds of MDF 4 that asammdf reads"
-
-
-def test_what_is_no_mdf_is_refused() -> None:
-    """In words of our own, whatever asammdf trips over."""
-    data = library_file(".mf4", SAMPLE)
-    for bad in (b"MDF     4.10" + bytes(500), data[:3000], data[:100] + bytes(2000) + data[2100:], data[:64]):
-        with pytest.raises(CaptureError) as caught:
-            pieces_of(".mf4", bad)
-        assert str(caught.value) == NO_MDF
-
-
-def test_a_packed_mdf_that_ends_early_says_where(tmp_path: Path) -> None:
-    path = tmp_path / "x.mf4.gz"
-    data = gzip.compress(library_file(".mf4", SAMPLE))[:-900]
-    path.write_bytes(data)
-    with pytest.raises(CaptureError) as caught:
-        list(Source(str(path)).chunks())
-    assert str(caught.value) == f"{path}: byte {len(data)}: gzip data ends early"
-
-
-def test_no_room_for_the_temporary_file_of_mdf(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def full() -> Iterator[bytes]:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 12, limits[1]))
-        yield data
-
-    data = library_file(".mf4", SAMPLE)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    source = Source("capture.mf4")
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    try:
-        with pytest.raises(CaptureError, match=rf"^capture.mf4: temporary file {tmp_path}/\w+.mf4: File too large$"):
-            list(mdf.read(source, full()))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
-    with pytest.raises(
-        CaptureError, match=rf"^capture.mf4: temporary file {tmp_path}/gone: No such file or directory$"
-    ):
-        list(mdf.read(source, iter([data])))
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_the_temporary_file_of_mdf_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("analyzer.sources.python_can.mdf._LARGEST", 2 << 30)
-    data, seen = bytes(1 << 30), []
-
-    def chunks() -> Iterator[bytes]:
-        for part in (b"", b"", data, data, b"MDF", data):
-            seen.append(len(part))
-            yield part
-
-    monkeypatch.setattr("analyzer.sources.python_can.mdf.NamedTemporaryFile", lambda **_: Discarded())
-    with pytest.raises(CaptureError, match=r"^capture.mf4: MDF 4 of more than 2 GiB is not read$"):
-        list(mdf.read(Source("capture.mf4"), chunks()))
-    assert len(seen) == 5
-
-
-class Discarded(io.BytesIO):
-    """A file that keeps nothing."""
-
-    name = "/nowhere"
-
-    def write(self, data: Any) -> int:
-        return len(data)
-
-
-def test_ctrl_c_while_mdf_is_unpacked() -> None:
-    source = Source("capture.mf4")
-
-    def chunks() -> Iterator[bytes]:
-        yield library_file(".mf4", SAMPLE)[:3000]
-        source.stopped = True
-
-    assert list(mdf.read(source, chunks())) == []
-    assert source.damage is None

@@ -105,18 +105,3 @@ def test_any_words(suffix: str, words: list[str]) -> None:
     body = head[len(head) // 2]
     attempt(suffix, b"".join(head[:-3]) + " ".join(words).encode() + b"\n" + body)
     attempt(suffix, b"".join(head[:-3]) + ",".join(words).encode() + b"\n" + body)
-
-
-@pytest.mark.slow
-def test_mdf_cut_and_changed_at_many_bytes() -> None:
-    """asammdf takes its time: every eleventh byte, and each byte of the first two blocks."""
-    data = library_file(".mf4", FOUND)
-    chance = random.Random(9)
-    places = {*range(0, 168, 2), *range(0, len(data), max(11, len(data) // 150))}
-    whole = sorted(records(attempt(".mf4", data)[0]), key=repr)
-    assert len(whole) == len(FOUND)
-    for at in sorted(places):
-        attempt(".mf4", data[:at])
-        changed = bytearray(data)
-        changed[at] ^= 1 << chance.randrange(8)
-        attempt(".mf4", bytes(changed))

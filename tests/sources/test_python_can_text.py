@@ -115,7 +115,11 @@ def test_unreadable_text_is_printable_and_short() -> None:
         ),
         (
             ";$FILEVERSION=1.2\n;$STARTTIME=45244.92592592593\n",
-            ["1) 1.5 1 Rx 0123 2 AB CD", "2) 2.0 1 Rx 00000123 8 RTR", "3) 3.0 1 Warng FFFFFFFF 4 00 00 00 08 BUSLIGHT"],
+            [
+                "1) 1.5 1 Rx 0123 2 AB CD",
+                "2) 2.0 1 Rx 00000123 8 RTR",
+                "3) 3.0 1 Warng FFFFFFFF 4 00 00 00 08 BUSLIGHT",
+            ],
             START,
             RX,
         ),
