@@ -23,8 +23,12 @@ class TargetError(Exception):
     """Output that cannot be written; says what and why, in one line."""
 
     def __init__(self, name: str, reason: str | OSError) -> None:
-        text = reason if isinstance(reason, str) else reason.strerror or str(reason)
-        super().__init__(f"{name}: {text}")
+        self.name, self.reason = name, reason if isinstance(reason, str) else reason.strerror or str(reason)
+        super().__init__(f"{name}: {self.reason}")
+
+    def __reduce__(self) -> tuple[type[TargetError], tuple[str, str]]:
+        """Pickle it with its two parts, not with its text."""
+        return type(self), (self.name, self.reason)
 
 
 class Target(AbstractContextManager["Target"]):

@@ -101,7 +101,7 @@ class Source(Stored):
             self.packing = packing
             yield from self._read(self._unpacked(chunks))
             return
-        self.format = detect(head.removeprefix(UTF8_MARK), self.name)
+        self.format = detect(head.removeprefix(UTF8_MARK), self.name, stored=not self.live)
         if self.format.module is None:
             raise CaptureError(self.name, place, f"looks like {self.format.name}, which is not read")
         if self.format.unit == "line":

@@ -12,6 +12,9 @@ import pytest
 from kit.command import HOVER
 
 import analyzer
+from analyzer.live.interfaces.naming import InterfaceError
+from analyzer.sinks.atomic import TargetError
+from analyzer.sinks.growing import GoneError
 from analyzer.sources.errors import UnpackError
 from dissectors import DsdlError, ProfileError
 from dissectors.registry import UnknownNameError
@@ -25,6 +28,9 @@ ERRORS = [
     UnpackError(12, "damaged"),
     DsdlError("a.dsdl", 3, "no type"),
     ProfileError("a.toml", 0, "no key"),
+    TargetError("out.parquet", OSError(errno.ENOSPC, "No space left on device")),
+    GoneError("out.log", "moved away"),
+    InterfaceError("can7", "no such device"),
     UnknownNameError("ESC", ("ESCStatus",), several=False),
 ]
 

@@ -42,7 +42,11 @@ class InterfaceError(Exception):
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(f"{name}: {reason}")
-        self.reason = reason
+        self.name, self.reason = name, reason
+
+    def __reduce__(self) -> tuple[type[InterfaceError], tuple[str, str]]:
+        """Pickle it with its two parts, not with its text."""
+        return type(self), (self.name, self.reason)
 
 
 @dataclass(frozen=True, slots=True)
