@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from analyzer.tables import EXTENDED, FD, REMOTE
 from dissectors.kit import NO_TIME, SECOND, Kept
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from dissectors.kit import FrameTable
 
 KEPT = 1 << 18
+_MOST_REMEMBERED = 1 << 14
+_BLOCK = 64
 MOST_LINES = 16
 _LENGTH_CODE = 8  # bits 8 to 11 of the flags
 _FD_FLAGS = 4  # BRS and ESI stand in the bits above FD
@@ -25,6 +29,7 @@ class Recent:
     def __init__(self) -> None:
         self._batches: deque[FrameTable] = deque()
         self._held = 0
+        self._remembered: dict[int, Kept] = {}  # who asks for a frame seldom asks once
 
     def feed(self, frames: FrameTable) -> None:
         """Add the newest batch; the oldest ones go when nobody can need them."""
@@ -37,6 +42,47 @@ class Recent:
 
     def frame(self, number: int) -> Kept | None:
         """Return a frame by its number, None if it is gone."""
+        known = self._remembered.get(number)
+        if known is not None:
+            return known
+        at = self._batch_of(number)
+        if at < 0:
+            return None
+        batch = self._batches[at]
+        row = number - batch.first
+        if row >= len(batch):
+            return None
+        found = Kept(
+            int(batch.t[row]), int(batch.bus[row]), int(batch.id[row]), int(batch.flags[row]), batch.data(row),
+            int(batch.verdict[row]),
+        )  # fmt: skip
+        if len(self._remembered) >= _MOST_REMEMBERED:
+            self._remembered.clear()
+        self._remembered[number] = found
+        return found
+
+    def numbers(self, low: int, high: int, bus: int, bits: int, mask: int) -> list[int]:
+        """Return the numbers, from `low` to before `high`, of the frames on a bus whose identifiers have these bits."""
+        found: list[list[int]] = []
+        for batch in reversed(self._batches):
+            if batch.first + len(batch) <= low:
+                break
+            if batch.first < high:
+                rows = slice(max(low - batch.first, 0), high - batch.first)
+                same = (batch.id[rows] & mask == bits) & (batch.bus[rows] == bus)
+                found.append((np.flatnonzero(same) + max(low, batch.first)).tolist())
+        return [number for numbers in reversed(found) for number in numbers]
+
+    def before(self, number: int, most: int, bus: int, bits: int, mask: int) -> Iterator[int]:
+        """Yield the same of the `most` frames before one, the last one first."""
+        high, lowest, block = number, max(number - most, 0), _BLOCK
+        while high > lowest:
+            low = max(high - block, lowest)
+            yield from reversed(self.numbers(low, high, bus, bits, mask))
+            high, block = low, 4 * block
+
+    def _batch_of(self, number: int) -> int:
+        """Return which batch begins with this frame or before it, -1 if none does."""
         low, high = 0, len(self._batches)
         while low < high:
             middle = (low + high) // 2
@@ -44,16 +90,7 @@ class Recent:
                 low = middle + 1
             else:
                 high = middle
-        if not low:
-            return None
-        batch = self._batches[low - 1]
-        row = number - batch.first
-        if row >= len(batch):
-            return None
-        return Kept(
-            int(batch.t[row]), int(batch.bus[row]), int(batch.id[row]), int(batch.flags[row]), batch.data(row),
-            int(batch.verdict[row]),
-        )  # fmt: skip
+        return low - 1
 
     def lines(self, wanted: Iterable[int], buses: Sequence[str]) -> tuple[str, ...]:
         """Return frames as `candump -l` writes them, without those that are gone, the first `MOST_LINES`."""

@@ -17,10 +17,20 @@ from analyzer.rules.joint.losses import JointLosses
 from analyzer.rules.load import bit_times, split
 from analyzer.rules.recent import Recent
 from analyzer.tables import EVENT_ROWS, FRAMES, KINDS, TRANSFERS, distinct, empty
-from dissectors.kit import NO_TIME, SECOND, DecodedTable, EventTable, FrameTable, Occurrences, TransferTable, Types
+from dissectors.kit import (
+    NO_TIME,
+    SECOND,
+    SESSION,
+    DecodedTable,
+    EventTable,
+    FrameTable,
+    Occurrences,
+    TransferTable,
+    Types,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
     from analyzer.decode.engine import Batch
     from dissectors import Registry
@@ -266,6 +276,14 @@ class BatchView:
     def frame(self, number: int) -> Kept | None:
         """Return a frame of the recent past."""
         return self._past.recent.frame(number)
+
+    def numbers_between(self, low: int, high: int, bus: int, bits: int, mask: int = SESSION) -> list[int]:
+        """Return frames of the recent past, from `low` to before `high`, by the bits of their identifiers."""
+        return self._past.recent.numbers(low, high, bus, bits, mask)
+
+    def numbers_before(self, number: int, most: int, bus: int, bits: int, mask: int = SESSION) -> Iterator[int]:
+        """Yield the same of the `most` frames before one, the last one first."""
+        return self._past.recent.before(number, most, bus, bits, mask)
 
     def lines(self, frames: Iterable[int]) -> tuple[str, ...]:
         """Return frames of the recent past as candump writes them."""

@@ -5,13 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from dissectors.kit.array import Array
     from dissectors.kit.definitions import Types
     from dissectors.kit.occurrence import Occurrences, Values
     from dissectors.kit.tables import DecodedTable, EventTable, FrameTable, TransferTable
     from dissectors.schema import Message
+
+SESSION = 0xFF_FFFF
+"""Bits of an identifier that the frames of one session have in common: all but the priority."""
 
 
 class Kept(NamedTuple):
@@ -145,6 +148,12 @@ class View(Protocol):
 
     def frame(self, number: int) -> Kept | None:
         """Return a frame of the recent past, None if it is gone."""
+
+    def numbers_between(self, low: int, high: int, bus: int, bits: int, mask: int = SESSION) -> Sequence[int]:
+        """Return frames of the recent past, from `low` to before `high`, by the bits of their identifiers."""
+
+    def numbers_before(self, number: int, most: int, bus: int, bits: int, mask: int = SESSION) -> Iterator[int]:
+        """Yield the same of the `most` frames before one, the last one first."""
 
     def lines(self, frames: Iterable[int]) -> tuple[str, ...]:
         """Return frames of the recent past as candump writes them, the first 16."""

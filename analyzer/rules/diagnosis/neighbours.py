@@ -5,12 +5,12 @@ All is read from the bytes of a fixed stretch of frames, so that it does not dep
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.rules.diagnosis.proofs import LATE_COPY, Cause, KnownType, Part
-from analyzer.rules.diagnosis.session_frames import SessionFrames
 from analyzer.tables import ERROR, EXTENDED, REMOTE, TRANSFER_IDS
-from dissectors.kit import NO_TIME, SECOND
+from dissectors.kit import NO_TIME, SECOND, SESSION
 from dissectors.kit.definitions import crc_start
 
 if TYPE_CHECKING:
@@ -110,12 +110,7 @@ class NeighbourFinder:
     """Looks around; remembers frames, as broken transfers seldom come alone."""
 
     def __init__(self) -> None:
-        self._sessions = SessionFrames()
         self._known: dict[int, tuple[Part, int] | None] = {}
-
-    def feed(self, view: View) -> None:
-        """Take every batch."""
-        self._sessions.feed(view)
 
     def of(self, view: View, frames: Sequence[int], code: int, *, fd: bool) -> Neighbours | None:
         """Return what is around frames of one session and type; None if they are gone or too far apart."""
@@ -140,9 +135,10 @@ class NeighbourFinder:
 
         From some before `first` to some behind `last`.
         """
-        before = [*self._sessions.numbers(view, max(first - BEFORE, 0), first, like)][-_MOST:]
-        inside = self._sessions.numbers(view, first, last + 1, like)
-        behind = [*self._sessions.numbers(view, last + 1, last + 1 + AHEAD, like)][:_MOST]
+        bits = like.id & SESSION
+        before = [*islice(view.numbers_before(first, BEFORE, like.bus, bits), _MOST)][::-1]
+        inside = view.numbers_between(first, last + 1, like.bus, bits)
+        behind = view.numbers_between(last + 1, last + 1 + AHEAD, like.bus, bits)[:_MOST]
         if len(self._known) > MOST_KNOWN:
             self._known.clear()
         found = (self._part(view, number) for number in (*before, *inside, *behind))

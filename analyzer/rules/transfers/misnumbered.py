@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dissectors.kit import View
 
 _NEAR = 512  # frames that are looked through
+_SOURCE = 0xFF  # bits of an identifier that all sessions of a sender have in common
 
 
 def meant(view: View, number: int, code: int) -> int | None:
@@ -24,7 +25,7 @@ def meant(view: View, number: int, code: int) -> int | None:
     if first is None or not first.start or first.end:
         return None
     parts = [first]
-    for part in _session(view, number, range(number + 1, number + 1 + _NEAR)):
+    for part in _session(view, number, behind=True):
         if part.start or part.toggle == parts[-1].toggle or part.transfer_id == first.transfer_id:
             return None
         parts.append(part)
@@ -37,19 +38,21 @@ def meant(view: View, number: int, code: int) -> int | None:
 
 def meant_before(view: View, number: int, code: int) -> int | None:
     """Return the same of the last first frame before another one."""
-    before = _session(view, number, range(number - 1, max(-1, number - 1 - _NEAR), -1))
+    before = _session(view, number, behind=False)
     first = next((part.number for part in before if part.start), None)
     return None if first is None else meant(view, first, code)
 
 
-def _session(view: View, like: int, numbers: range) -> Iterator[Part]:
-    """Yield frames of the session of one."""
+def _session(view: View, like: int, *, behind: bool) -> Iterator[Part]:
+    """Yield frames of the session of one, those behind it or those before it, the nearest first."""
     wanted = view.frame(like)
-    for number in numbers:
+    if wanted is None:
+        return
+    session, near = session_of(wanted.id, wanted.verdict), (wanted.bus, wanted.id & _SOURCE, _SOURCE)
+    for number in (
+        view.numbers_between(like + 1, like + 1 + _NEAR, *near) if behind else view.numbers_before(like, _NEAR, *near)
+    ):
         kept = view.frame(number)
-        if kept is None or wanted is None:
-            return
         part = part_of(number, kept)
-        same = session_of(kept.id, kept.verdict) == session_of(wanted.id, wanted.verdict)
-        if part is not None and kept.bus == wanted.bus and same:
+        if kept is not None and part is not None and session_of(kept.id, kept.verdict) == session:
             yield part

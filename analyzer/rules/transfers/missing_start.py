@@ -69,7 +69,6 @@ class MissingStart:
 
     def feed(self, view: View) -> None:
         """Take every batch."""
-        self._neighbours.feed(view)
 
     def add(self, view: View, loose: LooseFrame, node: int | None, type_: str, code: int) -> Iterator[Occurrence]:
         """Add one more orphan; yield a remainder that cannot get any more frames."""

@@ -51,7 +51,6 @@ class OutOfOrder:
 
     def feed(self, view: View) -> Iterator[Occurrence]:
         """Yield those whose surroundings are known by now."""
-        self._neighbours.feed(view)
         self._missing_start.feed(view)
         if self._waiting:
             end = view.frames.first + len(view.frames)
@@ -168,12 +167,9 @@ def _around(near: Neighbours, frame: Part) -> Proof | None:
 
 def preceding(view: View, number: int, kept: Kept, most: int = NEAR) -> Iterator[tuple[int, Kept]]:
     """Yield earlier frames of the session, the last one first."""
-    wanted = session_of(kept.id, kept.verdict)
-    for earlier in range(number - 1, max(-1, number - 1 - most), -1):
+    for earlier in view.numbers_before(number, most, kept.bus, session_of(kept.id, kept.verdict)):
         other = view.frame(earlier)
-        if other is None:
-            return
-        if other.bus == kept.bus and other.data and other.id & 0xFF_FFFF == wanted:
+        if other is not None and other.data:
             yield earlier, other
 
 

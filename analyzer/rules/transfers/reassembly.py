@@ -73,7 +73,6 @@ class Reassembly(Rule):
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield those whose surroundings are known by now."""
-        self._neighbours.feed(view)
         bits = view.transfers.anomaly & (_TOGGLE | _CRC | _ABANDONED | _TIMEOUT)
         if bits.any():
             self._add(view, bits)
