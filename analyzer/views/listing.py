@@ -146,7 +146,7 @@ class Listing:
         names = list(map(escape, self._names))
         name = "" if mark.bus is None or not self._bus else fit(names[mark.bus], self._bus - 1)
         where = f"{self._clock.between(mark.t):>{self._time}}"
-        source = max(_TIME_AND_SOURCE, self._time + 4) - len(where)
+        source = max(_TIME_AND_SOURCE - len(where), self._time + 4 - len(where), 4)
         way = f"{mark.src:>{source}}>{mark.dst:<3} " if mark.dst else " " * (source + 5)
         bus = name + " " * (self._bus - display_width(name))
         kind = mark.kind if self._width is None else fit(mark.kind, self._type)

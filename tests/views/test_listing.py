@@ -27,6 +27,7 @@ from analyzer.window.listed import ListedRows
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from dissectors import Registry
 
@@ -143,6 +144,16 @@ def test_large_times_keep_the_columns(decode: Callable[..., Any], registry: Regi
     for mode in ("r", "ad"):
         first, silence, second = listed(got, registry, mode=mode)[1:]
         assert first.index("RawCommand") == second.index("RawCommand") == silence.index("gap")
+
+
+def test_an_entry_of_a_far_time_keeps_its_numbers(tmp_path: Path, command: Callable[..., tuple[int, str, str]]) -> None:
+    """A frame of no transfer whose time needs more room than those of the header did."""
+    path = tmp_path / "far.log"
+    far = replace(status(1).frames()[1], t=9_000_000_000 * SECOND)
+    path.write_bytes(lines(status(0).frames(), [far]))
+    for way in ("r", "a", "ad", "e"):
+        _, out, _ = command("decode", "-t", way, str(path))
+        assert " 10>*   ESCStatus" in out.splitlines()[-1]
 
 
 def test_colour_marks_only_what_is_wrong(decode: Callable[..., Any], registry: Registry) -> None:

@@ -63,6 +63,8 @@ def test_ten_percent_instead_of_37(status: bool) -> None:
         (lambda at: width(PART) if at < 6000 else 10_400, PART, 0),
         (lambda at: width(at // 3) if at < 4000 else TEN, lambda at: at // 3 if at < 4000 else 4000, 1),
         (lambda at: TEN + at % 1000, PART, 1),
+        (lambda at: 18_000 + at % 1000, lambda at: PART if at < 3000 else 1000, 1),  # a step proves nothing
+        (lambda at: 18_000 + at % 1000, lambda at: PART if abs(at - 5000) > 1000 else 4000 * (at % 400 < 200), 0),
         (width(PART), PART, 0), (width(PART, 10_500), PART, 0), (width(PART + 1000), PART, 0),
         (lambda at: width(at % 5000), lambda at: at % 5000, 0),
         (lambda at: 10_000 + round(10_000 * (at % 8000) / FULL), lambda at: at % 8000, 0),  # a wire with its own scale

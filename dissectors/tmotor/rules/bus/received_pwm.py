@@ -36,15 +36,20 @@ _KNOWN = (800.0, 2200.0)  # us: what an ESC recognizes
 _RESTS, _MIDDLE, _NEAR_MIDDLE = 1100.0, 1500.0, 10.0
 _STANDS = 20.0  # us: what moves less does not move
 _ENOUGH = 3  # packets
+_DOUBT = SECOND  # after packets that cannot be judged for longer it begins anew
 _NEVER = 1 << 62
 _AGO = 300 * MILLISECOND  # so old may the throttle be that a packet was made of
 
 
 @dataclass(slots=True)
 class _Run:
-    """Packets of an ESC that are off, one after the other: since when, how many, the first one, whether it was told."""
+    """Packets of an ESC that are off, one after the other: since when, how many, the first one, whether it was told.
+
+    `doubt` is since when packets that cannot be judged have been coming; they prove nothing, neither way.
+    """
 
     since: int = NO_TIME
+    doubt: int = NO_TIME
     packets: int = 0
     place: Occurrence | None = None
     told: bool = False
@@ -136,10 +141,16 @@ class ReceivedPwm(Rule):
             if key not in self._escs and len(self._escs) >= MOST_UNITS:
                 return
             esc = self._escs.setdefault(key, _Esc())
-            if not _look(esc, packet, view.number("BUS-043", "off_us")):
+            if not packet.judged:
+                esc.run.doubt = packet.t if esc.run.doubt == NO_TIME else esc.run.doubt
+                continue
+            off = _is_off(esc, packet, view.number("BUS-043", "off_us"))
+            if not off or (esc.run.doubt != NO_TIME and packet.t - esc.run.doubt > _DOUBT):
                 esc.run = _Run()
+            if not off:
                 continue
             run = esc.run
+            run.doubt = NO_TIME
             if run.since == NO_TIME:
                 said = {"channel": unit.index + 1, "wanted_pct": packet.wanted, "microseconds": packet.width}
                 said["pct"] = min(max(100 * (packet.width - _UAV) / _RANGE, 0.0), 100.0)
@@ -179,10 +190,8 @@ class ReceivedPwm(Rule):
         return low, high
 
 
-def _look(esc: _Esc, packet: _Packet, off_us: float) -> bool:
-    """Note what a packet shows, and return whether its width is that of another throttle."""
-    if not packet.judged:
-        return False
+def _is_off(esc: _Esc, packet: _Packet, off_us: float) -> bool:
+    """Note what a judged packet shows, and return whether its width is that of another throttle."""
     esc.widths = min(esc.widths[0], packet.width), max(esc.widths[1], packet.width)
     esc.wanted = min(esc.wanted[0], packet.wanted), max(esc.wanted[1], packet.wanted)
     least, most = _UAV + _RANGE * packet.low / 100 - off_us, _SPRAYING + _RANGE * packet.high / 100 + off_us
