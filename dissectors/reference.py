@@ -28,6 +28,7 @@ _ABOUT = {
     "NODES": "Numbers of `sender` are below this.",
     "NO_TIME": "In place of a time that a capture does not have.",
     "SECOND": "Nanoseconds.",
+    "SESSION": "Bits of an identifier that the frames of one session have in common: all but the priority.",
     "Severity": "`error`, `warning` or `note`.",
     "Worst": "Which of a row's numbers is worst: `lowest`, `highest`, by size `slowest`, `strongest`, or farthest from "
     "a number.",
