@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from analyzer.rules.transfers.id_patterns import MOST_MOVED
 from analyzer.rules.transfers.id_steps import COPIED, GAP, RESTARTED
 from analyzer.tables import TRANSFER_IDS
-from dissectors.kit import MILLISECOND, NO_TIME
+from dissectors.kit import MILLISECOND, NO_TIME, SESSION
 
 if TYPE_CHECKING:
     from analyzer.rules.transfers.id_steps import IdStep
@@ -47,8 +47,10 @@ def _as_copy(back: IdStep, on: IdStep, view: View) -> IdStep | None:
 def _time_before(one: IdStep, view: View) -> int:
     """Return when the first frame was there before, NO_TIME if not all frames were."""
     wanted = [view.frame(number) for number in one.frames]
-    first = one.frames[0]
-    for number in range(first - 1, max(first - LOOK, 0) - 1, -1):
+    first, session = one.frames[0], wanted[-1]
+    if session is None:
+        return NO_TIME
+    for number in view.numbers_before(first, LOOK, session.bus, session.id & SESSION):
         like, kept = wanted[-1], view.frame(number)
         if like is None or kept is None:
             return NO_TIME
