@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import fields, is_dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -13,18 +13,20 @@ if TYPE_CHECKING:
 
     from analyzer.report.model import Finding, Report
 
+_SURROGATE = "\\ud"  # as JSON writes one in ASCII
+
 
 def render(report: Report) -> str:
     r"""Write one JSON object in ASCII; each capture, finding and rule is one line, to be compared by line.
 
     Numbers that are not finite become null, bytes of names that are not UTF-8 become `\xNN`.
     """
-    return "\n".join(_lines(_plain(report.as_json()))) + "\n"
+    return "\n".join(_lines({"schema": report.schema} | _fields(report))) + "\n"
 
 
 def render_finding(finding: Finding) -> str:
     """Write a finding as it stands in a report, as one line."""
-    return _text(_plain(asdict(finding)))
+    return _text(finding)
 
 
 def schema() -> dict[str, Any]:
@@ -38,7 +40,7 @@ def _lines(content: dict[str, Any]) -> Iterator[str]:
     yield "{"
     for k, (name, value) in enumerate(content.items()):
         comma = "," if k < len(content) - 1 else ""
-        if isinstance(value, list) and value:
+        if isinstance(value, tuple) and value:
             yield f' "{name}": ['
             for at, item in enumerate(value):
                 yield f"  {_text(item)}{',' if at < len(value) - 1 else ''}"
@@ -49,7 +51,16 @@ def _lines(content: dict[str, Any]) -> Iterator[str]:
 
 
 def _text(value: Any) -> str:
-    return json.dumps(value, allow_nan=False)
+    """Write a part of the report in one line; what JSON does not take is looked for only where there is some."""
+    try:
+        text = json.dumps(value, allow_nan=False, default=_fields)
+    except ValueError:  # a number that is not finite
+        text = _SURROGATE
+    return json.dumps(_plain(value), allow_nan=False) if _SURROGATE in text else text
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
 def _plain(value: Any) -> Any:
@@ -57,6 +68,8 @@ def _plain(value: Any) -> Any:
         return {_plain(str(name)): _plain(part) for name, part in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(part) for part in value]
+    if is_dataclass(value):
+        return _plain(_fields(value))
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return _readable(value) if isinstance(value, str) else value
