@@ -54,9 +54,9 @@ def run(args: argparse.Namespace) -> int:
 
     if args.list and args.markdown:
         return status.usage("--list and --markdown: which one?", NAME)
-    if not args.rule and not args.list and not args.markdown:
-        return status.usage("which rule? --list names them all", NAME)
     words = _patterns(args.rule)
+    if not words and not args.list and not args.markdown:
+        return status.usage("which rule? --list names them all", NAME)
     width = min(shutil.get_terminal_size().columns, 100) if sys.stdout.isatty() else _WIDTH
     palette = Palette(options.colour(args))
     try:
@@ -97,19 +97,19 @@ def _explained(
             others.append(word)
     texts = [render(rule, page.body, width=width, palette=palette) for rule, page in pages.items() if rule in rules]
     if others:
-        from analyzer.report.topics.finding import Index  # noqa: PLC0415 - a rule needs no types
+        from analyzer.report.topics.finding import Lexicon  # noqa: PLC0415 - a rule needs no types
         from analyzer.report.topics.page import Pages  # noqa: PLC0415
 
-        index = Index(registry, pages)
-        whole = index.find(phrase) if len(words) > 1 else []
+        lexicon = Lexicon(registry, pages)
+        whole = lexicon.find(phrase) if len(words) > 1 else []
         texts, others = ([], [phrase]) if whole else (texts, others)  # the words belong together
-        found = [index.find(word) for word in others]
+        found = [lexicon.find(word) for word in others]
         for word, topics in zip(others, found, strict=True):
             if not topics:
-                near = index.near(phrase if len(others) == len(words) else word)
+                near = lexicon.near(phrase if len(others) == len(words) else word)
                 hint = f"; did you mean {', '.join(near)}?" if near else ""
                 raise LookupError(f"no rule, clause, type, field or word of the document is called {word[:40]!r}{hint}")
-        writer = Pages(index, registry, pages, width=width, palette=palette)
+        writer = Pages(lexicon, registry, pages, width=width, palette=palette)
         texts += [writer.write(topics) for topics in found]
     return "\n".join(texts)
 

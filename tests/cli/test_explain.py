@@ -45,6 +45,7 @@ def test_all_pages_as_one_document(command: Command) -> None:
         (["TRF-101"], "no rule is called 'TRF-101' (near: TRF-0"),
         (["TRF-010", "nonsense"], "nonsense"),
         ([], "--list"),
+        (["", ","], "--list"),
         (["--list", "--markdown"], "which one"),
     ],
 )

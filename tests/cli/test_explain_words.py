@@ -14,7 +14,7 @@ from kit.strategies import examples
 
 import dissectors
 from analyzer.facts.meaning import meaning
-from analyzer.report.topics.finding import Index
+from analyzer.report.topics.finding import Lexicon
 from analyzer.report.topics.page import Pages
 from analyzer.rules.catalogue import load
 from analyzer.views.terminal import display_width
@@ -136,7 +136,7 @@ def test_lists_and_documents_are_of_rules(command: Command) -> None:
 
 
 def test_every_printed_word_has_something_it_stands_for() -> None:
-    types, index = registry(), Index(registry(), load(registry()))
+    types, lexicon = registry(), Lexicon(registry(), load(registry()))
     words = list(printed(TMOTOR))
     assert len(words) > 80
     for path, value, text in words:
@@ -146,15 +146,15 @@ def test_every_printed_word_has_something_it_stands_for() -> None:
         about = meaning(of, column)
         assert about.note is not None or about.part is not None, path
         assert value is None or value in {**(about.part.enum if about.part else about.note.enum)}, path
-        assert any((topic.table, topic.column) == (types.table_of(path), column) for topic in index.find(text)), text
+        assert any((topic.table, topic.column) == (types.table_of(path), column) for topic in lexicon.find(text)), text
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 200])
 @pytest.mark.parametrize("word", ["4.4", "ESCStatus", "OutputControl", "NodeStatus", "low", "esc_id_set"])
 def test_pages_fit(word: str, width: int) -> None:
     rules = load(registry())
-    index = Index(registry(), rules)
-    text = Pages(index, registry(), rules, width=width).write(index.find(word))
+    lexicon = Lexicon(registry(), rules)
+    text = Pages(lexicon, registry(), rules, width=width).write(lexicon.find(word))
     assert text
     assert max(map(display_width, text.splitlines())) <= max(width, 60)
 
@@ -162,10 +162,10 @@ def test_pages_fit(word: str, width: int) -> None:
 @examples(30)
 @given(st.text(max_size=30))
 def test_any_word_is_found_or_not(word: str) -> None:
-    index = Index(registry(), load(registry()))
-    for topic in index.find(word):
+    lexicon = Lexicon(registry(), load(registry()))
+    for topic in lexicon.find(word):
         assert topic.clause or registry().definition(topic.table) is not None
-    assert all(isinstance(name, str) for name in index.near(word))
+    assert all(isinstance(name, str) for name in lexicon.near(word))
 
 
 def test_another_vendors_words(tmp_path: Path, command: Command) -> None:

@@ -1,4 +1,4 @@
-"""What a word means: clauses, types, fields, parts, values, by what they are called here or what a document prints."""
+"""Clauses, types, fields, parts and values by what they are called here, or what a document prints."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Topic(NamedTuple):
     value: int | None = None
 
 
-class Index:
+class Lexicon:
     """Every name in use, of types of the vendors first.
 
     Args:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from fractions import Fraction
 
-    from analyzer.report.topics.finding import Index
+    from analyzer.report.topics.finding import Lexicon
     from analyzer.rules.catalogue import Page
     from dissectors import Registry
     from dissectors.schema import Bits, Note, Packet, Type
@@ -32,7 +32,7 @@ class Pages:
     """Writes topics.
 
     Args:
-        index: what is known, and what documents print.
+        lexicon: what is known, and what documents print.
         registry: the types.
         rules: the pages of the rules.
         width: columns, 60 at least.
@@ -41,14 +41,14 @@ class Pages:
 
     def __init__(
         self,
-        index: Index,
+        lexicon: Lexicon,
         registry: Registry,
         rules: Mapping[str, Page],
         *,
         width: int = WIDTH,
         palette: Palette = PLAIN,
     ) -> None:
-        self._index, self._registry, self._rules = index, registry, rules
+        self._lexicon, self._registry, self._rules = lexicon, registry, rules
         self._width, self._palette = max(width, _NARROWEST), palette
 
     def write(self, topics: list[Topic]) -> str:
@@ -81,7 +81,7 @@ class Pages:
             yield from more
 
     def _clause(self, clause: str) -> Iterator[str]:
-        described = self._index.described
+        described = self._lexicon.described
         types = [table for table, of in described.items() if of.clause == clause]
         inside = [table for table, of in described.items() if of.clause != clause and within(of.clause, clause)]
         fields = [
@@ -98,7 +98,7 @@ class Pages:
             yield ""
         for topic in [*(Topic(table=table) for table in inside), *fields]:
             yield from self._entry(topic)
-        rules = list(self._index.rules(clause=clause))
+        rules = list(self._lexicon.rules(clause=clause))
         hidden = [text for text in never(self._registry) if within(text.partition(" (")[0], clause)]
         if hidden:
             yield ""
@@ -132,7 +132,7 @@ class Pages:
         return " ".join(filter(None, [own, self._print(topic)]))
 
     def _print(self, topic: Topic) -> str:
-        text = self._index.printed.get((f"{topic.table}.{topic.column}", topic.value), "")
+        text = self._lexicon.printed.get((f"{topic.table}.{topic.column}", topic.value), "")
         return f'(printed "{text}")' if text else ""
 
     def _type(self, table: str, of: Message | Packet, *, ruled: bool = True) -> Iterator[str]:
@@ -150,7 +150,7 @@ class Pages:
         for derived in of.derived:
             yield from self._row(f"[{derived.name}]", "", f"{derived.unit}, from {derived.source}".strip(", "), "")
         if ruled:
-            rules = ", ".join(self._index.rules(path=table))
+            rules = ", ".join(self._lexicon.rules(path=table))
             yield from ["", *self._labelled("Rules", rules)] if rules else []
 
     def _field(self, table: str, column: str, kind: str, of: Message | Packet) -> Iterator[str]:
@@ -180,7 +180,7 @@ class Pages:
         yield from self._labelled("In", f"{topic.table}, {_identity(of)}")
         name = about.note.name if about.note is not None else ""
         yield from self._labelled("Name", about.part.called if about.part is not None else name)
-        yield from self._labelled("Printed", self._index.printed.get((f"{topic.table}.{topic.column}", None), ""))
+        yield from self._labelled("Printed", self._lexicon.printed.get((f"{topic.table}.{topic.column}", None), ""))
         if about.source:
             yield from self._labelled("From", about.source)
         if topic.value is not None:
@@ -193,7 +193,7 @@ class Pages:
             yield from self._labelled("Values", ", ".join(f"{value} {text}" for value, text in texts))
             parts = about.note.parts if about.note is not None else ()
             yield from self._labelled("Parts", ", ".join(f"{part.name} ({_place(part)})" for part in parts))
-        rules = self._index.rules(path=f"{topic.table}.{topic.column}", row=about.clause)
+        rules = self._lexicon.rules(path=f"{topic.table}.{topic.column}", row=about.clause)
         yield from self._labelled("Rules", ", ".join(rules))
 
 
