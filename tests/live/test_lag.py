@@ -33,7 +33,7 @@ def test_what_waits_is_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     recorder, hub = Recorder(), Hub(*(frames(100 * k, 100) for k in range(5)))
     with loop(hub, recorder, clock=lambda: now[0]) as one:
         assert one.behind == 0.0
-        wait_until(lambda: recorder.frames == 500)
+        wait_until(lambda: one._rows == 500)
         now[0] += 4 * SECOND
         assert one.behind == 4.0
         assert sum(piece.frames for piece in one.take(60)) == 300  # at once

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from kit.command import wait_until
+from kit.command import LIMIT, wait_until
 from kit.reports import START, change
 from kit.waiting import Clock
 from live.test_autostop import RULES
@@ -32,6 +32,13 @@ if TYPE_CHECKING:
 
 PYTHON = f"'{sys.executable}' -c "
 COPY = "import sys, pathlib; pathlib.Path(sys.argv[1]).write_text('|'.join(sys.argv[2:]) + chr(10) + sys.stdin.read())"
+
+
+@pytest.fixture(autouse=True)
+def no_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However slow the machine is."""
+    for module in (hook, status_file):
+        monkeypatch.setattr(module, "PATIENCE", LIMIT)
 
 
 def session(*found: Change, frames: int = 100) -> Any:
