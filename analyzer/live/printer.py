@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Self
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Self
 from analyzer.sinks.growing import write_some
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import TracebackType
 
 MOST = 64 << 20  # bytes that may wait
@@ -26,14 +28,15 @@ class Printer(AbstractContextManager["Printer"]):
     Args:
         file: descriptor; it stays open.
         most: bytes that may wait.
+        clock: seconds of a monotonic clock.
     """
 
-    def __init__(self, file: int = 1, most: int = MOST) -> None:
+    def __init__(self, file: int = 1, most: int = MOST, clock: Callable[[], float] = time.monotonic) -> None:
         self.lost = 0
         self.gone = False
         self.problem: str | None = None
-        self._file, self._most = file, most
-        self._queue: deque[bytes] = deque()
+        self._file, self._most, self._clock = file, most, clock
+        self._queue: deque[tuple[float, bytes]] = deque()
         self._waiting = self._written = 0
         self._ended = False
         self._changed = threading.Condition()
@@ -66,9 +69,15 @@ class Printer(AbstractContextManager["Printer"]):
             if self._waiting and self._waiting + len(data) > self._most:
                 self.lost += 1
                 return
-            self._queue.append(data)
+            self._queue.append((self._clock(), data))
             self._waiting += len(data)
             self._changed.notify_all()
+
+    @property
+    def behind(self) -> float:
+        """Seconds since the oldest text came that waits."""
+        with self._changed:
+            return self._clock() - self._queue[0][0] if self._queue else 0.0
 
     def _work(self) -> None:
         while True:
@@ -77,7 +86,7 @@ class Printer(AbstractContextManager["Printer"]):
                     self._changed.wait()
                 if not self._queue:
                     return
-                data = self._queue[0]
+                _, data = self._queue[0]
             try:
                 self._write(data)
             except OSError as error:

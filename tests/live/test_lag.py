@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from kit.command import wait_until
 from kit.judged import registry
 from kit.live import START, Frame, made
@@ -13,10 +14,14 @@ from kit.rows import EXTENDED
 from live.test_capture_loop import Hub, Recorder, frames, loop
 
 from analyzer.app.live.lag import BEHIND, Lag
+from analyzer.app.live.list import TransferList
 from analyzer.board.board import Board
+from analyzer.decode.engine import Engine
 from analyzer.live import capture_loop
 from analyzer.live.heard import HeardSenders
+from analyzer.rules.checking import Measured
 from analyzer.terminal.bar import top
+from analyzer.views.writers import WriterOptions
 
 if TYPE_CHECKING:
     import pytest
@@ -55,6 +60,21 @@ def test_how_far_it_is_behind_is_told() -> None:
         "no longer behind",
         f"behind by 3.0 s: {why}",
     ]
+
+
+def test_a_list_that_is_read_slowly_says_so() -> None:
+    """Its reader gets old lines, though judging keeps up."""
+    engine = Engine(registry())
+    (batch, *_) = [*engine.feed(capture("hover-4.log")), engine.flush()]
+    printer = SimpleNamespace(put=lambda _: None, behind=4.2)
+    told: list[str] = []
+    shown = TransferList(WriterOptions(), registry(), printer, several=False, say=told.append)  # type: ignore[arg-type]
+    shown.batch(Measured(batch, np.empty(0)))
+    printer.behind = 0.0
+    shown.batch(Measured(batch, np.empty(0)))
+    assert told == [
+        "-- the list is behind by 4.2 s: whoever reads it is slow\n", "-- the list is no longer behind\n",
+    ]  # fmt: skip
 
 
 def test_senders_are_heard_as_their_frames_come() -> None:

@@ -57,6 +57,25 @@ def test_a_reader_that_has_stopped_costs_what_does_not_fit(pipe: list[int], monk
     os.close(pipe[1])
 
 
+def test_how_long_the_oldest_text_has_waited(pipe: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(printer, "PATIENCE", 0.1)
+    now = [0.0]
+    with Printer(pipe[1], clock=lambda: now[0]) as one:
+        assert one.behind == 0.0
+        one.put("x" * (1 << 20))
+        now[0] += 3.0
+        one.put("x")
+        now[0] += 1.2
+        assert one.behind == 4.2
+        assert len(os.read(pipe[0], 1 << 16)) > 0
+        reader = Thread(target=everything, args=(pipe[0],), daemon=True)
+        reader.start()
+        wait_until(lambda: one.behind == 0.0)
+    os.close(pipe[1])
+    reader.join()
+    os.close(pipe[0])
+
+
 def test_one_text_larger_than_the_bound_still_goes_out(pipe: list[int]) -> None:
     with Printer(pipe[1], most=10) as one:
         one.put("a" * 100)

@@ -15,8 +15,31 @@ if TYPE_CHECKING:
 BEHIND, OVER = 2.0, 0.5
 
 
+class Delay:
+    """Says how far something is behind: when that begins, each time it has doubled, and when it is over.
+
+    Args:
+        subject: stands in front.
+        why: what makes it so.
+    """
+
+    def __init__(self, subject: str, why: str) -> None:
+        self._subject, self._why = subject, why
+        self._next = BEHIND
+
+    def line(self, behind: float) -> str:
+        """Return what there is to say, so many seconds behind; mostly nothing."""
+        if behind >= self._next:
+            self._next = 2 * behind
+            return f"{self._subject}behind by {behind:.1f} s: {self._why}"
+        if behind < OVER and self._next > BEHIND:
+            self._next = BEHIND
+            return f"{self._subject}no longer behind"
+        return ""
+
+
 class Lag:
-    """Tells how far a session is behind: when that begins, each time it has doubled, and when it is over.
+    """Tells how far a session is behind.
 
     Args:
         tell: takes a line.
@@ -25,7 +48,7 @@ class Lag:
     def __init__(self, tell: Callable[..., None]) -> None:
         self.failed = False
         self._tell = tell
-        self._next = BEHIND
+        self._delay = Delay("", "frames come faster than they are judged")
 
     def batch(self, measured: Measured) -> None:
         """Do nothing."""
@@ -38,10 +61,5 @@ class Lag:
 
     def look(self, session: LiveSession) -> None:
         """Tell what there is to tell."""
-        behind = session.loop.behind
-        if behind >= self._next:
-            self._tell(f"behind by {behind:.1f} s: frames come faster than they are judged")
-            self._next = 2 * behind
-        elif behind < OVER and self._next > BEHIND:
-            self._tell("no longer behind")
-            self._next = BEHIND
+        if line := self._delay.line(session.loop.behind):
+            self._tell(line)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from analyzer.app.live.lag import Delay
 from analyzer.facts.traffic import times
 from analyzer.report import wording
 from analyzer.views.terminal import escape
@@ -79,6 +80,7 @@ class TransferList(EventLines):
         super().__init__(several=several, say=say)
         self._options, self._registry, self._printer = options, registry, printer
         self._writer: Writer | None = None
+        self._delay = Delay("the list is ", "whoever reads it is slow")
         self._lost = 0
         self._failed = False
 
@@ -91,6 +93,8 @@ class TransferList(EventLines):
             self._writer = self._begun(_first_time(measured))
         for text in self._writer.rows(batch, ListedRows.all_of(batch)):
             self._printer.put(text)
+        if line := self._delay.line(self._printer.behind):
+            self.note(line)
 
     def look(self, session: LiveSession) -> None:
         """Notice a reader who has seen enough, or is too slow. To be called after the printer has ended, too."""
