@@ -34,7 +34,7 @@ _PLACE = re.compile(r"\{(\w+)\}")
 
 @dataclass(frozen=True, slots=True)
 class FindingCommand:
-    """What is run, word by word, and for which findings."""
+    """A command, word by word, and the findings that it is run for."""
 
     words: tuple[str, ...]
     wanted: tuple[FindingPattern, ...]
