@@ -129,7 +129,7 @@ def test_late_verdicts_are_right(
     assert [set((text or "").split(", ")) - {""} for text in table.column("anomaly").to_pylist()] == [
         row["anomaly"] for row in wanted.frames
     ]
-    command("export", FAULTS, "-o", tmp_path, "--frames", "300-1700", "--table", "frames")
+    command("export", FAULTS, "-o", tmp_path, "--frames", "300-1700", "--table", "frames", "--force")
     assert pq.read_table(tmp_path / "frames.parquet").column("verdict").to_pylist() == wanted.verdicts[299:1700]
     assert set(wanted.verdicts[299:1700]) > {VERDICTS[0]}
 
