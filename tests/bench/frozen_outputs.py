@@ -35,9 +35,9 @@ ALL += [
     f"check {{}} {REPORTS}",
     "check {} --github --select all --fail-on any:note",
 ]
-ALL += ["convert {} OUT/c.log", "convert {} OUT/c.mcap", "convert {} OUT/c.pcapng", "export {} --force -o OUT/tables"]
+ALL += ["convert {} OUT/c.log", "convert {} OUT/c.mcap", "convert {} OUT/c.pcapng", "export {} -o OUT/tables"]
 ALL += ["plot {} -o OUT/p.rrd"]
-SOME = ["decode {} -T jsonl", "export {} -F arrow --force -o OUT/tables", "export {} -F csv --force -o OUT/tables"]
+SOME = ["decode {} -T jsonl", "export {} -F arrow -o OUT/tables", "export {} -F csv --force -o OUT/tables"]
 SOME += ["export {} -o OUT/e.mcap", "export {} --table findings -o OUT/f.mcap", "check {} --all"]
 SOME += [
     "check {} --init -o OUT/vehicle.toml --force",
@@ -45,7 +45,7 @@ SOME += [
     "info {} --last 1s",
 ]
 SOME += [
-    "check {} --from 1 --to 2 --force --extract OUT/cut",
+    "check {} --from 1 --to 2 --extract OUT/cut",
     "check {} --vehicle OUT/vehicle.toml --json -",
     "decode {} -q",
 ]
