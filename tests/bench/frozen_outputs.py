@@ -37,7 +37,7 @@ ALL += [
 ]
 ALL += ["convert {} OUT/c.log", "convert {} OUT/c.mcap", "convert {} OUT/c.pcapng", "export {} -o OUT/tables"]
 ALL += ["plot {} -o OUT/p.rrd"]
-SOME = ["decode {} -T jsonl", "export {} -F arrow -o OUT/tables", "export {} -F csv --force -o OUT/tables"]
+SOME = ["decode {} -T jsonl", "export {} -F arrow -o OUT/tables", "export {} -F csv -o OUT/tables"]
 SOME += ["export {} -o OUT/e.mcap", "export {} --table findings -o OUT/f.mcap", "check {} --all"]
 SOME += [
     "check {} --init -o OUT/vehicle.toml --force",
