@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
-import socket
 import struct
 from collections import deque
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 from unittest.mock import Mock
 
 import pytest
@@ -20,11 +19,8 @@ from analyzer.live.interfaces import journal as watching
 from analyzer.live.interfaces import links, socketcan
 from analyzer.live.interfaces.filters import Filters, parse_filters
 from analyzer.live.interfaces.naming import Interface, InterfaceError
-from analyzer.live.interfaces.receiver import open_receiver
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from analyzer._native import FrameBatch
 
 CAN0 = Interface("socketcan", "can0", {"fd": False})
@@ -104,6 +100,11 @@ class Kernel:
     def links(self) -> list[links.Link]:
         return [self.link] if self.link is not None else []
 
+    def name_of(self, index: int) -> str:
+        if self.link is None or self.link.index != index:
+            raise OSError(errno.ENXIO, "no interface with this index")
+        return self.link.name
+
     def open(self, interface: Interface) -> Opened:
         assert interface.options["fd"] is True
         if self.refuses:
@@ -117,6 +118,7 @@ class Kernel:
 def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
     made = Kernel()
     monkeypatch.setattr(links, "list_links", made.links)
+    monkeypatch.setattr("socket.if_indextoname", made.name_of)
     monkeypatch.setattr(socketcan, "open_bus", made.open)
     monkeypatch.setattr(socketcan, "SocketReceiver", SocketReceiver)
     SocketReceiver.script, SocketReceiver.made = deque(), 0
@@ -237,6 +239,16 @@ def test_an_interface_of_the_same_number_that_is_another_one(kernel: Kernel, clo
     assert everything(receiver, clock) == ["# can0: link down", "# can0: link up after 0.2 s"]
 
 
+def test_a_renamed_interface_is_told_once(kernel: Kernel, clock: Clock) -> None:
+    receiver = opened(clock, frames(1))
+    everything(receiver, clock)
+    kernel.link = links.Link(3, "renamed", "can", up=True)
+    assert everything(receiver, clock, 20) == ["# can0: is called renamed now"]
+    assert everything(receiver, clock, 20) == []
+    kernel.link = None
+    assert everything(receiver, clock, 20) == []
+
+
 def test_errors_that_nobody_foresaw(kernel: Kernel, clock: Clock) -> None:
     """It is opened anew, after growing pauses, and given up in the end."""
     receiver = opened(clock, *[ODD] * 1000)
@@ -261,56 +273,6 @@ def test_one_odd_error_is_repaired(kernel: Kernel, clock: Clock) -> None:
     assert (len(kernel.buses), receiver.failed) == (2, None)
 
 
-@pytest.fixture
-def pair(monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
-    """A pair of datagram sockets stands in for the kernel; the test has one end."""
-    mine, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-
-    class Bus(Opened):
-        made: ClassVar[list[Bus]] = []
-        socket = theirs
-
-        def __init__(self) -> None:
-            self.made.append(self)
-
-        def fileno(self) -> int:
-            return theirs.fileno()
-
-    monkeypatch.setattr(links, "list_links", list)
-    monkeypatch.setattr(socketcan, "open_bus", lambda _: Bus())
-    yield mine
-    assert [bus.closed for bus in Bus.made] == [1]
-    mine.close()
-    theirs.close()
-
-
-def datagram(number: int) -> bytes:
-    return struct.pack("=IB3x8s", number, 2, b"ab")
-
-
-def test_the_native_receiver(pair: socket.socket) -> None:
-    receiver = open_receiver(CAN0, Filters())
-    pair.send(datagram(0x123))
-    found = text(receiver.receive(5))
-    assert [line.split(" ", 1)[1] for line in found] == ["can0 123#6162 R"]
-    assert receiver.receive(0) is None
-    pair.send(datagram(0x124))
-    assert len(receiver.finish()) == 1
-    receiver.close()
-
-
-def test_what_came_before_the_filters_is_thrown_away(pair: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And nothing that comes from then on."""
-    monkeypatch.setattr(Filters, "hold", staticmethod(lambda to: to.getsockopt(socket.SOL_SOCKET, socket.SO_TYPE)))
-    monkeypatch.setattr(Filters, "apply", lambda _, __: pair.send(datagram(0x10)))
-    for number in range(10):
-        pair.send(datagram(number))
-    receiver = socketcan.SocketCanReceiver(CAN0, parse_filters(["10:7FF"]))
-    pair.send(datagram(0x11))
-    assert [line.split()[2] for line in text(receiver.receive(5))] == ["010#6162", "011#6162"]
-    receiver.close()
-
-
 def test_filters_of_an_interface_that_is_down(kernel: Kernel, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     """The kernel tells each socket once: it is waited for as without filters."""
     asked = Mock(recv=Mock(side_effect=[DOWN, BlockingIOError(errno.EAGAIN, ""), ODD]))
@@ -322,24 +284,3 @@ def test_filters_of_an_interface_that_is_down(kernel: Kernel, clock: Clock, monk
     with pytest.raises(InterfaceError, match=r"^can0: Input/output error$"):
         socketcan.SocketCanReceiver(CAN0, parse_filters(["10:7FF"]), clock.ns, clock.now)
     assert kernel.buses[-1].closed
-
-
-def test_filters_that_the_kernel_refuses(pair: socket.socket) -> None:
-    assert pair
-    with pytest.raises(InterfaceError, match=r"^can0: \S"):
-        socketcan.SocketCanReceiver(CAN0, parse_filters(["1:1"]))  # no socket of CAN
-
-
-def test_it_says_whose_time_stamps_there_are(pair: socket.socket) -> None:
-    """A datagram socket has no controller behind it."""
-    receiver = open_receiver(CAN0, Filters(), hardware=True)
-    receiver.notes()
-    assert receiver.receive(0) is None
-    assert receiver.notes() == []
-    pair.send(datagram(0x123))
-    assert receiver.receive(5) is not None
-    assert receiver.notes() == ["can0: the controller stamps no frames: times are the kernel's"]
-    pair.send(datagram(0x124))
-    assert receiver.receive(5) is not None
-    assert receiver.notes() == []
-    receiver.close()
