@@ -30,7 +30,8 @@ CANDUMP = Format(
     (b"(", b"Normal ("),
     unit="line",
     line=re.compile(
-        rb"^[^\S\n]*\(\S+[^\S\n]|[0-9A-Fa-f]#|^[^\S\n]*\S+[^\S\n]+[0-9A-Fa-f]{3,8}[^\S\n]+\[\d", re.MULTILINE
+        rb"^[^\S\n]*\(\S+[^\S\n]|[0-9A-Fa-f]#|DROPCOUNT|ERRORFRAME|^[^\S\n]*\S+[^\S\n]+[0-9A-Fa-f]{3,8}[^\S\n]+\[\d",
+        re.MULTILINE,
     ),
 )
 FORMATS = (
@@ -76,6 +77,7 @@ FORMATS = (
 _TEXT = Format("a text file", None, ())
 # As many bytes decide.
 LONGEST = max(len(magic) for form in FORMATS for magic in form.magics)
+_COMMENT = b"#"  # of candump text: prose has them, too
 # So many lines tell text of another kind, and so few in a hundred do not make it one of ours.
 _TELLING_LINES, _FEW = 3, 5
 # Of a magic that is cut off, as many bytes tell.
@@ -108,5 +110,5 @@ def _is_other_text(head: bytes, form: Format) -> bool:
     if form.line is None or b"\0" in head:
         return False
     whole = head[: head.rfind(b"\n") + 1]
-    lines = sum(bool(line.strip()) for line in whole.split(b"\n"))
+    lines = sum(bool(line.strip()) and not line.startswith(_COMMENT) for line in whole.split(b"\n"))
     return lines >= _TELLING_LINES and 100 * sum(1 for _ in form.line.finditer(whole)) < _FEW * lines

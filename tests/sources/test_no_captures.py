@@ -97,3 +97,14 @@ def test_prose_in_front_of_what_a_pipe_gives_is_passed_over(tmp_path: Path) -> N
     with closing_later(pipe, [PROSE.encode() * 40, b"(1.5) can0 123#00\n"]):
         pieces = [piece for piece in Source(str(pipe)).chunks() if piece]
     assert b"".join(piece for piece in pieces if isinstance(piece, bytes)).endswith(b"(1.5) can0 123#00\n")
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["# can0: link down", "DROPCOUNT: dropped 1 CAN frame on 'can0' socket (total drops 1)"],
+    ids=["#", "DROPCOUNT"],
+)
+def test_a_recording_of_nothing_but_remarks_is_one(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "x.log"
+    path.write_text(f"{line}\n" * 5)
+    assert main(["decode", "-q", str(path)]) == 0
