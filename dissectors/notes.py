@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import TYPE_CHECKING, Literal, cast
 
 from dissectors import template
@@ -221,7 +222,13 @@ class NoteReader:
             element=body.integer("element"),
             low=body.fraction("low"),
             high=body.fraction("high"),
+            reading=body.string("reading"),
+            by_choice=dict(_choices(body)),
         )
+        if bool(derived.reading) != bool(derived.by_choice):
+            body.fail("reading and by_choice go together")
+        if derived.reading and self.messages is not None:
+            body.fail("only messages have readings", "reading")
         body.finish()
         _ordered(body)
         return derived
@@ -307,3 +314,10 @@ def _ordered(body: TomlTable) -> None:
     low, high = body.fraction("low"), body.fraction("high")
     if low is not None and high is not None and low > high:
         body.fail("low is above high", "low")
+
+
+def _choices(body: TomlTable) -> Iterator[tuple[str, Fraction]]:
+    """Yield what choices of a reading add."""
+    table = body.table("by_choice")
+    for choice in table.body:
+        yield choice, table.fraction(choice) or Fraction(0)

@@ -24,9 +24,9 @@ from dissectors.schema import Dissector, Evidence, Message, Reading
 from dissectors.toml_table import ProfileError, TomlTable, read
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
-    from dissectors.schema import MessageKind, Note
+    from dissectors.schema import Derived, MessageKind, Note
 
 __all__ = ["KINDS", "Offer", "Profile", "ProfileError"]
 
@@ -201,6 +201,7 @@ class Profile:
         notes = self._notes(table, layout, clause)
         derived = self.reader.derived(table, layout, clause)
         readings = tuple(self._readings(table, layout, notes))
+        _check(table, layout, derived, readings)
         message = Message(
             name=name,
             full_name=compiled.full_name,
@@ -268,7 +269,8 @@ class Profile:
             evidence = tuple(self._evidence(row, choices, known) for row in body.rows("evidence"))
             if len(choices) < 2 or not evidence:
                 body.fail("a reading has two or more choices, and evidence")
-            yield Reading(name, field, choices, evidence, body.one_of("otherwise", choices), body.string("clause"))
+            otherwise, noted = body.one_of("otherwise", choices), body.one_of("noted", choices)
+            yield Reading(name, field, choices, evidence, otherwise, body.string("clause"), noted)
             body.finish()
 
     def _evidence(self, row: TomlTable, choices: tuple[str, ...], known: set[str]) -> Evidence:
@@ -286,6 +288,19 @@ class Profile:
         if not set(found.sends) <= self.table.table("message").body.keys():
             row.fail("not a message of this profile", "sends")
         return found
+
+
+def _check(table: TomlTable, layout: CompoundType, derived: Mapping[str, Derived], readings: Iterable[Reading]) -> None:
+    """Refuse columns that follow a reading or choices that the message does not have."""
+    known = {reading.name: reading.choices for reading in readings}
+    for name, column in derived.items():
+        body = table.table("derived").table(name)
+        if column.reading and column.reading not in known:
+            body.fail(f"no reading {column.reading!r} (allowed: {', '.join(known) or 'none'})", "reading")
+        if column.reading and isinstance(layout.member(column.source), ArrayType):
+            body.fail("only a single number follows a reading", "reading")
+        if not column.by_choice.keys() <= set(known.get(column.reading, column.by_choice)):
+            body.fail(f"a choice is unknown (allowed: {', '.join(known[column.reading])})", "by_choice")
 
 
 def _undefined(name: str, body: TomlTable) -> tuple[int, int, str]:

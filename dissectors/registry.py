@@ -103,9 +103,9 @@ class Registry:
         """Return every message of an ESC that says whether its motor turns, of all folders."""
         return self._having("turns")
 
-    def remarking(self) -> tuple[Message, ...]:
-        """Return every message that has remarks, of all folders."""
-        return self._having("remarks")
+    def doubtful(self) -> tuple[Message, ...]:
+        """Return every message with fields that nodes fill in different ways, of all folders."""
+        return self._having("reading")
 
     def _having(self, key: str) -> tuple[Message, ...]:
         return tuple(message for profile in self.profiles for message in profile.having(key))

@@ -158,8 +158,9 @@ class Derived:
 
     Of an array, `element` takes one place, from 0; a row with fewer has no value. Neither has a raw value outside `low`
     to `high`, or one that is listed in the source's `special`. value = raw * scale + offset; then the first of `pieces`
-    that holds this value adds to it. With `format` "date" the value is the day that the raw number names as YYYYMMDD
-    or, failing that, as Unix seconds; neither is certain.
+    that holds this value adds to it; where the sender's `reading` is decided, its choice in `by_choice` does instead.
+    With `format` "date" the value is the day that the raw number names as YYYYMMDD or, failing that, as Unix seconds;
+    neither is certain.
     """
 
     name: str
@@ -173,6 +174,11 @@ class Derived:
     element: int | None = None
     low: Fraction | None = None
     high: Fraction | None = None
+    reading: str = ""
+    by_choice: Mapping[str, Fraction] = field(default_factory=dict)
+
+
+BYTE_ORDERS = ("little-endian", "big-endian")  # of the numbers in packets
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,7 +257,8 @@ class Evidence:
 class Reading:
     """A field that the document and the standard read differently, decided for each node from its data.
 
-    The first of `evidence` that holds decides; `otherwise` is the choice when none does (empty: undecided).
+    The first of `evidence` that holds decides; `otherwise` is the choice when none does (empty: undecided). The notes
+    on the field hold for nodes of the choice `noted`, for all if it is empty.
     """
 
     name: str
@@ -260,6 +267,7 @@ class Reading:
     evidence: tuple[Evidence, ...]
     otherwise: str = ""
     clause: str = ""
+    noted: str = ""
 
 
 @dataclass(frozen=True, slots=True)

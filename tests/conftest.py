@@ -212,16 +212,16 @@ def flush() -> object:
 def decode(registry: Registry) -> Callable[..., Decoded]:
     """Runs chunks of candump text (or one) through an engine of its own; the laws of conservation hold in every run."""
 
-    def run(*chunks: bytes | object, types: Registry = registry) -> Decoded:
-        engine = Engine(types)
+    def run(*chunks: bytes | object, types: Registry = registry, **how: Any) -> Decoded:
+        engine = Engine(types, **how)
 
         def batches() -> Iterator[Batch]:
             for chunk in chunks:
                 if chunk is FLUSH:
-                    yield engine.flush()
+                    yield from engine.flushed()
                 else:
                     yield from engine.feed(chunk)
-            yield engine.finish()
+            yield from engine.end()
 
         got = Decoded(batches(), engine)
         got.check_conservation()

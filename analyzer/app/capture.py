@@ -15,12 +15,13 @@ from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
 from analyzer.decode.by_name import example, find_table
 from analyzer.devices.escs import Escs
+from analyzer.facts.dialects import checked
 from analyzer.sources.merge import Plan
 from analyzer.sources.origin import given
 from analyzer.tables import ESC, FRAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from analyzer.app.source import RunSource
@@ -38,18 +39,25 @@ class Capture:
             standard input.
         plan: names of buses and shifts of clocks.
         dissectors: folders with further data types, before the built-in ones.
+        dialects: readings of doubtful fields by node ID, against the node's own data.
 
     Raises:
         CaptureError: a file cannot be read. Damage behind readable content is in `damage` instead.
         UnavailableError: a `CaptureError` of a file that could not be read now: missing, not permitted, network.
         MergeError: the captures have no clock in common.
+        ValueError: no field has such a reading.
 
     One of paths can be pickled; what comes back has not been read.
     """
 
-    def __init__(self, origins: Sequence[Origin], plan: Plan | None = None, dissectors_: Sequence[Path] = ()) -> None:
-        self._made_of = origins, plan, dissectors_
-        self._run = Run(Request(tuple(map(given, origins)), plan or Plan(), tuple(dissectors_)))
+    def __init__(
+        self, origins: Sequence[Origin], plan: Plan | None = None, dissectors_: Sequence[Path] = (),
+        dialects: Mapping[int, Collection[str]] | None = None,
+    ) -> None:  # fmt: skip
+        self._made_of = origins, plan, dissectors_, dialects
+        rules = RuleChoice(dialects=tuple((node, one) for node, some in (dialects or {}).items() for one in some))
+        self._run = Run(Request(tuple(map(given, origins)), plan or Plan(), tuple(dissectors_), rules=rules))
+        checked(dialects or {}, self._run.registry)
         self._read = False
 
     def __reduce__(self) -> tuple[type[Capture], tuple[Any, ...]]:
@@ -146,15 +154,17 @@ def open_capture(
     buses: Mapping[str, str] | None = None,
     offsets: Mapping[str, int] | None = None,
     same_bus: bool = False,
+    dialects: Mapping[int, Collection[str]] | None = None,
 ) -> Capture:
     """Open a capture, or several as one; nothing is read before the first batch or table is asked for.
 
     A capture is a path or a binary file object with a name. Objects stay open; one that cannot seek is read only once.
     `buses` gives names: of a capture, of an interface, or of `capture:interface`. `offsets` shifts the clocks of
-    captures, in nanoseconds. With `same_bus` all of them recorded one bus, and what repeats is left out.
+    captures, in nanoseconds. With `same_bus` all of them recorded one bus, and what repeats is left out. `dialects`
+    says how doubtful fields of nodes are read, against their own data: `{24: ["tm", "K"]}`.
     """
     origins = list(path) if isinstance(path, Sequence) and not isinstance(path, str) else [path]
-    return Capture(origins, Plan(dict(buses or {}), dict(offsets or {}), same_bus), dissectors)
+    return Capture(origins, Plan(dict(buses or {}), dict(offsets or {}), same_bus), dissectors, dialects)
 
 
 def _settled(batches: list[Batch]) -> pa.Table:

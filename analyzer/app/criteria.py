@@ -37,7 +37,7 @@ class Criteria:
 
     def __init__(self, choice: RuleChoice, registry: Registry) -> None:
         self.registry, self.pages = registry, load(registry)
-        self._choice = choice
+        self.choice = choice
         self._fail_on = FailOn.parse(choice.fail_on or [DEFAULT])
         self._today = date.today()  # noqa: DTZ011 - the day where somebody reads it
         self.settings = replace(choice.settings(self.pages), dialects=checked(choice.readings(), registry))
@@ -65,7 +65,7 @@ class Criteria:
 
     def report(self, taken: Sequence[JudgedCapture], window: str = "") -> Report:
         """Build the report of captures that were judged with `settings`; `window` is the one that was asked for."""
-        asked = self._choice.asked() | ({"window": window} if window else {})
+        asked = self.choice.asked() | ({"window": window} if window else {})
         expected, older = self._expected, self._older
         revise = list(self.revisions())
         demands: list[Demand] = []
@@ -78,5 +78,5 @@ class Criteria:
         name = "" if expected is None else expected.name or expected.path
         known = version()
         tool = "tailbyte" if known == UNKNOWN else f"tailbyte {known}"
-        order = ReportOptions(tool, self._fail_on, self._choice.least, asked, name, revise, demands, excuses)
+        order = ReportOptions(tool, self._fail_on, self.choice.least, asked, name, revise, demands, excuses)
         return build(taken, self.registry, self.pages, self.settings, order)

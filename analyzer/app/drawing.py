@@ -49,9 +49,7 @@ class Drawing:
         from analyzer.plot.picture import Picture  # noqa: PLC0415
 
         run, settings = self._run, self._criteria.settings
-        picture = Picture(
-            send, run.registry, forced=settings.dialects, bit_rate=settings.bit_rate, most=self._most_points
-        )
+        picture = Picture(send, run.registry, bit_rate=settings.bit_rate, most=self._most_points)
         measured = self._looked_at(picture, over(self._batches))
         if run.request.window:
             self._add_window(picture, (batch for batch, _ in measured))

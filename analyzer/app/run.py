@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, closing, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -73,7 +73,7 @@ class Run(AbstractContextManager["Run"]):
         self.request, self.complain = request, complain
         self.source: RunSource = source or open_captures(request.captures, request.merging, follow=request.follow)
         self.registry = dissectors.load(request.dissectors, request.trusted) if registry is None else registry
-        self.engine = Engine(self.registry)
+        self.engine = self._engine()
         self.totals = Totals(dict.fromkeys(LINES, 0))
         self.transfers = 0
         self._state: RunState = "whole"
@@ -145,7 +145,8 @@ class Run(AbstractContextManager["Run"]):
                     yield self._seen(batch)
             else:
                 yield self._seen(self.engine.flush())
-        yield self._seen(self.engine.finish())
+        for batch in self.engine.end():
+            yield self._seen(batch)
         self._conclude()
 
     def inside(self) -> Iterator[Batch]:
@@ -156,6 +157,7 @@ class Run(AbstractContextManager["Run"]):
         if not self.request.window:
             yield from self.batches()
             return
+        self._learn()
         selection = FrameSelection(self.request.window, self.frame_batches_again)
         decoder = WindowDecoder(self.engine, selection)
         for batch in decoder.batches(_frame_batches(self.source.chunks())):
@@ -169,7 +171,7 @@ class Run(AbstractContextManager["Run"]):
     def again(self) -> Iterator[Batch] | None:
         """Return the batches once more, with nothing counted or complained of; None if they exist only once."""
         chunks = self._chunks_again()
-        return None if chunks is None else Engine(self.registry).run(chunks)
+        return None if chunks is None else self._engine().run(chunks)
 
     # ---- frames that are not decoded
 
@@ -240,6 +242,20 @@ class Run(AbstractContextManager["Run"]):
             raise KeyboardInterrupt
 
     # ----
+
+    def _engine(self) -> Engine:
+        """Return a new engine; what comes live is shown at once, everything else waits for its batch."""
+        return Engine(self.registry, self.request.rules.readings(), ahead=not self.source.live)
+
+    def _learn(self) -> None:
+        """Find out how the capture's nodes are read from its first batch, of which a window may see nothing."""
+        chunks = self._chunks_again()
+        if chunks is not None:
+            first = self._engine()
+            with suppress(CaptureError), closing(first.run(chunks)) as batches:
+                next(batches, None)
+            self.engine.know(first)
+            self._reading = self.source
 
     def _chunks_again(self) -> Iterator[bytes | FrameBatch] | None:
         if self.source.live:

@@ -18,7 +18,7 @@ from analyzer.facts.node_status import NODE_STATUS
 from dissectors.kit import NO_TIME, EventTable, FrameTable
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
+    from collections.abc import Iterable, Mapping
 
     from analyzer.board.snapshot import Latched, RecordingState
     from analyzer.decode.engine import Batch
@@ -36,23 +36,16 @@ class Board:
     Args:
         registry: the types that frames are decoded with. Raises `ProfileError` for a wrong `plots.toml`.
         bit_rates: in bits a second by the name of each interface, None where nobody knows.
-        forced: readings of doubtful fields by node ID, against a node's own data.
 
     Memory is bounded: nodes, devices, findings and what is latched each have a limit, and `Snapshot.beyond` counts what
     found no place.
     """
 
-    def __init__(
-        self,
-        registry: Registry,
-        bit_rates: Mapping[str, int | None],
-        *,
-        forced: Mapping[int, Collection[str]] | None = None,
-    ) -> None:
+    def __init__(self, registry: Registry, bit_rates: Mapping[str, int | None]) -> None:
         self._latches = Latches()
         self._buses = BusStates(bit_rates, self._latches)
         self._nodes = NodeStates(self._latches)
-        self._devices = DeviceStates(registry, forced or {})
+        self._devices = DeviceStates(registry)
         self._findings = FindingRows(self._latches)
         self._opened = OpenTransfers()
         self._notes: deque[tuple[int, str]] = deque(maxlen=_MOST_NOTES)

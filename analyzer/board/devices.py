@@ -9,14 +9,13 @@ import numpy as np
 
 from analyzer.board.sheet import DeviceSheet
 from analyzer.board.snapshot import DeviceReading, DeviceRow, DeviceTable, Head, Latched, Tally
-from analyzer.devices.readings import doubtful
 from analyzer.devices.units import Units
 from analyzer.facts.node_status import NODE_STATUS
 from dissectors import picture
 from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
 
     import pyarrow as pa
 
@@ -42,20 +41,18 @@ class DeviceStates:
 
     Args:
         registry: the types that frames are decoded with. Raises `ProfileError` for a wrong `plots.toml`.
-        forced: choices of readings by node ID that stand against any evidence.
     """
 
-    def __init__(self, registry: Registry, forced: Mapping[int, Collection[str]]) -> None:
+    def __init__(self, registry: Registry) -> None:
         pictures = picture.load(registry)
         self._quantities = pictures.quantities
         shown = {name: plot for name, plot in pictures.plots.items() if name != NODE_STATUS and not plot.parameters}
-        self._readings = doubtful(shown.values(), registry, forced)
         self._units = Units()
         self._hidden: set[tuple[str, ...]] = set()
         self._sheets: dict[str, DeviceSheet] = {}
         for name, plot in shown.items():
             lines = tuple(line for line in plot.lines if not self._quantities[line.quantity].detail)
-            self._sheets[name] = DeviceSheet(plot, registry.definition(name), lines, self._readings.get(name))
+            self._sheets[name] = DeviceSheet(plot, registry.definition(name), lines)
 
     @property
     def beyond(self) -> int:
@@ -64,8 +61,6 @@ class DeviceStates:
 
     def feed(self, tables: Mapping[str, pa.RecordBatch], buses: tuple[str, ...]) -> None:
         """Take the tables of a batch."""
-        for readings in self._readings.values():
-            readings.feed(tables)
         for name, table in tables.items():
             if (sheet := self._sheets.get(name)) is not None:
                 sheet.feed(table, self._units, buses)

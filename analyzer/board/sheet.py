@@ -11,6 +11,7 @@ import pyarrow as pa
 from analyzer.board.groups import NONE, Groups, LongestGaps, Slots
 from analyzer.board.words import StateWord
 from analyzer.devices import fields
+from analyzer.devices.readings import holding
 from analyzer.devices.rows import keyed, split, usable
 from dissectors.kit import SECOND
 from dissectors.kit.cells import numbers, valid
@@ -18,7 +19,6 @@ from dissectors.kit.cells import numbers, valid
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from analyzer.devices.readings import Readings
     from analyzer.devices.units import Unit, Units
     from dissectors.kit import Array
     from dissectors.only import Only
@@ -53,17 +53,14 @@ class DeviceSheet:
         plot: which columns are quantities, and whose.
         of: what the columns mean.
         lines: the quantities that are followed.
-        readings: how nodes read doubtful fields.
     """
 
-    def __init__(
-        self, plot: Plot, of: Message | Packet | None, lines: tuple[Line, ...], readings: Readings | None
-    ) -> None:  # fmt: skip
+    def __init__(self, plot: Plot, of: Message | Packet | None, lines: tuple[Line, ...]) -> None:
         self.plot, self.lines = plot, lines
         self.whole = [True] * len(lines)
         notes = {} if of is None else of.notes
         self.words = [(StateWord(one.column, notes.get(one.column), MOST_DEVICES), one.only) for one in plot.states]
-        self._of, self._readings = of, readings
+        self._of = of
         self._slots = Slots(MOST_DEVICES)
         self._units: list[Unit | None] = []
         self.last, self.low, self.high = (np.full((len(lines), MOST_DEVICES + 1), np.nan) for _ in range(3))
@@ -114,7 +111,7 @@ class DeviceSheet:
         found = np.full((len(self.lines), len(table)), np.nan)
         for k, line in enumerate(self.lines):
             for column in fields.column(self._of, table, line.column)[:1]:
-                has = _both(column.has, self._holds(line.only, table))
+                has = _both(column.has, holding(line.only, table))
                 if has is None:
                     found[k] = column.values
                 else:
@@ -161,20 +158,13 @@ class DeviceSheet:
         if not (pa.types.is_integer(array.type) or pa.types.is_boolean(array.type)):
             return
         codes = numbers(array).astype(np.int64)
-        has = _both(valid(array) if array.null_count else None, self._holds(only, table))
+        has = _both(valid(array) if array.null_count else None, holding(only, table))
         if has is not None:
             if not has.any():
                 return
             groups, codes, t = Groups(keys[has]), codes[has], t[has]
             places = self._slots.find(groups)
         word.feed(groups, places, codes, t)
-
-    def _holds(self, only: Only | None, table: pa.RecordBatch) -> Array | None:
-        """Return the rows whose node reads its fields so; None for all."""
-        if only is None or self._readings is None:
-            return None
-        holds = self._readings.holds(only, table)
-        return None if holds.all() else holds
 
     def _name(self, units: Units, buses: tuple[str, ...]) -> None:
         for key in islice(self._slots.of, len(self._units), None):

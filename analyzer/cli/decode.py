@@ -46,6 +46,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     show.add_argument("-q", dest="quiet", action="store_true", help="decode and check, but list nothing")
     show.add_argument("--follow", action="store_true", help="show at once what comes; wait at the end of a file")
+    options.add_dialect(parser)
     options.add_window(parser)
     options.add_output(parser)
     parser.set_defaults(run=run)
@@ -80,11 +81,13 @@ def run(args: argparse.Namespace) -> int:
         return status.usage(error, NAME)
     from analyzer.cli.complaints import Complaints  # noqa: PLC0415
     from analyzer.cli.reading import account, reading  # noqa: PLC0415
+    from analyzer.facts.dialects import checked  # noqa: PLC0415
     from analyzer.views.writers import writer  # noqa: PLC0415
 
     complaints, pager = Complaints(), not (args.no_pager or args.follow)
     with reading(request, complaints) as run:
         try:
+            checked(request.rules.readings(), run.registry)
             writer(view, run.registry, None)  # names that do not exist are told before the capture is read
         except (LookupError, ValueError) as error:
             return status.usage(error, NAME)

@@ -26,7 +26,6 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Read the capture once and print its summary, or that of the window alone."""
-    from analyzer.app.request import RuleChoice  # noqa: PLC0415
     from analyzer.cli.complaints import Complaints  # noqa: PLC0415
     from analyzer.cli.reading import reading  # noqa: PLC0415
     from analyzer.facts.dialects import checked  # noqa: PLC0415
@@ -39,12 +38,12 @@ def run(args: argparse.Namespace) -> int:
         return status.usage(error, NAME)
     with reading(request, Complaints()) as run:
         try:
-            dialects = checked(RuleChoice(dialects=tuple(args.dialect)).readings(), run.registry)
+            checked(request.rules.readings(), run.registry)
         except ValueError as error:
             return status.usage(error, NAME)
         for part in run.source.parts:
             part.hashed = True
-        summary = Summary(run.registry, dialects)
+        summary = Summary(run.registry)
         for batch in run.inside():
             summary.feed(batch)
         if run.state == "refused":

@@ -93,12 +93,12 @@ def add_captures(parser: argparse.ArgumentParser) -> None:
 
 
 def request(args: argparse.Namespace, who: str = "tailbyte") -> Request:
-    """Return what the arguments ask of captures, without rules.
+    """Return what the arguments ask of captures, of rules only how doubtful fields are read.
 
     Captures that cannot be meant end the command, as `who`. Raises `argparse.ArgumentTypeError` for a window that makes
     no sense.
     """
-    from analyzer.app.request import Request  # noqa: PLC0415
+    from analyzer.app.request import Request, RuleChoice  # noqa: PLC0415
     from analyzer.window.limits import Window  # noqa: PLC0415
 
     try:
@@ -113,6 +113,7 @@ def request(args: argparse.Namespace, who: str = "tailbyte") -> Request:
         dissectors=folders(args)[0],
         trusted=folders(args)[1],
         window=asked,
+        rules=RuleChoice(dialects=tuple(getattr(args, "dialect", ()))),
         follow=getattr(args, "follow", False),
         window_words=tuple(_window_words(args)),
         arguments=tuple(_arguments(args)),

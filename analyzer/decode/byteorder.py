@@ -4,8 +4,9 @@ The document prints no byte order for packets (4.4.4, 4.4.5). Little-endian is a
 packet show the same as a field of a message (`agrees`); a packet is evidence for one byte order when a field read that
 way agrees with the node's latest message before it, and no field agrees read the other way alone. A number that reads
 the same both ways proves nothing. Three proofs of big-endian without one of little-endian settle a node, and so does
-one of little-endian: what is settled stays. Rows are never read again: big-endian starts with the packet after the
-third proof. Everything goes by row numbers, so it does not matter where the capture is cut into batches.
+one of little-endian: what is settled stays. Where packets can wait for the end of their batch, all of them are read as
+the node turns out in it. Else big-endian starts with the packet after the third proof, and those before are marked as
+undecided; that goes by row numbers, so it does not matter where the capture is cut into batches.
 """
 
 from __future__ import annotations
@@ -16,10 +17,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.decode.columns import linear, members, senders
+from analyzer.decode.readings import FORCED, UNDECIDED, Statement
 from dissectors.kit.cells import numbers
+from dissectors.schema import BYTE_ORDERS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
     import pyarrow as pa
 
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
     Read = Callable[[FoundPackets, Array, Array], list[pa.Array]]
 
 PROOFS = 3
+READING = "byte order"
 
 _NODES = 1 << 16
 
@@ -54,17 +58,25 @@ class ByteOrder:
 
     Args:
         packets: every packet that a profile knows.
+        forced: choices by node ID that stand against any proof.
+        ahead: packets wait for the end of their batch.
     """
 
-    def __init__(self, packets: Iterable[Packet]) -> None:
+    def __init__(self, packets: Iterable[Packet], forced: Mapping[int, Collection[str]], *, ahead: bool) -> None:
+        self._ahead, self._forced = ahead, forced
         self._watched: dict[str, dict[str, Array]] = {}  # message -> field -> latest value of earlier batches, by node
         for packet in packets:
             for _, agreement in _agreements(packet):
                 latest = self._watched.setdefault(agreement.message, {})
                 latest.setdefault(agreement.field, np.full(_NODES, np.nan))
-        self._settled = np.zeros(_NODES, bool)
+        self._settled, self._big = np.zeros(_NODES, bool), np.zeros(_NODES, bool)
+        self._since = np.full(_NODES, np.iinfo(np.uint64).max, np.uint64)  # from which packet on
         self._proofs: dict[int, int] = {}  # of big-endian, for nodes that are not settled
-        self._big_after: dict[int, int] = {}  # position of the packet that settled it
+        self._heard: dict[str, Array] = {}  # message -> nodes whose packets may prove something
+        for node, choices in forced.items():
+            for choice in set(choices) & set(BYTE_ORDERS):
+                mine = np.arange(_NODES) & 0xFF == node
+                self._settled[mine], self._since[mine], self._big[mine] = True, 0, choice == BYTE_ORDERS[1]
 
     def learn(self, messages: Mapping[str, pa.RecordBatch], found: Sequence[FoundPackets], read: Read) -> None:
         """Take in one batch, its message tables complete. `read` unpacks whole packets: bounds and bytes to arrays."""
@@ -75,18 +87,42 @@ class ByteOrder:
                 mine = np.flatnonzero(nodes == node)
                 mine = mine[np.argsort(positions[mine])]
                 self._count(node, positions[mine], big[mine])
-            self._settled[nodes[~big]] = True
+            little = ~big & ~self._settled[nodes]
+            np.minimum.at(self._since, nodes[little], positions[little])
+            self._settled[nodes[little]] = True
         for name in self._watched.keys() & messages.keys():
             self._remember(name, messages[name])
 
+    @property
+    def waiting(self) -> bool:
+        """Whether packets came that may still be found to be of the other order."""
+        return any((heard & ~self._settled).any() for heard in self._heard.values())
+
+    def know(self, other: ByteOrder) -> None:
+        """Take over what another one has settled."""
+        self._settled, self._big = other._settled.copy(), other._big.copy()
+        self._since[self._settled] = 0
+
+    def statements(self) -> Iterator[Statement]:
+        """Yield the byte order of each node whose packets may prove one."""
+        for message, heard in self._heard.items():
+            for code in np.flatnonzero(heard).tolist():
+                bus, node = code >> 8, code & 0xFF
+                choice = BYTE_ORDERS[int(self._big[code])] if self._settled[code] else UNDECIDED
+                forced = FORCED if set(self._forced.get(node, ())) & set(BYTE_ORDERS) else ""
+                yield Statement(message, READING, READING, bus, node, choice + forced)
+
+    def decided(self, found: FoundPackets) -> Array:
+        """Return the packets whose byte order is proved."""
+        if self._ahead:
+            proved: Array = self._settled[found.senders]
+            return proved
+        return np.asarray(found.positions >= self._since[found.senders])
+
     def big_endian(self, found: FoundPackets) -> Array:
         """Return the packets that are to be read big-endian."""
-        big = np.zeros(len(found.rows), bool)
-        if self._big_after:
-            for node in np.unique(found.senders).tolist():
-                if node in self._big_after:
-                    big |= (found.senders == node) & (found.positions > self._big_after[node])
-        return big
+        big: Array = self._big[found.senders]
+        return big & self.decided(found) if big.any() else big
 
     def _ballot(
         self, found: FoundPackets, messages: Mapping[str, pa.RecordBatch], read: Read
@@ -95,6 +131,8 @@ class ByteOrder:
         pairs = [] if found.packet is None else list(_agreements(found.packet))
         if found.packet is None or not pairs:
             return None
+        heard = self._heard.setdefault(found.table.rpartition(".")[0], np.zeros(_NODES, bool))
+        heard[found.senders[found.sound]] = True
         rows = np.flatnonzero(found.sound & ~self._settled[found.senders])
         if not rows.size:
             return None
@@ -145,8 +183,8 @@ class ByteOrder:
         run = int(little[0]) if little.size else len(big)
         missing = PROOFS - self._proofs.pop(node, 0)
         if run >= missing:
-            self._big_after[node] = int(positions[missing - 1])
-            self._settled[node] = True
+            self._since[node] = positions[missing - 1] + np.uint64(1)
+            self._settled[node] = self._big[node] = True
         elif not little.size:
             self._proofs[node] = PROOFS - missing + run
 

@@ -13,15 +13,17 @@ from analyzer.decode.byteorder import ByteOrder, swapped
 from analyzer.decode.columns import assemble, enrich, members, metadata, scaled
 from analyzer.decode.packets import PacketFinder
 from analyzer.decode.prefix import PREFIX, TAIL, with_length
+from analyzer.decode.readings import Readings
 from analyzer.decode.unwrap import Unwrapper
 from analyzer.tables import STATUSES
 from dissectors.kit.cells import numbers
 from dissectors.schema import plan
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from analyzer.decode.packets import FoundPackets
+    from analyzer.decode.readings import Statement
     from dissectors.kit import Array
     from dissectors.registry import Registry
     from dissectors.schema import CompoundType, Derived, Message, Note, Packet
@@ -81,25 +83,45 @@ class Unpacker:
         return good
 
 
+@dataclass(frozen=True, slots=True)
+class ReadMessages:
+    """Tables whose doubtful fields, and packets whose byte order, may still be decided."""
+
+    tables: dict[str, pa.RecordBatch]
+    packets: list[FoundPackets]
+
+
 class Messages:
     """From the rows of a batch to message and packet tables; remembers plans, and what went before a packet."""
 
-    def __init__(self, registry: Registry) -> None:
+    def __init__(
+        self, registry: Registry, forced: Mapping[int, Collection[str]] | None = None, *, ahead: bool = False
+    ) -> None:
         self.registry = registry
+        self._readings = Readings(registry.doubtful(), forced or {}, ahead=ahead)
         self._unpackers: dict[str, Unpacker] = {}
         self._unwrappers: dict[tuple[str, str], Unwrapper] = {}
         carriers = registry.carriers()
         self._carriers = {message.table: message for message in carriers}
         self._finder = PacketFinder(carriers)
-        self._order = ByteOrder(packet for family in registry.families() for packet in family.packets)
+        packets = (packet for family in registry.families() for packet in family.packets)
+        self._order = ByteOrder(packets, forced or {}, ahead=ahead)
 
     def decode(
         self, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], groups: Iterable[tuple[bool, int, int, bytes]],
-        first_row: int,
+        first_row: int, *, last: bool = False,
     ) -> dict[str, pa.RecordBatch]:  # fmt: skip
-        """Return the tables of every known type in `transfers`.
+        """Return the tables of every known type in `transfers`; what `read` takes."""
+        return self.told(self.read(transfers, payload, groups, first_row, last=last))
 
-        `payload` is that of all rows, as i32 offsets and bytes; `groups` are the rows by (service, type ID, variant).
+    def read(
+        self, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], groups: Iterable[tuple[bool, int, int, bytes]],
+        first_row: int, *, last: bool,
+    ) -> ReadMessages:  # fmt: skip
+        """Unpack every known type in `transfers`, and learn from that how nodes are to be read.
+
+        `payload` is that of all rows, as i32 offsets and bytes; `groups` are the rows by (service, type ID, variant);
+        `last` is true at the end of the capture.
         """
         out: dict[str, pa.RecordBatch] = {}
         kinds = numbers(transfers.column("kind"))
@@ -111,11 +133,31 @@ class Messages:
                 message = self.registry.message(kind, type_id, variant)
                 if message is not None and here.size:
                     out[message.table] = self._decode(message, transfers, payload, here, first_row)
+        self._readings.learn(out, last=last)
         # Packets come last: how their bytes are read depends on the messages around them.
         carrying = [(self._carriers[name], table) for name, table in out.items() if name in self._carriers]
         found = [one for message, table in carrying for one in self._finder.find(message, table)]
         self._order.learn(out, found, self._unpack)
-        return out | {one.table: self._packets(one) for one in found}
+        return ReadMessages(out, found)
+
+    def told(self, read: ReadMessages) -> dict[str, pa.RecordBatch]:
+        """Return the tables as their nodes are read by now; to be asked for in the order of reading."""
+        out = {name: self._readings.told(name, table) for name, table in read.tables.items()}
+        return out | {one.table: self._packets(one) for one in read.packets}
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a node is not decided that may still be."""
+        return self._readings.waiting or self._order.waiting
+
+    def know(self, other: Messages) -> None:
+        """Take over what another one has decided of nodes."""
+        self._readings.know(other._readings)
+        self._order.know(other._order)
+
+    def statements(self) -> tuple[Statement, ...]:
+        """Return what is known of the doubtful fields of nodes."""
+        return *self._readings.statements(), *self._order.statements()
 
     def _decode(
         self, message: Message, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], rows: Array, first_row: int
@@ -180,6 +222,7 @@ class Messages:
         big = self._order.big_endian(found)
         if found.packet.numbers:
             columns.append((pa.field("big_endian", pa.bool_()), pa.array(big)))
+            columns.append((pa.field("decided", pa.bool_()), pa.array(self._order.decided(found))))
             if big.any():
                 starts, ends = found.bounds[:-1][big], found.bounds[1:][big]
                 data = swapped(data, starts, ends, found.packet.numbers)

@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from analyzer.devices import fields
 from analyzer.devices.as_of import AsOf, ToldValues
-from analyzer.devices.readings import doubtful
+from analyzer.devices.readings import holding
 from analyzer.devices.rows import NUMBER_BITS, keyed, usable
 from analyzer.facts.traffic import times
 from analyzer.tables import ESC, empty
@@ -66,15 +66,12 @@ class Escs:
         self._registry = registry
         self._commands = [plot for plot in plots if plot.esc.commanded]
         self._plots = [plot for plot in plots if replace(plot.esc, commanded="") != EscColumns()]
-        self._readings = doubtful(self._plots, registry, {})
         self._commanded = AsOf(LONGEST)
         self._channels = AsOf()
         self._said = {name: AsOf() for name in _NUMBERS}
 
     def feed(self, batch: Batch) -> pa.RecordBatch:
         """Return the rows of the next batch, in the order in which the reports were complete."""
-        for readings in self._readings.values():
-            readings.feed(batch.messages)
         for plot in self._commands:
             if (table := batch.messages.get(plot.table)) is not None:
                 self._note_commands(plot, usable(table), batch)
@@ -190,10 +187,8 @@ class Escs:
         """Return the rows whose node means this word, or the word of this part, as `states` says."""
         words = {states.column: states.only for states in one.plot.states}
         only = words.get(column, words.get(column.rpartition(".")[0]))
-        if only is None:
-            return np.ones(len(one.table), bool)
-        readings = self._readings.get(one.plot.table)
-        return np.zeros(len(one.table), bool) if readings is None else readings.holds(only, one.table)
+        rows = holding(only, one.table)
+        return np.ones(len(one.table), bool) if rows is None else rows
 
 
 def _has(column: fields.Column) -> Array:

@@ -22,7 +22,7 @@ MOST_ELEMENTS = 32
 ABOUT_ROWS = frozenset({
     "transfer", "t", "bus", "src", "dst", "trusted", "bits_left", "pad_nonzero", "bad_tag", "layout", "offset",
     "packet_ok", "header_ok", "length_ok", "complete", "checksum_ok", "checksum_end", "count_step", "count_step_id",
-    "big_endian", "reason",
+    "big_endian", "reason", "decided",
 })  # fmt: skip
 
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.devices.readings import Readings, senders
+from analyzer.decode.columns import senders
+from analyzer.devices.readings import holding
 from analyzer.devices.rows import NUMBER_BITS
 from analyzer.facts.meaning import meaning
 from dissectors.kit.cells import numbers, valid
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from dissectors import Registry
     from dissectors.kit import Array
     from dissectors.schema import Message, Packet, Remark
 
@@ -38,25 +38,16 @@ class Remarked(NamedTuple):
 
 
 class Remarks:
-    """Knows the last value of each sender, and how it reads its fields, so that batches may end anywhere."""
+    """Knows the last value of each sender, so that batches may end anywhere."""
 
-    def __init__(self, registry: Registry) -> None:
-        self._readings = {
-            message.table: Readings(message, {})
-            for message in registry.remarking()
-            if any(remark.only for remark in message.remarks)
-        }
+    def __init__(self) -> None:
         self._last: dict[tuple[str, int], dict[int, int]] = {}  # by table and remark: by sender
 
     def feed(self, tables: Iterable[Table]) -> dict[str, list[Remarked]]:
         """Take the rows that are listed of a batch; return by table what is remarked of them."""
-        listed = list(tables)
-        by_name = {name: table for name, _, table in listed}
-        for readings in self._readings.values():
-            readings.feed(by_name)
         return {
             name: [self._remarked(name, place, of, table) for place, one in enumerate(of.remarks) if one.column]
-            for name, of, table in listed
+            for name, of, table in tables
         }
 
     def _remarked(self, name: str, place: int, of: Message | Packet, table: pa.RecordBatch) -> Remarked:
@@ -64,8 +55,8 @@ class Remarks:
         raw, has, usual = _raw(of, remark, table)
         wanted = has & ~np.isin(raw, usual)
         before = np.full(len(table), -1, np.int64)
-        if remark.only is not None:
-            holds = self._readings[name].holds(remark.only, table)
+        holds = holding(remark.only, table)
+        if holds is not None:
             wanted, has = wanted & holds, has & holds
         if remark.changes:
             before = self._before(self._last.setdefault((name, place), {}), remark, table, raw, has)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from analyzer.facts.dialects import Dialects, Statement
 from analyzer.facts.names import type_name
 from analyzer.facts.odd import compared
 from analyzer.facts.recording import RecordingFacts, mixed
@@ -21,11 +20,12 @@ from dissectors.kit.cells import numbers, valid
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch, Engine
+    from analyzer.decode.readings import Statement
     from dissectors import Registry
 
 MOST_CHANNELS = 32
@@ -127,28 +127,23 @@ class Summary:
 
     Args:
         registry: the types that the capture is decoded with.
-        forced: readings by node ID that stand against any evidence.
-        read: the readings of nodes, if somebody else adds them up already.
 
     Bounds: `MOST_TALKS` combinations of bus, node and type, `MOST_IDS` foreign identifiers, and those of `Senders`.
     """
 
-    def __init__(
-        self, registry: Registry, forced: Mapping[int, Collection[str]] | None = None, read: Dialects | None = None
-    ) -> None:  # fmt: skip
+    def __init__(self, registry: Registry) -> None:
         self._registry = registry
         self._buses: dict[int, BusCount] = {}
         self._names: tuple[str, ...] = ()
         self._talks = Talks()
         self._foreign = ForeignIds()
-        self._dialects = Dialects(forced) if read is None else read
-        self._reads = read is None
+        self._readings: tuple[Statement, ...] = ()
         self._senders = Senders()
         self._recording = RecordingFacts()
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
-        self._names = batch.buses
+        self._names, self._readings = batch.buses, batch.readings
         self._count_frames(batch)
         self._foreign.feed(batch)
         self._recording.feed(batch)
@@ -156,8 +151,6 @@ class Summary:
             message = self._registry.message(*sent)
             table = batch.messages.get(message.table) if message is not None else None
             if message is not None and table is not None:
-                if self._reads:
-                    self._dialects.feed(message, table)
                 self._note_channels(sent, table)
         self._senders.feed(batch)
 
@@ -188,7 +181,7 @@ class Summary:
             buses=tuple(self._bus_facts(timed=timed)),
             nodes=nodes,
             not_listed=self._talks.beyond,
-            readings=tuple(self._dialects.statements()),
+            readings=self._readings,
             foreign=tuple(self._foreign.most()),
             transfers=sum(node.count for node in nodes) + self._talks.beyond,
             broken=sum(node.bad for node in nodes),

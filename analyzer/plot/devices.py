@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.devices import fields
+from analyzer.devices.readings import holding
 from analyzer.plot.chunks import path
 from analyzer.plot.derived import Integrals, RowPeriods
 from analyzer.plot.inventory import Series
@@ -17,12 +18,10 @@ from dissectors.kit.cells import numbers
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from analyzer.devices.readings import Readings
     from analyzer.devices.units import Unit, Units
     from analyzer.plot.canvas import Canvas, Column
     from analyzer.plot.moments import Moments
     from dissectors.kit import Array
-    from dissectors.only import Only
     from dissectors.picture import Line, Pictures, Plot
     from dissectors.schema import Message, Packet
 
@@ -49,16 +48,16 @@ class DevicePlots:
         self._integrals = Integrals()
         self._periods = RowPeriods()
 
-    def draw(self, plot: Plot, rows: DeviceRows, readings: Readings | None, units: Units) -> None:
+    def draw(self, plot: Plot, rows: DeviceRows, units: Units) -> None:
         """Draw rows of one device."""
-        lines = [found for line in plot.lines for found in self._line(plot, line, rows, readings, units)]
+        lines = [found for line in plot.lines for found in self._line(plot, line, rows, units)]
         lines += self._computed(plot, rows, lines)
         shown = {line.column for line in plot.lines} | plot.hidden
         for states in plot.states:
             shown |= {name for name in rows.table.schema.names if name.startswith(f"{states.column}.")} | {
                 states.column
             }
-            has = _holding(states.only, rows, readings)
+            has = holding(states.only, rows.table)
             if has is not None and not has.any():
                 continue
             if self._unchanged(plot, states.column, rows, has):
@@ -69,10 +68,8 @@ class DevicePlots:
         lines += self._others(plot, rows, frozenset(shown))
         self._canvas.lines(lines, rows.moments)
 
-    def _line(
-        self, plot: Plot, line: Line, rows: DeviceRows, readings: Readings | None, units: Units
-    ) -> Iterator[Column]:  # fmt: skip
-        has = _holding(line.only, rows, readings)
+    def _line(self, plot: Plot, line: Line, rows: DeviceRows, units: Units) -> Iterator[Column]:
+        has = holding(line.only, rows.table)
         if has is not None and not has.any():
             return
         for place, column in enumerate(fields.column(rows.of, rows.table, line.column)):
@@ -165,16 +162,6 @@ class DevicePlots:
 
     def _known(self, entity: str) -> Series | None:
         return self._canvas.inventory.series.get(entity)
-
-
-def _holding(only: Only | None, rows: DeviceRows, readings: Readings | None) -> Array | None:
-    """Return the rows for which a line holds, None for all."""
-    if only is None:
-        return None
-    if readings is None:
-        return np.zeros(len(rows.table), bool)
-    holds = readings.holds(only, rows.table)
-    return None if holds.all() else holds
 
 
 def _word(rows: DeviceRows, name: str) -> Iterator[fields.Column]:

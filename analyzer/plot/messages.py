@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.devices.readings import doubtful
 from analyzer.devices.rows import pieces, usable
 from analyzer.devices.units import Units
 from analyzer.plot.devices import DevicePlots, DeviceRows
@@ -13,7 +12,7 @@ from dissectors import picture
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
+    from collections.abc import Callable, Mapping
 
     import pyarrow as pa
 
@@ -28,23 +27,19 @@ class MessagePlots:
     Args:
         canvas: takes the points.
         registry: the types that the capture is decoded with. Raises `ProfileError` for a wrong `plots.toml`.
-        forced: choices of readings by node ID that stand against any evidence.
     """
 
-    def __init__(self, canvas: Canvas, registry: Registry, forced: Mapping[int, Collection[str]]) -> None:
+    def __init__(self, canvas: Canvas, registry: Registry) -> None:
         self.pictures = picture.load(registry)
         self._canvas = canvas
         self._registry = registry
         self._devices = DevicePlots(canvas, self.pictures)
         self._units = Units()
-        self._readings = doubtful(self.pictures.plots.values(), registry, forced)
 
     def feed(
         self, tables: Mapping[str, pa.RecordBatch], lead: Callable[[Array], Array], buses: tuple[str, ...]
     ) -> None:  # fmt: skip
         """Draw the tables of a batch; `lead` gives the numbers of the first frames of transfers, from 1."""
-        for readings in self._readings.values():
-            readings.feed(tables)
         for name, table in tables.items():
             plot = self.pictures.plots.get(name) or picture.Plot(name)
             for piece, bus, node, number in pieces(usable(table), plot.who):
@@ -54,4 +49,4 @@ class MessagePlots:
                     continue
                 moments = Moments(times(piece.column("t")), lead(numbers(piece.column("transfer"))))
                 rows = DeviceRows(piece, moments, self._registry.definition(name), unit, (bus, node, buses[bus]))
-                self._devices.draw(plot, rows, self._readings.get(name), self._units)
+                self._devices.draw(plot, rows, self._units)

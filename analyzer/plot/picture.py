@@ -19,7 +19,7 @@ from dissectors.kit import NO_TIME, FrameTable
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 
     import pyarrow as pa
     from rerun.blueprint import Blueprint
@@ -43,7 +43,6 @@ class Picture:
     Args:
         send: takes chunks as they are made.
         registry: the types that the capture is decoded with. Raises `ProfileError` for a wrong `plots.toml`.
-        forced: readings of doubtful fields by node ID, against a node's own data.
         bit_rate: of the bus, in bits a second.
         most: points of a line at most; None shows all.
     """
@@ -53,12 +52,11 @@ class Picture:
         send: Callable[[Sequence[Chunk]], None],
         registry: Registry,
         *,
-        forced: Mapping[int, Collection[str]] | None = None,
         bit_rate: int | None = None,
         most: int | None = None,
     ) -> None:
         self._canvas = Canvas(send, most)
-        self._messages = MessagePlots(self._canvas, registry, forced or {})
+        self._messages = MessagePlots(self._canvas, registry)
         self._buses = BusPlots(self._canvas, bit_rate)
         self._from, self._to = NO_TIME, NO_TIME
         self._first = self._last = 0

@@ -53,7 +53,7 @@ class Check:
 
     def __init__(self, registry: Registry, settings: Settings, named: NamedFrames | None = None) -> None:
         self.judge = Judge(registry, settings, named)
-        self._summary = Summary(registry, read=self.judge.dialects)
+        self._summary = Summary(registry)
         self._seen = Tracker(registry)
         self._course = Course()
         self._clock = TimeResolution()

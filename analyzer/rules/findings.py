@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from analyzer.decode.readings import FORCED
 from analyzer.rules.episodes import episode_of
 from analyzer.rules.runs import (
     MOST_EXAMPLES,
@@ -24,11 +25,12 @@ from analyzer.rules.runs import (
     without_pause,
 )
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences
+from dissectors.kit.occurrence import TURNED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from analyzer.facts.dialects import Statement
+    from analyzer.decode.readings import Statement
     from analyzer.rules.catalogue import Page
     from dissectors.kit import Severity, Values, View
 
@@ -38,7 +40,6 @@ RICH = 500  # runs with all their examples, the first ones in the capture; the o
 KEPT = 4 * RICH  # runs whose examples are kept until it is known which ones are the first
 FURTHER = "further"
 _TOGETHER = 2 * SECOND  # what an event explains of a node may begin so long before its last report
-FORCED = " (forced)"  # behind a choice that somebody insists on
 
 
 class Key(NamedTuple):
@@ -176,10 +177,11 @@ class Findings:
         for rows, noted in _groups(found, near_drops):
             page = self._pages[found.rule]
             first = int(rows[0])
+            turned = TURNED if found.doubtful is not None and found.doubtful[first] else {}
             key = Key(
                 found.rule, self._severity(found.rule, found.severity, noted), int(found.bus[first]),
                 int(found.node[first]), view.type_name(int(found.type[first])),
-                page.key_of(found.values(first)) if page.key else "", tuple(found.dialects.items()),
+                page.key_of(found.values(first)) if page.key else "", (*found.dialects.items(), *turned.items()),
             )  # fmt: skip
             t = found.t[rows]
             apart = np.diff(t) > PAUSE
@@ -245,6 +247,8 @@ def _groups(found: Occurrences, near_drops: Sequence[bool] | None) -> Iterator[t
     code = code * (1 << 34) + found.type.astype(np.int64)
     if near_drops is not None:
         code = code * 2 + np.asarray(near_drops, np.int64)
+    if found.doubtful is not None:
+        code = code * 2 + found.doubtful
     parts = [found.frame, found.t, code]
     if found.key is not None:
         parts.insert(2, np.unique(found.key, return_inverse=True)[1])

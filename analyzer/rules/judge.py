@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from analyzer.decode.engine import Batch
-    from analyzer.facts.dialects import Dialects, Statement
+    from analyzer.decode.readings import Statement
     from analyzer.rules.catalogue import Page
     from analyzer.rules.findings import Key
     from analyzer.rules.named_frames import NamedFrames
@@ -61,7 +61,7 @@ class Judge:
         self.pages: Mapping[str, Page] = load(registry)
         self.enabled = settings.enabled(self.pages)
         self.numbers = settings.all_numbers(self.pages)
-        self._past = Past(registry, self.numbers, settings.bit_rate, settings.dialects)
+        self._past = Past(registry, self.numbers, settings.bit_rate)
         self._findings = Findings(self.enabled, settings.severities)
         self._drops = Drops(*(round(self.numbers[rule]["around_s"] * SECOND) for rule in ("CAP-004", "CAP-006")))
         conformances = discovery.conformances_of(registry)
@@ -71,11 +71,6 @@ class Judge:
         self._labels: dict[tuple[int, int], str] = {}
         made = discovery.new_rules(registry, self.enabled, conformances)
         self._rules = [one for one in made if not self.enabled.keys().isdisjoint(one.rules)]
-
-    @property
-    def dialects(self) -> Dialects:
-        """Return how nodes' doubtful fields are read, from the batches so far."""
-        return self._past.dialects
 
     def feed(self, batch: Batch, bits: Array | None = None) -> View:
         """Judge the next batch.
@@ -100,7 +95,7 @@ class Judge:
 
     def so_far(self) -> Outcome:
         """Return what is known before the end: runs as they stand now, without what only the end will tell."""
-        readings = tuple(self._past.dialects.statements())
+        readings = self._past.dialects.statements
         runs = self._findings.results(readings, self._past.end, over=False)
         return Outcome(tuple(runs), frozenset(), dict(self._labels), readings)
 
@@ -119,7 +114,7 @@ class Judge:
             for rule in self._rules:
                 self._take(rule.finish(view), view)
             self._release(view, None)
-        readings = tuple(self._past.dialects.statements())
+        readings = self._past.dialects.statements
         return Outcome(
             runs=tuple(self._findings.results(readings, self._past.end)),
             words=self._exercises.words(),

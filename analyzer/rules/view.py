@@ -27,10 +27,11 @@ from dissectors.kit import (
     Occurrences,
     TransferTable,
     Types,
+    doubtful,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from analyzer.decode.engine import Batch
     from dissectors import Registry
@@ -50,17 +51,15 @@ class Past:
         registry: the types that the capture was decoded with.
         numbers: settings by rule and name.
         bit_rate: bits per second, if known.
-        forced: readings by node ID that stand against any evidence.
     """
 
     def __init__(
-        self, registry: Registry, numbers: Mapping[str, Mapping[str, float]], bit_rate: int | None = None,
-        forced: Mapping[int, Collection[str]] | None = None,
-    ) -> None:  # fmt: skip
+        self, registry: Registry, numbers: Mapping[str, Mapping[str, float]], bit_rate: int | None = None
+    ) -> None:
         self.registry = registry
         self.numbers = numbers
         self.bit_rate = bit_rate
-        self.dialects = Dialects(forced)
+        self.dialects = Dialects()
         self.recent = Recent()
         self.types = Types(registry)
         self.buses: Sequence[str] = ()
@@ -81,10 +80,7 @@ class Past:
         self.buses = batch.buses
         self.recent.feed(view.frames)
         self._note_times(view.frames)
-        for name, rows in batch.messages.items():
-            message = self.registry.message_of(name) if len(rows) else None
-            if message is not None:
-                self.dialects.feed(message, rows)
+        self.dialects.feed(batch)
         view.joint_losses = self._joint.feed(view, view.bit_times)
         return view
 
@@ -113,7 +109,7 @@ class Past:
 
     def choice(self, message: str, reading: str, bus: int, node: int) -> str:
         """Return what a node's doubtful field has shown so far."""
-        return self.dialects.choice(message, reading, (bus, node))
+        return self.dialects.choice(message, reading, bus, node)
 
     def _note_times(self, frames: FrameTable) -> None:
         known = frames.t != NO_TIME
@@ -323,7 +319,7 @@ class BatchView:
         """Return `Occurrences` for rows of a message or packet table."""
         rows = np.asarray(rows, np.int64)
         found = self.among_transfers(rule, table.row[rows], _nothing, **about)
-        return replace(found, values=lambda k: values(int(rows[k])))
+        return replace(found, values=lambda k: values(int(rows[k])), doubtful=doubtful(table, rows))
 
 
 def node_of(src: int, code: int) -> int | None:

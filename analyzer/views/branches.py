@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from analyzer.facts.meaning import meaning, stands_for
+from analyzer.decode.readings import UNDECIDED, reading_column
+from analyzer.facts.meaning import Meaning, meaning, stands_for
 from analyzer.views.places import FieldPlace, raw_bits, span
 from analyzer.views.terminal import escape
 from analyzer.views.wording import plain, quantity
-from dissectors.schema import ArrayType, CompoundType, PrimitiveType
+from dissectors.schema import ArrayType, CompoundType, Message, PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from analyzer.facts.meaning import Meaning
-    from dissectors.schema import Bits, Derived, Message, Packet, Type
+    from dissectors.schema import Bits, Derived, Packet, Reading, Type
 
     Lookup = Callable[[str], Any]
 
@@ -62,10 +62,16 @@ class _Grower:
         self.value = value
         self.where = where
         self.payload = payload
+        readings = of.readings if isinstance(of, Message) else ()
+        self.read = {reading.field: (reading, value(reading_column(reading.name))) for reading in readings}
 
     def branch(self, kind: Type, name: str, path: str, cell: Any) -> Branch:
         """Grow a branch; `name` is dotted, without indexes, as the profile knows the field, `path` has them."""
         about = meaning(self.of, name)
+        if name in self.read:
+            reading, choice = self.read[name]
+            if reading.noted not in ("", choice):
+                about = Meaning(clause=about.clause)
         place = span(self.where, path)
         clause = f"clause {about.clause}" if about.clause else ""
         where = "  ".join(filter(None, [place.words() if place is not None else "", clause]))
@@ -84,7 +90,15 @@ class _Grower:
         if isinstance(kind, ArrayType):
             return Branch(f"{label}: {_list(kind, cell, about)}", where)
         text, below = self._scalar(name, cell, place, about)
+        if name in self.read:
+            below = [Branch(f"[{self._said(*self.read[name])}]"), *below]
         return Branch(f"{label}: {text}", where, below)
+
+    def _said(self, reading: Reading, choice: str | None) -> str:
+        """Return how a doubtful field is read; what is not decided is the choice without evidence, or none."""
+        if choice is None:
+            return f"{UNDECIDED}: {' or '.join(reading.choices)}"
+        return f"read as {choice}" + (" so far" if choice == reading.otherwise and not self.value("decided") else "")
 
     def _scalar(self, name: str, cell: Any, place: FieldPlace | None, about: Meaning) -> tuple[str, list[Branch]]:
         """Return the text of a single value, and its bit parts."""

@@ -6,6 +6,7 @@ import difflib
 import json
 from typing import TYPE_CHECKING, Any
 
+from analyzer.decode.readings import reading_column
 from analyzer.facts.json_number import number
 from analyzer.tables import KINDS, STATUSES
 from analyzer.views.members import cells
@@ -146,7 +147,7 @@ def find(registry: Registry, name: str) -> Column:
         packet = next((p for p in (message.packets.packets if message.packets else ()) if p.name == rest[0]), None)
         if packet is not None and len(rest) > 1:
             return _column(f"{message.table}.{packet.name}", packet, ".".join(rest[1:]), _measured(packet), name)
-        return _column(message.table, message, ".".join(rest), _OF_MESSAGES, name)
+        return _column(message.table, message, ".".join(rest), _about(message), name)
     near = difflib.get_close_matches(name, [*_FIXED, *registry.names()], n=3, cutoff=0.5)
     raise ValueError(f"no field {name!r}" + _near(near))
 
@@ -184,13 +185,20 @@ def field_names(registry: Registry) -> Iterator[str]:
     for table in registry.names():
         message = registry.resolve(table)
         yield from (f"{table}.{column}" for column in _own(message))
+        yield from (f"{table}.{column}" for column in _about(message)[len(_OF_MESSAGES) :])
         for packet in message.packets.packets if message.packets else ():
             yield from (f"{table}.{packet.name}.{column}" for column in (*_own(packet), *_measured(packet)))
 
 
+def _about(message: Message) -> Sequence[str]:
+    """Give columns about a message; only one that has doubtful fields says how they are read."""
+    readings = [reading_column(reading.name) for reading in message.readings]
+    return (*_OF_MESSAGES, *readings, "decided") if readings else _OF_MESSAGES
+
+
 def _measured(packet: Packet) -> Sequence[str]:
     """Give columns about a packet; only one that has numbers has a byte order."""
-    return (*_OF_PACKETS, "big_endian") if packet.numbers else _OF_PACKETS
+    return (*_OF_PACKETS, "big_endian", "decided") if packet.numbers else _OF_PACKETS
 
 
 def _found(rows: TransferRows, column: Column) -> list[str]:

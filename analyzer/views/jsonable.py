@@ -1,8 +1,8 @@
 """Decoded rows as JSON values, a column at a time.
 
 Messages give what was on the wire: raw numbers by DSDL field name. Packets give physical values and text. In both a
-field whose values have names, or that has bit parts, becomes an object with `raw`. The parts of a special value are
-null.
+field whose values have names, or that has bit parts, becomes an object with `raw`, and with `read_as` where the node
+means something else than these names. The parts of a special value are null.
 """
 
 from __future__ import annotations
@@ -10,18 +10,19 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from analyzer.decode.readings import reading_column
 from analyzer.facts.json_number import number
 from analyzer.facts.meaning import meaning
 from analyzer.views.members import cells
 from dissectors.kit.cells import pylist, step_into
-from dissectors.schema import ArrayType, CompoundType, PrimitiveType
+from dissectors.schema import ArrayType, CompoundType, Message, PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from fractions import Fraction
 
     from analyzer.views.rows import MessagePart
-    from dissectors.schema import Bits, Message, Note, Packet, Type
+    from dissectors.schema import Bits, Note, Packet, Type
 
 
 def field_objects(part: MessagePart, *, physical: bool) -> list[dict[str, Any]]:
@@ -107,7 +108,21 @@ def _field(part: MessagePart, of: Message | Packet, name: str, kind: Type, *, ph
         rows = zip(raw, value, unit, strict=True)
         return [None if r is None else {"raw": r, "value": v, "unit": u} for r, v, u in rows]
     shown = values if physical else raw
-    return _column(kind, raw, shown, name, of)
+    return _doubted(part, of, name, _column(kind, raw, shown, name, of))
+
+
+def _doubted(part: MessagePart, of: Message | Packet, name: str, cells: list[Any]) -> list[Any]:
+    """Say of a doubtful field where its node does not mean what the names say."""
+    readings = of.readings if isinstance(of, Message) else ()
+    for reading in readings:
+        if reading.field == name and reading.noted:
+            choices = pylist(part.table.column(reading_column(reading.name)))
+            rows = zip(cells, choices, strict=True)
+            cells = [
+                one | {"read_as": choice} if choice != reading.noted and isinstance(one, dict) else one
+                for one, choice in rows
+            ]
+    return cells
 
 
 def _column(kind: Type, raw: list[Any], shown: list[Any], name: str, of: Message | Packet) -> list[Any]:

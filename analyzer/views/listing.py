@@ -81,7 +81,7 @@ class Listing:
         kept = self._own or frames or FrameWindow()
         self._loose = LooseFrames(registry, kept, self._numbering, foreign=foreign, named=named)
         self._marks = Marks(self._numbering)
-        self._remarks = Remarks(registry)
+        self._remarks = Remarks()
         self._names: tuple[str, ...] = ()
         self._rows: TransferRows | None = None
         self._times: list[str] = []

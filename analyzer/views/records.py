@@ -113,7 +113,11 @@ def _packets(rows: TransferRows, *, derived: bool) -> list[list[dict[str, Any]] 
         fields = field_objects(part, physical=True)
         more = derived_objects(part, physical=True) if derived else [{}] * len(part.table)
         three = zip(sound, fields, more, strict=True)
-        objects[id(part)] = [{"type": name, "ok": ok, "fields": f, **beside} for ok, f, beside in three]
+        made = [{"type": name, "ok": ok, "fields": f, **beside} for ok, f, beside in three]
+        if "decided" in part.table.schema.names:
+            decided = pylist(part.table.column("decided"))
+            made = [one if known else one | {"decided": False} for one, known in zip(made, decided, strict=True)]
+        objects[id(part)] = made
     for at, packets in rows.inner().items():
         if found[at] is not None:
             found[at] = [objects[id(part)][row] for _, part, row in packets]

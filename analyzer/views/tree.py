@@ -223,7 +223,9 @@ def _packet(found: _Row, offset: int, data: FieldPlace | None) -> Iterator[str]:
     steps = [f"+{step} {scope}" for name, scope in _COUNTS.items() if (step := get(name)) is not None]
     if steps:
         yield f"{pad}{_STEP}frame count step: {', '.join(steps)}"
-    if isinstance(of, Packet) and of.numbers and get("big_endian"):
+    if isinstance(of, Packet) and of.numbers and not get("decided"):
+        yield f"{pad}{_STEP}byte order: undecided, read as little-endian"
+    elif isinstance(of, Packet) and of.numbers and get("big_endian"):
         yield f"{pad}{_STEP}byte order: big-endian, as this node's other messages show"
         found = replace(found, payload=_turned(found.payload, start // 8, of.numbers))
     yield from found.draw(of, where, pad + _STEP)

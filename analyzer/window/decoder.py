@@ -40,14 +40,16 @@ class WindowDecoder:
         for part, (frames, events), _ in self._selection.apply(frame_tables(recorded)):
             for own, beside in _runs(part, frames, events):
                 if len(own) and self._begins(part.first_frame + int(own[0])) and self._frames:
-                    yield self._numbered(self._engine.flush())
+                    for batch in self._engine.flushed():
+                        yield self._numbered(batch)
                 if len(own):
                     self._note(part.first_frame + int(own[0]))
                 self._frames += len(own)
                 self.rows += len(own) + len(beside)
                 for batch in self._engine.feed(part.batch.pick(own.tobytes(), beside.tobytes())):
                     yield self._numbered(batch)
-        yield self._numbered(self._engine.finish())
+        for batch in self._engine.end():
+            yield self._numbered(batch)
 
     def _begins(self, first: int) -> bool:
         """Return whether a frame does not follow the one before it."""

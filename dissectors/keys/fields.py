@@ -72,6 +72,10 @@ DERIVED = Keys("derived.NAME", "A column computed from one number of the layout:
     Key("low", "number", "Lowest raw value that has a value in the column.", "0", "no limit"),
     Key("high", "number", "Highest raw value that has one.", "8191", "no limit"),
     Key("pieces", "rows", PIECE.about, "[{ stop = 50, add = 2 }]", keys=PIECE),
+    Key("reading", "text", "A doubtful field of the message: where it is decided for the sender, `by_choice` adds, not "
+        "`pieces`.", '"temperature"'),
+    Key("by_choice", "table", "What is added, by choice of the reading.", "{ degC = 0, K = -273.15 }",
+        each=Key("CHOICE", "number", "What is added.")),
     Key("unit", "text", "Unit of the column.", '"degC"'),
     Key("clause", "text", _CLAUSE, '"no 5"'),
     Key("format", "word", "The number is to be read in another way.", '"date"', words=("date",)),

@@ -22,6 +22,7 @@ READING = Keys("reading.NAME", "A field that nodes fill in different ways, decid
     Key("field", "text", "The column that is doubtful.", '"error_count"', required=True),
     Key("evidence", "rows", EVIDENCE.about, '[{ choice = "tm", sends = ["PUSHCAN"] }]', required=True, keys=EVIDENCE),
     Key("otherwise", "word", "The choice without evidence, one of `choices`.", '"dronecan"'),
+    Key("noted", "word", "The choice that notes on the field hold for, one of `choices`.", '"tm"', "all of them"),
     Key("clause", "text", "Clause of the document.", '"4.4.3"'),
 ))  # fmt: skip
 

@@ -18,7 +18,7 @@ from dissectors.kit.definitions import Types
 from dissectors.kit.occurrence import Occurrence, Occurrences, Severity, Values, Worst
 from dissectors.kit.paces import Break, PacedReports
 from dissectors.kit.pauses import Pauses
-from dissectors.kit.rows import NODES, breach, frames_of, rows_by_bus, sender, sound, usable
+from dissectors.kit.rows import NODES, breach, doubtful, frames_of, rows_by_bus, sender, sound, usable
 from dissectors.kit.rule import Feed, PageKeys, Rule, rule
 from dissectors.kit.running import RunningTime
 from dissectors.kit.series import Latest, Previous, set_back
@@ -31,6 +31,6 @@ __all__ = [
     "MICROSECOND", "MILLISECOND", "NODES", "NO_TIME", "SECOND", "SESSION", "Array", "Break", "Conformance",
     "DecodedTable", "EventTable", "Exercise", "Feed", "FrameTable", "JointLoss", "Kept", "Latest", "Measures",
     "Occurrence", "Occurrences", "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "RunningTime", "Second",
-    "Severity", "Starts", "TransferTable", "Types", "Values", "View", "Worst", "breach", "frames_of", "rows_by_bus",
-    "rule", "rules_of", "sender", "set_back", "sound", "usable",
+    "Severity", "Starts", "TransferTable", "Types", "Values", "View", "Worst", "breach", "doubtful", "frames_of",
+    "rows_by_bus", "rule", "rules_of", "sender", "set_back", "sound", "usable",
 ]  # fmt: skip

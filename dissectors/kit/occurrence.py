@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
+from dissectors.schema import BYTE_ORDERS
+
 if TYPE_CHECKING:
     from dissectors.kit.array import Array
 
@@ -13,6 +15,9 @@ Values = Mapping[str, Any]
 Severity = Literal["error", "warning", "note"]
 # By size, whatever the sign: the last two; of a number, what is farthest from it.
 Worst = Literal["lowest", "highest", "slowest", "strongest"] | float
+
+# The reading of nodes whose packets show nothing as long as they are read in the other byte order.
+TURNED: Mapping[str, Severity | None] = {BYTE_ORDERS[1]: None}
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +56,8 @@ class Occurrences:
 
     `worst` maps names to which of a row's numbers is worst, and these: then a run of breaches is told as an episode,
     whose text may name `worst_NAME` beside the values at its onset, and how long it `lasted`. `rises` marks rows that a
-    sender's report without the breach went before.
+    sender's report without the breach went before. `doubtful` marks rows that show nothing if their node is
+    `TURNED`, as turns out.
     """
 
     rule: str
@@ -69,3 +75,4 @@ class Occurrences:
     since: Array | None = None
     worst: Mapping[str, tuple[Worst, Array]] = field(default_factory=dict)
     rises: Array | None = None
+    doubtful: Array | None = None

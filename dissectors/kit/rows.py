@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dissectors.kit.occurrence import Occurrence
+from dissectors.kit.occurrence import TURNED, Occurrence
 from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
@@ -30,6 +30,14 @@ def sound(table: DecodedTable) -> Array:
     return table["packet_ok"] & table.trusted
 
 
+def doubtful(table: DecodedTable, rows: Array) -> Array | None:
+    """Return a mask of rows whose packet is read in a byte order that is not proved; None if there are none."""
+    if "big_endian" not in table or "decided" not in table:
+        return None
+    unsure: Array = ~table["decided"][rows]
+    return unsure if unsure.any() else None
+
+
 def sender(table: DecodedTable, rows: Array | slice = slice(None)) -> Array:
     """Return bus and node of rows in one number of 16 bits each, below `NODES`."""
     node = table.bus[rows].astype(np.uint16) << 7
@@ -49,6 +57,8 @@ def breach(
     frames = frames_of(view, table, row)
     if held:
         about["lines"] = view.lines(frames)
+    if doubtful(table, np.array([row])) is not None:
+        about["dialects"] = {**about.get("dialects", {}), **TURNED}
     place = {"t": int(table.t[row]), "bus": int(table.bus[row]), "node": int(table.src[row]), "type": table.name}
     return Occurrence(**{"rule": rule, "frames": frames, "values": values, **place, **about})
 

@@ -182,7 +182,7 @@ def test_rules_are_a_choice(command: Command) -> None:
         (["--json", HOVER], "is the capture"),
         (["--dissector", "/nowhere"], "/nowhere"),
         (["--dialect", "x"], "NODE=CHOICE"),
-        (["--dialect", "11=foo"], "'foo' (one of: tm, dronecan, degC, K)"),
+        (["--dialect", "11=foo"], "'foo' (one of: tm, dronecan, degC, K, little-endian, big-endian)"),
     ],
 )
 def test_arguments_that_make_no_sense(command: Command, args: list[object], reason: str) -> None:

@@ -238,7 +238,7 @@ def test_a_reader_that_leaves_ends_the_command_quietly(args: list[object]) -> No
 def test_a_reading_that_no_field_has_is_refused(command: list[str], tmp_path: Path) -> None:
     done = run(command[0], CAPTURES / "hover-4.log", "--dialect", "11=foo", *command[1:], cwd=tmp_path)
     assert done.returncode == 2
-    assert b"'foo' (one of: tm, dronecan, degC, K)" in done.stderr
+    assert b"'foo' (one of: tm, dronecan, degC, K, little-endian, big-endian)" in done.stderr
     assert done.stderr.count(b"\n") == 1
     assert not done.stdout
     assert not list(tmp_path.iterdir())

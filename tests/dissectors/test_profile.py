@@ -169,7 +169,10 @@ def test_readings(messages: dict[str, Message]) -> None:
     assert [(one.choice, one.low, one.stop, one.every) for one in temperature.evidence] == [
         ("K", 200, 500, True),
         ("degC", -60, 200, True),
+        ("degC", 100, 200, False),
     ]
+    assert dialect.noted == "tm"
+    assert messages["ESCStatus"].derived[0].by_choice == {"degC": 0, "K": Fraction("-273.15")}
 
 
 def test_only_the_query_addresses_all_units(packets: dict[str, Packet]) -> None:

@@ -52,7 +52,7 @@ def outcome(text: str | bytes, rules: Rules = None, step: int | None = None, **s
     """`rules` selects as on the command line, `step` cuts the text into batches of so many lines."""
     pages = load(registry())
     chosen = Settings(select=None if rules is None else matching(rules, pages), **settings)
-    judge, engine = Judge(registry(), chosen), Engine(registry())
+    judge, engine = Judge(registry(), chosen), Engine(registry(), chosen.dialects)
     for batch in _batches(engine, text.encode() if isinstance(text, str) else text, step):
         judge.feed(batch)
     return judge.finish()

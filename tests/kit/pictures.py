@@ -75,8 +75,10 @@ def cells(column: pa.Array) -> list[Any]:
     return list(column.to_pylist())
 
 
-def batches(data: bytes, size: int, known: Registry) -> Iterable[Any]:
-    engine = Engine(known)
+def batches(
+    data: bytes, size: int, known: Registry, forced: Mapping[int, Collection[str]] | None = None
+) -> Iterable[Any]:
+    engine = Engine(known, forced)
     for start in range(0, len(data), size):
         yield from engine.feed(data[start : start + size])
         yield engine.flush()
@@ -99,8 +101,8 @@ def draw(
         for chunk in chunks:
             drawn.take(chunk)
 
-    picture = Picture(send, known, forced=forced, most=most)
-    for batch in batches(data.encode() if isinstance(data, str) else data, size, known):
+    picture = Picture(send, known, most=most)
+    for batch in batches(data.encode() if isinstance(data, str) else data, size, known, forced):
         picture.note_start(batch)
         picture.feed(whole(batch))
     picture.close({"at rest": 4000.0})

@@ -142,8 +142,9 @@ class Traffic:
             frames[-1] = encode.Frame(frames[-1].id, bytes([data[0] ^ 0x10]) + data[1:], bus=bus)
         self.frames += frames
 
-    def status(self, node: int, voltage: float = 48.5, rpm: int = 3011, **more: Any) -> None:
-        self.send("ESCStatus", STATUS | {"voltage": voltage, "rpm": rpm, "esc_index": 0}, node, **more)
+    def status(self, node: int, bus: str = "can0", *, broken: bool = False, **values: float) -> None:
+        fields = STATUS | {"voltage": 48.5, "rpm": 3011, "esc_index": 0} | values
+        self.send("ESCStatus", fields, node, bus, broken=broken)
 
     def push(self, node: int, *packets: bytes, name: str = "PUSHCAN", **more: Any) -> None:
         fields = {"data_sequence": self._next("sequence", node), "data": list(b"".join(packets))}

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kit.judged import outcome, registry
 
-from analyzer.facts.dialects import Statement
+from analyzer.decode.readings import Statement
 from analyzer.rules import findings, runs
 from analyzer.rules.catalogue import load
 from analyzer.rules.drops import Drops

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,11 +13,9 @@ from kit import VECTORS, encode
 from kit.traffic import MS, SECOND, START, at, lines, status, throttle
 
 from analyzer.facts import traffic
-from analyzer.facts.dialects import Dialects
 from analyzer.facts.summary import Facts, Summary
 from analyzer.views.info import duration, render, render_json
 from analyzer.views.terminal import display_width
-from dissectors.schema import Evidence, Reading
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -155,32 +152,6 @@ def test_the_dialect_of_each_node(decode: Callable[..., Any], registry: Registry
     assert "Reading    ESCStatus.temperature: degC, node 20" in render(facts(got, registry))
 
 
-def test_evidence_that_must_hold_always(registry: Registry) -> None:
-    message = replace(
-        registry.resolve("RawCommand"),
-        readings=(
-            Reading("always", "cmd", ("a", "b"), (Evidence("a", "cmd", Fraction(0), Fraction(10), every=True),), "b"),
-            Reading("once", "cmd", ("a", "b"), (Evidence("a", "cmd", Fraction(0), Fraction(10)),)),
-            Reading("sends", "cmd", ("a", "b"), (Evidence("a", sends=("RawCommand",)),)),
-        ),
-    )
-
-    def table(*rows: tuple[int, list[int], bool]) -> pa.RecordBatch:
-        columns = {"bus": [0] * len(rows), "src": [r[0] for r in rows], "cmd": [r[1] for r in rows],
-                   "trusted": [r[2] for r in rows]}  # fmt: skip
-        types = {"bus": pa.uint8(), "src": pa.uint8(), "cmd": pa.list_(pa.int16()), "trusted": pa.bool_()}
-        return pa.record_batch({name: pa.array(columns[name], kind) for name, kind in types.items()})
-
-    dialects = Dialects()
-    dialects.feed(message, table((1, [5], True), (2, [5, 99], True), (3, [50], True), (4, [5], False)))
-    dialects.feed(message, table((1, [6], True), (1, [], True), (1, [700], False)))
-    assert {(s.reading, s.node): s.choice for s in dialects.statements()} == {
-        ("always", 1): "a", ("always", 2): "b", ("always", 3): "b",
-        ("once", 1): "a", ("once", 2): "a", ("once", 3): "undecided",
-        ("sends", 1): "a", ("sends", 2): "a", ("sends", 3): "a",
-    }  # fmt: skip
-
-
 def test_types_that_share_an_id_are_counted_apart(decode: Callable[..., Any]) -> None:
     transfers = decode(lines(*(throttle(k).frames() for k in range(5)))).batches[0].transfers
     at = transfers.schema.get_field_index("variant")
@@ -235,11 +206,9 @@ def test_relative_captures_say_so(decode: Callable[..., Any], registry: Registry
 
 
 def test_a_forced_reading_stands_against_the_data(decode: Callable[..., Any], registry: Registry) -> None:
-    got = decode((VECTORS.parent.parent / "captures" / "hover.log").read_bytes())
-    summary = Summary(registry, {11: ["dronecan"], 12: ["K"]})
-    for batch in got.batches:
-        summary.feed(batch)
-    stated = {(s.reading, s.node): s.choice for s in summary.finish([Stored()], got.engine).readings}
+    data = (VECTORS.parent.parent / "captures" / "hover.log").read_bytes()
+    got = facts(decode(data, forced={11: ["dronecan"], 12: ["K"]}), registry)
+    stated = {(s.reading, s.node): s.choice for s in got.readings}
     assert stated["dialect", 11] == "dronecan (forced)"
     assert stated["dialect", 12] == "tm"
     assert stated["temperature", 12] == "K (forced)"

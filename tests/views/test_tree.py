@@ -160,9 +160,33 @@ def test_a_big_endian_packet_shows_its_numbers_as_they_were_read(
     for _ in range(4):
         traffic.status(11)
         traffic.motor(11, big=True, position=0x1234)
-    got = [" ".join(line.split()) for entry in details(decode(traffic.log), registry) for line in entry]
-    assert [line for line in got if line.startswith("byte order:")] == [
-        "byte order: big-endian, as this node's other messages show"
+
+    def shown(start: str, *, ahead: bool) -> list[str]:
+        entries = details(decode(traffic.log, ahead=ahead), registry)
+        found = [" ".join(line.split()) for entry in entries for line in entry]
+        return [line.partition(" byte")[0] for line in found if line.startswith(start)]
+
+    orders = [
+        "byte order: undecided, read as little-endian",
+        "byte order: big-endian, as this node's other messages show",
     ]
-    shown = [line.partition(" byte")[0] for line in got if line.startswith("position:")]
-    assert shown == ["position: 133.3 deg (raw 13330)"] * 3 + ["position: 46.6 deg (raw 4660)"]
+    positions = ["position: 133.3 deg (raw 13330)", "position: 46.6 deg (raw 4660)"]
+    assert shown("byte order:", ahead=False) == orders[:1] * 3 + orders[1:]
+    assert shown("position:", ahead=False) == positions[:1] * 3 + positions[1:]
+    assert shown("byte order:", ahead=True) == orders[1:] * 4
+    assert shown("position:", ahead=True) == positions[1:] * 4
+
+
+def test_a_doubtful_field_is_shown_as_its_node_means_it(decode: Callable[..., Any], registry: Registry) -> None:
+    traffic = Traffic()
+    traffic.status(10, temperature=40.0, error_count=4 << 12 | 4)
+    traffic.status(11, temperature=300.0, error_count=4)
+
+    def shown(**how: Any) -> list[list[str]]:
+        entries = details(decode(traffic.log, **how), registry)
+        return [[line.strip() for line in entry if "over_current" in line or "read as" in line] for entry in entries]
+
+    part = ".... .... .... .... .... .... .... .1.. = over_current: set"
+    assert shown(ahead=True) == [["[read as tm]", part, "[read as degC]"], ["[read as dronecan]", "[read as K]"]]
+    assert shown() == [["[read as tm]", part], ["[read as dronecan so far]"]]
+    assert shown(ahead=True, forced={11: ["tm", "degC"]})[1] == ["[read as tm]", part, "[read as degC]"]

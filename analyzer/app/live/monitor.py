@@ -45,7 +45,7 @@ class Display:
         stop: Callable[[], None],
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
-        self._board = Board(criteria.registry, bit_rates, forced=criteria.settings.dialects)
+        self._board = Board(criteria.registry, bit_rates)
         self._recording, self._save, self._stop, self._clock = recording, save, stop, clock
         self._wishes: deque[Callable[[LiveSession], str | None]] = deque()
         self._snapshot: Snapshot | None = None

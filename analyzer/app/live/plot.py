@@ -70,7 +70,7 @@ class LivePlot:
         self.failed = False
         settings = criteria.settings
         self._output, self._tell, self._several, self._now = output, tell, several, now
-        self._picture = Picture(output.send, criteria.registry, forced=settings.dialects, bit_rate=settings.bit_rate)
+        self._picture = Picture(output.send, criteria.registry, bit_rate=settings.bit_rate)
         self._shown = 0
         self._laid = -_LAYOUT
         self._problem: str | None = None

@@ -73,7 +73,7 @@ class LiveSession:
     ) -> None:
         self.loop = loop
         source = LiveSource(loop, recording, name, interval, self._look)
-        self._run = Run(Request((name,)), registry=criteria.registry, source=source)
+        self._run = Run(Request((name,), rules=criteria.choice), registry=criteria.registry, source=source)
         self._judged: JudgedRun | None = JudgedRun(self._run, criteria)
         self.newest = Newest(self._judged.judge, criteria.settings, criteria.revisions(), now=now)
         self.problems: list[str] = []

@@ -66,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
     """Read the captures once and write their tables; the output is there whole or not at all."""
     from analyzer.cli.complaints import Complaints  # noqa: PLC0415
     from analyzer.cli.reading import reading  # noqa: PLC0415
+    from analyzer.facts.dialects import checked  # noqa: PLC0415
     from analyzer.sinks.export import BASIC, resolve  # noqa: PLC0415
 
     if args.stop in FORMS:
@@ -77,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     complaints = Complaints()
     with reading(request, complaints) as run:
         try:
+            checked(request.rules.readings(), run.registry)
             tables = dict.fromkeys(resolve(run.registry, name) for name in args.table)
             wanted = goal(args.output, args.form, tuple(tables))
             refuse_input(request.names, args.output)
@@ -104,7 +106,7 @@ def _criteria(run: Run, goal: Goal) -> Criteria | None:
 
     if goal.findings:
         return rules.criteria(run.request.rules, run.registry, NAME)
-    if run.request.rules != RuleChoice():
+    if replace(run.request.rules, dialects=()) != RuleChoice():
         raise ValueError("rules are chosen, but no findings: give --table findings")
     return None
 

@@ -117,7 +117,7 @@ class _Court:
     def places(self, wanted: WantedFinding, text: bytes) -> list[Place]:
         """Return where a capture shows the finding, with the same severity if one is wanted."""
         settings = replace(self.settings, select={wanted.rule}, ignore=()) if self.alone else self.settings
-        judge, engine = Judge(self.registry, settings), Engine(self.registry)
+        judge, engine = Judge(self.registry, settings), Engine(self.registry, settings.dialects, ahead=True)
         for batch in engine.run([text]):
             judge.feed(batch)
         node = -1 if wanted.node is None else wanted.node

@@ -16,7 +16,7 @@ from dissectors.times import SECOND
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from analyzer.facts.dialects import Statement
+    from analyzer.decode.readings import Statement
     from analyzer.facts.summary import Facts
 
 WIDTH = 80

@@ -8,7 +8,7 @@ import pytest
 from kit import VECTORS, encode
 from kit.judged import judge, proved, said
 from kit.simulated import flight
-from kit.traffic import MOTOR, Planned, capture, motor, motors
+from kit.traffic import MOTOR, Planned, Traffic, capture, motor, motors
 
 RULES = (
     "PUSH-101", "PUSH-302", "PUSH-401", "PUSH-403", "PUSH-404", "PUSH-405", "PUSH-406", "PUSH-407", "PUSH-408",
@@ -194,3 +194,25 @@ def test_a_restart_excuses_a_runtime(uptimes: tuple[int, ...], count: int, late:
 def test_a_set_point_out_of_range_is_told_once() -> None:
     text = sent("PUSHSCI.OutputControl", control_mode=0x33, set_point=12_000)
     assert [one.rule for one in judge(text) if one.severity != "note"] == ["PUSH-302"]
+
+
+@pytest.mark.parametrize("step", [None, 1, 7])
+@pytest.mark.parametrize("big", [False, True])
+def test_packets_before_the_proof_of_their_byte_order_accuse_nobody(big: bool, step: int | None) -> None:
+    """Read the other way round, they show 620 V, and a temperature of 46 K: what is live is taken back."""
+    traffic = Traffic()
+    for _ in range(12):
+        traffic.status(11, error_count=4 << 12)
+        traffic.motor(11, big=big)
+    assert [one.rule for one in judge(traffic.log, ("PUSH",), step)] == ["PUSH-010"] * big
+
+
+@pytest.mark.parametrize("step", [None, 1, 7])
+def test_packets_that_agree_in_no_byte_order_are_told(step: int | None) -> None:
+    traffic = Traffic()
+    for _ in range(12):
+        traffic.status(11, error_count=4 << 12)
+        traffic.motor(11, voltage=2000, speed=500)
+    assert {one.text: one.count for one in judge(traffic.log, ("PUSH-409",), step)} == {
+        "voltage 20.0, ESCStatus 48.5": 11, "speed 500.0, ESCStatus 3011.0": 11,
+    }  # fmt: skip

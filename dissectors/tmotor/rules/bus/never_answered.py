@@ -106,7 +106,7 @@ class NeverAnswered(Rule):
             known = {
                 who: deaf
                 for who, deaf in asker.deaf.items()
-                if view.choice("ESCStatus", "dialect", bus, who) != "dronecan"
+                if not view.choice("ESCStatus", "dialect", bus, who).startswith("dronecan")
             }
             if asker.answered or not known:
                 continue

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import MILLISECOND, NO_TIME, Occurrences, Rule, sender, sound, usable
+from dissectors.kit import MILLISECOND, NO_TIME, Occurrences, Rule, doubtful, sender, sound, usable
 from dissectors.tmotor.rules.packets.carried import LONGEST
 
 if TYPE_CHECKING:
@@ -31,29 +31,33 @@ class _Origin(NamedTuple):
 
 
 class _Rows(NamedTuple):
-    """Rows of one message or packet: node, time, a column for each field, number of the transfer."""
+    """Rows of one message or packet: node, time, a column for each field, number of the transfer, in what doubt."""
 
     node: Array
     t: Array
     values: Array  # fields x rows
     transfer: Array
+    unsure: Array  # whether its byte order is not proved
 
     def take(self, rows: Array) -> _Rows:
-        return _Rows(self.node[rows], self.t[rows], self.values[:, rows], self.transfer[rows])
+        return _Rows(self.node[rows], self.t[rows], self.values[:, rows], self.transfer[rows], self.unsure[rows])
 
     def join(self, other: _Rows) -> _Rows:
         return _Rows(*(np.concatenate(pair, axis=-1) for pair in zip(self, other, strict=True)))
 
 
 def _none() -> _Rows:
-    return _Rows(np.empty(0, np.uint16), np.empty(0, np.int64), np.empty((len(_FIELDS), 0)), np.empty(0, np.int64))
+    whole = np.empty(0, np.int64)
+    return _Rows(np.empty(0, np.uint16), whole, np.empty((len(_FIELDS), 0)), whole, np.empty(0, bool))
 
 
 def _timed(table: DecodedTable, good: Array, names: Sequence[str]) -> _Rows:
     """Return good rows of a table that have a time, with some of its columns."""
     rows = np.flatnonzero(good & (table.t != NO_TIME))
     values = np.array([table[name][rows] for name in names], np.float64)
-    return _Rows(sender(table, rows), table.t[rows], values, table["transfer"][rows].astype(np.int64))
+    unsure = doubtful(table, rows)
+    unsure = np.zeros(len(rows), bool) if unsure is None else unsure
+    return _Rows(sender(table, rows), table.t[rows], values, table["transfer"][rows].astype(np.int64), unsure)
 
 
 class StatusAgreement(Rule):
@@ -107,9 +111,9 @@ class StatusAgreement(Rule):
         window = self._window(view)
         status = _by_node(self._status)
         tolerance = self._tolerance(view)
-        doubtful = _doubtful(packets, status, window, tolerance)
+        outside = _outside(packets, status, window, tolerance)
         found: list[list[tuple[int, float]]] = [[] for _ in _FIELDS]
-        for k in doubtful.tolist():
+        for k in outside.tolist():
             low, high = _span(status, int(packets.node[k]))
             first = low + np.searchsorted(status.t[low:high], packets.t[k] - window)
             last = low + np.searchsorted(status.t[low:high], packets.t[k] + window, "right")
@@ -141,6 +145,7 @@ class StatusAgreement(Rule):
         return Occurrences(
             rule="PUSH-409", t=column("t"), bus=column("bus"), node=column("src"), type=column("code"),
             frame=column("lead"), values=values, frames=_frames(origins),
+            doubtful=packets.unsure[[k for k, _ in rows]],
         )  # fmt: skip
 
     def _origin(self, transfer: int) -> _Origin:
@@ -167,7 +172,7 @@ def _span(rows: _Rows, node: int) -> tuple[int, int]:
     return int(low), int(high)
 
 
-def _doubtful(packets: _Rows, status: _Rows, window: int, tolerance: Sequence[tuple[float, float]]) -> Array:
+def _outside(packets: _Rows, status: _Rows, window: int, tolerance: Sequence[tuple[float, float]]) -> Array:
     """Return packets outside of the range of the ESCStatus just before and just after them, both within the window.
 
     `status` is in the order of nodes, then times.
