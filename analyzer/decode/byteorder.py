@@ -95,7 +95,7 @@ class ByteOrder:
 
     @property
     def waiting(self) -> bool:
-        """Whether packets came that may still be found to be of the other order."""
+        """True if packets came that may still be found to be of the other order."""
         return any((heard & ~self._settled).any() for heard in self._heard.values())
 
     def know(self, other: ByteOrder) -> None:

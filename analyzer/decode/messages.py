@@ -147,7 +147,7 @@ class Messages:
 
     @property
     def waiting(self) -> bool:
-        """Whether a node is not decided that may still be."""
+        """True if a node is not decided that may still be."""
         return self._readings.waiting or self._order.waiting
 
     def know(self, other: Messages) -> None:

@@ -72,7 +72,7 @@ class Readings:
 
     @property
     def waiting(self) -> bool:
-        """Whether a node has shown something that does not decide it."""
+        """True if a node has shown something that does not decide it."""
         return any(course.waiting for courses in self._courses.values() for course in courses)
 
     def learn(self, tables: Mapping[str, pa.RecordBatch], *, last: bool) -> None:
@@ -120,7 +120,7 @@ class Readings:
 
 @dataclass(slots=True)
 class _Shown:
-    """What a node that is not decided has shown: good rows, and for each evidence whether some spoke for or against."""
+    """Shown by a node that is not decided: good rows, and for each evidence whether some spoke for or against."""
 
     hits: list[bool]
     misses: list[bool]
@@ -158,7 +158,7 @@ class _Course:
 
     @property
     def waiting(self) -> bool:
-        """Whether a node has shown something that does not decide it."""
+        """True if a node has shown something that does not decide it."""
         return bool(self._shown)
 
     def know(self, other: _Course) -> None:

@@ -30,7 +30,7 @@ def checked(dialects: Mapping[int, Collection[str]], registry: Registry) -> Mapp
 
 
 class Dialects:
-    """What the latest batch says of all nodes."""
+    """The statements on all nodes, as the latest batch has them."""
 
     def __init__(self) -> None:
         self.statements: tuple[Statement, ...] = ()
