@@ -124,7 +124,8 @@ class PacedReports:
                 continue
             here = slice(max(begin, k - MEMORY), k + 1)
             usual = self._period(t[here], lost[here])
-            if usual and took[k] > max(self._least, self._periods * usual):
+            latest = int(t[max(k - 1, 0) : k + 1].max())  # one report may be stamped too early
+            if usual and t[k + 1] - latest > max(self._least, self._periods * usual):
                 kept = bool(lost[k + 1] == lost[k])
                 found.append(Break(int(t[k]), int(t[k + 1]), usual, max(k - old, -1), kept))
                 begin, self._usual, self._open = k + 1, usual, found[-1]

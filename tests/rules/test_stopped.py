@@ -6,6 +6,7 @@ from random import Random
 from typing import TYPE_CHECKING
 
 import pytest
+from bench.campaign import flown
 from kit.encode import Transfer, log_line
 from kit.flight import Vehicle, node_status
 from kit.judged import Said, whole
@@ -197,3 +198,10 @@ def test_a_fast_esc_that_is_away_for_less_than_two_seconds(pause: int) -> None:
     assert loud(escs(pause, lost=True, of=(11, 12, 13))) == []  # the recorder's loss, or a silent bus
     assert loud(escs(pause, period=100)) == []  # a lower rate
     assert loud(escs(60)) == []
+
+
+@pytest.mark.sampled(5)
+@pytest.mark.parametrize("seed", range(5, 12))
+def test_one_stamp_that_is_too_early_is_no_silence(seed: int) -> None:
+    text, _, _ = flown("CAP-001", seed)
+    assert whole(text, ("BUS-035",), (401,)) == []
