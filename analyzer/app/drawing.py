@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from analyzer.app.criteria import Criteria
 from analyzer.app.judged import JudgedRun
 from analyzer.app.request import short_names
+from analyzer.plot import MOST_POINTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -29,11 +30,13 @@ class Drawing:
 
     Args:
         run: not read yet.
-        most_points: of each line; None for all.
+        most_points: of each line, 0 for all; if not given `MOST_POINTS`, and all of what comes live.
     """
 
     def __init__(self, run: Run, most_points: int | None = None) -> None:
-        self._run, self._most_points = run, most_points
+        self._run = run
+        default = 0 if run.source.live else MOST_POINTS
+        self._most_points = (default if most_points is None else most_points) or None
         self._criteria = Criteria(run.request.rules, run.registry)
         self._judged = JudgedRun(run, self._criteria)
         self._shown = 0

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from analyzer.app import streams
 from analyzer.app.targets import refuse_input
 from analyzer.cli import options, status
+from analyzer.plot import MOST_POINTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,8 +60,9 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--bind", metavar="ADDRESS", help="default: 127.0.0.1; 0.0.0.0 shows it to everybody on the network"
     )
     parser.add_argument(
-        "--max-points", type=options.positive, metavar="N",
-        help="of each line: the lowest and the highest of so many in a row, so that no peak is lost",
+        "--max-points", type=_most, metavar="N",
+        help=f"of each line: the lowest and the highest of so many in a row, so that no peak is lost; all for all "
+        f"points (default: {MOST_POINTS}, and all of what comes live)",
     )  # fmt: skip
     parser.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
     options.add_dialect(parser)
@@ -160,7 +162,7 @@ class _Goal:
                 output.layout(picture.layout())
                 run.go_on()
             self._drawn = True
-            streams.tell(f"-- {_amount(picture)} {words}\n{self._hint}")
+            streams.tell(f"-- {_amount(picture)} {words}\n{_how_to_see_all(picture)}{self._hint}")
             account(run, None)
         return status.of_run(run)
 
@@ -259,7 +261,21 @@ def _how_to_open(path: str) -> str:
 
 def _amount(picture: Picture) -> str:
     lines = [one for one in picture.inventory.series.values() if one.kind == "line"]
-    return f"{len(lines)} lines with {sum(one.count for one in lines)} points"
+    points = sum(one.count for one in lines)
+    lost = sum(one.count - one.left for one in picture.thinned().values())
+    return f"{len(lines)} lines with {f'{points - lost} of ' if lost else ''}{points} points"
+
+
+def _how_to_see_all(picture: Picture) -> str:
+    """Return words for those who miss points."""
+    thinned = len(picture.thinned())
+    if not thinned:
+        return ""
+    return f"-- {thinned} lines are thinned, no peak is lost; --max-points all shows all, --around a part in full\n"
+
+
+def _most(text: str) -> int:
+    return 0 if text == "all" else options.positive(text)
 
 
 def _port(text: str) -> int:

@@ -5,3 +5,5 @@ voltage is data of the dissectors (`plots.toml`); a table that no file speaks of
 """
 
 LOG_LEVEL = "RUST_LOG"  # the environment variable of Rerun, which else complains beside us
+# Points of a line that are shown unless somebody asks for more: several for each pixel of a wide screen.
+MOST_POINTS = 10_000

@@ -9,7 +9,7 @@ import numpy as np
 from analyzer.plot import chunks, colours
 from analyzer.plot.inventory import Inventory
 from analyzer.plot.moments import Moments, PlotClock
-from analyzer.plot.thinning import Thinned
+from analyzer.plot.thinning import Thinned, Thinning
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -40,7 +40,8 @@ class Canvas:
         self.clock = PlotClock()
         self._send = send
         self._most = None if most is None else max(most, LEAST_POINTS)
-        self._thinned: dict[str, Thinned] = {}
+        self._waiting: dict[str, Thinned] = {}
+        self._thinned: dict[str, Thinning] = {}
         self._styles: list[Style] = []
         self._made: list[Chunk] = []
 
@@ -62,7 +63,7 @@ class Canvas:
             if valid is not None:
                 points, at = points[valid], moments[valid]
             if self._most is not None:
-                self._thinned.setdefault(series.path, Thinned(self._most)).feed(at, points)
+                self._thin(series.path, self._most).feed(at, points)
             elif valid is None:
                 whole.append((series.path, points))
             else:
@@ -94,15 +95,22 @@ class Canvas:
 
     def finish(self) -> None:
         """Give what has waited to be thinned."""
-        for path, one in self._thinned.items():
+        for path, one in self._waiting.items():
             moments, values = one.points()
             self._made += chunks.scalars([(path, values)], moments, self.clock)
             self.flush()
-        self._thinned = {path: one for path, one in self._thinned.items() if one.bucket > 1}
+            if one.bucket > 1:
+                self._thinned[path] = one.thinning
+        self._waiting = {}
 
-    def thinned(self) -> dict[str, tuple[int, int]]:
-        """Return points there were and points that make two of them, by path of lines that lost any; after `finish`."""
-        return {path: (one.count, one.bucket) for path, one in self._thinned.items()}
+    def thinned(self) -> dict[str, Thinning]:
+        """Return what became of the lines that lost any points, by path; after `finish`."""
+        return self._thinned
+
+    def _thin(self, path: str, most: int) -> Thinned:
+        if path not in self._waiting:
+            self._waiting[path] = Thinned(most)
+        return self._waiting[path]
 
     def _known(self, series: Series, count: int) -> bool:
         """Return True if there is something to show, and room for it; a new series gets its style."""

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.facts.summary import Facts
     from analyzer.plot.inventory import Inventory
+    from analyzer.plot.thinning import Thinning
     from analyzer.report.model import Finding, Report
     from analyzer.window.part import BatchPart
     from dissectors import Registry
@@ -72,8 +73,8 @@ class Picture:
         """The quantities that have names."""
         return self._messages.pictures
 
-    def thinned(self) -> Mapping[str, tuple[int, int]]:
-        """Return points there were, and points that became two, by path of lines that lost any; at the end."""
+    def thinned(self) -> Mapping[str, Thinning]:
+        """Return what became of the lines that lost any points, by path; at the end."""
         return self._canvas.thinned()
 
     def note_start(self, batch: Batch) -> None:

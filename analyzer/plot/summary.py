@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from analyzer.facts.summary import Facts
     from analyzer.plot.inventory import Inventory
+    from analyzer.plot.thinning import Thinning
     from analyzer.report.model import Report
 
 _SHOWN = 10
@@ -21,9 +22,9 @@ _SIGNS = re.compile("[\u2139\u26a0\u274c\ufe0f]+ ?")  # nor has it a font for th
 
 
 def page(
-    report: Report, facts: Facts, inventory: Inventory, thinned: Mapping[str, tuple[int, int]], window: str = ""
+    report: Report, facts: Facts, inventory: Inventory, thinned: Mapping[str, Thinning], window: str = ""
 ) -> str:  # fmt: skip
-    """Write Markdown. `thinned` are points and points in a bucket by path, `window` the part shown in words."""
+    """Write Markdown. `thinned` says by path which lines lost points, `window` which part is shown, in words."""
     notes = []
     if window:
         notes.append(
@@ -32,10 +33,10 @@ def page(
     if thinned:
         notes.append(
             f"- **Fewer points than the capture has** in {len(thinned)} lines: the lowest and the highest of so many "
-            "in a row are shown, so that no peak is lost."
+            "in a row are shown, so that no peak is lost. `--max-points all` shows all, `--around` a part in full."
         )
-        ordered = sorted(thinned.items(), key=lambda one: -one[1][0])
-        notes += [f"  - {markdown.code(path)}: {count} points, 2 of {size}" for path, (count, size) in ordered[:_SHOWN]]
+        ordered = sorted(thinned.items(), key=lambda one: -one[1].count)
+        notes += [f"  - {markdown.code(path)}: {one.count} points, 2 of {one.bucket}" for path, one in ordered[:_SHOWN]]
         if len(ordered) > _SHOWN:
             notes.append(f"  - and {len(ordered) - _SHOWN} more")
     if inventory.beyond:

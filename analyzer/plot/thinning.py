@@ -15,13 +15,38 @@ import numpy as np
 from analyzer.plot.moments import Moments
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dissectors.kit import Array
 
-_PIECE = 1024
+_PIECE = 1 << 14  # points that are taken at once: they wait as they are until they are thinned
 
 
-def _none(kind: type) -> Array:
-    return np.zeros(0, kind)
+@dataclass(frozen=True, slots=True)
+class Thinning:
+    """How many points a series had, how many in a row became two, and how many are left."""
+
+    count: int
+    bucket: int
+    left: int
+
+
+@dataclass(slots=True)
+class _Points:
+    """Points that are kept, each with its place in the series."""
+
+    place: Array
+    moments: Moments
+    values: Array
+
+    def __len__(self) -> int:
+        return len(self.place)
+
+    def __getitem__(self, rows: Array) -> _Points:
+        return _Points(self.place[rows], self.moments[rows], self.values[rows])
+
+
+_NONE = _Points(np.zeros(0, np.int64), Moments(np.zeros(0, np.int64), np.zeros(0, np.int64)), np.zeros(0))
 
 
 @dataclass(slots=True)
@@ -30,10 +55,8 @@ class Thinned:
 
     most: int
     count: int = 0
-    _place: Array = field(default_factory=lambda: _none(np.int64))
-    _t: Array = field(default_factory=lambda: _none(np.int64))
-    _frame: Array = field(default_factory=lambda: _none(np.int64))
-    _values: Array = field(default_factory=lambda: _none(np.float64))
+    _kept: list[_Points] = field(default_factory=lambda: [_NONE])
+    _held: int = 0
 
     def feed(self, moments: Moments, values: Array) -> None:
         """Take the next points."""
@@ -41,13 +64,22 @@ class Thinned:
             self._append(moments[start : start + _PIECE], values[start : start + _PIECE])
 
     def _append(self, moments: Moments, values: Array) -> None:
-        place = np.arange(self.count, self.count + len(values), dtype=np.int64)
-        self._place = np.concatenate((self._place, place))
-        self._t = np.concatenate((self._t, moments.t))
-        self._frame = np.concatenate((self._frame, moments.frame))
-        self._values = np.concatenate((self._values, values))
+        """Thin what fills buckets of today's size; the ends, which are parts of buckets, wait as they are."""
+        size, first = self.bucket, self.count
         self.count += len(values)
-        if len(self._place) > 2 * self.most:
+        head = min(-first % size, len(values))
+        body = (len(values) - head) // size * size
+        if size > 1 and body:
+            ends = np.arange(len(values))
+            rows = np.concatenate(
+                (ends[:head], head + _outermost(values[head : head + body], size), ends[head + body :])
+            )
+            moments, values = moments[rows], values[rows]
+        else:
+            rows = np.arange(len(values))
+        self._kept.append(_Points(first + rows, moments, values))
+        self._held += len(rows)
+        if self._held > 2 * self.most:
             self._compact()
 
     @property
@@ -59,22 +91,54 @@ class Thinned:
         return size
 
     def _compact(self) -> None:
-        size = self.bucket
-        if size == 1:
-            return
-        bucket = self._place // size
-        starts = np.concatenate(([0], np.flatnonzero(np.diff(bucket)) + 1))
-        of = np.cumsum(np.diff(bucket, prepend=bucket[0]) != 0)
-        missing = np.isnan(self._values)
-        kept = np.zeros(len(bucket), bool)
-        for sign in (1.0, -1.0):
-            keys = np.where(missing, np.inf, sign * self._values)
-            hits = np.flatnonzero(keys == np.minimum.reduceat(keys, starts)[of])
-            kept[hits[np.concatenate(([True], np.diff(of[hits]) != 0))]] = True
-        self._place, self._t = self._place[kept], self._t[kept]
-        self._frame, self._values = self._frame[kept], self._values[kept]
+        whole = _joined(self._kept)
+        if self.bucket > 1:
+            whole = whole[_lowest_and_highest(whole.values, whole.place // self.bucket)]
+        self._kept, self._held = [whole], len(whole)
+
+    @property
+    def thinning(self) -> Thinning:
+        """What became of the series."""
+        return Thinning(self.count, self.bucket, self._held)
 
     def points(self) -> tuple[Moments, Array]:
         """Return what is left, in order."""
         self._compact()
-        return Moments(self._t, self._frame), self._values
+        return self._kept[0].moments, self._kept[0].values
+
+
+def _outermost(values: Array, size: int) -> Array:
+    """Return the rows of the lowest and the highest number in each whole bucket, in order; one row if it is both."""
+    if np.isnan(values).any():
+        return _lowest_and_highest(values, np.arange(len(values)) // size)
+    buckets = values.reshape(-1, size)
+    both = np.stack((buckets.argmin(axis=1), buckets.argmax(axis=1)), axis=1)
+    both.sort(axis=1)
+    both += np.arange(0, len(values), size)[:, None]
+    kept = np.ones(both.shape, bool)
+    kept[:, 1] = both[:, 0] != both[:, 1]
+    rows: Array = both[kept]
+    return rows
+
+
+def _lowest_and_highest(values: Array, bucket: Array) -> Array:
+    """Return the rows of the lowest and the highest number in each bucket, of one without numbers its first row."""
+    of = np.cumsum(np.diff(bucket, prepend=bucket[0]) != 0)
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(of)) + 1))
+    missing = np.isnan(values)
+    candidates = ~missing | np.logical_and.reduceat(missing, starts)[of]
+    kept = np.zeros(len(values), bool)
+    for sign in (1.0, -1.0):
+        keys = np.where(missing, np.inf, sign * values)
+        hits = np.flatnonzero(candidates & (keys == np.minimum.reduceat(keys, starts)[of]))
+        kept[hits[np.diff(of[hits], prepend=-1) != 0]] = True
+    return np.flatnonzero(kept)
+
+
+def _joined(pieces: Sequence[_Points]) -> _Points:
+    moments = Moments(
+        np.concatenate([one.moments.t for one in pieces]), np.concatenate([one.moments.frame for one in pieces])
+    )
+    return _Points(
+        np.concatenate([one.place for one in pieces]), moments, np.concatenate([one.values for one in pieces])
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -123,13 +124,29 @@ def test_the_summary_says_what_info_and_check_say(command: Command) -> None:
 
 @pytest.mark.slow
 def test_fewer_points_are_asked_for_by_number(command: Command) -> None:
-    command("plot", "flight.log", "--max-points", "20")
+    _, _, err = command("plot", "flight.log", "--max-points", "20")
+    assert re.search(r"lines with \d+ of \d+ points", err)
+    assert "--max-points all shows all" in err
     got = read_back(Path("flight.rrd"))
     whole, _ = draw(Path("flight.log").read_text())
     values = got.values("/throttle/commanded/esc1")
     assert len(values) <= 20
     wanted = whole.values("/throttle/commanded/esc1")
     assert (min(values), max(values)) == (min(wanted), max(wanted))
+
+
+def test_a_line_has_so_many_points_unless_somebody_asks_for_all(
+    command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("analyzer.app.drawing.MOST_POINTS", 20)
+    few = command("plot", "flight.log", "-o", "few.rrd")[2]
+    every = command("plot", "flight.log", "-o", "all.rrd", "--max-points", "all")[2]
+    assert len(read_back(Path("few.rrd")).values("/throttle/commanded/esc1")) <= 20
+    points = re.search(r"lines with (\d+) of (\d+) points", few)
+    assert points is not None
+    assert int(points[1]) < int(points[2])
+    assert f"with {points[2]} points" in every
+    assert "thinned" not in every
 
 
 @pytest.mark.slow
