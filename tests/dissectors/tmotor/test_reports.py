@@ -82,8 +82,9 @@ def test_each_node_has_its_unit() -> None:
     said = judge(flight("TYP-301"), ("TYP-301",), step=401)
     units = {one.node: one.text.partition(",")[0] for one in said}
     assert units == {11: "degrees Celsius", 12: "degrees Celsius", 13: "kelvin", 14: "degrees Celsius"}
-    mixed = sent(0, temperature=150.0) + sent(1, temperature=math.nan) + sent(2, temperature=250.0)
-    assert told(mixed, "TYP-301") == [("TYP-301", "note", 1, "undecided, samples 150.0 to 250.0")]
+    for lowest, unit in ((50.0, "undecided"), (150.0, "degrees Celsius")):
+        mixed = sent(0, temperature=lowest) + sent(1, temperature=math.nan) + sent(2, temperature=250.0)
+        assert told(mixed, "TYP-301") == [("TYP-301", "note", 1, f"{unit}, samples {lowest} to 250.0")]
     assert not told(sent(0, temperature=math.nan), "TYP-301")
 
 
