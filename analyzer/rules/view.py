@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import replace
 from functools import cached_property
-from itertools import islice
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 GAP = SECOND  # without a frame of any interface
 MOST_GAPS = 4096
 BUSY, SILENT = 16, 8  # a gap this many times as long as the last frames took hides something
+_NEVER = 1 << 62
 MESSAGE = KINDS.index("message")
 
 
@@ -66,6 +67,7 @@ class Past:
         self.start = self.end = self.last = self.origin = NO_TIME
         self.starts: dict[int, int] = {}
         self.gaps: list[tuple[int, int, bool]] = []
+        self._hiding: list[int] = []  # when the first of a gap and those behind it began that hide something
         self.resolution = SECOND
         self._joint = JointLosses()
         self._latest: Array = np.empty(0, np.int64)
@@ -144,6 +146,7 @@ class Past:
             busy = len(usual) == BUSY and int(apart[at]) > SILENT * (int(usual[-1]) - int(usual[0]))
             self.gaps.append((int(whole[end - 1]), int(whole[end]), busy))
         self._latest = whole[-BUSY:].copy()
+        self._hiding = []
         del self.gaps[:-MOST_GAPS]
         while self.resolution > 1 and (apart % self.resolution).any():
             self.resolution //= 10
@@ -155,8 +158,12 @@ class Past:
 
     def paused(self, since: int, until: int) -> bool:
         """Return whether there is a gap somewhere between two times that hides something."""
+        if not self.gaps:
+            return False
+        if not self._hiding:
+            self._hiding = [*accumulate((t if busy else _NEVER for t, _, busy in reversed(self.gaps)), min)][::-1]
         at = bisect_right(self.gaps, since, key=lambda gap: gap[1])
-        return any(busy for start, _, busy in islice(self.gaps, at, None) if start < until)
+        return at < len(self.gaps) and self._hiding[at] < until
 
 
 class BatchView:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.rules.joint.alike import identities
 from analyzer.tables import TAIL_ID, TRANSFER_IDS
 from dissectors.kit import SECOND
 
@@ -20,6 +21,7 @@ LOOK = 1 << 15  # frames before one among which it may have been before
 _HELD = 1 << 17  # frames at least; what is older is not looked for
 _NEAR = SECOND  # so far apart is what the same piece of a capture does to sessions
 _FEW = 8  # frames in a row may have the same bytes before the tail: an uptime, for one
+_MANY = 32  # frames that are asked for at once, for which it pays to put all in order
 _NEW, _SEEN, _ONCE = 0, 1, 2  # what a frame is: _ONCE if it came once before, and few others had these bytes
 
 
@@ -49,49 +51,71 @@ class Repeats:
         Bytes that come by themselves each time an ID comes round show that only beside others. One session is enough
         if no other one shows new bytes.
         """
+        self._search({number for one in lacks for number in (*one.frames, one.left) if number is not None})
         kinds = {one: self._kind(one) for one in lacks}
+        if not any(kinds.values()):
+            return set()
         order = sorted(kinds, key=lambda one: one.until)
         times = np.array([one.until for one in order], np.int64)
         found: set[Lack] = set()
         for one, kind in kinds.items():
+            if kind == _NEW:
+                continue
             first, last = np.searchsorted(times, (one.until - _NEAR, one.until + _NEAR + 1)).tolist()
-            near = order[first:last] if kind != _NEW else []
+            near = order[first:last]
             sure = {each.session for each in near if kinds[each] == _ONCE}
-            if len(sure) > 1 or (sure and all(self._of(each.frames[1]) != _NEW for each in near)):
+            if len(sure) > 1 or (sure and all(self._found[each.frames[1]] != _NEW for each in near)):
                 found.add(one)
         return found
 
     def _kind(self, one: Lack) -> int:
-        return max(self._of(number) for number in (*one.frames, one.left) if number is not None)
+        return max(self._found[number] for number in (*one.frames, one.left) if number is not None)
 
-    def _of(self, number: int) -> int:
-        """Return what a frame is."""
-        if number not in self._found:
-            self._found[number] = self._search(number)
-        return self._found[number]
+    def _search(self, numbers: set[int]) -> None:
+        """Find out what frames are that nobody asked for before."""
+        unknown = np.array(sorted(numbers.difference(self._found)), np.int64)
+        if not len(unknown):
+            return
+        self._found.update(dict.fromkeys(unknown.tolist(), _NEW))
+        held = [frames for frames in self._batches if frames.first <= unknown[-1]]
+        low = int(unknown[0]) - LOOK
+        held = [frames for frames in held if frames.first + len(frames) > low]
+        if not held:
+            return
+        pairs = [identities(frames) for frames in held]
+        start, key, tail = held[0].first, *(np.concatenate(columns) for columns in zip(*pairs, strict=True))
+        places = unknown[unknown >= start] - start
+        for place, before in _before(key, places[tail[places] >= 0]):
+            self._found[start + place] = _kind_of(int(tail[place]), tail[before])
 
-    def _search(self, number: int) -> int:
-        home = next((frames for frames in self._batches if 0 <= number - frames.first < len(frames)), None)
-        if home is None:
-            return _NEW
-        data = home.data(number - home.first)
-        tails = np.concatenate([np.empty(0, np.uint8), *self._like(home, number, data)])
-        again = int(np.count_nonzero(tails == data[-1])) if data else 0
-        if not again:
-            return _NEW
-        ids = np.unique(tails & TAIL_ID).astype(np.int64)
-        breaks = np.count_nonzero(np.diff(ids, append=ids[0] + TRANSFER_IDS) != 1)
-        in_a_row = len(ids) == len(tails) <= _FEW and breaks <= 1
-        return _ONCE if again == 1 and in_a_row else _SEEN
 
-    def _like(self, home: FrameTable, number: int, data: bytes) -> Iterator[Array]:
-        """Yield the tail bytes of frames before one that have its identifier and its other bytes."""
-        row = number - home.first
-        for frames in self._batches:
-            part = slice(max(number - LOOK - frames.first, 0), max(number - frames.first, 0))
-            same = (frames.id[part] == home.id[row]) & (frames.bus[part] == home.bus[row])
-            rows = np.flatnonzero(same & (frames.length[part] == len(data))) + part.start
-            if len(rows) and data:
-                ends, raw = frames.raw
-                whole = np.frombuffer(raw, np.uint8)[ends[rows][:, None] + np.arange(len(data))]
-                yield whole[(whole[:, :-1] == np.frombuffer(data[:-1], np.uint8)).all(axis=1), -1]
+def _before(key: Array, places: Array) -> Iterator[tuple[int, Array]]:
+    """Yield places, each with those of `LOOK` before it that have the same key; those without any are left out."""
+    if len(places) < _MANY:
+        for place in places.tolist():
+            low = max(place - LOOK, 0)
+            same = np.flatnonzero(key[low:place] == key[place]) + low
+            if len(same):
+                yield place, same
+        return
+    order = np.argsort(key, kind="stable")
+    ranked = key[order]
+    first, last = (np.searchsorted(ranked, key[places], side) for side in ("left", "right"))
+    often = last - first > 1
+    columns = (column[often].tolist() for column in (places, first, last))
+    for place, a, b in zip(*columns, strict=True):
+        same = order[a:b]
+        same = same[np.searchsorted(same, place - LOOK) : np.searchsorted(same, place)]
+        if len(same):
+            yield place, same
+
+
+def _kind_of(tail: int, tails: Array) -> int:
+    """Return what a frame is by the tail bytes of those before it that are equal but for that."""
+    again = int(np.count_nonzero(tails == tail))
+    if not again:
+        return _NEW
+    ids = np.unique(tails & TAIL_ID)
+    breaks = np.count_nonzero(np.diff(ids, append=ids[0] + TRANSFER_IDS) != 1)
+    in_a_row = len(ids) == len(tails) <= _FEW and breaks <= 1
+    return _ONCE if again == 1 and in_a_row else _SEEN

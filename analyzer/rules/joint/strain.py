@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass, field
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,11 +38,13 @@ class _Bus:
 
     steps: dict[int, _Step] = field(default_factory=dict)
     fastest: float = 0.0
+    ranked: tuple[list[int], list[float]] | None = None  # steps in order, and the most up to each; None if not known
     t: Array = field(default_factory=lambda: np.empty(0, np.int64))
     bits: Array = field(default_factory=lambda: np.empty(0, np.int64))
 
     def add(self, t: Array, bits: Array) -> None:
         """Add frames."""
+        self.ranked = None
         step = t // STEP
         cuts = np.flatnonzero(np.diff(step, prepend=step[0] - 1))
         sums = np.add.reduceat(bits, cuts, dtype=np.int64)
@@ -65,11 +69,15 @@ class _Bus:
         """Forget steps, but for how fast frames came in them."""
         for at in [step for step in self.steps if step < before]:
             self.fastest = max(self.fastest, self.steps.pop(at).fastest)
+            self.ranked = None
 
     def bit_rate(self, last: int) -> int:
         """Return the usual bit rate that the frames up to a step need."""
-        fastest = max((one.fastest for at, one in self.steps.items() if at <= last), default=0.0)
-        fastest = max(fastest, self.fastest)
+        if self.ranked is None:
+            order = sorted(self.steps)
+            self.ranked = order, [*accumulate((self.steps[at].fastest for at in order), max, initial=self.fastest)]
+        order, most = self.ranked
+        fastest = most[bisect_right(order, last)]
         return next((rate for rate in _BIT_RATES if fastest <= _INEXACT * rate), _BIT_RATES[-1])
 
 
@@ -102,5 +110,6 @@ class Strain:
         if known is None:
             return False
         first, last = since // STEP, until // STEP
-        bits = sum(one.bits for at, one in known.steps.items() if first <= at <= last)
+        steps = range(first, last + 1) if last - first < len(known.steps) else known.steps
+        bits = sum(known.steps[at].bits for at in steps if first <= at <= last and at in known.steps)
         return bits * SECOND >= FULL * (bit_rate or known.bit_rate(last)) * STEP * (last + 1 - first)

@@ -141,12 +141,11 @@ def _others(view: View, row: int) -> list[tuple[int, Kept]]:
     """Return frames of the session with another transfer ID, between the first and the last of a transfer."""
     numbers = view.transfers.frames(row)
     mine, first = int(view.transfers.transfer_id[row]), view.frame(numbers[0])
-    between = range(numbers[0] + 1, min(numbers[-1], numbers[0] + NEAR))
     if first is None:
         return []
-    wanted = session_of(first.id, first.verdict)
-    same = ((n, kept) for n, kept in _known(view, between) if kept.bus == first.bus and kept.id & 0xFF_FFFF == wanted)
-    return [(number, kept) for number, kept in same if kept.data and kept.data[-1] & TAIL_ID != mine]
+    last = min(numbers[-1], numbers[0] + NEAR)
+    same = view.numbers_between(numbers[0] + 1, last, first.bus, session_of(first.id, first.verdict))
+    return [(number, kept) for number, kept in _known(view, same) if kept.data and kept.data[-1] & TAIL_ID != mine]
 
 
 def _only_orphans(view: View, row: int) -> bool:

@@ -1,0 +1,106 @@
+"""What is remembered of frames and of gaps gives what a search through all of them would."""
+
+from __future__ import annotations
+
+import random
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from kit.judged import registry
+
+from analyzer.rules.bus.heard import Session
+from analyzer.rules.joint.alike import identities
+from analyzer.rules.joint.lacks import Lack
+from analyzer.rules.joint.repeats import Repeats
+from analyzer.rules.view import GAP, Past
+from analyzer.tables import FRAMES
+from dissectors.kit import SECOND, FrameTable
+
+APART = 3 * SECOND  # so far no lack tells anything of another
+FEW = 8
+
+
+class Sent(NamedTuple):
+    """A frame without its tail byte, and that."""
+
+    bus: int
+    identifier: int
+    body: bytes
+    tail: int
+
+
+def sent(seed: int, count: int = 600) -> list[Sent]:
+    """Frames of few identifiers and contents, so that many come again."""
+    chance = random.Random(seed)
+    bodies = [chance.randbytes(length) for length in (0, 0, 1, 6, 7, 7, 8, 9, 15, 16, 17, 63) for _ in range(5)]
+    bodies += [body[:-1] + bytes([body[-1] ^ 1]) for body in bodies if body]
+    return [
+        Sent(chance.randrange(2), 0x1F040A0A + chance.randrange(2), chance.choice(bodies), chance.randrange(0xC0, 0xC4))
+        for _ in range(count)
+    ]
+
+
+def table(frames: list[Sent], first: int = 0) -> FrameTable:
+    given = {
+        "bus": [one.bus for one in frames],
+        "id": [one.identifier for one in frames],
+        "data": [one.body + bytes([one.tail]) for one in frames],
+    }
+    rows = len(frames)
+    columns = [pa.array(given.get(of.name, [0] * rows)).cast(of.type) for of in FRAMES]
+    return FrameTable(pa.RecordBatch.from_arrays(columns, schema=FRAMES), first)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_numbers_are_equal_where_all_but_the_tail_is(seed: int) -> None:
+    frames = sent(seed)
+    keys, tails = identities(table(frames))
+    assert tails.tolist() == [one.tail for one in frames]
+    by_key: dict[int, set[tuple[int, int, bytes]]] = {}
+    for key, one in zip(keys.tolist(), frames, strict=True):
+        by_key.setdefault(key, set()).add(one[:3])
+    assert all(len(same) == 1 for same in by_key.values())
+    assert len(by_key) == len({one[:3] for one in frames})
+
+
+def came_once(frames: list[Sent], number: int) -> bool:
+    """Whether a frame came once before, and among few with the same bytes, whose IDs are in a row."""
+    like = [one.tail for one in frames[:number] if one[:3] == frames[number][:3]]
+    ids = sorted({tail & 31 for tail in like})
+    breaks = sum((after - one) % 32 != 1 for one, after in zip(ids, ids[1:] + ids[:1], strict=True))
+    return like.count(frames[number].tail) == 1 and len(ids) == len(like) <= FEW and breaks <= 1
+
+
+def lacks(numbers: list[int]) -> list[Lack]:
+    return [
+        Lack(Session(0, number, number), (number, number), 0, k * APART, (0, 1), 0, 0)
+        for k, number in enumerate(numbers)
+    ]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("at_once", [1, 600])
+def test_frames_that_came_once_before_are_found(seed: int, at_once: int) -> None:
+    frames, known = sent(seed), Repeats()
+    for first in range(0, len(frames), 70):
+        known.feed(table(frames[first : first + 70], first))
+    asked = lacks(list(range(len(frames))))
+    found = {one.frames[0] for k in range(0, len(asked), at_once) for one in known.among(asked[k : k + at_once])}
+    assert found == {number for number in range(len(frames)) if came_once(frames, number)} != set()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gap_is_found_wherever_it_is(seed: int) -> None:
+    chance, past = random.Random(seed), Past(registry(), {})
+    t, times = 0, [0]
+    for _ in range(400):
+        t += chance.choice([1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 2, 2000, 9000]) * SECOND // 1000
+        times.append(t)
+    past._note_gaps(np.array(times, np.int64))
+    for _ in range(500):
+        since, until = sorted((chance.randrange(t), chance.randrange(t)))
+        by_hand = any(busy and begin < until and end > since for begin, end, busy in past.gaps)
+        assert past.paused(since, until) == by_hand
+    assert any(busy and end - begin > GAP for begin, end, busy in past.gaps)
