@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analyzer.app.ahead import ahead
 from analyzer.report.draft import JudgedCapture
 from analyzer.rules.checking import Check
 from analyzer.sources.errors import CaptureError, StopReading
@@ -52,19 +50,15 @@ class JudgedRun:
             yield measured
 
     def batches(self, decoded: Iterable[Batch]) -> Iterator[Measured]:
-        """Yield the batches of the run once they are judged; files are decoded in a thread beside.
+        """Yield the batches of the run once they are judged; files are decoded ahead.
 
         Ctrl-C while a capture was being opened is `KeyboardInterrupt`.
         """
         parts = self.run.source.parts
         for part in parts:
             part.hashed = True
-        batches = self._check.measured(decoded)
-        files = all(isinstance(part.origin, str) and Path(part.origin).is_file() for part in parts)
-        if files:  # signals end other reading here, in this thread
-            batches = ahead(batches)
         try:
-            for measured in batches:
+            for measured in self.run.ahead(self._check.measured(decoded)):
                 self._check.feed(measured)
                 yield measured
         except CaptureError as error:
@@ -74,7 +68,11 @@ class JudgedRun:
             raise KeyboardInterrupt from None
 
     def beside(self, decoded: Iterable[Batch]) -> Iterator[Batch]:
-        """Yield the batches of the run, which a thread beside judges; all are judged when the last one is through."""
+        """Yield the batches of the run, judged in a thread beside; when the last one is through, all are judged."""
+        if self.run.request.threads == 1:
+            for batch in decoded:
+                yield from (measured.batch for measured in self.feed(batch))
+            return
         waiting = deque[Future[None]]()
         with ThreadPoolExecutor(1, "judging") as thread:
             for measured in self._check.measured(decoded):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+from analyzer.app.threads import THREADS
 from analyzer.rules.catalogue import matching
 from analyzer.rules.gate import Least
 from analyzer.rules.settings import Settings
@@ -80,7 +81,9 @@ class Request:
 
     `captures` are paths or binary file objects, `-` is standard input; several are merged as `merging` says.
     `dissectors` are folders with further data types; Python of those that are `trusted` runs. `follow` waits at the end
-    of a file for more. For reports: `window_words` are the limits of the window as they were asked for, `arguments`
+    of a file for more. With one of `threads` everything is done one after the other; with more, captures that are files
+    are decoded ahead of what judges, lists or writes them, and the result is the same.
+    For reports: `window_words` are the limits of the window as they were asked for, `arguments`
     what a command line needs beside the names of captures to read them in the same way.
     """
 
@@ -91,6 +94,7 @@ class Request:
     window: Window = Window()  # noqa: RUF009 - likewise
     rules: RuleChoice = RuleChoice()
     follow: bool = False
+    threads: int = THREADS
     window_words: tuple[str, ...] = ()
     arguments: tuple[str, ...] = ()
 

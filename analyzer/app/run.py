@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import AbstractContextManager, closing, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import pyarrow.compute as pc
 
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from analyzer.app.request import Request
     from analyzer.app.source import RunSource
     from dissectors import Registry
+
+_Item = TypeVar("_Item")
 
 # Complaints about single lines before it says only how many there were.
 LINES_SHOWN = 5
@@ -129,7 +131,7 @@ class Run(AbstractContextManager["Run"]):
 
         What stops this run stops that one.
         """
-        if not all(isinstance(part.origin, str) and Path(part.origin).is_file() for part in self.source.parts):
+        if not self._files():
             return None
         self._reading = self.source.again()
         return Run(replace(self.request, window=Window()), registry=self.registry, source=self._reading)
@@ -172,6 +174,14 @@ class Run(AbstractContextManager["Run"]):
         """Return the batches once more, with nothing counted or complained of; None if they exist only once."""
         chunks = self._chunks_again()
         return None if chunks is None else self._engine().run(chunks)
+
+    def ahead(self, items: Iterator[_Item]) -> Iterator[_Item]:
+        """Return what reads this run; if there may be threads and the captures are files, one makes it ahead."""
+        if self.request.threads == 1 or self.source.live or not self._files():  # signals end other reading here
+            return items
+        from analyzer.app.threads import ahead  # noqa: PLC0415 - not every run has threads
+
+        return ahead(items)
 
     # ---- frames that are not decoded
 
@@ -242,6 +252,9 @@ class Run(AbstractContextManager["Run"]):
             raise KeyboardInterrupt
 
     # ----
+
+    def _files(self) -> bool:
+        return all(isinstance(part.origin, str) and Path(part.origin).is_file() for part in self.source.parts)
 
     def _engine(self) -> Engine:
         """Return a new engine; what comes live is shown at once, everything else waits for its batch."""

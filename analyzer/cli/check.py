@@ -42,6 +42,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     options.add_reader(parser)
+    options.add_threads(parser)
     group = rules.add_rules(parser)
     group.add_argument(
         "--init",

@@ -28,6 +28,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         description=__doc__,
     )
     options.add_captures(parser)
+    options.add_threads(parser)
     parser.add_argument(
         "-o", "-w", dest="output", metavar="OUT", help="the output, else the last argument; - is standard output"
     )
@@ -87,7 +88,7 @@ def _convert(run: Run, output: _Output, complaints: Complaints) -> None:
     with Target(output.path) as target, packed(target.file, output.packing) as file:
         with watched(run.source, complaints, wanted=not shown) as progress:
             sink = open_sink(output.form, file, compression=output.compression)
-            for batch in progress.over(run.frame_batches_inside()):
+            for batch in progress.over(run.ahead(run.frame_batches_inside())):
                 inside += sum(batch.lines[kind] for kind in ("frames", "error_frames", "drops", "comments"))
                 frames += batch.frames
                 sink.write(batch)

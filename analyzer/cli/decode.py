@@ -31,6 +31,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command and its options; letters mean what they mean to tshark."""
     parser = commands.add_parser("decode", help="list or export the transfers of a capture", description=__doc__)
     options.add_reader(parser)
+    options.add_threads(parser)
     show = parser.add_argument_group("what to show")
     show.add_argument(
         "-c", dest="count", type=options.positive, metavar="N", help="stop after N transfers, or frames of --frame-list"
@@ -92,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         except (LookupError, ValueError) as error:
             return status.usage(error, NAME)
         if args.quiet:
-            for _ in run.batches():
+            for _ in run.ahead(run.batches()):
                 pass
             account(run, None)
         else:
@@ -155,8 +156,10 @@ def _rows(run: Run, view: WriterOptions, selection: ListSelection, screen: int |
     """Return the batches with the rows to list."""
     from analyzer.window.screen import Screen  # noqa: PLC0415
 
-    items = (selection.frames if view.frame_list else selection.picked)(run.batches())
-    around = run.request.window.around
+    around, batches = run.request.window.around, run.batches()
+    if view.count is None and screen is None:  # else reading ends with the last row that is shown, not behind it
+        batches = run.ahead(batches)
+    items = (selection.frames if view.frame_list else selection.picked)(batches)
     return items if screen is None or around is None else Screen(around, selection.numbering, screen).cut(items)
 
 

@@ -15,6 +15,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command and its options."""
     parser = commands.add_parser("info", help="summary of a capture: lines, nodes, types, rates", description=__doc__)
     options.add_reader(parser)
+    options.add_threads(parser)
     options.add_window(parser)
     options.add_output(parser)
     parser.add_argument("-T", dest="form", choices=("text", "json"), default="text", help="default: text")
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
         for part in run.source.parts:
             part.hashed = True
         summary = Summary(run.registry)
-        for batch in run.inside():
+        for batch in run.ahead(run.inside()):
             summary.feed(batch)
         if run.state == "refused":
             return status.USAGE

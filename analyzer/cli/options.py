@@ -92,6 +92,16 @@ def add_captures(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_threads(parser: argparse.ArgumentParser) -> None:
+    """Add how many threads may work."""
+    from analyzer.app.threads import THREADS  # noqa: PLC0415
+
+    parser.add_argument(
+        "--threads", type=positive, default=THREADS, metavar="N",
+        help="1: all in one thread; more (default): files are read and decoded ahead; the result is the same",
+    )  # fmt: skip
+
+
 def request(args: argparse.Namespace, who: str = "tailbyte") -> Request:
     """Return what the arguments ask of captures, of rules only how doubtful fields are read.
 
@@ -115,6 +125,7 @@ def request(args: argparse.Namespace, who: str = "tailbyte") -> Request:
         window=asked,
         rules=RuleChoice(dialects=tuple(getattr(args, "dialect", ()))),
         follow=getattr(args, "follow", False),
+        threads=getattr(args, "threads", 1),
         window_words=tuple(_window_words(args)),
         arguments=tuple(_arguments(args)),
     )

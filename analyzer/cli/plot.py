@@ -42,6 +42,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         usage="%(prog)s [options] CAPTURE... [-o FILE.rrd | --serve | --connect URL]",
     )
     options.add_reader(parser)
+    options.add_threads(parser)
     where = parser.add_argument_group(
         "where to", "default: a window of the viewer; without a display, a file beside the capture with its name"
     ).add_mutually_exclusive_group()

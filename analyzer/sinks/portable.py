@@ -149,7 +149,10 @@ def _batch(columns: Sequence[Column], about: Any) -> pa.RecordBatch:
 
 
 def _texts(codes: pa.Array, texts: Sequence[str]) -> pa.Array:
-    return pa.DictionaryArray.from_arrays(codes, pa.array(texts, pa.string()))
+    places = {text: place for place, text in enumerate(dict.fromkeys(texts))}
+    if len(places) < len(texts):  # where a text stood twice, Parquet files would get memory behind their dictionary
+        codes = pa.array([places[text] for text in texts], pa.int32()).take(codes)
+    return pa.DictionaryArray.from_arrays(codes, pa.array(list(places), pa.string()))
 
 
 def _set_bits(array: pa.Array, names: Sequence[str]) -> pa.Array:

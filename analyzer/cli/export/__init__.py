@@ -38,6 +38,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         usage="%(prog)s [options] CAPTURE... -o DIR|FILE",
     )
     options.add_reader(parser)
+    options.add_threads(parser)
     parser.add_argument(
         "-o", "-w", dest="output", required=True, metavar="DIR|FILE",
         help="a folder, which gets a file for each table, or FILE.mcap; with one --table also a file of that table",
@@ -198,7 +199,7 @@ class _Export:
 
         run = self._run
         selection = TableSelection(run.request.window, self._again)
-        batches = run.batches()
+        batches = run.ahead(run.batches())
         for part in selection.parts(self._with_escs(batches if beside is None else beside(batches))):
             self._frames += len(part.frames)
             self._transfers += len(part.transfers)

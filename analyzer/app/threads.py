@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 _Item = TypeVar("_Item")
+THREADS = 2  # unless somebody asks for one
 ROOM = 2
 
 
