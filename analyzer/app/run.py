@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
-import pyarrow.compute as pc
+import numpy as np
 
 import dissectors
 from analyzer.decode.engine import LINES, Batch, Engine, Totals
@@ -19,6 +19,7 @@ from analyzer.sources.native import rows
 from analyzer.tables import EVENT_ROWS, EVENTS, wrap
 from analyzer.window.limits import Window
 from dissectors import DsdlError, ProfileError
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -286,10 +287,11 @@ class Run(AbstractContextManager["Run"]):
         if not len(events) or self._complaints >= LINES_SHOWN:
             return
         merged = len(self.source.parts) > 1
-        rows_ = events.filter(pc.equal(events.column("kind"), EVENTS.index("unreadable"))).to_pylist()
-        for row in rows_[: LINES_SHOWN - self._complaints]:
-            place = "" if merged else f"{self.source.name}: {self.unit} {row['line']}: "
-            self.complain(place + row["text"])
+        unreadable = np.flatnonzero(numbers(events.column("kind")) == EVENTS.index("unreadable")).tolist()
+        lines, texts = events.column("line"), events.column("text")
+        for row in unreadable[: LINES_SHOWN - self._complaints]:
+            place = "" if merged else f"{self.source.name}: {self.unit} {lines[row]}: "
+            self.complain(f"{place}{texts[row]}")
             self._complaints += 1
 
     def _conclude(self, *, whole: bool = True) -> None:

@@ -9,7 +9,7 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
+from analyzer.app import start, streams
 from analyzer.cli.status import DAMAGED, INTERRUPTED, OK
 
 if TYPE_CHECKING:
@@ -37,13 +37,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     from analyzer.cli.commands import parser  # noqa: PLC0415 - Ctrl-C while it is imported is Ctrl-C, too
 
+    if argv is None:  # nobody else uses this process
+        start.alone()
     if "can" not in sys.modules:
         # python-can imports asammdf, and pandas with it, where it can: another process reads MDF 4.
         sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # what stands for "there is none"
 
     try:
         args = parser().parse_args(argv)
-        args.alone = argv is None  # nobody else uses this process
         if "capture" in args and not (args.capture or args.capture_):
             parser().error(f"{args.command}: which capture? give a file, or - for standard input")
         return int(args.run(args))

@@ -31,16 +31,12 @@ that could be judged, or less than the vehicle file requires, 130 interrupted. 1
 always states damage."""
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options."""
-    parser = commands.add_parser(
-        "check",
-        help="judge captures by all rules of the protocol",
-        description=__doc__,
-        usage="%(prog)s [options] CAPTURE...",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add what the command says of itself, and its options."""
+    parser.usage = "%(prog)s [options] CAPTURE..."
+    parser.description = __doc__
+    parser.epilog = _EPILOG
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     options.add_reader(parser)
     options.add_threads(parser)
     group = rules.add_rules(parser)
@@ -78,8 +74,7 @@ def run(args: argparse.Namespace) -> int:
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
 
-    if args.alone:
-        plain_arrow()
+    plain_arrow()
     try:
         wanted = _Wanted(args)
         return wanted.initial() if wanted.init else wanted.check()

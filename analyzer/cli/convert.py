@@ -19,14 +19,10 @@ if TYPE_CHECKING:
 NAME = "tailbyte convert"
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options."""
-    parser = commands.add_parser(
-        "convert",
-        help="captures as candump text, MCAP or pcapng",
-        usage="%(prog)s [options] CAPTURE... OUT",
-        description=__doc__,
-    )
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add what the command says of itself, and its options."""
+    parser.usage = "%(prog)s [options] CAPTURE... OUT"
+    parser.description = __doc__
     options.add_captures(parser)
     options.add_threads(parser)
     parser.add_argument(

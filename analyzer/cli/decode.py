@@ -27,9 +27,9 @@ _NOT_ROWS = 4  # lines of a screen: the header, the middle, the account, the pro
 _TIMES = ("a", "ad", "d", "dd", "e", "r", "u", "ud")
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options; letters mean what they mean to tshark."""
-    parser = commands.add_parser("decode", help="list or export the transfers of a capture", description=__doc__)
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add what the command says of itself, and its options; letters mean what they mean to tshark."""
+    parser.description = __doc__
     options.add_reader(parser)
     options.add_threads(parser)
     show = parser.add_argument_group("what to show")

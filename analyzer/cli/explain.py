@@ -23,14 +23,10 @@ _RULE = re.compile(r"[A-Za-z]+-\d+")
 _STYLES = {"error": "bad", "warning": "note", "note": "dim"}
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options."""
-    parser = commands.add_parser(
-        "explain",
-        help="what a rule of check means, or a clause, type, field or word of the document",
-        description=__doc__,
-        usage="%(prog)s [options] [RULE|WORD...]",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add what the command says of itself, and its options."""
+    parser.usage = "%(prog)s [options] [RULE|WORD...]"
+    parser.description = __doc__
     parser.add_argument(
         "rule", nargs="*", metavar="RULE|WORD",
         help="TRF-010, or a layer: CAN, TRF, TYP, PUSH, BUS, CAP; or a clause (4.4.3), a type (NodeStatus, 341), "

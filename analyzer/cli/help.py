@@ -21,21 +21,18 @@ _RULE = re.compile(r"[a-z]+-\d+", re.IGNORECASE)
 _PAGES = {"explain": "rules", "help": _INDEX}
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options."""
-    parser = commands.add_parser(
-        "help",
-        help="pages of the manual: captures, check, live, ...",
-        description=__doc__,
-        usage="%(prog)s [options] [TOPIC]",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add what the command says of itself, and its options."""
+    parser.usage = "%(prog)s [options] [TOPIC]"
+    parser.description = __doc__
     parser.add_argument("topic", nargs="?", metavar="TOPIC", help="a page, or a command; without it, the list of all")
     options.add_output(parser)
-    parser.set_defaults(run=run, follow=False, commands=commands.choices)
+    parser.set_defaults(run=run, follow=False)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print a page."""
+    from analyzer.cli.commands import COMMANDS  # noqa: PLC0415
     from analyzer.cli.pager import paged  # noqa: PLC0415
     from analyzer.views.page.markdown import render  # noqa: PLC0415
     from analyzer.views.terminal import Palette  # noqa: PLC0415
@@ -49,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         text = _read(page)
     except (OSError, ValueError) as error:
         return status.damaged(f"the manual of this installation is not whole: {error}", NAME)
-    if topic in args.commands and page != _INDEX:
+    if topic in COMMANDS and page != _INDEX:
         text += f"\nAll options: `tailbyte {topic} --help`.\n"
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else _WIDTH
     with paged(wanted=not args.no_pager) as out:

@@ -11,9 +11,9 @@ from analyzer.cli import options, status
 NAME = "tailbyte info"
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options."""
-    parser = commands.add_parser("info", help="summary of a capture: lines, nodes, types, rates", description=__doc__)
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add what the command says of itself, and its options."""
+    parser.description = __doc__
     options.add_reader(parser)
     options.add_threads(parser)
     options.add_window(parser)

@@ -36,16 +36,12 @@ exit status: that of check: 0 clean, 1 findings at or above --fail-on, 2 wrong u
 opened or is gone for good, or a recording that could not be written, whatever was found, 4 nothing to judge."""
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options; letters mean what they mean to tshark and dumpcap."""
-    parser = commands.add_parser(
-        "live",
-        help="watch, record and judge a bus",
-        usage="%(prog)s [options] IFACE...",
-        description=__doc__,
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add what the command says of itself, and its options; letters mean what they mean to tshark and dumpcap."""
+    parser.usage = "%(prog)s [options] IFACE..."
+    parser.description = __doc__
+    parser.epilog = _EPILOG
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     group = buses.add_buses(parser)
     group.add_argument("-D", dest="interfaces", action="store_true", help="list the interfaces that there are, and end")
     group.add_argument(

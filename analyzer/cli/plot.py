@@ -33,14 +33,10 @@ NAME = "tailbyte plot"
 SUFFIX = ".rrd"
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options."""
-    parser = commands.add_parser(
-        "plot",
-        help="the picture of a flight, in the Rerun viewer",
-        description=__doc__,
-        usage="%(prog)s [options] CAPTURE... [-o FILE.rrd | --serve | --connect URL]",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add what the command says of itself, and its options."""
+    parser.usage = "%(prog)s [options] CAPTURE... [-o FILE.rrd | --serve | --connect URL]"
+    parser.description = __doc__
     options.add_reader(parser)
     options.add_threads(parser)
     where = parser.add_argument_group(
@@ -78,8 +74,7 @@ def run(args: argparse.Namespace) -> int:
     from analyzer.plot import LOG_LEVEL  # noqa: PLC0415
 
     os.environ.setdefault(LOG_LEVEL, "off")  # one clear line of ours instead
-    if args.alone:
-        plain_arrow()
+    plain_arrow()
     with ExitStack() as until_the_end:
         until_the_end.callback(gc.enable)
         gc.disable()  # while Rerun is imported: 100,000 objects that live as long as the program

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from analyzer.app import streams
 from analyzer.app.interrupt import graceful
 from analyzer.app.run import Run
+from analyzer.app.start import plain_arrow
 from analyzer.cli.progress import Progress, bytes_a_second
 from analyzer.cli.status import USAGE
 from analyzer.decode.engine import LINES
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 @contextmanager
 def reading(request: Request, complaints: Complaints, registry: Registry | None = None) -> Iterator[Run]:
     """Read what is asked for; the `Run` says afterwards how that went. Wrong dissector folders end the command."""
+    plain_arrow()
     try:
         run = Run(request, complaints, registry)
     except (DsdlError, ProfileError, OSError) as error:

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
-from dissectors.kit.cells import numbers
+from dissectors.kit.cells import numbers, valid
 from dissectors.schema import ArrayType, CompoundType, PrimitiveType
 
 if TYPE_CHECKING:
@@ -160,8 +159,9 @@ def _ordinary(word: pa.Array, note: Note) -> pa.Array:
     """Return a word, null where it is a special value: that has no parts."""
     if not note.special:
         return word
-    special = np.isin(numbers(word), tuple(note.special))
-    return pc.if_else(pa.array(special), pa.scalar(None, word.type), word) if special.any() else word
+    values = numbers(word)
+    special = np.isin(values, tuple(note.special))
+    return pa.array(np.where(special, 0, values), word.type, mask=special | ~valid(word)) if special.any() else word
 
 
 def _part(name: str, word: pa.Array, part: Bits) -> tuple[pa.Field, pa.Array]:

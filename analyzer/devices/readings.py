@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow.compute as pc
 
 from analyzer.decode.readings import reading_column
-from dissectors.kit.cells import numbers
+from dissectors.kit.cells import holds_text
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -24,5 +23,5 @@ def holding(only: Only | None, table: pa.RecordBatch) -> Array | None:
     name = reading_column(only.reading)
     if name not in table.schema.names:
         return np.zeros(len(table), bool)
-    rows: Array = numbers(pc.fill_null(pc.equal(table.column(name), only.choice), False))
+    rows = holds_text(table.column(name), only.choice)
     return None if rows.all() else rows

@@ -56,11 +56,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     args, _ = parser.parse_known_args(argv)  # a capture has its own times: what the viewer says of time does not matter
     if not is_capture(args.file):
         return NOT_OURS
-    from analyzer.app.start import plain_arrow  # noqa: PLC0415
+    from analyzer.app.start import alone, plain_arrow  # noqa: PLC0415
 
     try:
         if argv is None:  # nobody else uses this process
-            plain_arrow()
+            alone()
+        plain_arrow()
         return _import(_Asked(**vars(args)))
     except BrokenPipeError:  # the viewer has enough
         return 0

@@ -41,6 +41,20 @@ def _bits(bitmap: pa.Buffer, start: int, count: int) -> Array:
     return np.unpackbits(packed, count=start % 8 + count, bitorder="little")[start % 8 :].view(bool)
 
 
+def holds_text(array: pa.Array, text: str) -> Array:
+    """Return a mask of the cells of a column of texts that hold this one."""
+    if not len(array):
+        return np.zeros(0, bool)
+    _, offsets, data = array.buffers()
+    ends = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
+    letters = np.frombuffer(text.encode(), np.uint8)
+    rows: Array = (np.diff(ends) == len(letters)) & valid(array)
+    if letters.size and rows.any():
+        starts = ends[:-1][rows]
+        rows[rows] = (np.frombuffer(data, np.uint8)[starts[:, None] + np.arange(len(letters))] == letters).all(axis=1)
+    return rows
+
+
 def pylist(array: pa.Array) -> list[Any]:
     """Return what `array.to_pylist()` gives; times and durations come as integers."""
     kind = array.type

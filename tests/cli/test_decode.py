@@ -5,13 +5,11 @@ from __future__ import annotations
 import gzip
 import json
 import os
-import subprocess
-import sys
 import time
 from typing import TYPE_CHECKING
 
 import pytest
-from kit.command import CAPTURES, HOVER, SGR, commands, environment, log, run
+from kit.command import CAPTURES, HOVER, SGR, commands, log, run
 
 from analyzer.cli import main
 
@@ -53,25 +51,6 @@ def test_help_and_version(command: Main) -> None:
         assert out.startswith("usage: tailbyte")
     status, out, err = command("--version")
     assert (status, err, out.split()[0]) == (0, "", "tailbyte")
-
-
-@pytest.mark.slow
-def test_help_waits_for_nothing_heavy() -> None:
-    code = (
-        "import sys; from analyzer.cli import main; status = main(sys.argv[1:])\n"
-        "heavy = {'numpy', 'pyarrow', 'can', 'rerun', 'mcap', 'pandas', 'dronecan', 'dissectors', 'analyzer._native'}\n"
-        "print(status, sorted(heavy & set(sys.modules)), file=sys.stderr)"
-    )
-    for args in (
-        ["--help"],
-        ["decode", "--help"],
-        ["info", "--help"],
-        ["--version"],
-        ["decode"],
-        ["decode", "-c", "x"],
-    ):
-        done = subprocess.run([sys.executable, "-c", code, *args], env=environment(), capture_output=True, check=True)
-        assert done.stderr.splitlines()[-1].split(b" ", 1)[1] == b"[]", args
 
 
 @pytest.mark.slow

@@ -7,13 +7,12 @@ import gzip
 import os
 import signal
 import subprocess
-import sys
 from typing import TYPE_CHECKING
 
 import pyarrow.parquet as pq
 import pytest
 from kit import encode
-from kit.command import CAPTURES, HOVER, START, commands, environment, log, run, run_in_room, start, wait_until
+from kit.command import CAPTURES, HOVER, START, commands, log, run, run_in_room, start, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -203,16 +202,6 @@ def test_what_waits_for_a_row_group_is_bounded(command: Main, tmp_path: Path, mo
     assert groups["transfers"] > 5
     assert groups["frames"] > 5
     assert groups["uavcan.protocol.NodeStatus"] == 1
-
-
-def test_help_waits_for_nothing_heavy() -> None:
-    code = (
-        "import sys; from analyzer.cli import main; main(['export', '--help'])\n"
-        "heavy = {'numpy', 'pyarrow', 'mcap', 'google.protobuf', 'dissectors', 'analyzer._native'}\n"
-        "print(sorted(heavy & set(sys.modules)), file=sys.stderr)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, check=True)
-    assert done.stderr == b"[]\n"
 
 
 @pytest.mark.parametrize("form", FORMS)

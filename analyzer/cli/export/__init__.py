@@ -29,14 +29,10 @@ NAME = "tailbyte export"
 _STALE_SHOWN = 3
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options."""
-    parser = commands.add_parser(
-        "export",
-        help="decoded tables as Parquet, Arrow, CSV or MCAP",
-        description=__doc__,
-        usage="%(prog)s [options] CAPTURE... -o DIR|FILE",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add what the command says of itself, and its options."""
+    parser.usage = "%(prog)s [options] CAPTURE... -o DIR|FILE"
+    parser.description = __doc__
     options.add_reader(parser)
     options.add_threads(parser)
     parser.add_argument(

@@ -24,15 +24,11 @@ which bus of the capture goes where, as canplayer does: the interface, and the b
 cannot be sent. Commands for motors and the like go onto a bus that may be real only with --allow-actuation."""
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options."""
-    parser = commands.add_parser(
-        "replay",
-        help="send a capture on a bus once more",
-        usage="%(prog)s [options] CAPTURE... (IFACE | IFACE=BUS...)",
-        description=__doc__,
-        epilog=_EPILOG,
-    )
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add what the command says of itself, and its options."""
+    parser.usage = "%(prog)s [options] CAPTURE... (IFACE | IFACE=BUS...)"
+    parser.description = __doc__
+    parser.epilog = _EPILOG
     options.add_reader(parser)
     parser.add_argument(
         "-i", dest="iface_", action="append", default=[], metavar="IFACE",

@@ -30,15 +30,11 @@ TIME and S are seconds, or 300ms, 10min, 24h. What a file holds depends on nothi
 like go onto a bus that may be real only with --allow-actuation."""
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options."""
-    parser = commands.add_parser(
-        "simulate",
-        help="traffic with known faults, to a file or a bus",
-        usage="%(prog)s [options] (-o FILE | IFACE | --list)",
-        description=__doc__,
-        epilog=_EPILOG,
-    )
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add what the command says of itself, and its options."""
+    parser.usage = "%(prog)s [options] (-o FILE | IFACE | --list)"
+    parser.description = __doc__
+    parser.epilog = _EPILOG
     parser.add_argument("-o", "-w", dest="output", metavar="FILE", help="the capture; - is standard output")
     options.add_capture_form(parser)
     parser.add_argument("--list", action="store_true", help="show every fault with its settings, and every scenario")
