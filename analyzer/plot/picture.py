@@ -57,7 +57,7 @@ class Picture:
         most: int | None = None,
     ) -> None:
         self._canvas = Canvas(send, most)
-        self._messages = MessagePlots(self._canvas, registry)
+        self._messages = MessagePlots(self._canvas, registry, waiting=most is not None)
         self._buses = BusPlots(self._canvas, bit_rate)
         self._from, self._to = NO_TIME, NO_TIME
         self._first = self._last = 0
@@ -112,6 +112,7 @@ class Picture:
 
     def close(self, limits: Mapping[str, float]) -> None:
         """End the capture: draw what was held back. `limits` are frames a second by what they hold for."""
+        self._messages.finish()
         self._buses.finish(limits)
         self._canvas.finish()
         self._canvas.flush()

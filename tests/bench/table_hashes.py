@@ -2,7 +2,7 @@
 
     python tests/bench/table_hashes.py captures/*.log [--live] [--chunk 4096] [--rows 500] [--forced 3=tm] > before
 
-The state is the one on PYTHONPATH. A line has the capture, the table, its rows and a hash of its schema (with metadata),
+The state is the one on PYTHONPATH. A line has the capture, the table, its rows and a hash of its schema with metadata,
 of what is valid, and of the values; a null hides what lies in its cell. `order` is a hash of the names and rows of all
 batches, and of what they say of their nodes.
 """
