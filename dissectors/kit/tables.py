@@ -155,6 +155,13 @@ class TransferTable(Columns):
         """Return the payload of a transfer of this batch, CRC left out."""
         return self._bytes("payload", row)
 
+    def payloads(self, rows: Array) -> Array:
+        """Return the payloads of transfers of this batch that are equally long, a row of bytes each."""
+        offsets, data = self._binary["payload"] if "payload" in self._binary else self._opened("payload")
+        size = int(offsets[rows[0] + 1] - offsets[rows[0]]) if len(rows) else 0
+        found: Array = np.frombuffer(data, np.uint8)[offsets[rows].astype(np.int64)[:, None] + np.arange(size)]
+        return found
+
 
 class EventTable(Columns):
     """Error frames, drop counts, gaps, unreadable lines and comments of a batch.

@@ -13,11 +13,12 @@ from dissectors.tmotor.rules.joined.joins import MOST_UNITS, in_order, units
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import DecodedTable, View
+    from dissectors.kit import Array, DecodedTable, View
 
 _INDEXES = range(20)
 _ANY_UUID, _ANY_INDEX = 0xFFFFFFFF, 0xFF
 _ENOUGH = 3  # reports
+_END = 1 << 62  # behind every transfer
 
 
 @dataclass(slots=True)
@@ -60,21 +61,34 @@ class AssignedIndex(Rule):
         """Yield nodes that go on with another index."""
         if view.start == NO_TIME:
             return
-        settings, answers, reports = view.table("ParamCfg"), view.table("ParamGet"), view.table("ESCStatus")
-        of_nodes: list[int] = []
-        if reports is not None and (answers is not None or self._confirmed):
-            nodes = set(self._confirmed)
-            if answers is not None:
-                nodes |= set(zip(answers.bus.tolist(), answers.src.tolist(), strict=True))
-            mine = (rows.tolist() for unit, rows in units(view).items() if (unit.bus, unit.node) in nodes)
-            of_nodes = [row for rows in mine for row in rows]
-        for table, row in in_order((settings, _good(settings)), (answers, _good(answers)), (reports, of_nodes)):
+        settings, answers = view.table("ParamCfg"), view.table("ParamGet")
+        found: list[tuple[int, Occurrence]] = []
+        reports, asked = _Reports(view), _good(settings)
+        for table, row in in_order((settings, asked), (answers, self._timely(view, answers, settings, asked))):
             if table is settings:
                 self._ask(table, row)
-            elif table is answers:
-                self._confirm(view, table, row)
             else:
-                yield from self._report(view, table, row)
+                node = int(table.bus[row]), int(table.src[row])
+                found += self._compare(view, node, reports.until(node, int(table["transfer"][row])))
+                self._confirm(view, table, row)
+        for node in list(self._confirmed):
+            found += self._compare(view, node, reports.until(node, _END))
+        yield from (one for _, one in sorted(found, key=lambda told: told[0]))
+
+    def _timely(
+        self, view: View, answers: DecodedTable | None, settings: DecodedTable | None, asked: Array
+    ) -> Array:  # fmt: skip
+        """Return answers that do not come too late behind the latest request of any bus."""
+        latest = max((one.t for given in self._given.values() for one in given), default=NO_TIME)
+        if settings is not None and len(asked):
+            latest = max(latest, int(settings.t[asked].max()))
+        if answers is None or latest == NO_TIME:
+            return np.empty(0, np.int64)
+        rows = _good(answers)
+        return rows[answers.t[rows] <= latest + self._limit(view)]
+
+    def _limit(self, view: View) -> float:
+        return view.number("BUS-039", "answer_s") * SECOND
 
     def _ask(self, table: DecodedTable, row: int) -> None:
         index, bus = int(table["esc_id_set"][row]), int(table.bus[row])
@@ -87,9 +101,8 @@ class AssignedIndex(Rule):
         bus, t = int(table.bus[row]), int(table.t[row])
         said = (int(table[name][row]) for name in ("esc_uuid", "esc_index", "esc_id_req"))
         uuid, index, confirmed = said
-        limit = view.number("BUS-039", "answer_s") * SECOND
         for one in reversed(self._given.get(bus, [])):
-            if 0 <= t - one.t <= limit and one.meets(uuid, index, confirmed):
+            if 0 <= t - one.t <= self._limit(view) and one.meets(uuid, index, confirmed):
                 key = bus, int(table.src[row])
                 if key in self._confirmed and self._confirmed[key].index == one.index:
                     return  # it says so once more
@@ -98,21 +111,49 @@ class AssignedIndex(Rule):
                     self._confirmed[key] = _Confirmed(t, one.index, place)
                 return
 
-    def _report(self, view: View, table: DecodedTable, row: int) -> Iterator[Occurrence]:
-        key = int(table.bus[row]), int(table.src[row])
-        known, index = self._confirmed.get(key), int(table["esc_index"][row])
-        wait = view.number("BUS-039", "wait_s") * SECOND
-        if known is None or table.t[row] - known.t < wait:
+    def _compare(
+        self, view: View, node: tuple[int, int], reports: tuple[Array, Array, Array]
+    ) -> Iterator[tuple[int, Occurrence]]:
+        """Yield what the next reports of a node say of the index that it confirmed, with the transfer that says it."""
+        known = self._confirmed.get(node)
+        if known is None:
             return
-        known.others += 1
-        if index == known.index:
-            del self._confirmed[key]  # it does as it said
-        elif known.others >= _ENOUGH:
-            del self._confirmed[key]
-            values = {**known.place.values, "used": index, "wait_s": wait / SECOND}
-            yield replace(known.place, values=values, dialects={"dronecan": None})
+        wait = view.number("BUS-039", "wait_s") * SECOND
+        number, t, indexes = reports
+        for k in np.flatnonzero(t - known.t >= wait)[: _ENOUGH - known.others].tolist():
+            known.others += 1
+            index = int(indexes[k])
+            if index != known.index and known.others < _ENOUGH:
+                continue
+            del self._confirmed[node]
+            if index != known.index:
+                values = {**known.place.values, "used": index, "wait_s": wait / SECOND}
+                yield int(number[k]), replace(known.place, values=values, dialects={"dronecan": None})
+            return
 
 
-def _good(table: DecodedTable | None) -> list[int]:
-    rows: list[int] = [] if table is None else np.flatnonzero(usable(table)).tolist()
-    return rows
+class _Reports:
+    """The reports of each node in a batch, put in order once they are asked for."""
+
+    def __init__(self, view: View) -> None:
+        self._view = view
+        self._rest: dict[tuple[int, int], tuple[Array, Array, Array]] = {}
+
+    def until(self, node: tuple[int, int], transfer: int) -> tuple[Array, Array, Array]:
+        """Return transfers, times and indexes of those before a transfer that were not returned yet."""
+        number, t, index = self._rest[node] if node in self._rest else self._of(node)
+        stop = int(np.searchsorted(number, transfer))
+        self._rest[node] = number[stop:], t[stop:], index[stop:]
+        return number[:stop], t[:stop], index[:stop]
+
+    def _of(self, node: tuple[int, int]) -> tuple[Array, Array, Array]:
+        table = self._view.table("ESCStatus")
+        mine = [rows for unit, rows in units(self._view).items() if (unit.bus, unit.node) == node]
+        if table is None or not mine:
+            return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0, np.uint8)
+        rows = np.sort(np.concatenate(mine))
+        return table["transfer"][rows].astype(np.int64), table.t[rows], table["esc_index"][rows]
+
+
+def _good(table: DecodedTable | None) -> Array:
+    return np.empty(0, np.int64) if table is None else np.flatnonzero(usable(table))

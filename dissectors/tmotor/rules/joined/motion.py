@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from dissectors.kit import Array, DecodedTable, View
+from dissectors.kit import changes
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, ReportingEsc, commands, end, units
 
+if TYPE_CHECKING:
+    from dissectors.kit import Array, DecodedTable, View
+
 COMMANDS = -1  # in place of a node: the throttle on a bus
+
+
+class Changes(NamedTuple):
+    """Where motors of a bus begin or cease to turn: transfer numbers, times, whether they turn from then on."""
+
+    number: Array
+    t: Array
+    turning: Array
 
 
 class Motion:
@@ -28,8 +38,8 @@ class Motion:
         """Return whether motors turn on a bus by now."""
         return self._turning.get(bus, 0) > 0
 
-    def feed(self, view: View) -> dict[int, tuple[Array, Array, Array]]:
-        """Add the next batch; return its changes by bus: transfer numbers, times, whether motors turn from then on."""
+    def feed(self, view: View) -> dict[int, Changes]:
+        """Add the next batch; return its changes by bus."""
         steps: dict[int, list[tuple[Array, Array, Array]]] = {}
         table = view.table("ESCStatus")
         if table is not None:
@@ -47,20 +57,19 @@ class Motion:
         if unit not in self._on and len(self._on) >= MOST_UNITS:
             return
         self._turning.setdefault(unit.bus, 0)
-        before = self._on.get(unit, False)
+        at = changes(on, self._on.get(unit, False))
         self._on[unit] = bool(on[-1])
-        at = np.flatnonzero(on != np.concatenate(([before], on[:-1])))
         if len(at):
             table, rows = where[0], where[1][at]
             step = np.where(on[at], 1, -1)
             number = table["transfer"][rows].astype(np.int64)
             steps.setdefault(unit.bus, []).append((number, end(view, table, rows), step))
 
-    def _changes(self, bus: int, parts: list[tuple[Array, Array, Array]]) -> tuple[Array, Array, Array]:
+    def _changes(self, bus: int, parts: list[tuple[Array, Array, Array]]) -> Changes:
         number, t, step = (np.concatenate(part) for part in zip(*parts, strict=True))
         order = np.argsort(number, kind="stable")
         count = self._turning[bus] + np.cumsum(step[order])
         on = count > 0
-        at = np.flatnonzero(on != np.concatenate(([self._turning[bus] > 0], on[:-1])))
+        at = changes(on, self._turning[bus] > 0)
         self._turning[bus] = int(count[-1])
-        return number[order][at], t[order][at], on[at]
+        return Changes(number[order][at], t[order][at], on[at])

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import Rule, breach, rule, sender, usable
+from dissectors.kit import Rule, breach, groups, rule, sender, usable
 from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, Values, View
 
@@ -80,9 +80,8 @@ class Words(Rule):
         length = view.transfers.length[table.row]
         even = (length > 0) & (length <= _MOST_BYTES) & (length % 2 == 0)
         rows = np.flatnonzero(even & usable(table) & ~view.transfers.fd[table.row])
-        keys = sender(table, rows).astype(np.int64) << 8 | length[rows]
-        for key in np.unique(keys).tolist():
-            mine, who = rows[keys == key], (key >> 8, key & 0xFF)
+        for key, places in groups(sender(table, rows).astype(np.int64) << 8 | length[rows]):
+            mine, who = rows[places], (key >> 8, key & 0xFF)
             if who in self._streams or (_may_be_words(table, mine) and len(self._streams) < _MOST_SENDERS):
                 stream = self._streams.setdefault(who, _Stream())
                 yield from stream.follow(view, table, mine)
@@ -129,28 +128,42 @@ class _Stream:
     def follow(self, view: View, table: DecodedTable, rows: Array) -> Iterator[Occurrence]:
         """Add commands of a batch, all of one length."""
         starts, values = table.lists("cmd")
-        size = int(view.transfers.length[table.row[rows[0]]])
         channels = int(starts[rows[0] + 1] - starts[rows[0]])
+        payloads = view.transfers.payloads(table.row[rows])
+        words = payloads.view("<i2")
+        fits: Array = np.all((words <= FULL_THROTTLE) & (words >= -FULL_THROTTLE), axis=1)
+        begun = np.cumsum(~fits)[fits]  # how often it had to begin anew by then
+        rows, payloads, words = rows[fits], payloads[fits], words[fits].astype(np.int32)
         sent = values[starts[rows][:, None] + np.arange(channels)].astype(np.int32)
-        payloads = [view.transfers.payload(row) for row in table.row[rows].tolist()]
-        words = np.frombuffer(b"".join(payloads), "<i2").reshape(len(rows), size // 2).astype(np.int32)
-        fits = np.abs(words).max(axis=1) <= FULL_THROTTLE
-        told = _telling(table, rows, words, sent, payloads)
-        spare = np.array([one[-1] & (1 << 8 * size - _BITS * channels & 0xFF) - 1 for one in payloads])
-        for k in range(len(rows)):
-            if not fits[k]:
-                self.recent.clear()
-                self.seen.clear()
-                self.held, self.sure = [], False
-                continue
-            if not any(payloads[k]) or not (told[k] or self.under_way):
-                continue
-            fresh = payloads[k] not in self.seen
-            self.recent.append((words[k], sent[k], int(spare[k])))
+        told = _telling(table, rows, words, sent, payloads[:, -1])
+        spare = payloads[:, -1].astype(np.int64) & (1 << 8 * payloads.shape[1] - _BITS * channels & 0xFF) - 1
+        past = 0
+        for k in self._to_follow(begun, told, np.any(payloads, axis=1)).tolist():
+            if begun[k] != past:
+                self._begin()
+                past = int(begun[k])
+            payload = payloads[k].tobytes()
+            fresh = payload not in self.seen
+            self.recent.append((words[k].copy(), sent[k].copy(), int(spare[k])))
             if len(self.seen) < _RECENT:
-                self.seen.add(payloads[k])
+                self.seen.add(payload)
             if told[k] == _SURE or (told[k] == _IF_NEW and (fresh or self.sure)):
                 yield from self._tell(view, table, int(rows[k]), (words[k], sent[k]))
+        if past != len(fits) - len(rows):
+            self._begin()
+
+    def _begin(self) -> None:
+        """Forget everything."""
+        self.recent.clear()
+        self.seen.clear()
+        self.held, self.sure = [], False
+
+    def _to_follow(self, begun: Array, told: Array, any_: Array) -> Array:
+        """Return the places of commands that are not all zero, from the first one on that tells something."""
+        telling = np.cumsum((told != _NOTHING) & any_)
+        first = np.searchsorted(begun, begun)  # the first place since it began
+        before = np.append(0, telling)[first]
+        return np.flatnonzero(any_ & ((telling > before) | ((begun == 0) & self.under_way)))
 
     def _tell(self, view: View, table: DecodedTable, row: int, both: tuple[Array, Array]) -> Iterator[Occurrence]:
         names = "a word" if len(both[0]) == 1 else "words"
@@ -185,10 +198,12 @@ def _steps(values: Array) -> float:
     return float(np.abs(np.diff(values, axis=0)).sum()) / len(values)
 
 
-def _telling(table: DecodedTable, rows: Array, words: Array, sent: Array, payloads: Sequence[bytes]) -> Array:
-    """Return what each command tells if its words are throttles: nothing, or _SURE, or _IF_NEW if it is another one."""
+def _telling(table: DecodedTable, rows: Array, words: Array, sent: Array, last: Array) -> Array:
+    """Return what each command tells if its words are throttles: nothing, or _SURE, or _IF_NEW if it is another one.
+
+    `last` are their last bytes.
+    """
     over = table["bits_left"][rows] >= _BYTE
-    last = np.array([one[-1] for one in payloads])
     surely = (over & (last != 0)) | (~over & table["pad_nonzero"][rows])
     more, less = np.count_nonzero(sent, axis=1), np.count_nonzero(words, axis=1)
     plain = ~over & (words.shape[1] * 2 >= _PERIOD)  # padding says nothing

@@ -1,0 +1,29 @@
+"""Rows in groups, and what changes from row to row, against the same row by row."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dissectors.kit import changes, groups, last_set
+
+
+@given(st.lists(st.integers(0, 3) | st.integers(0, 1 << 40)))
+def test_groups_hold_each_place_once_and_in_order(keys: list[int]) -> None:
+    found = [(key, places.tolist()) for key, places in groups(np.array(keys, np.int64))]
+    assert found == [(key, [k for k, one in enumerate(keys) if one == key]) for key in sorted(set(keys))]
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.int64, np.float64, bool])
+@given(values=st.lists(st.integers(0, 1)), before=st.integers(0, 2))
+def test_changes(kind: type, values: list[int], before: int) -> None:
+    expected = [k for k, one in enumerate(values) if one != [before, *values][k]]
+    assert changes(np.array(values, kind), before).tolist() == expected
+
+
+@given(st.lists(st.booleans()))
+def test_latest(mask: list[bool]) -> None:
+    expected = [max((k for k in range(end + 1) if mask[k]), default=-1) for end in range(len(mask))]
+    assert last_set(np.array(mask, bool)).tolist() == expected
