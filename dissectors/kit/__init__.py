@@ -16,7 +16,7 @@ from dissectors.kit.collection import rules_of
 from dissectors.kit.conformance import Conformance, Exercise, Measures
 from dissectors.kit.definitions import Types
 from dissectors.kit.occurrence import Occurrence, Occurrences, Severity, Values, Worst
-from dissectors.kit.order import changes, groups, last_set
+from dissectors.kit.order import by_key, changes, groups, last_set
 from dissectors.kit.paces import Break, PacedReports
 from dissectors.kit.pauses import Pauses
 from dissectors.kit.rows import NODES, breach, doubtful, frames_of, rows_by_bus, sender, sound, usable
@@ -32,6 +32,7 @@ __all__ = [
     "MICROSECOND", "MILLISECOND", "NODES", "NO_TIME", "SECOND", "SESSION", "Array", "Break", "Conformance",
     "DecodedTable", "EventTable", "Exercise", "Feed", "FrameTable", "JointLoss", "Kept", "Latest", "Measures",
     "Occurrence", "Occurrences", "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "RunningTime", "Second",
-    "Severity", "Starts", "TransferTable", "Types", "Values", "View", "Worst", "breach", "changes", "doubtful",
-    "frames_of", "groups", "last_set", "rows_by_bus", "rule", "rules_of", "sender", "set_back", "sound", "usable",
+    "Severity", "Starts", "TransferTable", "Types", "Values", "View", "Worst", "breach", "by_key", "changes",
+    "doubtful", "frames_of", "groups", "last_set", "rows_by_bus", "rule", "rules_of", "sender", "set_back", "sound",
+    "usable",
 ]  # fmt: skip

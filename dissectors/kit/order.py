@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,16 +15,28 @@ if TYPE_CHECKING:
 _SHORT = 1 << 16  # keys below this sort in one pass over the rows
 
 
-def groups(keys: Array) -> Iterator[tuple[int, Array]]:
-    """Yield each key in order, and the places at which it stands, in order; keys are not negative."""
+def by_key(keys: Array) -> tuple[Array, Array]:
+    """Return the places in the order of keys, those of one key in order, and where in that each key begins.
+
+    Keys are not negative.
+    """
     if not len(keys):
-        return
+        return np.empty(0, np.int64), np.empty(0, np.int64)
     keys = keys.astype(np.uint16) if int(keys.max()) < _SHORT else keys
     order = np.argsort(keys, kind="stable")
     ordered = keys[order]
-    cuts = (np.flatnonzero(ordered[1:] != ordered[:-1]) + 1).tolist()
-    for first, stop in zip([0, *cuts], [*cuts, len(keys)], strict=True):
-        yield int(ordered[first]), order[first:stop]
+    begins = np.empty(len(keys), bool)
+    begins[0] = True
+    np.not_equal(ordered[1:], ordered[:-1], out=begins[1:])
+    return order, np.flatnonzero(begins)
+
+
+def groups(keys: Array) -> Iterator[tuple[int, Array]]:
+    """Yield each key in order, and the places at which it stands, in order; keys are not negative."""
+    order, begins = by_key(keys)
+    first = [*begins.tolist(), len(keys)]
+    for start, stop in pairwise(first):
+        yield int(keys[order[start]]), order[start:stop]
 
 
 def changes(values: Array, before: float) -> Array:

@@ -7,13 +7,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.kit import changes, groups, last_set
+from dissectors.kit import by_key, changes, groups, last_set
 
 
 @given(st.lists(st.integers(0, 3) | st.integers(0, 1 << 40)))
 def test_groups_hold_each_place_once_and_in_order(keys: list[int]) -> None:
     found = [(key, places.tolist()) for key, places in groups(np.array(keys, np.int64))]
     assert found == [(key, [k for k, one in enumerate(keys) if one == key]) for key in sorted(set(keys))]
+
+
+@given(st.lists(st.integers(0, 3) | st.integers(0, 1 << 40)))
+def test_places_in_the_order_of_keys(keys: list[int]) -> None:
+    order, first = by_key(np.array(keys, np.int64))
+    expected = sorted(range(len(keys)), key=keys.__getitem__)
+    assert order.tolist() == expected
+    assert first.tolist() == [k for k, at in enumerate(expected) if k == 0 or keys[at] != keys[expected[k - 1]]]
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.int64, np.float64, bool])

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from analyzer.facts.node_status import NODE_STATUS
-from analyzer.rules.bus.heard import Gap, HeardNode, HeardNodes, HeardSessions, Session
-from analyzer.rules.bus.proved import first_transfers
+from analyzer.rules.bus.heard import Gap, HeardNode, HeardNodes, HeardSessions
+from analyzer.rules.bus.sessions import Session, first_transfers
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Break, Occurrence, PacedReports, Pauses, Rule, Starts
 
 if TYPE_CHECKING:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.bus.heard import MOST_SESSIONS, Session, SessionOrder
-from analyzer.rules.bus.proved import first_transfers
+from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames, first_transfers
 from analyzer.rules.joint.times import FEW, WIDEST, WINDOW
 from analyzer.tables import ERROR, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
 from dissectors.kit import MILLISECOND, NO_TIME
@@ -16,7 +15,8 @@ from dissectors.kit import MILLISECOND, NO_TIME
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import Array, View
+    from analyzer.rules.bus.sessions import BusFrames, Session
+    from dissectors.kit import Array, FrameTable, View
 
 _COMPLETE = STATUSES.index("ok")
 _KNOWN_BY = 2  # complete transfers of a type that is defined: a session of DroneCAN, and no other protocol's
@@ -25,6 +25,11 @@ _NEVER = np.iinfo(np.int64).max
 _HABIT = 4  # one of so many requests may have an odd ID; of tools that count otherwise more have
 _SWAPPED = 100 * MILLISECOND  # within which a frame that was overtaken is still to come
 _FOLLOWS = TAIL_START | TAIL_TOGGLE | TAIL_ID  # whether a frame is the last one is not known before
+_TAILS = np.arange(256)
+# What the tail byte behind each one should have of `_FOLLOWS`.
+_WANTED = np.where(
+    _TAILS & TAIL_END != 0, TAIL_START | (_TAILS + 1) & TAIL_ID, _TAILS & TAIL_ID | ~_TAILS & TAIL_TOGGLE
+).astype(np.uint8)
 
 
 @dataclass(slots=True, eq=False)
@@ -76,7 +81,6 @@ class Lacks:
     """
 
     def __init__(self) -> None:
-        self._order = SessionOrder(services=True)
         self._last: dict[Session, _Last] = {}
         self._latest: dict[Session, Lack] = {}
         self._heard: dict[int, int] = {}  # frames by bus
@@ -89,17 +93,25 @@ class Lacks:
         """Add a batch; return what is missing, in the order of the frames behind it."""
         self._prove(view)
         frames = view.frames
+        errors = bool((frames.flags & ERROR).any())
         found: list[Lack] = []
-        begins = dict(self._heard)
-        for session, own in self._order.of(frames):
-            base = begins.get(session.bus, 0)
+        for bus, ours in bus_frames(frames).items():
+            base = self._heard.get(bus, 0)
             if not base:
-                self._since[session.bus] = min(self._since.get(session.bus, int(own.t[0])), int(own.t[0]))
-            self._heard[session.bus] = max(self._heard.get(session.bus, 0), base + int(own.place[-1]) + 1)
-            good = frames.flags[own.row] & ERROR == 0
-            if good.any() and (session in self._last or len(self._last) < MOST_SESSIONS):
-                columns = own.tail, own.t, own.row + frames.first, own.place + base
-                found += self._follow(session, _Frames(*(column[good] for column in columns)))
+                self._since[bus] = int(frames.t[ours.row[ours.first[:-1]]].min())
+            self._heard[bus] = base + len(ours.row)
+            begun = np.add.reduceat(ours.tail & TAIL_START != 0, ours.first[:-1], dtype=np.int64).tolist()
+            for k, odd in enumerate(_odd(ours)):
+                session, last = ours.sessions[k], self._last.get(ours.sessions[k])
+                if last is None and len(self._last) >= MOST_SESSIONS:
+                    continue
+                mine = slice(ours.first[k], ours.first[k + 1])
+                if errors or odd or last is None or _odd_behind(np.uint8(last.tail), ours.tail[mine.start]):
+                    found += self._follow(session, _frames(frames, ours, mine, base))
+                else:
+                    end = _frames(frames, ours, slice(mine.stop - 1, mine.stop), base)
+                    place = _Last(*(int(column[0]) for column in end))
+                    self._last[session] = place._replace(odd=last.odd, begun=last.begun + begun[k])
         found.sort(key=lambda one: one.places[1])
         for one in found:
             each = max(one.until - self._since[one.session.bus], 0) // one.places[1]
@@ -128,12 +140,12 @@ class Lacks:
                 nodes[session.node] = min(nodes.get(session.node, at), at)
 
     def _follow(self, session: Session, own: _Frames) -> Iterator[Lack]:
+        if not len(own.tail):
+            return
         last = self._last.get(session, _Last())
-        tail = np.append(last.tail, own.tail).astype(np.int64)
-        wanted = np.where(tail & TAIL_END != 0, TAIL_START | (tail + 1) & TAIL_ID, tail & TAIL_ID | ~tail & TAIL_TOGGLE)
-        follows = tail[1:] & _FOLLOWS == wanted[:-1]
-        follows[0] &= last.number >= 0
-        odd = ~follows & (tail[1:] != tail[:-1])
+        tail = np.append(last.tail, own.tail).astype(np.uint8)
+        wanted = _WANTED[tail]
+        odd = _odd_behind(tail[:-1], tail[1:])
         odd[0] &= last.number >= 0
         odd &= (own.t >= self._known.get(session, _NEVER)) | (np.cumsum(odd) + last.odd <= _MOST_UNKNOWN)
         odd &= (tail[:-1] & TAIL_END == 0) | (tail[1:] & _FOLLOWS != TAIL_START)
@@ -163,3 +175,25 @@ class Lacks:
             past.void = one.void = True
         elif past.void and past.frames[1] == one.frames[0]:
             one.void = True
+
+
+def _frames(frames: FrameTable, ours: BusFrames, mine: slice, base: int) -> _Frames:
+    """Return frames of a session that are no error frames; `base` are those of the bus before the batch."""
+    rows = ours.row[mine]
+    found = _Frames(ours.tail[mine], frames.t[rows], rows + frames.first, ours.place[mine] + base)
+    good = frames.flags[rows] & ERROR == 0
+    return found if good.all() else _Frames(*(column[good] for column in found))
+
+
+def _odd(ours: BusFrames) -> list[bool]:
+    """Return of which sessions there are frames that do not follow the one before them in the batch."""
+    odd = _odd_behind(ours.tail[:-1], ours.tail[1:])
+    odd[np.array(ours.first[1:-1], np.int64) - 1] = False
+    found = np.zeros(len(ours.sessions), bool)
+    found[np.searchsorted(ours.first, np.flatnonzero(odd), "right") - 1] = True
+    return list(found.tolist())
+
+
+def _odd_behind(before: Any, tail: Any) -> Any:
+    """Return which tail bytes do not follow those before them, nor repeat them."""
+    return (tail & _FOLLOWS != _WANTED[before]) & (tail != before)

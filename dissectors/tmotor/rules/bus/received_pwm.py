@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, groups
 from dissectors.tmotor.rules.joined.driven import DrivenUnits, PwmPriority
 from dissectors.tmotor.rules.joined.joins import (
     FULL_THROTTLE,
@@ -64,15 +64,14 @@ class _Esc:
     run: _Run = field(default_factory=_Run)
 
 
-class _Packet(NamedTuple):
-    """One packet: width in us, throttle in %, lowest and highest of the last moment, and whether it can be judged."""
+class _Packets(NamedTuple):
+    """Packets of one ESC: widths in us, throttles in %, whether they can be judged, and whether they are off then."""
 
-    t: int
-    width: float
-    wanted: float
-    low: float
-    high: float
-    judged: bool
+    t: Array
+    width: Array
+    wanted: Array
+    judged: Array
+    off: Array
 
 
 class _Claims:
@@ -134,35 +133,48 @@ class ReceivedPwm(Rule):
         return found
 
     def _follow(self, view: View, unit: ReportingEsc, some: PacketRows) -> Iterator[Occurrence]:
-        table, lasts = some.table, view.number("BUS-043", "lasts_s") * SECOND
-        reversed_ = table["big_endian"][some.rows]
-        for packet, row, turned in zip(self._joined(view, unit, some), some.rows.tolist(), reversed_, strict=True):
+        packets = self._joined(view, unit, some)
+        for turned, places in groups(some.table["big_endian"][some.rows]):
             key = unit, bool(turned)
-            if key not in self._escs and len(self._escs) >= MOST_UNITS:
-                return
-            esc = self._escs.setdefault(key, _Esc())
-            if not packet.judged:
-                esc.run.doubt = packet.t if esc.run.doubt == NO_TIME else esc.run.doubt
+            if key in self._escs or len(self._escs) < MOST_UNITS:
+                esc = self._escs.setdefault(key, _Esc())
+                mine = _Packets(*(column[places] for column in packets))
+                if mine.off.any():
+                    yield from self._runs(view, unit, esc, (some, some.rows[places], mine))
+                else:
+                    _pass(esc, mine)
+
+    def _runs(
+        self, view: View, unit: ReportingEsc, esc: _Esc, what: tuple[PacketRows, Array, _Packets]
+    ) -> Iterator[Occurrence]:
+        """Follow packets of which some are off, one by one."""
+        some, rows, packets = what
+        lasts = view.number("BUS-043", "lasts_s") * SECOND
+        for row, *columns in zip(rows.tolist(), *(column.tolist() for column in packets), strict=True):
+            t, width, wanted, judged, off = columns
+            if not judged:
+                esc.run.doubt = t if esc.run.doubt == NO_TIME else esc.run.doubt
                 continue
-            off = _is_off(esc, packet, view.number("BUS-043", "off_us"))
-            if not off or (esc.run.doubt != NO_TIME and packet.t - esc.run.doubt > _DOUBT):
+            esc.widths = min(esc.widths[0], width), max(esc.widths[1], width)
+            esc.wanted = min(esc.wanted[0], wanted), max(esc.wanted[1], wanted)
+            if not off or (esc.run.doubt != NO_TIME and t - esc.run.doubt > _DOUBT):
                 esc.run = _Run()
             if not off:
                 continue
             run = esc.run
             run.doubt = NO_TIME
             if run.since == NO_TIME:
-                said = {"channel": unit.index + 1, "wanted_pct": packet.wanted, "microseconds": packet.width}
-                said["pct"] = min(max(100 * (packet.width - _UAV) / _RANGE, 0.0), 100.0)
-                run.since, run.place = packet.t, occurrence(view, table, row, "BUS-043", said, held=True)
+                said = {"channel": unit.index + 1, "wanted_pct": wanted, "microseconds": width}
+                said["pct"] = min(max(100 * (width - _UAV) / _RANGE, 0.0), 100.0)
+                run.since, run.place = t, occurrence(view, some.table, row, "BUS-043", said, held=True)
             run.packets += 1
-            long = packet.t - run.since >= lasts and run.packets >= _ENOUGH
+            long = t - run.since >= lasts and run.packets >= _ENOUGH
             if run.place is not None and not run.told and long and not _unused(esc):
                 run.told = True
-                values = {**run.place.values, "seconds": (packet.t - run.since) / SECOND, "packets": run.packets}
+                values = {**run.place.values, "seconds": (t - run.since) / SECOND, "packets": run.packets}
                 yield replace(run.place, values=values)
 
-    def _joined(self, view: View, unit: ReportingEsc, some: PacketRows) -> Iterator[_Packet]:
+    def _joined(self, view: View, unit: ReportingEsc, some: PacketRows) -> _Packets:
         table, rows = some.table, some.rows
         t, width = table.t[rows], table["pwm"][rows].astype(np.float64)
         command = self._last.in_force(view, unit.bus, unit.index, table, rows)
@@ -175,8 +187,9 @@ class ReceivedPwm(Rule):
         near = np.abs(width - (_UAV + _RANGE * wanted / 100)) <= _STANDS
         low, high = self._lately(view, unit, some, t, (wanted, judged & ~near))
         judged &= high - low <= view.number("BUS-043", "steady_pct")
-        columns = (t, width, wanted, low, high, judged)
-        yield from map(_Packet._make, zip(*(column.tolist() for column in columns), strict=True))
+        off_us = view.number("BUS-043", "off_us")
+        least, most = _UAV + _RANGE * low / 100 - off_us, _SPRAYING + _RANGE * high / 100 + off_us
+        return _Packets(t, width, wanted, judged, judged & ~((least <= width) & (width <= most)))
 
     def _lately(
         self, view: View, unit: ReportingEsc, some: PacketRows, t: Array, what: tuple[Array, Array]
@@ -190,12 +203,17 @@ class ReceivedPwm(Rule):
         return low, high
 
 
-def _is_off(esc: _Esc, packet: _Packet, off_us: float) -> bool:
-    """Note what a judged packet shows, and return whether its width is that of another throttle."""
-    esc.widths = min(esc.widths[0], packet.width), max(esc.widths[1], packet.width)
-    esc.wanted = min(esc.wanted[0], packet.wanted), max(esc.wanted[1], packet.wanted)
-    least, most = _UAV + _RANGE * packet.low / 100 - off_us, _SPRAYING + _RANGE * packet.high / 100 + off_us
-    return not least <= packet.width <= most
+def _pass(esc: _Esc, packets: _Packets) -> None:
+    """Note packets of which none is off."""
+    judged = np.flatnonzero(packets.judged)
+    if len(judged):
+        width, wanted = packets.width[judged], packets.wanted[judged]
+        esc.widths = min(esc.widths[0], float(width.min())), max(esc.widths[1], float(width.max()))
+        esc.wanted = min(esc.wanted[0], float(wanted.min())), max(esc.wanted[1], float(wanted.max()))
+        esc.run = _Run()
+    behind = packets.t[int(judged[-1]) + 1 if len(judged) else 0 :]
+    if len(behind) and esc.run.doubt == NO_TIME:
+        esc.run.doubt = int(behind[0])
 
 
 def _unused(esc: _Esc) -> bool:

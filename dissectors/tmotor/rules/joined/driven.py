@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import sound, usable
+from dissectors.kit import groups, sound, usable
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 from dissectors.tmotor.rules.packets.carried import ALL_UNITS, FIRST_UNIT
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _RELEASED = (0x00, 0x66)  # control modes that drive nothing
 PWM, CAN = 0, 1  # throttle priorities (4.2)
+_NOTHING = (np.empty(0, np.int64),) * 4
 
 
 class _Switches:
@@ -22,25 +23,23 @@ class _Switches:
 
     def __init__(self) -> None:
         self._before: dict[tuple[int, int], bool] = {}
-        self._now: dict[tuple[int, int], list[tuple[int, bool]]] = {}
+        self._now: dict[tuple[int, int], tuple[Array, Array]] = {}
 
-    def next(self) -> None:
-        """Begin a batch."""
-        for place, said in self._now.items():
+    def feed(self, bus: Array, which: Array, number: Array, on: Array) -> None:
+        """Add a batch: by which transfers, in order, each one was turned on or off."""
+        for place, (_, states) in self._now.items():
             if place in self._before or len(self._before) < MOST_UNITS:
-                self._before[place] = said[-1][1]
-        self._now = {}
-
-    def turn(self, bus: int, which: int, number: int, *, on: bool) -> None:
-        """Turn one on or off with a transfer; those of a batch come in order."""
-        self._now.setdefault((bus, which), []).append((number, on))
+                self._before[place] = bool(states[-1])
+        keys = bus.astype(np.int64) << 16 | which
+        self._now = {(key >> 16, key & 0xFFFF): (number[at], on[at]) for key, at in groups(keys)}
 
     def at(self, bus: int, which: int, number: Array) -> Array:
         """Return how one stands at some transfers."""
-        place = (bus, which)
-        said = self._now.get(place, [])
-        states = np.array([self._before.get(place, False), *(one for _, one in said)])
-        found: Array = states[np.searchsorted(np.array([at for at, _ in said], np.int64), number)]
+        before = self._before.get((bus, which), False)
+        if (bus, which) not in self._now:
+            return np.full(len(number), before)
+        at, states = self._now[bus, which]
+        found: Array = np.append(before, states)[np.searchsorted(at, number)]
         return found
 
 
@@ -52,14 +51,13 @@ class DrivenUnits:
 
     def feed(self, view: View) -> None:
         """Add the next batch."""
-        self._units.next()
         table = view.table("PUSHSCI.OutputControl")
-        if table is not None:
-            for row in np.flatnonzero(sound(table)).tolist():
-                driven = int(table["control_mode"][row]) not in _RELEASED
-                self._units.turn(
-                    int(table.bus[row]), int(table["unit_id"][row]), int(table["transfer"][row]), on=driven
-                )
+        if table is None:
+            self._units.feed(*_NOTHING)
+            return
+        rows = np.flatnonzero(sound(table))
+        driven = ~np.isin(table["control_mode"][rows], _RELEASED)
+        self._units.feed(table.bus[rows], table["unit_id"][rows], table["transfer"][rows].astype(np.int64), driven)
 
     def at(self, bus: int, index: int, number: Array) -> Array:
         """Return a mask of the transfers at which the unit of an ESC index is driven."""
@@ -100,9 +98,9 @@ class PwmPriority:
 
     def feed(self, view: View) -> None:
         """Add the next batch."""
-        self._nodes.next()
-        for said in priorities(view):
-            self._nodes.turn(said.bus, said.node, said.transfer, on=said.priority == PWM)
+        said = priorities(view)
+        transfer, bus, node, priority, _ = np.array(said, np.int64).T if said else (*_NOTHING, _NOTHING[0])
+        self._nodes.feed(bus, node, transfer, priority == PWM)
 
     def at(self, bus: int, node: int, number: Array) -> Array:
         """Return a mask of the transfers at which PWM has priority in a node."""

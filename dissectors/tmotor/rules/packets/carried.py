@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dissectors.kit import SECOND, breach, sender
+from dissectors.kit import SECOND, breach, groups, sender
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -59,9 +59,8 @@ def unit_key(table: DecodedTable) -> Array:
 
 def by_unit(table: DecodedTable, rows: Array) -> Iterator[tuple[tuple[int, int, int], Array]]:
     """Yield bus, source node and power unit, and which of the rows are theirs, in order."""
-    keys = unit_key(table)[rows]
-    for key in np.unique(keys).tolist():
-        yield (key >> 15, key >> 8 & 0x7F, key & 0xFF), rows[keys == key]
+    for key, places in groups(unit_key(table)[rows]):
+        yield (key >> 15, key >> 8 & 0x7F, key & 0xFF), rows[places]
 
 
 def sender_key(table: DecodedTable) -> Array:

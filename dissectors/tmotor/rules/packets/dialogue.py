@@ -250,7 +250,8 @@ def _reports(view: View) -> Iterator[DecodedTable]:
 
 def _settings(view: View, table: DecodedTable) -> Iterator[_Question]:
     for row in np.flatnonzero(sound(table)).tolist():
-        wanted = {name: int(table[column][row]) for name, column, _, ones in _SHARED if table[column][row] != ones}
+        given = [(name, column) for name, column, _, ones in _SHARED if table[column][row] != ones]
+        wanted = {name: int(table[column][row]) for name, column in given if table.has(column)[row]}
         found = occurrence(view, table, row, "PUSH-103", {})
         unit = int(table["unit_id"][row])
         yield _Question(int(table.bus[row]), unit, int(table["transfer"][row]), found, wanted)

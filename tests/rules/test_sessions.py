@@ -1,0 +1,119 @@
+"""Frames of a bus by session, when each node was not heard, and the first transfers of sessions."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pyarrow as pa
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analyzer.rules.bus.heard import HeardNodes, HeardSessions
+from analyzer.rules.bus.sessions import Session, bus_frames, first_transfers
+from analyzer.tables import EXTENDED, FRAMES, KINDS, TAIL_END, TAIL_ID, TAIL_START, TRANSFERS
+from dissectors.kit import FrameTable, TransferTable
+
+LEAST = 5
+# Identifiers of two nodes: three messages, and a service one of them asks the other for.
+IDS = (0x1803E80B, 0x1003E90B, 0x1003E80C, 0x1E018B8C, 0x1E010C8B)
+
+Heard = tuple[int, int, int, bytes]  # time, identifier, bus, data
+heard = st.tuples(
+    st.integers(0, 12), st.sampled_from(IDS), st.integers(0, 1), st.binary(min_size=1, max_size=2)
+)  # fmt: skip
+captures = st.lists(heard, max_size=40).flatmap(
+    lambda some: st.sampled_from([some, sorted(some, key=lambda one: one[0])])
+)
+
+
+def tables(rows: list[Heard], step: int) -> list[FrameTable]:
+    found = []
+    for at in range(0, len(rows), step):
+        part = rows[at : at + step]
+        columns = {
+            "t": [one[0] for one in part], "bus": [one[2] for one in part], "id": [one[1] for one in part],
+            "flags": [EXTENDED] * len(part), "line": [1] * len(part), "data": [one[3] for one in part],
+            "verdict": [0] * len(part), "anomaly": [0] * len(part),
+        }  # fmt: skip
+        found.append(FrameTable(pa.RecordBatch.from_pydict(columns, schema=FRAMES), at))
+    return found
+
+
+def session_of(one: Heard) -> Session:
+    _, identifier, bus, _ = one
+    return Session(bus, identifier & 0x7F, identifier >> 8 & 0xFFFF | (identifier & 0x80) << 9)
+
+
+@given(captures)
+def test_each_session_has_its_frames_in_order(rows: list[Heard]) -> None:
+    found: dict[Session, list[int]] = {}
+    for frames in tables(rows, 40):
+        for bus, ours in bus_frames(frames).items():
+            own = [k for k, one in enumerate(rows) if one[2] == bus]
+            for session, (begin, end) in zip(ours.sessions, pairwise(ours.first), strict=True):
+                found[session] = ours.row[begin:end].tolist()
+                assert [own[place] for place in ours.place[begin:end].tolist()] == found[session]
+                assert ours.tail[begin:end].tolist() == [rows[k][3][-1] for k in found[session]]
+    expected: dict[Session, list[int]] = {}
+    for k, one in enumerate(rows):
+        expected.setdefault(session_of(one), []).append(k)
+    assert found == expected
+
+
+@given(captures, st.sampled_from([1, 3, 40]))
+def test_gaps_of_nodes(rows: list[Heard], step: int) -> None:
+    nodes = HeardNodes(LEAST)
+    for frames in tables(rows, step):
+        nodes.feed(frames)
+    for bus in (0, 1):
+        for node in (0x0B, 0x0C):
+            own = [(one[0], k) for k, one in enumerate(rows) if (one[2], one[1] & 0x7F) == (bus, node)]
+            far = [(a[0], b[0], a[1]) for a, b in pairwise(own) if b[0] - a[0] > LEAST]
+            assert [gap[:3] for gap in nodes.gaps(bus, node, 0, 12)] == far
+
+
+@given(captures, st.sampled_from([1, 3, 40]))
+def test_transfers_begin(rows: list[Heard], step: int) -> None:
+    sessions, found = HeardSessions(), {}
+    for frames in tables(rows, step):
+        for session, begun in sessions.feed(frames):
+            columns = (column.tolist() for column in begun)
+            found[session] = found.get(session, []) + list(zip(*columns, strict=True))
+    expected: dict[Session, list[tuple[int, int, int]]] = {}
+    last: dict[Session, tuple[bool, int, int]] = {}
+    for k, one in enumerate(rows):
+        session, tail = session_of(one), one[3][-1]
+        ended, before, lost = last.get(session, (True, -1, 0))
+        if session.of_service:
+            continue
+        if ended or tail & TAIL_START:
+            lost += max((tail - before) % 32 - 1, 0) if before >= 0 else 0
+            before = tail & TAIL_ID
+            expected.setdefault(session, []).append((one[0], k, lost))
+        last[session] = bool(tail & TAIL_END), before, lost
+    assert found == expected
+
+
+kinds = st.tuples(st.integers(0, 3), st.integers(0, 2), st.integers(1, 3), st.integers(0, 1), st.booleans())
+
+
+@given(st.lists(kinds, max_size=40), st.integers(1, 2), st.booleans())
+def test_first_transfers(rows: list[tuple[int, int, int, int, bool]], most: int, services: bool) -> None:
+    names = {"kind": 0, "type_id": 1, "src": 2, "bus": 3}
+    columns: dict[str, list[object]] = {field.name: [None] * len(rows) if field.nullable else [] for field in TRANSFERS}
+    columns |= {name: [one[at] for one in rows] for name, at in names.items()}
+    columns["dst"] = [7] * len(rows)
+    batch = pa.RecordBatch.from_pydict(columns, schema=TRANSFERS)
+    good = np.array([one[4] for one in rows], bool)
+    wanted = {"message": 0, **({"request": 0x10087, "response": 0x10007} if services else {})}
+    count: dict[Session, int] = {}
+    expected = []
+    for k, (kind, type_id, src, bus, fine) in enumerate(rows):
+        if fine and KINDS[kind] in wanted:
+            own = type_id if KINDS[kind] == "message" else wanted[KINDS[kind]] | type_id << 8
+            session = Session(bus, src, own)
+            count[session] = count.get(session, 0) + 1
+            if count[session] <= most:
+                expected.append((session, k))
+    assert list(first_transfers(TransferTable(batch), good, most, services=services)) == expected
