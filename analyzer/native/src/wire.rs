@@ -128,40 +128,36 @@ impl Tail {
     }
 }
 
+/// Bytes that are taken in one step; fewer than `LEAST` one by one.
+const STEP: usize = 16;
+const LEAST: usize = 10;
 /// Table `k` advances a CRC by one byte followed by `k` zero bytes.
-static TABLES: [[u16; 256]; 8] = tables();
+static TABLES: [[u16; 256]; STEP] = tables();
 
-/// CRC-16/CCITT-FALSE, eight bytes a step. `crc_bitwise` in the tests is the clause it must match.
+/// CRC-16/CCITT-FALSE. `crc_bitwise` in the tests is the clause it must match.
 ///
-/// The start value may be XORed into the first two bytes instead, after which leading zeros change
-/// nothing: so an odd number of bytes goes first, right-aligned in a block of its own.
+/// The value so far may be XORed into the next two bytes instead, after which leading zeros change nothing. So the last 16
+/// bytes are one step, whether all of them are there or not.
+#[inline]
 pub fn crc(start: u16, bytes: &[u8]) -> u16 {
-    let (head, blocks) = bytes.split_at(bytes.len() % 8);
-    let mut value = start;
-    if let [first, second, rest @ ..] = head {
-        let lead = u16::from_be_bytes([*first, *second]) ^ start;
-        let block = rest.iter().fold(u64::from(lead), |acc, &b| (acc << 8) | u64::from(b));
-        value = advance(block);
-    } else if let [only] = head {
-        value = (start << 8) ^ TABLES[0][usize::from((start >> 8) as u8 ^ only)];
+    let (mut value, mut rest) = (start, bytes);
+    while let (true, Some((block, behind))) = (rest.len() > STEP, rest.split_first_chunk()) {
+        value = advance(u64::from_be_bytes(*block) ^ (u64::from(value) << 48), 0);
+        rest = behind;
     }
-    let (blocks, _) = blocks.as_chunks::<8>();
-    for block in blocks {
-        value = advance(u64::from_be_bytes(*block) ^ (u64::from(value) << 48));
+    if let (LEAST..=STEP, Some(front), Some(back)) = (rest.len(), rest.first_chunk(), rest.last_chunk()) {
+        let front = (u64::from_be_bytes(*front) ^ (u64::from(value) << 48)) >> (8 * (STEP - rest.len()));
+        return advance(front, 8) ^ advance(u64::from_be_bytes(*back), 0);
     }
-    value
+    let step = |value: u16, &byte: &u8| (value << 8) ^ TABLES[0][usize::from((value >> 8) as u8 ^ byte)];
+    rest.iter().fold(value, step)
 }
 
-fn advance(block: u64) -> u16 {
-    let b = block.to_be_bytes();
-    TABLES[7][usize::from(b[0])]
-        ^ TABLES[6][usize::from(b[1])]
-        ^ TABLES[5][usize::from(b[2])]
-        ^ TABLES[4][usize::from(b[3])]
-        ^ TABLES[3][usize::from(b[4])]
-        ^ TABLES[2][usize::from(b[5])]
-        ^ TABLES[1][usize::from(b[6])]
-        ^ TABLES[0][usize::from(b[7])]
+/// The CRC of eight bytes and `zeros` zero bytes behind them, at most eight.
+#[inline]
+fn advance(block: u64, zeros: usize) -> u16 {
+    let bytes = block.to_le_bytes();
+    (0..8).fold(0, |value, at| value ^ TABLES[at + zeros][usize::from(bytes[at])])
 }
 
 /// The CRC after the 64-bit data type signature, least significant byte first (clause 5.1).
@@ -191,13 +187,13 @@ static INDEX_OF_LOW: [u8; 256] = {
     index
 };
 
-const fn tables() -> [[u16; 256]; 8] {
-    let mut tables = [[0; 256]; 8];
+const fn tables() -> [[u16; 256]; STEP] {
+    let mut tables = [[0; 256]; STEP];
     let mut byte = 0;
     while byte < 256 {
         let mut value = (byte as u16) << 8;
         let mut table = 0;
-        while table < 8 {
+        while table < STEP {
             let mut bit = 0;
             while bit < 8 {
                 value = if value & 0x8000 == 0 {
