@@ -66,6 +66,24 @@ impl Frames {
         self.t.is_empty()
     }
 
+    /// An empty table with room for as many rows as this one has.
+    #[must_use]
+    pub fn like(&self) -> Self {
+        let mut out = Frames::default();
+        out.reserve(self.len(), self.data.len());
+        out
+    }
+
+    fn reserve(&mut self, rows: usize, bytes: usize) {
+        self.t.reserve(rows);
+        self.bus.reserve(rows);
+        self.id.reserve(rows);
+        self.flags.reserve(rows);
+        self.line.reserve(rows);
+        self.offset.reserve(rows);
+        self.data.reserve(bytes);
+    }
+
     pub fn push(&mut self, t: i64, bus: u8, id: u32, flags: u16, line: u64, data: &[u8]) {
         self.t.push(t);
         self.bus.push(bus);

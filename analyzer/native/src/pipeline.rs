@@ -11,6 +11,8 @@ use crate::stamp::Stamps;
 
 /// All interfaces silent for longer than this is a gap in the capture.
 const GAP_NS: i64 = 1_000_000_000;
+/// A sum of time differences, added by `or`, that is below this has no part above it, and none that is negative.
+const NO_GAP: u64 = 1 << 29;
 /// Text is worked through in parts that stay in the cache between the two passes.
 const TEXT: usize = 128 << 10;
 
@@ -91,8 +93,9 @@ impl Pipeline {
 
     /// Hands over all rows so far. Frame numbers go on counting.
     pub fn take(&mut self) -> Batch {
+        let frames = self.read.frames.like();
         Batch {
-            frames: std::mem::take(&mut self.read.frames),
+            frames: std::mem::replace(&mut self.read.frames, frames),
             events: std::mem::take(&mut self.events),
             results: self.reassembler.take(),
         }
@@ -107,8 +110,26 @@ impl Pipeline {
         self.reassembler.feed(&self.read.frames, first);
     }
 
+    /// Follows the time over frames from `first` on if it runs steadily from each to the next, as it nearly always does.
+    fn follow(&mut self, first: usize) -> bool {
+        let times = &self.read.frames.t[first..];
+        let (Some(&start), Some(&end)) = (times.first(), times.last()) else {
+            return true;
+        };
+        let steps = times.iter().zip(&times[1..]).map(|(a, b)| b.wrapping_sub(*a) as u64);
+        let steady = steps.fold(start.wrapping_sub(self.latest) as u64, |all, step| all | step) < NO_GAP;
+        if steady {
+            self.latest = end;
+        }
+        steady
+    }
+
     /// Adds the events, and the gaps in front of frames, in the order of their lines.
     fn add_events(&mut self, first: usize, events: &Events) {
+        if self.follow(first) {
+            self.events.extend(events, 0..events.len());
+            return;
+        }
         let mut added = 0;
         for row in first..self.read.frames.len() {
             let (t, line) = (self.read.frames.t[row], self.read.frames.line[row]);
