@@ -7,14 +7,14 @@
 
 use crate::session::{come_around, Session};
 use crate::slot::{elapsed, Frame, Overtaken, Slot, State, TIMEOUT_NS};
-use crate::transfers::{anomaly, when, Status, Transfers};
+use crate::transfers::{anomaly, when, Sink, Status};
 use crate::verdict::{frame_anomaly, Outcome, Verdict};
 use crate::wire::{Kind, Tail};
 
 impl Session {
     /// Takes one data frame; transfers that it completes or breaks are appended to `out`.
     #[inline]
-    pub fn accept(&mut self, frame: &Frame<'_>, out: &mut Transfers) -> Outcome {
+    pub fn accept(&mut self, frame: &Frame<'_>, out: &mut impl Sink) -> Outcome {
         let Some((tail, body)) = frame.split() else {
             return Outcome::with(Verdict::NoTail, frame_anomaly::NO_TAIL);
         };
@@ -41,7 +41,7 @@ impl Session {
     }
 
     #[cold]
-    fn odd(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8], out: &mut Transfers) -> Outcome {
+    fn odd(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8], out: &mut impl Sink) -> Outcome {
         let single = tail.start() && tail.end();
         if self.id.kind == Kind::Anonymous {
             if !single {
@@ -67,9 +67,9 @@ impl Session {
     }
 
     /// A start of transfer that is not the plain case.
-    fn restart(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8], out: &mut Transfers) -> Outcome {
+    fn restart(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8], out: &mut impl Sink) -> Outcome {
         if self.select(tail.transfer_id()) {
-            let lone = self.hot.state != State::Poisoned && self.hot.frames.len() == 1;
+            let lone = self.hot.state != State::Poisoned && self.hot.frames().len() == 1;
             // Only the very next frame can be a copy: later the same bytes are the same values again.
             let next = self.hot.overtaken == Overtaken::No && !self.came_around(frame.t);
             if lone && next && self.hot.repeats(tail, body) {
@@ -98,14 +98,14 @@ impl Session {
     }
 
     /// A later frame that is not the plain case.
-    fn resume(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8], out: &mut Transfers) -> Outcome {
+    fn resume(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8], out: &mut impl Sink) -> Outcome {
         if !self.select(tail.transfer_id()) {
             if self.hot.transfer_id == tail.transfer_id() && self.hot.repeats(tail, body) {
                 return Outcome::of(Verdict::Duplicate);
             }
             if !self.hot.active() {
                 // Only the very next frame can be a copy of the last one.
-                self.hot.frames.clear();
+                self.hot.forget_frames();
             }
             let astray = self.hot.active() || !self.others.is_empty();
             return Outcome::of(if astray {
@@ -176,7 +176,7 @@ impl Session {
         come_around(elapsed(self.hot.t, t), self.period)
     }
 
-    fn begin(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8]) {
+    pub(crate) fn begin(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8]) {
         let before = self.previous;
         let (step, gap) = self.measure(tail.transfer_id(), frame.t);
         if step == 0 && self.holds_last {

@@ -3,11 +3,11 @@
 
 use crate::session::{come_around, Known, Session};
 use crate::slot::{elapsed, Frame, Overtaken, Slot, State, ABORT_NS, TIMEOUT_NS};
-use crate::transfers::{anomaly, when, Row, Status, Transfers, NO_GAP, NO_STEP, UNKNOWN};
+use crate::transfers::{anomaly, when, Row, Sink, Status, NO_GAP, NO_STEP, UNKNOWN};
 use crate::wire::{crc, priority, Kind, Tail};
 
 impl Session {
-    pub(crate) fn single(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8], out: &mut Transfers) {
+    pub(crate) fn single(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8], out: &mut impl Sink) {
         let (step, gap) = match self.id.kind {
             Kind::Anonymous => (NO_STEP, NO_GAP),
             _ => self.measure(tail.transfer_id(), frame.t),
@@ -50,7 +50,7 @@ impl Session {
     }
 
     /// The hot slot has all its frames: the CRC decides.
-    pub(crate) fn complete(&mut self, out: &mut Transfers) {
+    pub(crate) fn complete(&mut self, out: &mut impl Sink) {
         let [low, high, payload @ ..] = self.hot.bytes() else {
             self.close_hot(Status::TooShort, 0, out);
             return;
@@ -75,7 +75,7 @@ impl Session {
         self.close_with(status, bits, Some(wire), found.or(preferred), out);
     }
 
-    pub(crate) fn close_hot(&mut self, status: Status, bits: u32, out: &mut Transfers) {
+    pub(crate) fn close_hot(&mut self, status: Status, bits: u32, out: &mut impl Sink) {
         let wire = match self.hot.bytes() {
             [low, high, ..] => Some(u16::from_le_bytes([*low, *high])),
             _ => None,
@@ -90,7 +90,7 @@ impl Session {
         bits: u32,
         wire: Option<u16>,
         here: Option<(u16, u16)>,
-        out: &mut Transfers,
+        out: &mut impl Sink,
     ) {
         let refused = self.hot.state == State::Refused;
         self.hot.state = State::Closed;
@@ -129,30 +129,30 @@ impl Session {
                 | when(elapsed(slot.t, slot.t_last) > ABORT_NS, anomaly::SLOW),
             fd: slot.fd,
             known: here.map_or_else(|| self.preferred(), |(known, _)| known),
-            frames: &slot.frames,
+            frames: slot.frames(),
             payload,
         });
         self.holds_last = whole;
     }
 
     /// Closes what is older than the timeout at the capture time `now`.
-    pub fn expire(&mut self, now: i64, out: &mut Transfers) {
+    pub fn expire(&mut self, now: i64, out: &mut impl Sink) {
         self.close_where(|slot| slot.expired(now), Status::TimedOut, anomaly::TIMEOUT, out);
     }
 
     /// The capture ends at `now`: closes everything.
-    pub fn finish(&mut self, now: i64, out: &mut Transfers) {
+    pub fn finish(&mut self, now: i64, out: &mut impl Sink) {
         self.expire(now, out);
         self.close_where(|_| true, Status::Open, anomaly::CUT_BY_END, out);
     }
 
     /// Closes the active slots that `which` names, oldest first, with `status` and `bits`; but a
     /// poisoned slot, and one that later starts have left behind, is `interrupted`.
-    fn close_where(&mut self, which: impl Fn(&Slot) -> bool, status: Status, bits: u32, out: &mut Transfers) {
+    fn close_where(&mut self, which: impl Fn(&Slot) -> bool, status: Status, bits: u32, out: &mut impl Sink) {
         loop {
             let slots = std::iter::once(&self.hot).chain(&self.others);
             let due = slots.filter(|slot| slot.active() && which(slot));
-            let Some(oldest) = due.min_by_key(|slot| slot.frames.first().copied()) else {
+            let Some(oldest) = due.min_by_key(|slot| slot.frames().first().copied()) else {
                 return;
             };
             let broken = oldest.state == State::Poisoned || oldest.overtaken == Overtaken::ByStart;

@@ -1,10 +1,11 @@
 //! The core: bytes to frames, frames to transfers, payloads to columns.
 //!
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
-//! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`accept`], [`ending`] -> [`trust`] ->
-//! [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`plan`], [`bits`], [`unpack`] -> [`packets`];
-//! [`load`] is how long a frame takes. None of them knows Python or does I/O, but for `receive`, which empties a socket of
-//! Linux; `python` is the only file that knows Python, `simd` and `receive/system` are the only ones with `unsafe`.
+//! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`],
+//! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`plan`], [`bits`], [`unpack`] ->
+//! [`packets`]; [`load`] is how long a frame takes. None of them knows Python or does I/O, but for `receive`, which
+//! empties a socket of Linux; `python` is the only file that knows Python, `simd` and `receive/system` are the only ones
+//! with `unsafe`.
 
 pub mod accept;
 pub mod binary;
@@ -37,6 +38,7 @@ pub mod reassembly;
 pub mod receive;
 pub mod session;
 pub mod sessions;
+pub mod short;
 pub mod simd;
 pub mod slot;
 pub mod socketcan;

@@ -5,15 +5,16 @@
 #![forbid(unsafe_code)]
 
 mod nameless;
+mod run;
 mod settling;
 
 use std::collections::HashMap;
 
-use crate::frames::{Frames, ERROR, EXTENDED, FD, NO_TIME, REMOTE};
+use crate::frames::NO_TIME;
 use crate::session::{Candidates, Known, Session};
 use crate::sessions::Index;
 use crate::slot::Frame;
-use crate::transfers::Transfers;
+use crate::transfers::{Staged, Transfers};
 use crate::trust::Probation;
 use crate::verdict::{frame_anomaly, Outcome, Verdict, VERDICTS};
 use crate::wire::{crc_start, session_bits, Id};
@@ -69,6 +70,8 @@ pub struct Reassembler {
     /// Which (bus, node) have sent DroneCAN.
     speakers: Vec<bool>,
     results: Results,
+    /// The transfers of `results`, under way.
+    staged: Staged,
     next_frame: u64,
     counts: [u64; VERDICTS],
     /// Frames held back by sessions on probation.
@@ -90,6 +93,7 @@ impl Reassembler {
             sessions: vec![],
             speakers: vec![false; 256 * SPEAKERS],
             results: Results::default(),
+            staged: Staged::default(),
             next_frame: 0,
             counts: [0; VERDICTS],
             held: 0,
@@ -114,73 +118,17 @@ impl Reassembler {
         self.now
     }
 
-    /// Runs the rows of `frames` from `first` on.
-    pub fn feed(&mut self, frames: &Frames, first: usize) {
-        for row in first..frames.len() {
-            let (t, bus, flags) = (frames.t[row], frames.bus[row], frames.flags[row]);
-            let frame = Frame {
-                number: self.next_frame,
-                t,
-                id: frames.id[row],
-                fd: flags & FD != 0,
-                data: frames.data_of(row),
-            };
-            self.next_frame += 1;
-            let late = self.clock(bus, t);
-            let mut outcome = if flags & (EXTENDED | REMOTE | ERROR) == EXTENDED {
-                self.extended(bus, &frame, false)
-            } else if flags & EXTENDED != 0 {
-                self.extended(bus, &frame, true)
-            } else {
-                Outcome::FOREIGN
-            };
-            outcome.anomaly |= late | (u16::from(frame.impossible_length()) * frame_anomaly::IMPOSSIBLE_LENGTH);
-            self.counts[outcome.verdict as usize] += 1;
-            self.results.verdict.push(outcome.verdict as u8);
-            self.results.anomaly.push(outcome.anomaly);
-        }
-    }
-
     /// Hands over what was found and starts the next batch.
     pub fn take(&mut self) -> Results {
+        let rows = self.results.verdict.len();
         let next = Results {
             first_frame: self.next_frame,
+            verdict: Vec::with_capacity(rows),
+            anomaly: Vec::with_capacity(rows),
             ..Results::default()
         };
+        self.results.transfers = self.staged.take();
         std::mem::replace(&mut self.results, next)
-    }
-
-    /// Follows the capture time; the anomaly of a frame that is earlier than its predecessor.
-    #[inline]
-    fn clock(&mut self, bus: u8, t: i64) -> u16 {
-        if t == NO_TIME {
-            return 0;
-        }
-        let last = &mut self.bus_time[usize::from(bus)];
-        let late = u16::from(t < *last) * frame_anomaly::BACKWARDS;
-        *last = t;
-        self.now = t;
-        self.since_sweep += 1;
-        // A single stamp far ahead of the others must not put the sweeps off.
-        let due = t >= self.next_sweep || t < self.next_sweep.saturating_sub(2 * SWEEP_NS);
-        if due && self.since_sweep >= self.sessions.len() {
-            self.sweep(t);
-        }
-        late
-    }
-
-    /// Closes what has timed out on sessions that fell silent.
-    #[cold]
-    fn sweep(&mut self, t: i64) {
-        self.next_sweep = t.saturating_add(SWEEP_NS);
-        self.since_sweep = 0;
-        for (standing, session) in &mut self.sessions {
-            match standing {
-                Standing::Trusted => session.expire(t, &mut self.results.transfers),
-                Standing::Foreign => {}
-                Standing::Probation(probation) => session.expire(t, &mut probation.transfers),
-            }
-        }
     }
 
     #[inline]
@@ -200,7 +148,7 @@ impl Reassembler {
         };
         let (standing, session) = &mut self.sessions[at];
         match standing {
-            Standing::Trusted if !remote => session.accept(frame, &mut self.results.transfers),
+            Standing::Trusted if !remote => session.accept(frame, &mut self.staged),
             Standing::Trusted => REMOTE_FRAME,
             Standing::Foreign => Outcome::FOREIGN,
             Standing::Probation(_) => self.probe(at, frame, remote),

@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use crate::frames::NO_TIME;
-use crate::transfers::{anomaly, when, NO_GAP, NO_STEP};
+use crate::transfers::{anomaly, when, NO_GAP, NO_STEP, SHORT_FRAMES, SHORT_PAYLOAD};
 use crate::wire::{priority, Tail};
 
 /// A transfer is given up this long after its first frame (the transfer-ID timeout of DroneCAN).
@@ -15,6 +15,12 @@ pub const PAUSE_NS: i64 = 100_000_000;
 pub const MAX_TRANSFER: usize = 65_536;
 /// Room that a slot keeps from one transfer to the next.
 const KEPT: usize = 4096;
+/// Transfers of more frames go the long way, which knows of the bounds.
+const SHORT: usize = 512;
+/// Bytes that are stored at once.
+const WORD: usize = 8;
+/// Room for what is copied at once from a transfer with a CRC in front.
+const PADDED: usize = 64;
 
 /// One CAN frame on its way into a transfer; `data` ends with the tail byte.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +43,35 @@ impl Frame<'_> {
     /// The tail byte and the payload before it; none when the frame has no data.
     pub fn split(&self) -> Option<(Tail, &[u8])> {
         self.data.split_last().map(|(&tail, body)| (Tail(tail), body))
+    }
+}
+
+/// A classic frame with a tail byte, data in one word.
+#[derive(Clone, Copy, Debug)]
+pub struct Word {
+    pub number: u64,
+    pub t: i64,
+    pub id: u32,
+    pub tail: Tail,
+    /// The payload, and behind it whatever follows.
+    pub bytes: [u8; WORD],
+    /// Bytes of the payload, at most 7.
+    pub size: usize,
+}
+
+impl Word {
+    /// `bytes` hold `size` bytes of payload and then the tail byte.
+    #[inline]
+    pub fn of(number: u64, t: i64, id: u32, bytes: [u8; WORD], size: usize) -> Word {
+        let tail = Tail((u64::from_le_bytes(bytes) >> (8 * (size % WORD))) as u8);
+        Word {
+            number,
+            t,
+            id,
+            tail,
+            bytes,
+            size,
+        }
     }
 }
 
@@ -90,7 +125,10 @@ pub struct Slot {
     pub t_last: i64,
     /// The start before this one, so that a restart can be measured from there.
     pub before: Option<(u8, i64)>,
-    pub frames: Vec<u64>,
+    /// Numbers of its frames; what stands behind `count` does not count.
+    numbers: Vec<u64>,
+    count: usize,
+    /// What they held; likewise behind `used`, so that a frame can be stored and a transfer copied in whole words.
     bytes: Vec<u8>,
     used: usize,
     /// 2 when the CRC leads the bytes.
@@ -116,7 +154,8 @@ impl Default for Slot {
             t: NO_TIME,
             t_last: NO_TIME,
             before: None,
-            frames: vec![],
+            numbers: vec![],
+            count: 0,
             bytes: vec![],
             used: 0,
             skip: 0,
@@ -136,28 +175,64 @@ impl Slot {
         &self.bytes[..self.used]
     }
 
+    /// Numbers of the frames so far.
+    pub fn frames(&self) -> &[u64] {
+        &self.numbers[..self.count]
+    }
+
+    pub fn forget_frames(&mut self) {
+        self.count = 0;
+    }
+
+    /// The payload behind a CRC and the numbers of the frames, each at the start of as much as is copied at once; none
+    /// when they are longer.
+    #[inline]
+    pub fn short(&self) -> Option<(&[u8; SHORT_PAYLOAD], &[u64; SHORT_FRAMES])> {
+        let bytes: &[u8; PADDED] = self.bytes.first_chunk()?;
+        let fits = self.used <= SHORT_PAYLOAD + 2 && self.count <= SHORT_FRAMES;
+        let numbers = self.numbers.first_chunk().filter(|_| fits)?;
+        Some((bytes[2..].first_chunk()?, numbers))
+    }
+
     pub fn payload(&self) -> &[u8] {
         self.bytes().get(self.skip..).unwrap_or(&[])
     }
 
     pub fn start(&mut self, frame: &Frame<'_>, tail: Tail, body: &[u8]) {
-        self.state = State::Open;
-        self.transfer_id = tail.transfer_id();
-        self.priority = priority(frame.id);
-        self.fd = frame.fd;
-        self.overtaken = Overtaken::No;
-        self.t = frame.t;
-        self.t_last = frame.t;
-        self.frames.clear();
-        self.used = 0;
-        if self.bytes.len() > KEPT {
+        self.reset(frame.t, frame.id, tail, frame.fd);
+        if self.bytes.len().max(self.numbers.len()) > KEPT {
             self.bytes = vec![];
-            self.frames = vec![];
+            self.numbers = vec![];
         }
-        self.skip = if tail.end() { 0 } else { 2 };
-        self.toggle = false;
         self.anomaly = when(frame.fd, anomaly::CAN_FD) | when(!tail.end() && body.len() <= 2, anomaly::FIRST_TOO_SHORT);
         self.append(frame, tail, body);
+    }
+
+    /// [`Slot::start`] for the first of several frames if it adds no anomaly and there is room; false, and nothing done,
+    /// for others.
+    #[inline]
+    pub fn start_word(&mut self, frame: &Word) -> bool {
+        if frame.size < WORD - 1 || !(PADDED..=KEPT).contains(&self.bytes.len()) || self.numbers.is_empty() {
+            return false;
+        }
+        self.reset(frame.t, frame.id, frame.tail, false);
+        self.anomaly = 0;
+        self.store(frame)
+    }
+
+    #[inline]
+    fn reset(&mut self, t: i64, id: u32, tail: Tail, fd: bool) {
+        self.state = State::Open;
+        self.transfer_id = tail.transfer_id();
+        self.priority = priority(id);
+        self.fd = fd;
+        self.overtaken = Overtaken::No;
+        self.t = t;
+        self.t_last = t;
+        self.forget_frames();
+        self.used = 0;
+        self.skip = if tail.end() { 0 } else { 2 };
+        self.toggle = false;
     }
 
     /// Takes the frame that was expected.
@@ -169,6 +244,41 @@ impl Slot {
         self.fd |= frame.fd;
         self.remember(frame, tail, body);
         self.used += body.len();
+        self.turn();
+    }
+
+    /// [`Slot::append`] for a frame that adds no anomaly; false, and nothing done, for others.
+    #[inline]
+    pub fn append_word(&mut self, frame: &Word) -> bool {
+        (frame.tail.end() || frame.size == WORD - 1)
+            && priority(frame.id) == self.priority
+            && frame.t.wrapping_sub(self.t_last) as u64 <= PAUSE_NS as u64
+            && frame.t.wrapping_sub(self.t) as u64 <= TIMEOUT_NS as u64
+            && self.count < SHORT
+            && self.store(frame)
+    }
+
+    /// Takes what is in a frame; false, and nothing done, when there is no room.
+    #[inline]
+    fn store(&mut self, frame: &Word) -> bool {
+        let room = self.bytes.get_mut(self.used..).and_then(<[u8]>::first_chunk_mut);
+        let (Some(room), Some(number)) = (room, self.numbers.get_mut(self.count)) else {
+            return false;
+        };
+        *room = frame.bytes;
+        *number = frame.number;
+        self.count += 1;
+        self.t_last = frame.t;
+        self.last_tail = frame.tail.0;
+        self.last_length = frame.size as u8;
+        self.last_at = self.used;
+        self.used += frame.size;
+        self.turn();
+        true
+    }
+
+    /// The next frame has the other toggle.
+    fn turn(&mut self) {
         self.toggle = !self.toggle;
         self.expect = (u8::from(self.toggle) << 5) | self.transfer_id;
     }
@@ -185,11 +295,25 @@ impl Slot {
         self.last_length = body.len() as u8;
         self.last_at = self.used;
         let end = self.used + body.len();
-        if end > self.bytes.len() {
-            self.bytes.resize(end.next_power_of_two().max(64), 0);
+        if self.bytes.len() < end + WORD || self.numbers.len() == self.count {
+            self.grow(end + WORD);
         }
         self.bytes[self.used..end].copy_from_slice(body);
-        self.frames.push(frame.number);
+        self.numbers[self.count] = frame.number;
+        self.count += 1;
+    }
+
+    #[cold]
+    fn grow(&mut self, bytes: usize) {
+        self.bytes
+            .resize(bytes.next_power_of_two().max(PADDED).max(self.bytes.len()), 0);
+        self.numbers.resize(
+            (self.count + 1)
+                .next_power_of_two()
+                .max(SHORT_FRAMES)
+                .max(self.numbers.len()),
+            0,
+        );
     }
 
     pub fn expects(&self, tail: Tail) -> bool {
@@ -199,7 +323,7 @@ impl Slot {
     /// Whether `tail` and `body` repeat, byte for byte, the last frame that was taken.
     pub fn repeats(&self, tail: Tail, body: &[u8]) -> bool {
         let length = usize::from(self.last_length);
-        !self.frames.is_empty() && self.last_tail == tail.0 && self.bytes[self.last_at..][..length] == *body
+        self.count > 0 && self.last_tail == tail.0 && self.bytes[self.last_at..][..length] == *body
     }
 
     pub fn last_was_empty(&self) -> bool {
@@ -207,7 +331,7 @@ impl Slot {
     }
 
     pub fn overfull(&self) -> bool {
-        self.used > MAX_TRANSFER || self.frames.len() > MAX_TRANSFER
+        self.used > MAX_TRANSFER || self.count > MAX_TRANSFER
     }
 
     /// From here on the session's frames take the long way, which knows of other slots.

@@ -1,6 +1,10 @@
 //! The second table: one row a DroneCAN transfer, with everything measured about it.
 #![forbid(unsafe_code)]
 
+mod staged;
+
+pub use staged::{Staged, SHORT_FRAMES, SHORT_PAYLOAD};
+
 use crate::wire::Id;
 
 /// How a transfer ended; the order is that of `STATUSES` in `analyzer/tables.py`.
@@ -83,6 +87,17 @@ pub struct Row<'a> {
     pub payload: &'a [u8],
 }
 
+impl Row<'_> {
+    fn crc_valid(&self) -> u8 {
+        u8::from(self.crc_wire.is_some()) | (u8::from(self.crc_here.is_some()) << 1)
+    }
+}
+
+/// Where closed transfers go.
+pub trait Sink {
+    fn push(&mut self, row: &Row<'_>);
+}
+
 /// Columns of the `transfers` table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Transfers {
@@ -152,30 +167,38 @@ impl Transfers {
         self.t.is_empty()
     }
 
-    pub fn push(&mut self, row: &Row<'_>) {
-        self.t.push(row.t);
-        self.t_end.push(row.t_end);
-        self.bus.push(row.bus);
-        self.kind.push(row.id.kind as u8);
-        self.type_id.push(row.id.type_id);
-        self.src.push(row.id.src);
-        self.dst.push(row.id.dst);
-        self.priority.push(row.priority);
-        self.transfer_id.push(row.transfer_id);
-        self.status.push(row.status as u8);
-        self.crc_wire.push(row.crc_wire.unwrap_or(0));
-        self.crc_here.push(row.crc_here.unwrap_or(0));
-        self.crc_valid
-            .push(u8::from(row.crc_wire.is_some()) | (u8::from(row.crc_here.is_some()) << 1));
-        self.step.push(row.step);
-        self.gap.push(row.gap);
-        self.anomaly.push(row.anomaly);
-        self.fd.push(u8::from(row.fd));
-        self.known.push(row.known);
-        self.frame.extend_from_slice(row.frames);
-        self.frame_offset.push(self.frame.len() as i32);
-        self.payload.extend_from_slice(row.payload);
-        self.payload_offset.push(self.payload.len() as i32);
+    /// An empty table with room for as many rows as this one has.
+    #[must_use]
+    pub fn like(&self) -> Self {
+        let mut out = Transfers::default();
+        macro_rules! columns {
+            ($($name:ident),+) => { $( out.$name.reserve_exact(self.$name.len()); )+ };
+        }
+        columns!(
+            t,
+            t_end,
+            bus,
+            kind,
+            type_id,
+            src,
+            dst,
+            priority,
+            transfer_id,
+            status,
+            crc_wire,
+            crc_here,
+            crc_valid,
+            step,
+            gap,
+            anomaly,
+            fd,
+            known,
+            frame_offset,
+            frame,
+            payload_offset,
+            payload
+        );
+        out
     }
 
     pub fn frames_of(&self, row: usize) -> &[u64] {
@@ -230,5 +253,32 @@ impl Transfers {
             }
         }
         rows
+    }
+}
+
+impl Sink for Transfers {
+    fn push(&mut self, row: &Row<'_>) {
+        self.t.push(row.t);
+        self.t_end.push(row.t_end);
+        self.bus.push(row.bus);
+        self.kind.push(row.id.kind as u8);
+        self.type_id.push(row.id.type_id);
+        self.src.push(row.id.src);
+        self.dst.push(row.id.dst);
+        self.priority.push(row.priority);
+        self.transfer_id.push(row.transfer_id);
+        self.status.push(row.status as u8);
+        self.crc_wire.push(row.crc_wire.unwrap_or(0));
+        self.crc_here.push(row.crc_here.unwrap_or(0));
+        self.crc_valid.push(row.crc_valid());
+        self.step.push(row.step);
+        self.gap.push(row.gap);
+        self.anomaly.push(row.anomaly);
+        self.fd.push(u8::from(row.fd));
+        self.known.push(row.known);
+        self.frame.extend_from_slice(row.frames);
+        self.frame_offset.push(self.frame.len() as i32);
+        self.payload.extend_from_slice(row.payload);
+        self.payload_offset.push(self.payload.len() as i32);
     }
 }

@@ -25,7 +25,7 @@ impl Reassembler {
         let speaks = self.speakers[self.speaker(at)];
         let (standing, session) = &mut self.sessions[at];
         match standing {
-            Standing::Trusted => session.finish(self.now, &mut self.results.transfers),
+            Standing::Trusted => session.finish(self.now, &mut self.staged),
             Standing::Foreign => {}
             Standing::Probation(probation) => {
                 session.finish(self.now, &mut probation.transfers);
@@ -119,7 +119,7 @@ impl Reassembler {
             self.correct(held.frame, held.reported, outcome);
         }
         if believed {
-            self.results.transfers.append(probation.transfers);
+            self.staged.rows().append(probation.transfers);
         }
     }
 
