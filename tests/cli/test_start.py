@@ -10,6 +10,7 @@ from kit.command import HOVER, LIMIT, environment
 
 CORE = {"numpy", "pyarrow", "analyzer._native"}
 LIBRARIES = {"pandas", "can", "rerun", "mcap", "google.protobuf", "dronecan", "textual", "jinja2"}
+DOCUMENTATION = {"pyarrow.vendored.docscrape"}  # of `pyarrow.compute`
 HELP = LIBRARIES | CORE | {"dissectors", "dataclasses", "inspect", "pathlib", "tomllib"}
 
 PROGRAM = """
@@ -39,7 +40,8 @@ def imported(*args: str) -> set[str]:
         (("decode", "-c", "x"), 2, LIBRARIES | CORE | {"dissectors"}),
         (("help", "captures"), 0, LIBRARIES | CORE | {"dissectors"}),
         (("explain", "TRF-003"), 0, LIBRARIES | CORE),
-        (("decode", "-q", str(HOVER)), 0, LIBRARIES | {"analyzer.report", "analyzer.plot"}),
+        (("decode", "-q", str(HOVER)), 0, LIBRARIES | DOCUMENTATION | {"analyzer.report", "analyzer.plot"}),
+        (("check", str(HOVER)), 0, LIBRARIES | DOCUMENTATION | {"analyzer.plot"}),
     ],
 )
 def test_what_a_command_does_not_import(args: tuple[str, ...], status: int, unwanted: set[str]) -> None:
@@ -65,3 +67,42 @@ def test_only_the_program_itself_asks_for_one_thread_of_linear_algebra() -> None
         threads_wanted("import os; os.environ['OPENBLAS_NUM_THREADS'] = '3'; from analyzer.cli import main; main()")
         == "3"
     )
+
+
+ARROW = """
+import sys
+from analyzer.app import start
+if len(sys.argv) > 1:
+    start.alone()
+start.plain_arrow()
+import pyarrow as pa
+columns = pa.record_batch({"a": [1, None, 300], "b": ["x", None, "z"]})
+print(columns.take(pa.array([2, 1])).to_pylist(), columns.column("a").is_null(nan_is_null=True).to_pylist())
+print(columns.filter(pa.array([True, None, True])).to_pylist())
+print(columns.column("b").filter(pa.array([True, None, True]), null_selection_behavior="emit_null").to_pylist())
+for attempt in (
+    lambda: columns.column("a").cast("int16").type,
+    lambda: columns.column("a").cast(pa.uint8(), safe=False).to_pylist(),
+    lambda: columns.column("a").cast(pa.uint8()),
+    lambda: columns.take(pa.array([3])),
+):
+    try:
+        print(attempt())
+    except pa.ArrowException as error:
+        print(error)
+print("pyarrow.vendored.docscrape" in sys.modules, file=sys.stderr)
+import pyarrow.compute as pc
+print(columns.column("a").fill_null(5).to_pylist())
+print(pc.add(pa.array([1, 2]), 2), pc.take(pa.array([1]), pa.array([0])))
+"""
+
+
+def test_arrow_does_the_same_without_its_documentation() -> None:
+    done = [
+        subprocess.run(
+            [sys.executable, "-c", ARROW, *one], env=environment(), capture_output=True, timeout=LIMIT, check=True
+        )
+        for one in ([], ["alone"])
+    ]
+    assert done[0].stdout == done[1].stdout
+    assert [one.stderr for one in done] == [b"True\n", b"False\n"]
