@@ -6,15 +6,13 @@ from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from dissectors.profile import KINDS, Profile, ProfileError
+from dissectors import installed
+from dissectors.profile import KINDS, Profile
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
-    from dissectors.namespace import Namespace
     from dissectors.schema import Message, MessageKind, Packet, PacketFamily
-
-GROUP = "analyzer.dissectors"
 
 _HERE = Path(__file__).parent
 _STANDARD, _FIRST = "dronecan", "tmotor"  # folders
@@ -206,7 +204,7 @@ def load(extra: Sequence[Path] = (), trusted: Collection[Path] = ()) -> Registry
     profiles = [Profile.open(Path(folder), standard.namespace, trusted=folder in trusted) for folder in extra]
     for profile in profiles:
         profile.dissector()
-    profiles += _installed(standard.namespace)
+    profiles += [Profile.open(folder, standard.namespace) for folder in installed.folders()]
     return Registry([*profiles, *vendors, standard])
 
 
@@ -220,16 +218,3 @@ def _own_profiles() -> tuple[Profile, tuple[Profile, ...]]:
     names = {path.parent.name for path in _HERE.glob("*/profile.toml")} - {_STANDARD}
     ordered = sorted(names, key=lambda name: (name != _FIRST, name))
     return standard, tuple(Profile.open(_HERE / name, standard.namespace) for name in ordered)
-
-
-def _installed(parent: Namespace) -> list[Profile]:
-    from importlib.metadata import entry_points  # noqa: PLC0415 - costs 15 ms, more than all else here
-
-    profiles = []
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        try:
-            folder = Path(entry.load())
-        except (ImportError, AttributeError, TypeError) as error:
-            raise ProfileError(f"{GROUP}: {entry.name}", 1, f"{entry.value} gives no folder: {error}") from None
-        profiles.append(Profile.open(folder, parent))
-    return profiles

@@ -39,7 +39,7 @@ def imported(*args: str) -> set[str]:
         (("export", "--help"), 0, LIBRARIES | CORE | {"dissectors"}),
         (("decode", "-c", "x"), 2, LIBRARIES | CORE | {"dissectors"}),
         (("help", "captures"), 0, LIBRARIES | CORE | {"dissectors"}),
-        (("explain", "TRF-003"), 0, LIBRARIES | CORE),
+        (("explain", "TRF-003"), 0, LIBRARIES | CORE | {"importlib.metadata"}),
         (("decode", "-q", str(HOVER)), 0, LIBRARIES | DOCUMENTATION | {"analyzer.report", "analyzer.plot"}),
         (("check", str(HOVER)), 0, LIBRARIES | DOCUMENTATION | {"analyzer.plot"}),
     ],

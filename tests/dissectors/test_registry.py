@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import zipfile
 from fractions import Fraction
-from importlib.metadata import EntryPoint
+from importlib import invalidate_caches
 from pathlib import Path
 
 import pytest
 
 import dissectors
-from dissectors import registry
+from dissectors import installed, registry
 from dissectors.dsdl import DsdlError
 from dissectors.profile import ProfileError
 from dissectors.registry import UnknownNameError, load
@@ -215,13 +216,28 @@ def test_installed_packages_offer_folders(tmp_path: Path, monkeypatch: pytest.Mo
         "from pathlib import Path\nFOLDER = Path(__file__).parent / 'dsdl'\nNONE = None\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    offered = [EntryPoint("acme", "acme_dissector:FOLDER", registry.GROUP)]
-    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: offered if group == registry.GROUP else [])
+    assert load().message(MESSAGE, 20900) is None
+    about = tmp_path / "acme_dissector-1.0.Dist-Info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: acme_dissector\nVersion: 1.0\n")
+    points = about / "entry_points.txt"
+    points.write_text(f"[{installed.GROUP}]\nacme = acme_dissector:FOLDER\n")
+    invalidate_caches()
     assert load().message(MESSAGE, 20900).table == "acme.power.Cell"
     for broken in ("acme_dissector:NONE", "acme_dissector:GONE", "no_such_module_here:X"):
-        offered[:] = [EntryPoint("acme", broken, registry.GROUP)]
+        points.write_text(f"[{installed.GROUP}]\nacme = {broken}\n")
         with pytest.raises(ProfileError, match="gives no folder"):
             load()
+
+
+def test_a_package_in_an_archive_offers_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    vendor(tmp_path / "dsdl")
+    with zipfile.ZipFile(tmp_path / "acme.zip", "w") as archive:
+        archive.writestr("acme_in_zip.py", f"FOLDER = {str(tmp_path / 'dsdl')!r}\n")
+        archive.writestr("acme-1.0.dist-info/METADATA", "Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
+        archive.writestr("acme-1.0.dist-info/entry_points.txt", f"[{installed.GROUP}]\nacme = acme_in_zip:FOLDER\n")
+    monkeypatch.syspath_prepend(tmp_path / "acme.zip")
+    assert load().message(MESSAGE, 20900).table == "acme.power.Cell"
 
 
 def test_loading_reads_no_other_package_and_nothing_at_home(tmp_path: Path) -> None:
