@@ -9,6 +9,7 @@ import numpy as np
 from dissectors.kit.rows import rows_by_bus
 
 if TYPE_CHECKING:
+    from dissectors.kit.array import Array
     from dissectors.kit.view import View
 
 
@@ -23,6 +24,7 @@ class Pauses:
         self._least = least
         self.last: dict[int, int] = {}
         self._known: dict[int, list[tuple[int, int]]] = {}
+        self._columns: dict[int, Array] = {}  # the same, once somebody asks
 
     def feed(self, view: View) -> None:
         """Add the next batch."""
@@ -39,18 +41,28 @@ class Pauses:
 
     def first(self, bus: int, start: int, stop: int) -> int:
         """Return when the first silence between two times begins, else the second time."""
-        return min((max(start, a) for a, b in self._known.get(bus, ()) if a < stop and b > start), default=stop)
+        begins, ends = self._both(bus)
+        inside = (begins < stop) & (ends > start)
+        return max(start, int(begins[inside].min())) if inside.any() else stop
 
     def inside(self, bus: int, start: int, stop: int, spare: float = 0) -> float:
         """Return nanoseconds of silence between two times, without the first `spare` ones of each.
 
         Where others are seldom heard, too, each time is proof that somebody with that period might have been.
         """
-        parts = (min(stop, b) - max(start, a) - spare for a, b in self._known.get(bus, ()))
-        return sum(part for part in parts if part > 0)
+        begins, ends = self._both(bus)
+        parts = np.minimum(ends, stop) - np.maximum(begins, start) - spare
+        return float(parts[parts > 0].sum())
+
+    def _both(self, bus: int) -> Array:
+        """Return when the silences of a bus began, and when they ended."""
+        if bus not in self._columns:
+            self._columns[bus] = np.array(self._known.get(bus, ()), np.int64).reshape(-1, 2).T
+        return self._columns[bus]
 
     def _between(self, bus: int, start: int, stop: int) -> None:
         if stop - start > self._least:
             known = self._known.setdefault(bus, [])
             known.append((start, stop))
             del known[:-1024]
+            self._columns.pop(bus, None)

@@ -136,19 +136,20 @@ class TransferTable(Columns):
     @cached_property
     def lead(self) -> Array:
         """The number of each transfer's first frame."""
-        offsets, numbers_ = self._frame_lists
+        offsets, numbers_ = self.frame_lists
         if not len(numbers_):
             return np.full(len(self), -1, np.int64)
         first = numbers_[np.minimum(offsets[:-1], len(numbers_) - 1)].astype(np.int64)
         return np.where(np.diff(offsets) > 0, first, -1)
 
     @cached_property
-    def _frame_lists(self) -> tuple[Array, Array]:
+    def frame_lists(self) -> tuple[Array, Array]:
+        """Where the frames of each transfer begin (one entry more than rows), and the numbers of all."""
         return listed(self._batch.column("frame"))
 
     def frames(self, row: int) -> Sequence[int]:
         """Return the numbers of all frames of a transfer of this batch."""
-        offsets, numbers_ = self._frame_lists
+        offsets, numbers_ = self.frame_lists
         return list(map(int, numbers_[offsets[row] : offsets[row + 1]]))
 
     def payload(self, row: int) -> bytes:

@@ -16,6 +16,7 @@ from witness import finder
 from witness.reader import Log
 
 from analyzer.rules.diagnosis import budgets
+from analyzer.rules.diagnosis.neighbours import NeighbourFinder
 
 RULES = ("TRF-003", "TRF-010", "TRF-011", "TRF-030", "TRF-031", "CAN-020")
 SIGNATURE = 0xA9AF28AEA2FBB254
@@ -141,13 +142,28 @@ def test_one_wrong_crc_is_doubtful_without_a_right_one_nearby() -> None:
 
 
 def test_a_mistake_that_was_found_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(budgets, "MOST_SEARCHES", 3)
+    monkeypatch.setattr(budgets, "MOST_SEARCHES", 1)
     quiet = [Frame(0x123, bytes(3), extended=False)] * 520
     early, late = ([_seeded(0xFFFF, k) for k in numbers] for numbers in (range(3, 6), range(6, 11)))
     capture = text(good(3), *early, quiet, *late, [_seeded(0x1234, 11)][0])
     counts = {(one.rule, one.cause): one.count for one in whole(capture, RULES, (7, 100))}
     said = {("TRF-010", "no signature"): 8, ("TRF-011", "no signature"): 8}
     assert counts == {**said, ("TRF-010", budgets.NOT_SEARCHED): 1}
+
+
+def test_what_one_turned_bit_explains_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(budgets, "MOST_SEARCHES", 2)
+    calls, look = [], NeighbourFinder.of
+    monkeypatch.setattr(NeighbourFinder, "of", lambda *given, **more: calls.append(given[2]) or look(*given, **more))
+    wrong = []
+    for k in range(3, 27):
+        first, second, third = status(k)
+        turned = bytes((second.data[0] ^ 1 << k % 8,)) + second.data[1:]
+        wrong += [first, replace(second, data=turned), third]
+    (one,) = judge(text(good(3), wrong, good(30, 27)), RULES)
+    assert (one.rule, one.cause, one.count) == ("TRF-010", "corrupted", 24)
+    assert "one bit turned in byte 1 of frame 11" in one.text
+    assert len(calls) == 2
 
 
 def _seeded(start: int, number: int) -> list[Frame]:

@@ -125,6 +125,23 @@ def one_bit(difference: int, length: int) -> int | None:
     return None if behind >= length else 1 + length - behind
 
 
+def one_bit_fits(difference: Array, length: Array) -> Array:
+    """Return a mask of the CRCs that one turned bit explains, as `one_bit` does."""
+    behind = _turned_behind()[difference]
+    in_crc = difference & (difference - 1) == 0
+    found: Array = (difference != 0) & (length <= MOST_BYTES) & (in_crc | (behind < length))
+    return found
+
+
+@cache
+def _turned_behind() -> Array:
+    """Return how many bytes follow the bit that turns a CRC by so much, too many if no bit does."""
+    found = np.full(1 << 16, MOST_BYTES + 1, np.int64)
+    for difference, behind in _turned().items():
+        found[difference] = behind
+    return found
+
+
 @cache
 def _turned() -> Mapping[int, int]:
     """Return what one turned bit does to the CRC, and how many bytes follow it."""

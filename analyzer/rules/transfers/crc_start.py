@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.rules.diagnosis.checksums import starts_of
-from analyzer.rules.transfers.reassembly import corrupted
+from analyzer.rules.transfers.incomplete import corrupted
 from analyzer.tables import STATUSES
 from dissectors.kit import Occurrence, Rule
 

@@ -14,6 +14,7 @@ from analyzer.rules.transfers.incomplete import occurrence, values_of
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from analyzer.rules.diagnosis.budgets import Sender
     from analyzer.rules.transfers.incomplete import Incomplete
     from dissectors.kit import Occurrence, View
 
@@ -33,7 +34,7 @@ class Formulas:
     """By sender, the transfer that fits a formula and waits for the next wrong one to fit it, too."""
 
     def __init__(self) -> None:
-        self._held: dict[tuple[int, int, int], _Held] = {}
+        self._held: dict[Sender, _Held] = {}
 
     def of(self, view: View, one: Incomplete) -> list[Formula]:
         """Return the formulas that give the CRC of a transfer."""
@@ -64,9 +65,9 @@ class Formulas:
         for rule in (one.rule, WHY):
             yield occurrence(view, one._replace(rule=rule), cause)
 
-    def release(self, one: Incomplete) -> Iterator[Occurrence]:
+    def release(self, sender: Sender) -> Iterator[Occurrence]:
         """Yield what is said of the transfer that was held, if there is one: a later one does not agree."""
-        held = self._held.pop(one.sender, None)
+        held = self._held.pop(sender, None)
         yield from () if held is None else held.otherwise
 
     def hold(self, view: View, one: Incomplete, fits: Sequence[Formula], otherwise: Sequence[Occurrence]) -> bool:

@@ -1,27 +1,25 @@
-"""A transfer that did not arrive as it was sent, and what is said of it: alone, or of many together."""
+"""A transfer that did not arrive as it was sent, and what is said of it."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
-from analyzer.facts.identifiers import NOBODY
-from analyzer.rules.diagnosis import proofs
+from analyzer.rules.diagnosis import checksums, proofs
 from analyzer.rules.diagnosis.neighbours import parts_of
 from analyzer.rules.diagnosis.proofs import Cause
 from analyzer.rules.frames.type_conflicts import types_of
-from analyzer.rules.view import MESSAGE, node_of
-from dissectors.kit import Occurrence, Occurrences
+from analyzer.rules.view import node_of
+from dissectors.kit import Occurrence
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from dissectors.kit import Values, View
+    from dissectors.kit import TransferTable, Values, View
 
 SEQUENCE, CUT, LATE, CHECKSUM = "TRF-003", "TRF-006", "TRF-007", "TRF-010"
 DROPS = {SEQUENCE, CUT, LATE}  # what frames that the recorder lost may explain, whatever the cause
+BY_CRC = {CHECKSUM, "TRF-011", "CAN-020"}  # what both CRCs tell
 SECONDS = 2.0  # where the core closes a transfer
 BY_SEQUENCE = "broken sequence"
 
@@ -41,7 +39,6 @@ class Incomplete(NamedTuple):
     payload: bytes
     received: int
     end: int
-    searched: bool = True
     ended: str = ""  # the rule that its missing end breaches, if another one says why
 
     @property
@@ -55,65 +52,23 @@ class Incomplete(NamedTuple):
         return len(self.frames), self.received
 
 
-class Unsearched(NamedTuple):
-    """An incomplete transfer whose cause was not searched, and what is said all the same."""
-
-    transfer: Incomplete
-    cause: Cause
-    noted: bool
-    drops: bool
-
-    def alone(self, view: View) -> Occurrence:
-        """Return it as an occurrence of its own."""
-        found = occurrence(view, self.transfer, self.cause)
-        return replace(found, severity="note" if self.noted else None, drops=self.drops)
-
-    def with_end(self) -> Iterator[Unsearched]:
-        """Yield it, and the end that a broken sequence takes with it."""
-        yield self
-        if self.transfer.rule == SEQUENCE and self.transfer.ended:
-            yield self._replace(transfer=self.transfer._replace(rule=self.transfer.ended), cause=_FOLLOWS)
+FOLLOWS = Cause(BY_SEQUENCE, f" ({SEQUENCE})")
 
 
-_FOLLOWS = Cause(BY_SEQUENCE, f" ({SEQUENCE})")
-
-
-def occurrences_of(view: View, unsearched: Iterable[Unsearched]) -> Iterator[Occurrences]:
-    """Put many of them together, so that nothing is looked up but for those that are shown."""
-    groups: dict[tuple[str, bool, bool], list[Unsearched]] = {}
-    for one in unsearched:
-        groups.setdefault((one.transfer.rule, one.noted, one.drops), []).append(one)
-    for (rule, noted, drops), rows in groups.items():
-        yield _joined(view, rows, rule, noted=noted, drops=drops)
-
-
-def _joined(view: View, rows: Sequence[Unsearched], rule: str, *, noted: bool, drops: bool) -> Occurrences:
-    column = np.array(
-        [(a.transfer.t, a.transfer.bus, a.transfer.src, a.transfer.code, a.transfer.frames[0]) for a in rows], np.int64
-    ).T
-    nobody = (column[2] == 0) & (column[3] >> 16 != MESSAGE)
-    return Occurrences(
-        rule=rule, t=column[0], bus=column[1], node=np.where(nobody, NOBODY, column[2]), type=column[3],
-        frame=column[4], values=lambda k: values_of(view, rows[k].transfer, rows[k].cause),
-        frames=lambda k: rows[k].transfer.frames, key=np.array([a.cause.what for a in rows]),
-        severity="note" if noted else None, drops=drops,
-    )  # fmt: skip
-
-
-def take_row(view: View, rule: str, row: int) -> Incomplete:
-    """Return the transfer in a row of this batch, as breach of a rule."""
-    t = view.transfers
+def take_row(t: TransferTable, rule: str, row: int, ended: str = "") -> Incomplete:
+    """Return the transfer in a row of a batch, as breach of a rule."""
     who = int(t.t[row]), int(t.bus[row]), int(t.src[row]), int(t.code[row]), bool(t.fd[row])
     crc, end = bool(t.has("crc_wire")[row]), int(t.t_end[row])
-    wire, here = (int(t.crc_wire[row]), int(t.crc_here[row])) if crc and rule == CHECKSUM else (0, 0)
-    return Incomplete(rule, *who, t.frames(row), wire, here, t.payload(row), int(t.length[row]) + 2 * crc, end)
+    wire, here = (int(t.crc_wire[row]), int(t.crc_here[row])) if crc and rule in BY_CRC else (0, 0)
+    received = int(t.length[row]) + 2 * crc
+    return Incomplete(rule, *who, t.frames(row), wire, here, t.payload(row), received, end, ended=ended)
 
 
 def with_end(view: View, one: Incomplete, found: Occurrence) -> Iterator[Occurrence]:
     """Yield a finding, and the end that a broken sequence takes with it."""
     yield found
     if one.rule == SEQUENCE and one.ended:
-        yield replace(occurrence(view, one._replace(rule=one.ended), _FOLLOWS), severity=found.severity)
+        yield replace(occurrence(view, one._replace(rule=one.ended), FOLLOWS), severity=found.severity)
 
 
 def occurrence(view: View, one: Incomplete, cause: Cause, further: Iterable[int] = ()) -> Occurrence:
@@ -141,3 +96,19 @@ def values_of(view: View, one: Incomplete, cause: Cause) -> Values:
     if one.rule == "TRF-011":
         return {"cause": cause.what, "detail": cause.detail}
     return types_of(view, one.code, cause.what)
+
+
+def turned_bit(one: Incomplete) -> Cause:
+    """Return the cause: corrupted, and where, if one turned bit explains it."""
+    at = checksums.one_bit(one.wire ^ one.here, len(one.payload))
+    place = None if at is None else checksums.BytePlace.of(at, 63 if one.fd else 7)
+    if place is None or place.frame >= len(one.frames):
+        return Cause(checksums.CORRUPTED)
+    return Cause(checksums.CORRUPTED, f" (one bit turned in byte {place.byte} of frame {one.frames[place.frame] + 1})")
+
+
+def corrupted(wire: int, here: int, length: int, frames: Sequence[int], *, fd: bool) -> Values:
+    """Return what is said of a transfer whose CRC is `wire` and should be `here`, if nothing but its bytes is known."""
+    one = Incomplete(CHECKSUM, 0, 0, 0, 0, fd, frames, wire, here, bytes(length), length, 0)
+    cause = turned_bit(one)
+    return {"crc_wire": wire, "crc_here": here, "cause": cause.what, "why": f": {cause.what}{cause.detail}"}

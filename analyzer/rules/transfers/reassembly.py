@@ -27,23 +27,23 @@ from analyzer.rules.transfers.incomplete import (
     LATE,
     SECONDS,
     SEQUENCE,
-    Incomplete,
-    Unsearched,
     occurrence,
-    occurrences_of,
-    take_row,
+    turned_bit,
     with_end,
 )
+from analyzer.rules.transfers.unsearched import ENDED, TURNED_BIT, Rows, Told
 from analyzer.tables import TRANSFER_ANOMALIES
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Rule
 from dissectors.kit.definitions import crc_start
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from analyzer.rules.diagnosis.budgets import Sender, Shape
     from analyzer.rules.diagnosis.neighbours import Neighbours
     from analyzer.rules.diagnosis.proofs import Part, Proof
-    from dissectors.kit import Array, Occurrences, Severity, Values, View
+    from analyzer.rules.transfers.incomplete import Incomplete
+    from dissectors.kit import Array, Occurrence, Occurrences, Severity, TransferTable, View
 
 _TOGGLE, _CRC, _ABANDONED, _TIMEOUT = (
     1 << TRANSFER_ANOMALIES.index(name) for name in ("toggle", "crc", "abandoned", "timeout")
@@ -63,60 +63,94 @@ class Reassembly(Rule):
         self._budgets = {rule: SearchBudget() for rule in rules}
         self._causes = {rule: KnownCauses() for rule in rules}
         # In the order in which they ended, so that what is known of a sender does not depend on the batches.
-        self._waiting: dict[str, deque[Incomplete]] = {rule: deque() for rule in rules}
-        self._unsearched: list[Unsearched] = []
+        self._waiting: dict[str, deque[Rows]] = {rule: deque() for rule in rules}
+        self._told = Told()
         self._neighbours = NeighbourFinder()
-        self._ways: dict[tuple[int, int, int], Formula] = {}
+        self._ways: dict[Sender, Formula] = {}
         self._formulas = Formulas()
-        self._damages: dict[tuple[int, int, int], int] = {}  # wrong CRCs of a sender that no mistake explains
-        self._mistaken: set[tuple[int, int, int]] = set()
+        self._damages: dict[Sender, int] = {}  # wrong CRCs of a sender that no mistake explains
+        self._mistaken: set[Sender] = set()
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield those whose surroundings are known by now."""
         bits = view.transfers.anomaly & (_TOGGLE | _CRC | _ABANDONED | _TIMEOUT)
         if bits.any():
-            self._add(view, bits)
-        end = view.frames.first + len(view.frames)
-        for waiting in self._waiting.values():
-            while waiting and waiting[0].frames[-1] + AHEAD < end:
-                yield from self._explained(view, waiting.popleft())
-        yield from occurrences_of(view, self._unsearched)
-        self._unsearched.clear()
+            self._add(view.transfers, bits)
+        yield from self._ready(view, view.frames.first + len(view.frames) - AHEAD)
 
-    def finish(self, view: View) -> Iterator[Occurrence]:
+    def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield those at the end of the capture."""
-        for waiting in self._waiting.values():
-            for one in waiting:
-                yield from self._explained(view, one)
+        yield from self._ready(view, None)
         yield from self._formulas.finish()
-        for unsearched in self._unsearched:
-            yield unsearched.alone(view)
 
-    def _add(self, view: View, bits: Array) -> None:
-        """Add what this batch shows."""
+    def _add(self, t: TransferTable, bits: Array) -> None:
+        """Add what a batch shows."""
         whole, cut, late = bits & _TOGGLE == 0, bits & _ABANDONED != 0, bits & _TIMEOUT != 0
         kinds = {SEQUENCE: ~whole, CUT: whole & cut, LATE: whole & late, CHECKSUM: bits & _CRC != 0}
+        ended = np.where(cut, ENDED.index(CUT), np.where(late, ENDED.index(LATE), 0))
         for rule, mask in kinds.items():
-            for row in np.flatnonzero(mask).tolist():
-                one = take_row(view, rule, row)
-                ended = CUT if cut[row] else LATE if late[row] else ""
-                searched = self._budgets[rule].take(one.sender)
-                self._waiting[rule].append(one._replace(searched=searched, ended=ended))
+            rows = np.flatnonzero(mask)
+            if len(rows):
+                self._waiting[rule].append(Rows.of(rule, t, rows, ended[rows]))
 
-    def _known(self, one: Incomplete) -> Cause | None:
-        """Return the mistake that was found before and explains this one too."""
-        way = self._ways.get(one.sender)
-        return Cause(way.name) if way is not None and way.gives(one.wire, one.payload) else None
+    def _ready(self, view: View, end: int | None) -> Iterator[Occurrences | Occurrence]:
+        """Yield those whose last frame came before `end`, None for all."""
+        for waiting in self._waiting.values():
+            while waiting:
+                rows = waiting.popleft()
+                ready = len(rows.row) if end is None else rows.before(end)
+                yield from self._explained(view, rows.take(slice(ready)))
+                if ready < len(rows.row):
+                    waiting.appendleft(rows.take(slice(ready, None)))
+                    break
+        yield from self._told.occurrences(view)
 
-    def _explained(self, view: View, one: Incomplete) -> Iterator[Occurrence]:
-        if one.rule == CHECKSUM:
-            yield from self._checksum(view, one)
-            return
-        here = self._neighbours.of(view, one.frames, one.code, fd=one.fd) if one.searched else None
+    def _explained(self, view: View, rows: Rows) -> Iterator[Occurrence]:
+        """Yield those that are searched; the others are told together."""
+        budget, by_crc = self._budgets[rows.rule], rows.rule == CHECKSUM
+        turned = rows.turned() if by_crc else None
+        for k, (sender, shape) in enumerate(rows.each()):
+            if by_crc and self._is_known(view, rows, k, sender):
+                continue
+            if budget.take(sender):
+                yield from (self._checksum if by_crc else self._broken)(view, rows.one(k))
+                continue
+            if by_crc:
+                yield from self._damage(sender)
+            if turned is not None and turned[k]:
+                self._told.add(rows, k, TURNED_BIT, drops=True)
+                continue
+            cause, noted = self._like(view, rows.rule, sender, shape, *rows.times(k))
+            if cause is not None:
+                self._told.add(rows, k, cause, noted=noted, drops=True)
+
+    def _is_known(self, view: View, rows: Rows, k: int, sender: Sender) -> bool:
+        """Tell of a wrong CRC if a mistake gives it that needs no search; return whether one does."""
+        undefined = view.types.undefined(sender[-1])
+        if not undefined and sender not in self._ways and sender not in self._mistaken:
+            return False
+        wire, payload = rows.crc_and_payload(k)
+        name = next((name for sign, name in undefined.items() if crc_hqx(payload, crc_start(sign)) == wire), "")
+        if name:
+            self._told.add(rows, k, Cause(f"the CRC of {name}"))
+            self._told.add(rows, k, Cause(name), rule="CAN-020")
+            return True
+        way = self._ways.get(sender)
+        cause = Cause(way.name) if way is not None and way.gives(wire, payload) else None
+        if cause is None and sender in self._mistaken:
+            cause = self._common(view, rows.one(k))
+        if cause is not None:
+            self._told.add(rows, k, cause)
+            self._told.add(rows, k, cause, rule="TRF-011")
+        return cause is not None
+
+    def _broken(self, view: View, one: Incomplete) -> Iterator[Occurrence]:
+        here = self._neighbours.of(view, one.frames, one.code, fd=one.fd)
         if here is None:
-            self._like(view, one)
+            yield from self._alike(view, one)
             return
-        excused: Severity | None = "note" if _in_gap(view, one, here.near) else None
+        behind = [part for part in here.near if part.number > one.frames[-1]]
+        excused: Severity | None = "note" if _in_gap(view, one.rule, one.t, one.end, behind) else None
         around = here.around()
         copy = _copy(here)
         proof = None if copy is not None else proofs.proven(here.parts, around, here.expected)
@@ -144,51 +178,50 @@ class Reassembly(Rule):
         evidence = [part.number for part in same_id if proof is not None or one.rule == SEQUENCE]
         yield from with_end(view, one, replace(occurrence(view, one, cause, evidence), severity=excused))
 
-    def _like(self, view: View, one: Incomplete) -> None:
-        """Add one that nothing is searched for."""
-        what = self._causes[one.rule].like(one.sender, one.shape)
-        if what:
-            cause = Cause(what, "" if what == NOT_SEARCHED else LIKE)
-            noted = what in {EVERY_ID, proofs.OTHER_ID} or (one.rule in DROPS and _in_gap(view, one, ()))
-            self._unsearched += Unsearched(one, cause, noted, drops=True).with_end()
+    def _like(self, view: View, rule: str, sender: Sender, shape: Shape, t: int, end: int) -> tuple[Cause | None, bool]:
+        """Return the cause of one that is not searched, None if another one tells of it; and whether it is a note."""
+        what = self._causes[rule].like(sender, shape)
+        noted = what in {EVERY_ID, proofs.OTHER_ID} or (rule in DROPS and _in_gap(view, rule, t, end))
+        return (Cause(what, "" if what == NOT_SEARCHED else LIKE) if what else None), noted
+
+    def _alike(self, view: View, one: Incomplete) -> Iterator[Occurrence]:
+        """Yield one whose surroundings are gone."""
+        cause, noted = self._like(view, one.rule, one.sender, one.shape, one.t, one.end)
+        if cause is not None:
+            found = replace(occurrence(view, one, cause), severity="note" if noted else None, drops=True)
+            yield from with_end(view, one, found)
 
     def _checksum(self, view: View, one: Incomplete) -> Iterator[Occurrence]:
-        name = _undefined(view, one)
-        if name:
-            yield occurrence(view, one, Cause(f"the CRC of {name}"))
-            yield occurrence(view, one._replace(rule="CAN-020"), Cause(name))
-            return
-        mistake = self._mistake(view, one)
+        mistake = self._common(view, one) if self._damages.get(one.sender, 0) < _DAMAGES else None
         if mistake is not None:
-            # They cost no search, so there may be any number of them.
-            self._unsearched += (
-                Unsearched(to, mistake, noted=False, drops=False) for to in (one, one._replace(rule="TRF-011"))
-            )
+            yield from (occurrence(view, one._replace(rule=rule), mistake) for rule in (CHECKSUM, "TRF-011"))
             return
-        fits = self._formulas.of(view, one) if one.searched else []
+        fits = self._formulas.of(view, one)
         proved = self._formulas.proved(one, fits)
         if proved is not None:
             self._learn(one, proved)
             yield from self._formulas.told(view, one, proved)
             return
-        yield from self._formulas.release(one)
-        if one.sender in self._damages or len(self._damages) < MOST_SENDERS:
-            self._damages[one.sender] = min(self._damages.get(one.sender, 0) + 1, _DAMAGES)
+        yield from self._damage(one.sender)
+        found = self._damaged(view, one, alone=bool(fits))
         if not fits:
-            yield from self._damaged(view, one, alone=False)
-            return
-        before = len(self._unsearched)
-        found = [*self._damaged(view, one, alone=True)]
-        found += (unsearched.alone(view) for unsearched in self._unsearched[before:])
-        del self._unsearched[before:]
-        if not self._formulas.hold(view, one, fits, found):
             yield from found
+            return
+        otherwise = [*found]
+        if not self._formulas.hold(view, one, fits, otherwise):
+            yield from otherwise
+
+    def _damage(self, sender: Sender) -> Iterator[Occurrence]:
+        """Note a wrong CRC that no mistake explains; yield what is said of the one before it that fits one."""
+        yield from self._formulas.release(sender)
+        if sender in self._damages or len(self._damages) < MOST_SENDERS:
+            self._damages[sender] = min(self._damages.get(sender, 0) + 1, _DAMAGES)
 
     def _damaged(self, view: View, one: Incomplete, *, alone: bool) -> Iterator[Occurrence]:
         """Yield a wrong CRC that no known mistake explains, but its surroundings may; `alone`: no other one like it."""
-        here = self._neighbours.of(view, one.frames, one.code, fd=one.fd) if one.searched else None
+        here = self._neighbours.of(view, one.frames, one.code, fd=one.fd)
         if here is None:
-            self._like(view, one)
+            yield from self._alike(view, one)
             return
         around = here.around()
         proof = proofs.proven(here.parts, around, here.expected)
@@ -203,13 +236,13 @@ class Reassembly(Rule):
             yield replace(occurrence(view, one, proof.cause, evidence), severity="note" if noted else None)
             return
         short = next((p for p in here.parts[:-1] if len(p.body) < here.expected.room), None)
-        bit = _bit(one)
+        bit = turned_bit(one)
         if short is not None and not bit.detail:
             cause = Cause(checksums.SHORT_FRAME, f" ({len(short.body) + 1} bytes in frame {short.number + 1}, TRF-012)")
             self._causes[CHECKSUM].note(one.sender, one.shape, cause.what)
             yield replace(occurrence(view, one, cause), severity="note")
             return
-        common = "" if alone or bit.detail else _common(view, one, here)
+        common = "" if alone or bit.detail else _shared(view, one, here)
         if common:
             self._remember(one, Formula(common, _start_of(one)))
             yield occurrence(view, one, Cause(common))
@@ -220,17 +253,8 @@ class Reassembly(Rule):
         self._causes[CHECKSUM].note(one.sender, one.shape, cause.what)
         yield replace(occurrence(view, one, cause), drops=True)
 
-    def _mistake(self, view: View, one: Incomplete) -> Cause | None:
-        """Return what the sender computed instead.
-
-        Of what is not searched any more only a mistake that it has made before.
-        """
-        known = self._known(one)
-        again = one.sender in self._mistaken
-        if known is not None or not (one.searched or again):
-            return known
-        if not again and self._damages.get(one.sender, 0) >= _DAMAGES:
-            return None
+    def _common(self, view: View, one: Incomplete) -> Cause | None:
+        """Return what the sender computed instead, if that is a common mistake."""
         found = self._formulas.common(view, one)
         if found is not None:
             self._learn(one, Formula(found.what, _start_of(one)))
@@ -257,16 +281,19 @@ def _copy(here: Neighbours) -> Cause | None:
     return None if row is not None and row.cause.what == EVERY_ID else copy
 
 
-def _in_gap(view: View, one: Incomplete, near: Sequence[Part]) -> bool:
-    """Return whether what a transfer lacks may have come in a gap of the capture (CAP-002)."""
-    if one.t == NO_TIME:
+def _in_gap(view: View, rule: str, t: int, end: int, behind: Sequence[Part] = ()) -> bool:
+    """Return whether what a transfer lacks may have come in a gap of the capture (CAP-002).
+
+    `behind` are the frames of its session that come after its last one, at `end`.
+    """
+    if t == NO_TIME:
         return False
-    if one.rule == LATE:
-        return view.paused(one.t, one.t + round(SECONDS * SECOND))
-    if one.rule == CUT and view.paused(one.end, one.end + _NEXT):
-        behind = (view.frame(part.number) for part in near if part.number > one.frames[-1])
-        return not any(kept is not None and kept.t - one.end <= _NEXT for kept in behind)
-    return view.paused(one.t, one.end)
+    if rule == LATE:
+        return view.paused(t, t + round(SECONDS * SECOND))
+    if rule == CUT and view.paused(end, end + _NEXT):
+        later = (view.frame(part.number) for part in behind)
+        return not any(kept is not None and kept.t - end <= _NEXT for kept in later)
+    return view.paused(t, end)
 
 
 def _misnumbered(proof: Proof | None, here: Neighbours) -> list[Part]:
@@ -292,23 +319,7 @@ def _start_of(one: Incomplete) -> int:
     return checksums.start_of(one.wire, one.payload)
 
 
-def _bit(one: Incomplete) -> Cause:
-    """Return the cause: corrupted, and where, if one turned bit explains it."""
-    at = checksums.one_bit(one.wire ^ one.here, len(one.payload))
-    place = None if at is None else checksums.BytePlace.of(at, 63 if one.fd else 7)
-    if place is None or place.frame >= len(one.frames):
-        return Cause(checksums.CORRUPTED)
-    return Cause(checksums.CORRUPTED, f" (one bit turned in byte {place.byte} of frame {one.frames[place.frame] + 1})")
-
-
-def corrupted(wire: int, here: int, length: int, frames: Sequence[int], *, fd: bool) -> Values:
-    """Return what is said of a transfer whose CRC is `wire` and should be `here`, if nothing but its bytes is known."""
-    one = Incomplete(CHECKSUM, 0, 0, 0, 0, fd, frames, wire, here, bytes(length), length, 0)
-    cause = _bit(one)
-    return {"crc_wire": wire, "crc_here": here, "cause": cause.what, "why": f": {cause.what}{cause.detail}"}
-
-
-def _common(view: View, one: Incomplete, here: Neighbours) -> str:
+def _shared(view: View, one: Incomplete, here: Neighbours) -> str:
     """Return the start value that explains this and most of the other wrong CRCs nearby; nothing if none does."""
     runs = [run for run in here.whole if not here.expected.fits(run)]
     wrong = [(b"".join(part.body for part in run), run[0].transfer_id) for run in runs]
@@ -323,9 +334,3 @@ def _common(view: View, one: Incomplete, here: Neighbours) -> str:
     if names:
         return f"{checksums.OF}{' or '.join(names)}"
     return checksums.FROM_ZERO if not start else f"wrong signature, a CRC that starts from {start:04X}"
-
-
-def _undefined(view: View, one: Incomplete) -> str:
-    """Return the name of a type without a definition whose signature gives the CRC of a transfer."""
-    others = view.types.undefined(one.code)
-    return next((name for sign, name in others.items() if crc_hqx(one.payload, crc_start(sign)) == one.wire), "")
