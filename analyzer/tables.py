@@ -236,6 +236,8 @@ def counted(codes: npt.NDArray[Any]) -> tuple[list[int], list[int]]:
     if not len(codes):
         return [], []
     low, high = int(codes.min()), int(codes.max())
+    if low == high:
+        return [low], [len(codes)]
     if high - low >= MOST_COUNTED:
         values, counts = np.unique(codes, return_counts=True)
         return values.tolist(), counts.tolist()

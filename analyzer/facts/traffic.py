@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.tables import EXTENDED, FD, REMOTE, STATUSES, VERDICTS, counted
+from dissectors.kit import by_key
 from dissectors.kit.cells import numbers, valid
 from dissectors.times import SECOND
 
@@ -27,6 +28,7 @@ MOST_IDS = 65536
 _BATCHES_KEPT = 8
 # Nominal bits of a classic frame without data or stuffing, interframe space included.
 _EXTENDED_BITS, _STANDARD_BITS = 67, 47
+_NEVER = np.iinfo(np.int64).max
 _WHOLE = (STATUSES.index("ok"), STATUSES.index("unchecked"))
 _FOREIGN = VERDICTS.index("foreign")
 
@@ -54,8 +56,10 @@ class BusCount:
         """Add frames in capture order: data bytes, flags, and the times of those that have one."""
         self.frames += len(sizes)
         self.fd += int(np.count_nonzero(flags & FD))
-        data = np.where(flags & REMOTE, 0, sizes)
-        self.bits += int((np.where(flags & EXTENDED, _EXTENDED_BITS, _STANDARD_BITS) + 8 * data).sum())
+        remote = flags & REMOTE != 0
+        data = int(sizes.sum()) - (int(sizes[remote].sum()) if remote.any() else 0)
+        extended = int(np.count_nonzero(flags & EXTENDED))
+        self.bits += _EXTENDED_BITS * extended + _STANDARD_BITS * (len(sizes) - extended) + 8 * data
         if not t.size:
             return
         first, last = int(t.min()), int(t.max())
@@ -102,16 +106,16 @@ class Talks:
             return set()
         names = ("bus", "src", "variant", "kind", "type_id")
         bus, src, variant, kind, type_id = (numbers(transfers.column(name)).astype(np.int64) for name in names)
-        broken = ~np.isin(numbers(transfers.column("status")), _WHOLE)
+        code = bus << 40 | src << 32 | variant << 24 | kind << 16 | type_id
+        order, begins = by_key(code)
+        codes, count = code[order[begins]], np.diff(begins, append=len(code))
+        whole = np.isin(np.arange(len(STATUSES)), _WHOLE)
+        bad = np.add.reduceat(~whole[numbers(transfers.column("status"))[order]], begins, dtype=np.int64)
         t, timed = times(transfers)
-        codes, inverse = np.unique(bus << 40 | src << 32 | variant << 24 | kind << 16 | type_id, return_inverse=True)
-        count, bad = np.bincount(inverse), np.bincount(inverse, weights=broken)
-        first = np.full(len(codes), np.iinfo(np.int64).max)
-        last = np.full(len(codes), np.iinfo(np.int64).min)
-        np.minimum.at(first, inverse[timed], t[timed])
-        np.maximum.at(last, inverse[timed], t[timed])
-        for k, code in enumerate(codes.tolist()):
-            talk = self._talk((code >> 40, code >> 32 & 0xFF, _type(code)), int(count[k]))
+        early, late = (t, t) if timed.all() else (np.where(timed, t, _NEVER), np.where(timed, t, -_NEVER))
+        first, last = np.minimum.reduceat(early[order], begins), np.maximum.reduceat(late[order], begins)
+        for k, one in enumerate(codes.tolist()):
+            talk = self._talk((one >> 40, one >> 32 & 0xFF, _type(one)), int(count[k]))
             if talk is None:
                 continue
             talk.count += int(count[k])
@@ -119,7 +123,7 @@ class Talks:
             if first[k] <= last[k]:
                 talk.first = int(first[k]) if talk.first is None else min(talk.first, int(first[k]))
                 talk.last = int(last[k]) if talk.last is None else max(talk.last, int(last[k]))
-        return {_type(code) for code in codes.tolist()}
+        return {_type(one) for one in codes.tolist()}
 
     def _talk(self, key: TalkKey, count: int) -> Talk | None:
         if key not in self.all:

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.tables import distinct
-from dissectors.kit import NO_TIME, SECOND
+from dissectors.kit import NO_TIME, SECOND, groups
 
 if TYPE_CHECKING:
     from dissectors.kit import Array, View
@@ -37,9 +36,11 @@ class Course:
                 return
             self.start = int(view.frames.t[int(np.argmax(known))])
         for second in view.seconds:
-            at = np.array([self._index(second.start)])
-            self._put(self._frames, second.bus, at, np.array([second.frames]))
-            self._put(self._bits, second.bus, at, np.array([second.bits]))
+            at = self._index(second.start)
+            for series, much in ((self._frames, second.frames), (self._bits, second.bits)):
+                counts = self._of(series, second.bus)
+                if counts is not None:
+                    counts[at] += much
         transfers = view.transfers
         known = transfers.t != NO_TIME
         t, key = transfers.t, transfers.bus.astype(np.int64) * _NODES + (transfers.src & 0x7F)
@@ -48,8 +49,13 @@ class Course:
         if len(t):
             self._index(int(t.max()))
             at = np.maximum((t - self.start) // self.step, 0)
-            for one in distinct(key):
-                self._put(self._transfers, one, at[key == one])
+            for one, places in groups(key):
+                counts = self._of(self._transfers, one)
+                if counts is not None:
+                    mine = at[places]
+                    low = int(mine.min())
+                    more = np.bincount(mine - low)
+                    counts[low : low + len(more)] += more
 
     def frames(self, bus: int) -> tuple[int, ...]:
         """Return frames of an interface in each step."""
@@ -72,14 +78,10 @@ class Course:
         self._last = max(self._last, at)
         return at
 
-    def _put(self, series: dict[int, Array], key: int, at: Array, much: Array | None = None) -> None:
-        if key not in series:
-            if len(series) >= MOST_KEYS:
-                return
+    def _of(self, series: dict[int, Array], key: int) -> Array | None:
+        if key not in series and len(series) < MOST_KEYS:
             series[key] = np.zeros(MOST_STEPS, np.int64)
-        low = int(at.min())
-        counts = np.bincount(at - low, much).astype(np.int64)
-        series[key][low : low + len(counts)] += counts
+        return series.get(key)
 
     def _series(self, series: dict[int, Array], key: int) -> tuple[int, ...]:
         return tuple(series[key][: self._last + 1].tolist()) if key in series else ()

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer import _native
-from analyzer.tables import distinct
-from dissectors.kit import NO_TIME, SECOND, Second, set_back
+from dissectors.kit import NO_TIME, SECOND, Second, set_back, times_by_bus
 
 if TYPE_CHECKING:
-    from dissectors.kit import Array, FrameTable
+    from dissectors.kit import Array, BusTimes, FrameTable
 
 
 def bit_times(frames: FrameTable) -> Array:
@@ -34,25 +33,15 @@ def split(frames: FrameTable, bits: Array, origin: int) -> list[Second]:
     """
     if not len(frames) or origin == NO_TIME:
         return []
-    buses = distinct(frames.bus)
-    timed = frames.t != NO_TIME
-    whole = bool(timed.all())
-    found = []
-    for bus in buses:
-        rows = None if len(buses) == 1 and whole else np.flatnonzero((frames.bus == bus) & timed)
-        found += _of_bus(bus, frames, bits, rows, origin)
-    return found
+    return [second for one in times_by_bus(frames) for second in _of_bus(one, frames, bits, origin)]
 
 
-def _of_bus(bus: int, frames: FrameTable, bits: Array, rows: Array | None, origin: int) -> list[Second]:
-    t = frames.t if rows is None else frames.t[rows]
-    if not len(t):
-        return []
+def _of_bus(one: BusTimes, frames: FrameTable, bits: Array, origin: int) -> list[Second]:
+    bus, rows, t = one.bus, one.rows, one.t
     index = (t - origin) // SECOND
-    starts = np.concatenate(([0], np.flatnonzero(index[1:] != index[:-1]) + 1))
-    back = set_back(t)
-    if len(back):
-        starts = np.union1d(starts, back)
+    starts = np.append(0, np.flatnonzero(index[1:] != index[:-1]) + 1)
+    if one.back:
+        starts = np.union1d(starts, set_back(t))
     own = bits if rows is None else bits[rows]
     sums = np.add.reduceat(own, starts, dtype=np.int64).tolist()
     counts = np.diff(starts, append=len(t)).tolist()

@@ -16,7 +16,7 @@ from analyzer.facts.names import type_name
 from analyzer.rules.joint.losses import JointLosses
 from analyzer.rules.load import bit_times, split
 from analyzer.rules.recent import Recent
-from analyzer.tables import EVENT_ROWS, FRAMES, KINDS, TRANSFERS, distinct, empty
+from analyzer.tables import EVENT_ROWS, FRAMES, KINDS, TRANSFERS, empty
 from dissectors.kit import (
     NO_TIME,
     SECOND,
@@ -28,6 +28,7 @@ from dissectors.kit import (
     TransferTable,
     Types,
     doubtful,
+    times_by_bus,
 )
 
 if TYPE_CHECKING:
@@ -114,26 +115,34 @@ class Past:
         return self.dialects.choice(message, reading, bus, node)
 
     def _note_times(self, frames: FrameTable) -> None:
-        known = frames.t != NO_TIME
-        if not known.any():
+        times = times_by_bus(frames)
+        if not times:
             return
-        t = frames.t[known]
-        self._note_gaps(t)
+        one = times[0]
+        t = one.t if len(times) == 1 else frames.t[frames.t != NO_TIME]
+        self._note_gaps(t, calm=len(times) == 1 and max(one.longest, one.back) <= GAP)
         self.origin = int(t[0]) if self.origin == NO_TIME else self.origin
         self.last = int(t[-1])
         self.start = int(t.min()) if self.start == NO_TIME else min(self.start, int(t.min()))
         self.end = max(self.end, int(t.max()))
-        bus = frames.bus[known]
-        for index in distinct(bus):
-            if index not in self.starts:
-                self.starts[index] = int(t[np.argmax(bus == index)])
+        for one in times:
+            self.starts.setdefault(one.bus, int(one.t[0]))
 
-    def _note_gaps(self, t: Array) -> None:
+    def _note_gaps(self, t: Array, *, calm: bool) -> None:
         """Note times after which nothing came for longer than `GAP`, each with the next one; and how coarse times are.
 
         A gap is said to hide something where much was sent before it. A clock that is set back by as much begins anew,
-        too.
+        too. Among times that are `calm` there is none.
         """
+        last = int(self._latest[-1]) if len(self._latest) else int(t[0])
+        if not calm or abs(int(t[0]) - last) > GAP:
+            self._add_gaps(t)
+        self._latest = np.append(self._latest, t[-BUSY:])[-BUSY:]
+        since = t - last
+        while self.resolution > 1 and (since // self.resolution * self.resolution != since).any():
+            self.resolution //= 10
+
+    def _add_gaps(self, t: Array) -> None:
         known = len(self._latest)
         whole = np.concatenate((self._latest, t))
         apart = np.diff(whole[max(known - 1, 0) :])
@@ -145,11 +154,8 @@ class Past:
                 continue
             busy = len(usual) == BUSY and int(apart[at]) > SILENT * (int(usual[-1]) - int(usual[0]))
             self.gaps.append((int(whole[end - 1]), int(whole[end]), busy))
-        self._latest = whole[-BUSY:].copy()
         self._hiding = []
         del self.gaps[:-MOST_GAPS]
-        while self.resolution > 1 and (apart % self.resolution).any():
-            self.resolution //= 10
 
     def resumed(self, t: int) -> int:
         """Return the end of the last gap before a time, else the first time of the capture."""

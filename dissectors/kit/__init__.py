@@ -12,11 +12,12 @@ message and packet. It is a `Rule` (or a function that `rule` makes one), and gi
 from __future__ import annotations
 
 from dissectors.kit.array import Array
+from dissectors.kit.clock import BusTimes, times_by_bus
 from dissectors.kit.collection import rules_of
 from dissectors.kit.conformance import Conformance, Exercise, Measures
 from dissectors.kit.definitions import Types
 from dissectors.kit.occurrence import Occurrence, Occurrences, Severity, Values, Worst
-from dissectors.kit.order import by_key, changes, groups, last_set
+from dissectors.kit.order import by_key, changes, count_below, groups, last_set
 from dissectors.kit.paces import Break, PacedReports
 from dissectors.kit.pauses import Pauses
 from dissectors.kit.rows import NODES, breach, doubtful, frames_of, rows_by_bus, sender, sound, usable
@@ -29,10 +30,10 @@ from dissectors.kit.view import SESSION, JointLoss, Kept, Second, View
 from dissectors.times import MICROSECOND, MILLISECOND, NO_TIME, SECOND
 
 __all__ = [
-    "MICROSECOND", "MILLISECOND", "NODES", "NO_TIME", "SECOND", "SESSION", "Array", "Break", "Conformance",
+    "MICROSECOND", "MILLISECOND", "NODES", "NO_TIME", "SECOND", "SESSION", "Array", "Break", "BusTimes", "Conformance",
     "DecodedTable", "EventTable", "Exercise", "Feed", "FrameTable", "JointLoss", "Kept", "Latest", "Measures",
     "Occurrence", "Occurrences", "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "RunningTime", "Second",
     "Severity", "Starts", "TransferTable", "Types", "Values", "View", "Worst", "breach", "by_key", "changes",
-    "doubtful", "frames_of", "groups", "last_set", "rows_by_bus", "rule", "rules_of", "sender", "set_back", "sound",
-    "usable",
+    "count_below", "doubtful", "frames_of", "groups", "last_set", "rows_by_bus", "rule", "rules_of", "sender",
+    "set_back", "sound", "times_by_bus", "usable",
 ]  # fmt: skip

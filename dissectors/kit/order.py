@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from dissectors.kit.array import Array
 
-_SHORT = 1 << 16  # keys below this sort in one pass over the rows
+_SHORT, _BYTE = 1 << 16, 0xFF  # keys below these sort in one pass over the rows
 
 
 def by_key(keys: Array) -> tuple[Array, Array]:
@@ -22,13 +22,26 @@ def by_key(keys: Array) -> tuple[Array, Array]:
     """
     if not len(keys):
         return np.empty(0, np.int64), np.empty(0, np.int64)
-    keys = keys.astype(np.uint16) if int(keys.max()) < _SHORT else keys
-    order = np.argsort(keys, kind="stable")
+    order = _sorted(keys)
     ordered = keys[order]
     begins = np.empty(len(keys), bool)
     begins[0] = True
     np.not_equal(ordered[1:], ordered[:-1], out=begins[1:])
     return order, np.flatnonzero(begins)
+
+
+def _sorted(keys: Array) -> Array:
+    """Return the places in the order of keys: 16 bits of them at a time, lowest first, which takes one pass each."""
+    most = int(keys.max())
+    if most < _SHORT:
+        return np.argsort(keys.astype(np.uint16), kind="stable")
+    order: Array | None = None
+    for shift in range(0, most.bit_length(), 16):
+        part = (keys >> shift if shift else keys).astype(np.uint16 if most >> shift > _BYTE else np.uint8)
+        if int(part.min()) == int(part.max()):
+            continue
+        order = np.argsort(part, kind="stable") if order is None else order[np.argsort(part[order], kind="stable")]
+    return np.arange(len(keys)) if order is None else order
 
 
 def groups(keys: Array) -> Iterator[tuple[int, Array]]:
@@ -45,6 +58,15 @@ def changes(values: Array, before: float) -> Array:
     np.not_equal(values[1:], values[:-1], out=differs[1:])
     differs[:1] = values[:1] != before
     return np.flatnonzero(differs)
+
+
+def count_below(marks: Array, numbers: Array) -> Array:
+    """Return how many marks are below each number; both are in order."""
+    if len(marks) >= len(numbers):
+        return np.searchsorted(marks, numbers)
+    steps = np.zeros(len(numbers) + 1, np.int64)
+    np.add.at(steps, np.searchsorted(numbers, marks, "right"), 1)
+    return np.cumsum(steps[:-1])
 
 
 def last_set(mask: Array) -> Array:

@@ -159,6 +159,8 @@ class PacedReports:
         floor = max(self._least, self._periods * min(shortest, self._usual or shortest))
         took = np.diff(t)
         rows = np.flatnonzero(took[first:] > floor) + first
+        if not len(rows):
+            return ()
         short = np.zeros(len(rows), bool)
         if len(took) >= MEMORY:
             before = np.lib.stride_tricks.sliding_window_view(single, MEMORY)[np.maximum(rows - MEMORY, 0)]

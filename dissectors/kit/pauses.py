@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit.rows import rows_by_bus
+from dissectors.kit.clock import times_by_bus
 
 if TYPE_CHECKING:
     from dissectors.kit.array import Array
@@ -28,15 +28,12 @@ class Pauses:
 
     def feed(self, view: View) -> None:
         """Add the next batch."""
-        frames = view.frames
-        for bus, rows in rows_by_bus(frames.bus, frames.t):
-            t = frames.t if rows is None else frames.t[rows]
-            coarse = np.append(t[::64], t[-1])
+        for one in times_by_bus(view.frames):
+            bus, t = one.bus, one.t
             self._between(bus, self.last.get(bus, int(t[0])), int(t[0]))
-            for k in np.flatnonzero((np.diff(coarse) > self._least) | (np.diff(coarse) < 0)).tolist():
-                part = t[k * 64 : k * 64 + 65]
-                for at in np.flatnonzero(np.diff(part) > self._least).tolist():
-                    self._between(bus, int(part[at]), int(part[at + 1]))
+            if one.longest > self._least:
+                for at in np.flatnonzero(t[1:] - t[:-1] > self._least).tolist():
+                    self._between(bus, int(t[at]), int(t[at + 1]))
             self.last[bus] = int(t[-1])
 
     def first(self, bus: int, start: int, stop: int) -> int:

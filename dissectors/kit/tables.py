@@ -40,9 +40,10 @@ class Columns:
 
     def __getattr__(self, name: str) -> Array:
         """Return a column of numbers, and keep it."""
-        if name.startswith("_") or name not in self._batch.schema.names:
+        place = -1 if name.startswith("_") else self._batch.schema.get_field_index(name)
+        if place < 0:
             raise AttributeError(name)
-        values = column(self._batch.column(name), time=name in _TIMES)
+        values = column(self._batch.column(place), time=name in _TIMES)
         setattr(self, name, values)
         return values
 
@@ -202,6 +203,7 @@ class DecodedTable:
         self._batch = batch
         self._first = first_transfer
         self._columns: dict[str, Array] = {}
+        self._valid: dict[str, Array] = {}
         self._lists: dict[str, tuple[Array, Array]] = {}
 
     def __deepcopy__(self, _memo: object) -> Self:
@@ -214,12 +216,16 @@ class DecodedTable:
 
     def __contains__(self, name: object) -> bool:
         """Return whether there is such a column."""
-        return name in self._batch.schema.names
+        return name in self._places
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {name: place for place, name in enumerate(self._batch.schema.names)}
 
     def __getitem__(self, name: str) -> Array:
         """Return a column of numbers; cells without a value are arbitrary."""
         if name not in self._columns:
-            self._columns[name] = column(self._batch.column(name), time=name in _TIMES)
+            self._columns[name] = column(self._batch.column(self._places[name]), time=name in _TIMES)
         return self._columns[name]
 
     @cached_property
@@ -249,7 +255,9 @@ class DecodedTable:
 
     def has(self, name: str) -> Array:
         """Return a mask of the rows in which the column has a value."""
-        return valid(self._batch.column(name))
+        if name not in self._valid:
+            self._valid[name] = valid(self._batch.column(self._places[name]))
+        return self._valid[name]
 
     def lists(self, name: str) -> tuple[Array, Array]:
         """Return of a column of lists where each row's begins (one entry more than rows), and all values."""

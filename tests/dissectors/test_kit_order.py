@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.kit import by_key, changes, groups, last_set
+from dissectors.kit import by_key, changes, count_below, groups, last_set
 
 
 @given(st.lists(st.integers(0, 3) | st.integers(0, 1 << 40)))
@@ -29,6 +29,12 @@ def test_places_in_the_order_of_keys(keys: list[int]) -> None:
 def test_changes(kind: type, values: list[int], before: int) -> None:
     expected = [k for k, one in enumerate(values) if one != [before, *values][k]]
     assert changes(np.array(values, kind), before).tolist() == expected
+
+
+@given(st.lists(st.integers(0, 9)), st.lists(st.integers(0, 9)))
+def test_counts_below(marks: list[int], numbers: list[int]) -> None:
+    found = count_below(np.array(sorted(marks), np.int64), np.array(sorted(numbers), np.int64))
+    assert found.tolist() == [sum(mark < number for mark in marks) for number in sorted(numbers)]
 
 
 @given(st.lists(st.booleans()))

@@ -9,16 +9,17 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from analyzer.tables import EXTENDED, KINDS, REMOTE, TAIL_END, TAIL_START
-from dissectors.kit import by_key, rows_by_bus
+from dissectors.kit import by_key, times_by_bus
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from dissectors.kit import Array, FrameTable, TransferTable
+    from dissectors.kit import Array, BusTimes, FrameTable, TransferTable
 
 MOST_SESSIONS = 4096  # that a rule remembers
 _SERVICE, _ASKS = 1 << 16, 1 << 7
-_KEYS = _SERVICE << 1
+_KEY_BITS = 17
+_KEY = (1 << _KEY_BITS) - 1
 _NODE = 0x7F
 _MESSAGE, _REQUEST, _RESPONSE = (KINDS.index(name) for name in ("message", "request", "response"))
 
@@ -48,16 +49,16 @@ class BusFrames:
     session begins, and where the last one ends.
     """
 
-    def __init__(self, bus: int, frames: FrameTable, rows: Array | None) -> None:
+    def __init__(self, times: BusTimes, frames: FrameTable, rows: Array | None) -> None:
         identifier = frames.id if rows is None else frames.id[rows]
-        codes, types = _codes(identifier >> 7 & _KEYS - 1, identifier & _NODE)
+        codes = (identifier & _NODE) << _KEY_BITS | identifier >> 7 & _KEY
         self.place, first = by_key(codes)
         self.row = self.place if rows is None else rows[self.place]
         self.tail = _tails(frames)[self.row]
-        self.times = frames.t
+        self.times, self._forward = frames.t, times.steady
         self.first: Sequence[int] = [*first.tolist(), len(codes)]
-        parts = [divmod(code, len(types)) for code in codes[self.place[first]].tolist()]
-        self.sessions = [Session(bus, node, _type_id(types[which])) for node, which in parts]
+        begin = codes[self.place[first]].tolist()
+        self.sessions = [_session(times.bus, code >> _KEY_BITS, code & _KEY) for code in begin]
 
     @cached_property
     def begins(self) -> tuple[Array, Array]:
@@ -88,17 +89,13 @@ class BusFrames:
             sessions: places of them.
             least: shorter times are left out.
         """
+        # Where no clock was set back, a session without gaps shows that its node has none.
         if self._forward and any(self._fills(one, sessions, least) for one in sessions):
             return
         rows = np.sort(np.concatenate([self.row[self.first[one] : self.first[one + 1]] for one in sessions]))
         t = self.times[rows]
         for k in np.flatnonzero(t[1:] - t[:-1] > least).tolist():
             yield int(t[k]), int(t[k + 1]), int(rows[k])
-
-    @cached_property
-    def _forward(self) -> bool:
-        """Whether no clock was set back: then a session without gaps shows that its node has none."""
-        return bool((self.times[1:] >= self.times[:-1]).all())
 
     @cached_property
     def _begun(self) -> Array:
@@ -130,11 +127,12 @@ def bus_frames(frames: FrameTable) -> Mapping[int, BusFrames]:
         found = {}
         plain = (frames.flags & (EXTENDED | REMOTE) == EXTENDED) & (frames.id & _NODE != 0)
         all_ = bool(plain.all())
-        for bus, rows in rows_by_bus(frames.bus, frames.t):
+        for one in times_by_bus(frames):
+            rows = one.rows
             if not all_:
-                rows = np.flatnonzero(plain) if rows is None else rows[plain[rows]]  # noqa: PLW2901
+                rows = np.flatnonzero(plain) if rows is None else rows[plain[rows]]
             if rows is None or len(rows):
-                found[bus] = BusFrames(bus, frames, rows)
+                found[one.bus] = BusFrames(one, frames, rows)
         _known[frames] = found
     return _known[frames]
 
@@ -156,31 +154,18 @@ def first_transfers(
     if services:
         asked = type_id << 9 | (kind == _REQUEST) * np.uint32(_ASKS << 1) | t.dst[rows].astype(np.uint32) << 1 | 1
         key = np.where(kind == _MESSAGE, key, asked)
-    codes, types = _codes(key, t.bus[rows].astype(np.uint32) << 7 | t.src[rows] & _NODE)
+    codes = (t.bus[rows].astype(np.uint32) << 7 | t.src[rows] & _NODE) << _KEY_BITS | key
     order, first = by_key(codes)
     places = first[:, None] + np.arange(most)
     some = order[places[places < np.append(first[1:], len(order))[:, None]]]
     some.sort()
     for code, row in zip(codes[some].tolist(), rows[some].tolist(), strict=True):
-        sender, which = divmod(code, len(types))
-        yield Session(sender >> 7, sender & _NODE, _type_id(types[which])), row
+        yield _session(code >> _KEY_BITS + 7, code >> _KEY_BITS & _NODE, code & _KEY), row
 
 
-def _codes(key: Array, sender: Array) -> tuple[Array, list[int]]:
-    """Return senders and types in one number each, senders first, and the keys that its types stand for.
-
-    A key is a type ID, and in front of it what `Session` says of a service; its lowest bit is set for these.
-    """
-    seen = np.zeros(_KEYS, bool)
-    seen[key] = True
-    types = np.flatnonzero(seen)
-    index = np.zeros(_KEYS, np.uint32)
-    index[types] = np.arange(len(types))
-    return sender * np.uint32(len(types)) + index[key], types.tolist()
-
-
-def _type_id(key: int) -> int:
-    return key >> 1 | (key & 1) * _SERVICE
+def _session(bus: int, node: int, key: int) -> Session:
+    """Return a session by its key: the type ID, in front of it what `Session` says of a service, behind it a bit."""
+    return Session(bus, node, key >> 1 | (key & 1) * _SERVICE)
 
 
 def _tails(frames: FrameTable) -> Array:

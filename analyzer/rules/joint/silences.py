@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.rules.joint.times import LONGEST
-from dissectors.kit import rows_by_bus
+from dissectors.kit import times_by_bus
 
 if TYPE_CHECKING:
     from analyzer.rules.joint.lacks import Lack
@@ -26,10 +26,12 @@ class Silences:
 
     def feed(self, view: View) -> None:
         """Add a batch."""
-        for bus, rows in rows_by_bus(view.frames.bus, view.frames.t):
-            t = view.frames.t if rows is None else view.frames.t[rows]
-            whole = np.append(self._last.get(bus, int(t[0])), t)
-            self._last[bus] = int(t[-1])
+        for one in times_by_bus(view.frames):
+            bus, t = one.bus, one.t
+            last, self._last[bus] = self._last.get(bus, int(t[0])), int(t[-1])
+            if one.longest <= LONGEST and int(t[0]) - last <= LONGEST:
+                continue
+            whole = np.append(last, t)
             for k in np.flatnonzero(np.diff(whole) > LONGEST).tolist():
                 known = self._known.setdefault(bus, [])
                 known.append((int(whole[k]), int(whole[k + 1])))

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.rules.events import EventTimes, error_frames, when
-from dissectors.kit import MILLISECOND, SECOND, rows_by_bus
+from dissectors.kit import MILLISECOND, SECOND, times_by_bus
 
 if TYPE_CHECKING:
-    from dissectors.kit import Array, View
+    from dissectors.kit import Array, BusTimes, View
 
 STEP = 100 * MILLISECOND  # in which the load is measured
 NEAR = SECOND // 2  # of an error frame
@@ -42,14 +42,13 @@ class _Bus:
     t: Array = field(default_factory=lambda: np.empty(0, np.int64))
     bits: Array = field(default_factory=lambda: np.empty(0, np.int64))
 
-    def add(self, t: Array, bits: Array) -> None:
+    def add(self, times: BusTimes, bits: Array) -> None:
         """Add frames."""
         self.ranked = None
-        step = t // STEP
-        cuts = np.flatnonzero(np.diff(step, prepend=step[0] - 1))
+        t, cuts = times.t, _cuts(times)
         sums = np.add.reduceat(bits, cuts, dtype=np.int64)
         fastest = np.maximum.reduceat(self._speeds(t, bits), cuts)
-        for at, much, fast in zip(step[cuts].tolist(), sums.tolist(), fastest.tolist(), strict=True):
+        for at, much, fast in zip((t[cuts] // STEP).tolist(), sums.tolist(), fastest.tolist(), strict=True):
             known = self.steps.setdefault(at, _Step())
             known.bits += much
             known.fastest = max(known.fastest, fast)
@@ -81,6 +80,18 @@ class _Bus:
         return next((rate for rate in _BIT_RATES if fastest <= _INEXACT * rate), _BIT_RATES[-1])
 
 
+def _cuts(times: BusTimes) -> Array:
+    """Return where frames of another step begin."""
+    t = times.t
+    first, last = int(t[0]) // STEP, int(t[-1]) // STEP
+    if times.steady and last - first < len(t):
+        cuts = np.searchsorted(t, np.arange(first, last + 1) * STEP)
+        begins: Array = cuts[np.append(cuts[1:] > cuts[:-1], True)]
+        return begins
+    step = t // STEP
+    return np.flatnonzero(np.diff(step, prepend=step[0] - 1))
+
+
 class Strain:
     """Bits of each bus in steps, and times of error frames, of the last seconds."""
 
@@ -90,9 +101,9 @@ class Strain:
 
     def feed(self, view: View, bits: Array) -> None:
         """Add a batch; `bits` are the `bit_times` of its frames."""
-        for bus, rows in rows_by_bus(view.frames.bus, view.frames.t):
-            t, own = (view.frames.t, bits) if rows is None else (view.frames.t[rows], bits[rows])
-            self._buses.setdefault(bus, _Bus()).add(t, own)
+        for one in times_by_bus(view.frames):
+            own = bits if one.rows is None else bits[one.rows]
+            self._buses.setdefault(one.bus, _Bus()).add(one, own)
         for row, at, _ in error_frames(view):
             self._errors.add(at, when(view, row))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, rows_by_bus, set_back
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, set_back, times_by_bus
 from dissectors.tmotor.rules.joined.motion import Motion
 
 if TYPE_CHECKING:
@@ -76,11 +76,11 @@ class FrameRate(Rule):
         for bus in [bus for bus in self._held if self._motion.known(bus)]:
             yield from self._held.pop(bus)
         frames = view.frames
-        for bus, rows in rows_by_bus(frames.bus, frames.t):
+        for one in times_by_bus(frames):
+            bus, rows, fresh = one.bus, one.rows, one.t
             past = self._past.setdefault(bus, _Past(since=view.starts[bus]))
-            fresh = frames.t if rows is None else frames.t[rows]
             motion = changes.get(bus, _NO_CHANGES)
-            back = set_back(np.concatenate((past.t[-1:], fresh))) - len(past.t[-1:])
+            back = set_back(np.append(past.t[-1:], fresh if one.back else fresh[:1])) - len(past.t[-1:])
             if not len(back):
                 yield from self._judge(view, (bus, past), rows, fresh, motion[1:])
                 continue

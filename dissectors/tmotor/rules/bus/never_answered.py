@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, sound
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, changes, groups, sound
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, units
 from dissectors.tmotor.rules.packets.carried import (
     ALL_UNITS,
@@ -132,13 +132,19 @@ class NeverAnswered(Rule):
                 rows = np.flatnonzero(sound(table) & (table.t != NO_TIME))
                 key = table.bus[rows].astype(np.int64) << 16 | table.src[rows].astype(np.int64) << 8
                 key |= table["unit_id"][rows].astype(np.int64)
-                for one in np.unique(key).tolist():
-                    self._hear((one >> 16, one >> 8 & 0xFF, one & 0xFF), table.t[rows[key == one]])
+                for unit, places in groups(key):
+                    self._hear((unit >> 16, unit >> 8 & 0xFF, unit & 0xFF), table.t[rows[places]])
 
     def _hear(self, who: tuple[int, int, int], t: Array) -> None:
         if who in self._heard or len(self._heard) < MOST_UNITS:
-            slots = np.unique(t // _SLOT)
-            self._heard[who] = np.union1d(self._heard[who], slots) if who in self._heard else slots
+            slots = t // _SLOT
+            slots = slots[changes(slots, slots[0] - 1)]
+            known = self._heard.get(who, slots[:0])
+            behind = np.append(known[-1:], slots)
+            if (behind[1:] >= behind[:-1]).all():
+                self._heard[who] = np.append(known[:-1], behind[changes(behind, behind[0] - 1)])
+            else:
+                self._heard[who] = np.union1d(known, slots)
 
     def _ask(self, view: View, kind: _Kind) -> None:
         table = view.table(kind.asked)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, Starts, breach, sender, sound, usable
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, Starts, breach, by_key, sender, sound, usable
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
@@ -65,16 +66,20 @@ class PowerOns:
     def _follow(self, table: DecodedTable, good: Array, which: Array, column: str) -> Iterator[PowerOn]:
         rows = np.flatnonzero(good & (table.t != NO_TIME))
         key = sender(table, rows).astype(np.int64) << 32 | which[rows].astype(np.int64)
-        runtimes = table["runtime"].astype(np.int64) if "runtime" in table else np.zeros(len(table), np.int64)
-        for unit in np.unique(key).tolist():
-            mine = rows[key == unit]
-            counts, t, ran = table[column][mine].astype(np.int64), table.t[mine], runtimes[mine]
+        order, begins = by_key(key)
+        rows, every = rows[order], table.t[rows[order]]
+        all_counts = table[column][rows].astype(np.int64)
+        all_ran = table["runtime"][rows].astype(np.int64) if "runtime" in table else np.zeros(len(rows), np.int64)
+        differs = np.flatnonzero((np.diff(all_counts) != 0) | (np.diff(all_ran) < 0)) + 1
+        for start, stop in pairwise([*begins.tolist(), len(rows)]):
+            unit, part = int(key[order[start]]), slice(start, stop)
+            mine, t, counts, ran = rows[part], every[part], all_counts[part], all_ran[part]
             who = unit >> 32, unit & 0xFFFFFFFF, column
             first = int(counts[0])
             last = self._last.get(who, _Count(int(t[0]), first, int(ran[0]), first))
             best = last.best
-            odd = (np.diff(counts, prepend=last.powered) != 0) | (np.diff(ran, prepend=last.runtime) < 0)
-            for k in np.flatnonzero(odd).tolist():
+            odd = (differs[slice(*np.searchsorted(differs, (start + 1, stop)))] - start).tolist()
+            for k in [0, *odd] if first != last.powered or ran[0] < last.runtime else odd:
                 since, now, powered = int(t[k - 1]) if k else last.t, int(t[k]), int(counts[k])
                 before, runtime = int(ran[k - 1]) if k else last.runtime, int(ran[k])
                 more, most = (powered - best) % _WRAP, (now - since) // SECOND + _SLACK

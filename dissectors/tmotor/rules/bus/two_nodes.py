@@ -34,7 +34,7 @@ class SameIndex(Rule):
         for unit, rows in units(view).items():
             together.setdefault((unit.bus, unit.index), []).append(rows)
         for place, parts in together.items():
-            rows = np.sort(np.concatenate(parts))
+            rows = parts[0] if len(parts) == 1 else np.sort(np.concatenate(parts))
             node, t = self._last.get(place, (int(table.src[rows[0]]), int(table.t[rows[0]])))
             if len(parts) > 1 or node != table.src[rows[0]]:
                 yield from _twos(view, table, rows, ("BUS-009", place[1]), (node, t), window)

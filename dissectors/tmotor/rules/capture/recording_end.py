@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, rows_by_bus
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, times_by_bus
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, commands, units
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ class RecordingEnds(Rule):
     def feed(self, view: View) -> Iterable[Occurrences | Occurrence]:
         """Remember what came last."""
         if view.start != NO_TIME:
-            for bus, rows in rows_by_bus(view.frames.bus, view.frames.t):
-                self._end[bus] = int((view.frames.t if rows is None else view.frames.t[rows])[-1])
+            for one in times_by_bus(view.frames):
+                self._end[one.bus] = int(one.t[-1])
             table = view.table("ESCStatus")
             for unit, rows in units(view).items():
                 if table is not None and (unit in self._reports or len(self._reports) < MOST_UNITS):

@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, usable
+from dissectors.kit import NO_TIME, groups, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -34,10 +34,14 @@ class ReportingEsc(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Commands:
-    """RawCommand of one bus in a batch; `cmd` has a row for each channel, `NO_CHANNEL` where a command is shorter."""
+    """RawCommand of one bus in a batch; `cmd` has a row for each channel, `NO_CHANNEL` where a command is shorter.
+
+    `ended` are how many of them ended before each transfer of the batch.
+    """
 
     table: DecodedTable
     rows: Array
+    ended: Array
     number: Array
     t: Array
     src: Array
@@ -46,14 +50,15 @@ class Commands:
 
     def before(self, table: DecodedTable, rows: Array) -> Array:
         """Return how many of them ended before each row of another table."""
-        return np.searchsorted(self.number, table["transfer"][rows].astype(np.int64))
+        found: Array = self.ended[table.row[rows]]
+        return found
 
     def channel(self, index: int) -> Array:
         """Return the throttle of a channel in each, `NO_CHANNEL` where it is too short."""
         if index < len(self.cmd):
-            found: Array = self.cmd[index].astype(np.int64)
+            found: Array = self.cmd[index]
             return found
-        return np.full(len(self.t), NO_CHANNEL, np.int64)
+        return np.full(len(self.t), NO_CHANNEL, np.int16)
 
     def paused(self, last: int, longest: int) -> Array:
         """Return those that came later than so many ns after the one before; `last` is the time before all of them."""
@@ -85,7 +90,7 @@ def commands(view: View) -> Mapping[int, Commands]:
     """Return usable RawCommand by bus, in order."""
     if view not in _commands:
         table = view.table("RawCommand")
-        _commands[view] = {} if table is None else dict(_throttles(table, _rows(view, table)))
+        _commands[view] = {} if table is None else dict(_throttles(view, table, _rows(view, table)))
     return _commands[view]
 
 
@@ -99,11 +104,20 @@ def in_force(sent: Commands | None, before: tuple[int, int], index: int, table: 
         table: has the rows.
         rows: in order.
     """
-    t, cmd, k = np.array(before[:1]), np.array(before[1:], np.int64), np.zeros(len(rows), np.int64)
-    if sent is not None:
-        k = sent.before(table, rows)
-        t, cmd = np.concatenate((t, sent.t)), np.concatenate((cmd, sent.channel(index)))
-    return InForce(k, t[k], cmd[k])
+    k = np.zeros(len(rows), np.int64)
+    if sent is None:
+        return InForce(k, np.full(len(rows), before[0]), np.full(len(rows), before[1], np.int64))
+    k = sent.before(table, rows)
+    return InForce(k, last_of(sent.t, k, before[0]), last_of(sent.channel(index), k, before[1]))
+
+
+def last_of(values: Array, count: Array, before: int) -> Array:
+    """Return the last one of so many first values, `before` where these are none."""
+    if not len(values):
+        return np.full(len(count), before, np.int64)
+    found: Array = values[np.maximum(count, 1) - 1].astype(np.int64)
+    found[count == 0] = before
+    return found
 
 
 def fresh(t: Array, since: Array, longest: int) -> Array:
@@ -172,16 +186,11 @@ def _rows(view: View, table: DecodedTable) -> Array:
 def _split(table: DecodedTable, rows: Array) -> Iterator[tuple[ReportingEsc, Array]]:
     bus, src = table.bus[rows].astype(np.uint32), table.src[rows].astype(np.uint32)
     code = (bus << 7 | src) << 5 | table["esc_index"][rows]
-    code = code.astype(np.uint16) if len(code) and code.max() < 1 << 16 else code
-    order = np.argsort(code, kind="stable")
-    ordered = code[order]
-    for part in np.split(order, np.flatnonzero(ordered[1:] != ordered[:-1]) + 1):
-        if len(part):
-            number = int(code[part[0]])
-            yield ReportingEsc(number >> 12, number >> 5 & 0x7F, number & _INDEXES - 1), rows[part]
+    for number, places in groups(code):
+        yield ReportingEsc(number >> 12, number >> 5 & 0x7F, number & _INDEXES - 1), rows[places]
 
 
-def _throttles(table: DecodedTable, rows: Array) -> Iterator[tuple[int, Commands]]:
+def _throttles(view: View, table: DecodedTable, rows: Array) -> Iterator[tuple[int, Commands]]:
     offsets, values = table.lists("cmd")
     counts = np.diff(offsets)
     buses = table.bus[rows]
@@ -196,4 +205,6 @@ def _throttles(table: DecodedTable, rows: Array) -> Iterator[tuple[int, Commands
             inside = np.arange(most)[:, None] < count
             cmd = np.where(inside, values[np.where(inside, places, 0)], NO_CHANNEL).astype(np.int16)
         number = table["transfer"][mine].astype(np.int64)
-        yield bus, Commands(table, mine, number, table.t[mine], table.src[mine], count, cmd)
+        ended = np.zeros(len(view.transfers), np.int64)
+        ended[table.row[mine[mine < len(table) - 1]] + 1] = 1
+        yield bus, Commands(table, mine, np.cumsum(ended), number, table.t[mine], table.src[mine], count, cmd)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.kit import NO_TIME
-from dissectors.tmotor.rules.joined.joins import NO_CHANNEL
+from dissectors.kit import NO_TIME, last_set
+from dissectors.tmotor.rules.joined.joins import NO_CHANNEL, last_of
 
 if TYPE_CHECKING:
     from dissectors.kit import Array
@@ -45,15 +45,14 @@ class ValidThrottle:
 
     def at(self, sent: Commands | None, channel: int, number: Array) -> LastThrottle:
         """Return what it was at each of some transfers; `sent` are the next commands, which are not yet fed."""
-        t, value, last = (part[channel : channel + 1] for part in (self._t, self._value, self._last))
+        before = (int(part[channel]) for part in (self._t, self._value, self._last))
         if sent is None:
-            k = np.zeros(len(number), np.int64)
-            return LastThrottle(t[k], value[k], last[k])
-        cmd = sent.channel(channel)
-        latest = np.concatenate(([0], np.maximum.accumulate(np.where(cmd >= 0, np.arange(1, len(cmd) + 1), 0))))
-        k = np.searchsorted(sent.number, number)
-        times, values = np.concatenate((t, sent.t)), np.concatenate((value, cmd))
-        return LastThrottle(times[latest[k]], values[latest[k]], np.concatenate((last, cmd))[k])
+            return LastThrottle(*(np.full(len(number), one) for one in before))
+        cmd, count = sent.channel(channel), np.searchsorted(sent.number, number)
+        valid = cmd >= 0
+        latest = count if valid.all() else np.append(0, last_set(valid) + 1)[count]
+        columns = ((sent.t, latest), (cmd, latest), (cmd, count))
+        return LastThrottle(*(last_of(*column, one) for column, one in zip(columns, before, strict=True)))
 
     def feed(self, sent: Commands) -> None:
         """Make the next commands the last ones."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.kit import NO_TIME, SECOND, Rule, usable
+from dissectors.kit import NO_TIME, SECOND, Rule, count_below, usable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -75,7 +75,7 @@ class ChannelCount(Rule):
                 here = indexes == index
                 times = np.append(last, at[here])
                 self._last[bus, index] = times[-1]
-                latest = times[np.searchsorted(reports["transfer"][heard[here]], number[todo])]
+                latest = times[count_below(reports["transfer"][heard[here]], number[todo])]
             live = (latest != NO_TIME) & (t[todo] - latest <= window)
             highest[todo[live]] = index
         if commands is None:
