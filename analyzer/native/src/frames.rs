@@ -66,11 +66,11 @@ impl Frames {
         self.t.is_empty()
     }
 
-    /// An empty table with room for as many rows as this one has.
+    /// An empty table with room for some more rows than this one has.
     #[must_use]
     pub fn like(&self) -> Self {
         let mut out = Frames::default();
-        out.reserve(self.len(), self.data.len());
+        out.reserve(room_like(self.len()), room_like(self.data.len()));
         out
     }
 
@@ -117,6 +117,11 @@ impl Frames {
     pub fn data_of(&self, row: usize) -> &[u8] {
         &self.data[self.offset[row] as usize..self.offset[row + 1] as usize]
     }
+}
+
+/// Room for a batch like one of this size: one that outgrows it is copied.
+pub(crate) fn room_like(size: usize) -> usize {
+    size + size / 8
 }
 
 /// Whether places in `size` bytes begin at 0 or later, and none goes backwards or too far.

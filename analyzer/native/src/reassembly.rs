@@ -4,13 +4,14 @@
 //! is DroneCAN at all is learnt late (see [`crate::trust`]): earlier frames of it are listed in [`Settled`].
 #![forbid(unsafe_code)]
 
+mod columns;
 mod nameless;
 mod run;
 mod settling;
 
 use std::collections::HashMap;
 
-use crate::frames::NO_TIME;
+use crate::frames::{room_like, NO_TIME};
 use crate::session::{Candidates, Known, Session};
 use crate::sessions::Index;
 use crate::slot::Frame;
@@ -120,7 +121,7 @@ impl Reassembler {
 
     /// Hands over what was found and starts the next batch.
     pub fn take(&mut self) -> Results {
-        let rows = self.results.verdict.len();
+        let rows = room_like(self.results.verdict.len());
         let next = Results {
             first_frame: self.next_frame,
             verdict: Vec::with_capacity(rows),

@@ -4,7 +4,7 @@
 #![forbid(unsafe_code)]
 
 use crate::session::Session;
-use crate::slot::{Frame, Slot, State, Word, ABORT_NS, PAUSE_NS, TIMEOUT_NS};
+use crate::slot::{Frame, Rest, Slot, State, Word, ABORT_NS, PAUSE_NS, TIMEOUT_NS};
 use crate::transfers::{Row, Staged, Status, SHORT_FRAMES};
 use crate::wire::{crc, Kind};
 
@@ -49,6 +49,23 @@ impl Session {
             self.begin(&frame, tail, body);
         }
         true
+    }
+
+    /// Takes a classic data frame that begins a transfer, and the others of that; returns how many were taken, which is
+    /// all of them or fewer than two.
+    #[inline]
+    pub fn accept_whole(&mut self, first: &Word, rest: &Rest<'_>, out: &mut Staged) -> usize {
+        let closed = !self.hot.active() && self.others.is_empty() && self.id.kind != Kind::Anonymous;
+        if !closed || !self.begin_short(first) {
+            return 0;
+        }
+        if !self.hot.append_rest(first.number, rest) {
+            return 1;
+        }
+        if !self.complete_short(out) {
+            self.complete(out);
+        }
+        1 + rest.words.len()
     }
 
     /// [`Session::begin`] for the transfer ID that follows the one before; false for others.

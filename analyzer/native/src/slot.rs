@@ -1,8 +1,12 @@
 //! One transfer under way: its frames, its bytes, and which frame must come next.
 #![forbid(unsafe_code)]
 
+mod word;
+
+pub use word::{Rest, Word};
+
 use crate::frames::NO_TIME;
-use crate::transfers::{anomaly, when, NO_GAP, NO_STEP, SHORT_FRAMES, SHORT_PAYLOAD};
+use crate::transfers::{anomaly, when, NO_GAP, NO_STEP, SHORT_FRAMES};
 use crate::wire::{priority, Tail};
 
 /// A transfer is given up this long after its first frame (the transfer-ID timeout of DroneCAN).
@@ -15,8 +19,6 @@ pub const PAUSE_NS: i64 = 100_000_000;
 pub const MAX_TRANSFER: usize = 65_536;
 /// Room that a slot keeps from one transfer to the next.
 const KEPT: usize = 4096;
-/// Transfers of more frames go the long way, which knows of the bounds.
-const SHORT: usize = 512;
 /// Bytes that are stored at once.
 const WORD: usize = 8;
 /// Room for what is copied at once from a transfer with a CRC in front.
@@ -43,35 +45,6 @@ impl Frame<'_> {
     /// The tail byte and the payload before it; none when the frame has no data.
     pub fn split(&self) -> Option<(Tail, &[u8])> {
         self.data.split_last().map(|(&tail, body)| (Tail(tail), body))
-    }
-}
-
-/// A classic frame with a tail byte, data in one word.
-#[derive(Clone, Copy, Debug)]
-pub struct Word {
-    pub number: u64,
-    pub t: i64,
-    pub id: u32,
-    pub tail: Tail,
-    /// The payload, and behind it whatever follows.
-    pub bytes: [u8; WORD],
-    /// Bytes of the payload, at most 7.
-    pub size: usize,
-}
-
-impl Word {
-    /// `bytes` hold `size` bytes of payload and then the tail byte.
-    #[inline]
-    pub fn of(number: u64, t: i64, id: u32, bytes: [u8; WORD], size: usize) -> Word {
-        let tail = Tail((u64::from_le_bytes(bytes) >> (8 * (size % WORD))) as u8);
-        Word {
-            number,
-            t,
-            id,
-            tail,
-            bytes,
-            size,
-        }
     }
 }
 
@@ -109,7 +82,8 @@ pub struct Slot {
     pub state: State,
     /// Toggle and transfer ID of the next frame, or [`Slot::NOTHING`] when the short way is closed.
     pub expect: u8,
-    toggle: bool,
+    /// Toggle and transfer ID of the frame that would continue the sequence.
+    next: u8,
     pub transfer_id: u8,
     pub priority: u8,
     last_tail: u8,
@@ -140,7 +114,7 @@ impl Default for Slot {
         Slot {
             state: State::Closed,
             expect: Self::NOTHING,
-            toggle: false,
+            next: 0,
             transfer_id: 0,
             priority: 0,
             last_tail: 0,
@@ -184,16 +158,6 @@ impl Slot {
         self.count = 0;
     }
 
-    /// The payload behind a CRC and the numbers of the frames, each at the start of as much as is copied at once; none
-    /// when they are longer.
-    #[inline]
-    pub fn short(&self) -> Option<(&[u8; SHORT_PAYLOAD], &[u64; SHORT_FRAMES])> {
-        let bytes: &[u8; PADDED] = self.bytes.first_chunk()?;
-        let fits = self.used <= SHORT_PAYLOAD + 2 && self.count <= SHORT_FRAMES;
-        let numbers = self.numbers.first_chunk().filter(|_| fits)?;
-        Some((bytes[2..].first_chunk()?, numbers))
-    }
-
     pub fn payload(&self) -> &[u8] {
         self.bytes().get(self.skip..).unwrap_or(&[])
     }
@@ -208,18 +172,6 @@ impl Slot {
         self.append(frame, tail, body);
     }
 
-    /// [`Slot::start`] for the first of several frames if it adds no anomaly and there is room; false, and nothing done,
-    /// for others.
-    #[inline]
-    pub fn start_word(&mut self, frame: &Word) -> bool {
-        if frame.size < WORD - 1 || !(PADDED..=KEPT).contains(&self.bytes.len()) || self.numbers.is_empty() {
-            return false;
-        }
-        self.reset(frame.t, frame.id, frame.tail, false);
-        self.anomaly = 0;
-        self.store(frame)
-    }
-
     #[inline]
     fn reset(&mut self, t: i64, id: u32, tail: Tail, fd: bool) {
         self.state = State::Open;
@@ -232,7 +184,7 @@ impl Slot {
         self.forget_frames();
         self.used = 0;
         self.skip = if tail.end() { 0 } else { 2 };
-        self.toggle = false;
+        self.next = self.transfer_id;
     }
 
     /// Takes the frame that was expected.
@@ -247,40 +199,10 @@ impl Slot {
         self.turn();
     }
 
-    /// [`Slot::append`] for a frame that adds no anomaly; false, and nothing done, for others.
-    #[inline]
-    pub fn append_word(&mut self, frame: &Word) -> bool {
-        (frame.tail.end() || frame.size == WORD - 1)
-            && priority(frame.id) == self.priority
-            && frame.t.wrapping_sub(self.t_last) as u64 <= PAUSE_NS as u64
-            && frame.t.wrapping_sub(self.t) as u64 <= TIMEOUT_NS as u64
-            && self.count < SHORT
-            && self.store(frame)
-    }
-
-    /// Takes what is in a frame; false, and nothing done, when there is no room.
-    #[inline]
-    fn store(&mut self, frame: &Word) -> bool {
-        let room = self.bytes.get_mut(self.used..).and_then(<[u8]>::first_chunk_mut);
-        let (Some(room), Some(number)) = (room, self.numbers.get_mut(self.count)) else {
-            return false;
-        };
-        *room = frame.bytes;
-        *number = frame.number;
-        self.count += 1;
-        self.t_last = frame.t;
-        self.last_tail = frame.tail.0;
-        self.last_length = frame.size as u8;
-        self.last_at = self.used;
-        self.used += frame.size;
-        self.turn();
-        true
-    }
-
     /// The next frame has the other toggle.
     fn turn(&mut self) {
-        self.toggle = !self.toggle;
-        self.expect = (u8::from(self.toggle) << 5) | self.transfer_id;
+        self.next ^= 0x20;
+        self.expect = self.next;
     }
 
     /// Keeps a frame that does not belong into the payload as evidence of a broken transfer.
@@ -317,7 +239,7 @@ impl Slot {
     }
 
     pub fn expects(&self, tail: Tail) -> bool {
-        self.state == State::Open && self.toggle == tail.toggle()
+        self.state == State::Open && self.next & 0x20 == tail.0 & 0x20
     }
 
     /// Whether `tail` and `body` repeat, byte for byte, the last frame that was taken.

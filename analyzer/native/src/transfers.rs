@@ -5,6 +5,7 @@ mod staged;
 
 pub use staged::{Staged, SHORT_FRAMES, SHORT_PAYLOAD};
 
+use crate::frames::room_like;
 use crate::wire::Id;
 
 /// How a transfer ended; the order is that of `STATUSES` in `analyzer/tables.py`.
@@ -167,12 +168,12 @@ impl Transfers {
         self.t.is_empty()
     }
 
-    /// An empty table with room for as many rows as this one has.
+    /// An empty table with room for some more rows than this one has.
     #[must_use]
     pub fn like(&self) -> Self {
         let mut out = Transfers::default();
         macro_rules! columns {
-            ($($name:ident),+) => { $( out.$name.reserve_exact(self.$name.len()); )+ };
+            ($($name:ident),+) => { $( out.$name.reserve_exact(room_like(self.$name.len())); )+ };
         }
         columns!(
             t,

@@ -4,9 +4,10 @@
 #[cfg(test)]
 mod tests;
 
+use super::columns::Columns;
 use super::{key, Reassembler, Standing, SWEEP_NS};
 use crate::frames::{Frames, ERROR, EXTENDED, FD, NO_TIME, REMOTE};
-use crate::slot::{Frame, Word, TIMEOUT_NS};
+use crate::slot::{Frame, TIMEOUT_NS};
 use crate::verdict::{frame_anomaly, Outcome, Verdict};
 use crate::wire::session_bits;
 
@@ -40,13 +41,7 @@ impl Reassembler {
     /// Runs rows from `first` on that go the short way: of trusted sessions, in time and with no sweep due. Returns the
     /// first other row.
     fn run(&mut self, frames: &Frames, first: usize) -> usize {
-        let count = frames.len() - first;
-        let (times, buses, ids) = (
-            &frames.t[first..][..count],
-            &frames.bus[first..][..count],
-            &frames.id[first..][..count],
-        );
-        let (flags, ends) = (&frames.flags[first..][..count], &frames.offset[first..][..=count]);
+        let rows = Columns::of(frames, first);
         // Differences from times so early would tell of a frame without one.
         let earliest = self
             .next_sweep
@@ -60,32 +55,33 @@ impl Reassembler {
             bus_time,
             ..
         } = self;
-        let (mut row, mut now, mut start) = (0, self.now, ends[0] as usize);
-        while row < count {
-            let (t, bus, id, end) = (times[row], buses[row], ids[row], ends[row + 1] as usize);
+        let (mut row, mut now) = (0, self.now);
+        while let Some((bus, word)) = rows.word(row, self.next_frame) {
             let last = &mut bus_time[usize::from(bus)];
-            let odd = flags[row] & (EXTENDED | REMOTE | ERROR | FD) != EXTENDED
-                || t < *last
-                || t.wrapping_sub(earliest) as u64 >= window;
-            let size = end.wrapping_sub(start).wrapping_sub(1);
-            let bytes = frames.data.get(start..).and_then(<[u8]>::first_chunk::<8>);
-            let (false, 0..8, Some(bytes)) = (odd, size, bytes) else {
+            if word.t < *last || word.t.wrapping_sub(earliest) as u64 >= window {
                 break;
-            };
+            }
             let found = index
-                .find(key(bus, session_bits(id)))
+                .find(key(bus, session_bits(word.id)))
                 .and_then(|at| sessions.get_mut(at));
             let Some((Standing::Trusted, session)) = found else {
                 break;
             };
-            let number = self.next_frame + row as u64;
-            if !session.accept_short(&Word::of(number, t, id, *bytes, size), staged) {
-                break;
+            let rest = rows
+                .rest(row, &word)
+                .filter(|rest| window > rest.t_last.wrapping_sub(earliest) as u64);
+            let taken = rest.map_or(0, |rest| session.accept_whole(&word, &rest, staged));
+            if taken > 1 {
+                row += taken;
+                now = rows.t[row - 1];
+            } else {
+                if taken == 0 && !session.accept_short(&word, staged) {
+                    break;
+                }
+                row += 1;
+                now = word.t;
             }
-            *last = t;
-            now = t;
-            start = end;
-            row += 1;
+            *last = now;
         }
         self.now = now;
         self.next_frame += row as u64;
