@@ -71,7 +71,7 @@ class Page:
 
     def say(self, values: Values) -> str:
         """Say what is wrong, in a line."""
-        return _FORMAT.vformat(self.text, (), values)
+        return self.text.format_map(values)
 
     def say_episode(self, values: Values) -> str:
         """Say in a line what lasted, with its onset and what was worst; only what it was if neither is of interest."""
@@ -79,7 +79,7 @@ class Page:
             values.get(name.removeprefix("worst_")) == value for name, value in values.items() if name[:6] == "worst_"
         ):
             return self.say(values)
-        return _FORMAT.vformat(self.episode or self.text, (), values)
+        return (self.episode or self.text).format_map(values)
 
     def key_of(self, values: Values) -> str:
         """Return what keeps this finding apart from others of the same rule, node and type."""

@@ -8,14 +8,17 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from analyzer.rules.events import EventTimes, drops_in
 from analyzer.rules.joint.times import LONGEST, SETTLED, WIDEST
+from analyzer.tables import distinct
 from dissectors.kit import NO_TIME, Occurrences
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from dissectors.kit import JointLoss, Occurrence, View
+    from dissectors.kit import Array, JointLoss, Occurrence, View
 
 MOST_HELD = 4096
 MOST_JOINT = 1 << 16  # losses of a bus that are inferred
@@ -34,6 +37,7 @@ class Drops:
         self._beside = beside
         self._times = EventTimes()  # of what the recorder says
         self._joint: dict[int, list[tuple[int, int]]] = {}  # since when, and until when, without overlaps
+        self._columns: dict[int, Array] = {}  # the same
         self._held: list[tuple[int, Occurrences | Occurrence]] = []
 
     def feed(self, view: View) -> None:
@@ -45,6 +49,7 @@ class Drops:
     def add(self, joint: Iterable[JointLoss]) -> None:
         """Note losses that are inferred."""
         for one in joint:
+            self._columns.pop(one.bus, None)
             known = self._joint.setdefault(one.bus, [])
             since, until = one.since - one.reach, one.until + one.reach
             at = bisect_left(known, since, key=lambda loss: loss[1])
@@ -75,13 +80,26 @@ class Drops:
 
     def _near(self, found: Occurrences | Occurrence) -> list[bool]:
         if not isinstance(found, Occurrences):
-            first, last = (found.t if time is None else time for time in (found.since, found.until))
-            return [self._explains(found.bus, first, last)]
+            times = (found.t if time is None else time for time in (found.since, found.until))
+            return [self._explains(found.bus, *times)]
         if not self._times and not self._joint:
             return [False] * len(found.t)
         since = found.t if found.since is None else found.since
-        rows = zip(found.bus.tolist(), since.tolist(), found.t.tolist(), strict=True)
-        return [self._explains(*row) for row in rows]
+        near = np.zeros(len(found.t), bool)
+        for bus in distinct(found.bus):
+            rows = np.flatnonzero(found.bus == bus)
+            first, last = since[rows], found.t[rows]
+            if self._times:
+                said = zip((first - self._around).tolist(), (last + self._around).tolist(), strict=True)
+                near[rows] = [self._times.near(bus, *each) for each in said]
+            if bus in self._joint:
+                if bus not in self._columns:
+                    self._columns[bus] = np.array(self._joint[bus], np.int64).T
+                begins, ends = self._columns[bus]
+                at = np.searchsorted(ends, first - self._beside)
+                inside = at < len(ends)
+                near[rows] |= inside & (begins[np.where(inside, at, 0)] <= last + self._beside)
+        return near.tolist()
 
     def _explains(self, bus: int, since: int, until: int) -> bool:
         if self._times.near(bus, since - self._around, until + self._around):

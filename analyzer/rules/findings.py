@@ -205,7 +205,7 @@ class Findings:
         if not self._continues(key, run):
             if run.episode is not None:
                 run.episode.onset = found.values(int(rows[0]))
-            most = MOST_EXAMPLES if self._total < KEPT else 1
+            most = self._room(key, run) if self._total < KEPT else 1
             run.examples = [example(int(row)) for row in rows[:most]]
         return run
 
@@ -213,6 +213,12 @@ class Findings:
         """Return whether it only goes on with a run that has all the examples it may have."""
         runs = self._runs.get(key)
         return runs is not None and continued(runs[-1], run, self._close(key))
+
+    def _room(self, key: Key, run: OccurrenceRun) -> int:
+        """Return how many examples of a run may be shown: it may go on with one that has some."""
+        runs = self._runs.get(key)
+        goes_on = runs is not None and runs[-1].last <= run.first and self._close(key)(runs[-1], run)
+        return MOST_EXAMPLES - len(runs[-1].examples) if runs is not None and goes_on else MOST_EXAMPLES
 
     def _close(self, key: Key) -> Callable[[OccurrenceRun, OccurrenceRun], bool]:
         """Return what makes one run of two: nothing but a pause, unless a part of them may be explained."""

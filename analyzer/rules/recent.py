@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.rules.session_index import SessionIndex
 from analyzer.tables import EXTENDED, FD, REMOTE
-from dissectors.kit import NO_TIME, SECOND, Kept
+from dissectors.kit import NO_TIME, SECOND, SESSION, Kept
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -16,8 +17,9 @@ if TYPE_CHECKING:
     from dissectors.kit import FrameTable
 
 KEPT = 1 << 18
-_MOST_REMEMBERED = 1 << 14
+_MOST_REMEMBERED = 1 << 16
 _BLOCK = 64
+_OFTEN = 256  # questions for numbers, after which all frames of a batch are put in order
 MOST_LINES = 16
 _LENGTH_CODE = 8  # bits 8 to 11 of the flags
 _FD_FLAGS = 4  # BRS and ESI stand in the bits above FD
@@ -29,6 +31,8 @@ class Recent:
     def __init__(self) -> None:
         self._batches: deque[FrameTable] = deque()
         self._held = 0
+        self._asked: dict[int, int] = {}  # how often for numbers, by the first frame of a batch
+        self._indexes: dict[int, SessionIndex] = {}
         self._remembered: dict[int, Kept] = {}  # who asks for a frame seldom asks once
 
     def feed(self, frames: FrameTable) -> None:
@@ -38,7 +42,10 @@ class Recent:
         self._batches.append(frames)
         self._held += len(frames)
         while self._held - len(self._batches[0]) >= KEPT:
-            self._held -= len(self._batches.popleft())
+            gone = self._batches.popleft()
+            self._held -= len(gone)
+            self._asked.pop(gone.first, None)
+            self._indexes.pop(gone.first, None)
 
     def frame(self, number: int) -> Kept | None:
         """Return a frame by its number, None if it is gone."""
@@ -68,10 +75,21 @@ class Recent:
             if batch.first + len(batch) <= low:
                 break
             if batch.first < high:
-                rows = slice(max(low - batch.first, 0), high - batch.first)
-                same = (batch.id[rows] & mask == bits) & (batch.bus[rows] == bus)
-                found.append((np.flatnonzero(same) + max(low, batch.first)).tolist())
+                index = self._index(batch) if mask == SESSION else None
+                begin, end = max(low - batch.first, 0), high - batch.first
+                if index is not None:
+                    found.append((index.rows(begin, end, bus, bits) + batch.first).tolist())
+                    continue
+                same = (batch.id[begin:end] & mask == bits) & (batch.bus[begin:end] == bus)
+                found.append((np.flatnonzero(same) + (begin + batch.first)).tolist())
         return [number for numbers in reversed(found) for number in numbers]
+
+    def _index(self, batch: FrameTable) -> SessionIndex | None:
+        """Return the sessions of a batch, as soon as it pays to know them."""
+        asked = self._asked[batch.first] = self._asked.get(batch.first, 0) + 1
+        if asked >= _OFTEN and batch.first not in self._indexes:
+            self._indexes[batch.first] = SessionIndex(batch)
+        return self._indexes.get(batch.first)
 
     def before(self, number: int, most: int, bus: int, bits: int, mask: int) -> Iterator[int]:
         """Yield the same of the `most` frames before one, the last one first."""

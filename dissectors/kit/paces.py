@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from dissectors.times import NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from dissectors.kit.array import Array
 
@@ -27,28 +28,34 @@ _SLOWEST = 5 * SECOND // 2  # a longer time is no pace before it is seen twice
 _LATER = 5 * SECOND // 2
 
 
-def period_of(times: Array, lost: Array, fewest: int) -> float:
+def period_of(times: Sequence[int], lost: Sequence[int], fewest: int) -> float:
     """Return the period of reports in ns, 0.0 if there are too few of them or they do not come at a steady pace.
 
     `lost` counts those that were lost up to each, which is why they may not. Several that come close together, such as
     those of a sender with several indexes, are one round.
     """
-    took = np.diff(times)
-    if len(times) < fewest or not len(took):
+    if len(times) < max(fewest, 2):
         return 0.0
-    begin = np.flatnonzero(np.append(True, took > took.max() / _ROUND))
-    if len(begin) < fewest:
+    took = [after - one for one, after in pairwise(times)]
+    far = max(took) / _ROUND
+    begin = [0, *(k for k, each in enumerate(took, 1) if each > far)]
+    if len(begin) < max(fewest, 2):
         return 0.0
-    rounds = np.diff(times[begin])
-    return _steady(rounds) or (_steady(rounds / (1 + np.diff(lost[begin]))) if lost[-1] > lost[0] else 0.0)
+    rounds: list[float] = [times[after] - times[one] for one, after in pairwise(begin)]
+    found = _steady(rounds)
+    if not found and lost[-1] > lost[0]:
+        gone = (1 + lost[after] - lost[one] for one, after in pairwise(begin))
+        found = _steady([each / many for each, many in zip(rounds, gone, strict=True)])
+    return found
 
 
-def _steady(rounds: Array) -> float:
-    usual = float(np.median(rounds))
+def _steady(rounds: Sequence[float]) -> float:
+    ranked, half = sorted(rounds), len(rounds) // 2
+    usual = (ranked[half] + ranked[-half - 1]) / 2
     if len(rounds) < _MANY:
-        steady = bool((np.abs(rounds - usual) <= _STRICT * usual).all())
+        steady = all(abs(each - usual) <= _STRICT * usual for each in rounds)
     else:
-        steady = float(np.mean((rounds >= _SHORT * usual) & (rounds <= _LONG * usual))) >= _MOSTLY
+        steady = sum(_SHORT * usual <= each <= _LONG * usual for each in rounds) / len(rounds) >= _MOSTLY
     return usual if steady else 0.0
 
 
@@ -148,7 +155,7 @@ class PacedReports:
     def _period(self, times: Array, lost: Array) -> float:
         """Return the period of the last reports, while they are few that from before the last break; 0.0 without."""
         lasted = len(times) >= self._fewest and int(times[-1]) - self._first >= self._span
-        return period_of(times, lost, self._fewest) if lasted else self._usual
+        return period_of(times.tolist(), lost.tolist(), self._fewest) if lasted else self._usual
 
     def _long(self, t: Array, single: Array, first: int) -> Iterable[tuple[int, int, bool]]:
         """Return what may be breaks: row, time, and whether it is too short to be one behind many reports at a pace.

@@ -48,8 +48,14 @@ class Columns:
         return values
 
     def has(self, name: str) -> Array:
-        """Return a mask of the rows in which the column has a value."""
-        return valid(self._batch.column(name))
+        """Return a mask of the rows in which the column has a value, and keep it."""
+        if name not in self._valid:
+            self._valid[name] = valid(self._batch.column(name))
+        return self._valid[name]
+
+    @cached_property
+    def _valid(self) -> dict[str, Array]:
+        return {}
 
     def _bytes(self, name: str, row: int) -> bytes:
         offsets, data = self._binary[name] if name in self._binary else self._opened(name)

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 from kit.judged import registry
 
-from analyzer.rules.bus.heard import Session
+from analyzer.rules.bus.sessions import Session
 from analyzer.rules.joint.alike import identities
 from analyzer.rules.joint.lacks import Lack
 from analyzer.rules.joint.repeats import Repeats
@@ -98,7 +98,7 @@ def test_a_gap_is_found_wherever_it_is(seed: int) -> None:
     for _ in range(400):
         t += chance.choice([1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 2, 2000, 9000]) * SECOND // 1000
         times.append(t)
-    past._note_gaps(np.array(times, np.int64))
+    past._note_gaps(np.array(times, np.int64), calm=False)
     for _ in range(500):
         since, until = sorted((chance.randrange(t), chance.randrange(t)))
         by_hand = any(busy and begin < until and end > since for begin, end, busy in past.gaps)

@@ -89,8 +89,9 @@ class BusFrames:
             sessions: places of them.
             least: shorter times are left out.
         """
+        ends = self.ends(sessions)
         # Where no clock was set back, a session without gaps shows that its node has none.
-        if self._forward and any(self._fills(one, sessions, least) for one in sessions):
+        if self._forward and any(self._fills(one, ends, least) for one in sessions):
             return
         rows = np.sort(np.concatenate([self.row[self.first[one] : self.first[one + 1]] for one in sessions]))
         t = self.times[rows]
@@ -110,9 +111,9 @@ class BusFrames:
         apart[first[1:] - 1] = 0
         return np.maximum.reduceat(apart, first[:-1])
 
-    def _fills(self, one: int, sessions: Sequence[int], least: int) -> bool:
-        """Return whether one of some sessions has no gap, nor leaves one to the first and last frame of all."""
-        first, last = self.ends(sessions)
+    def _fills(self, one: int, ends: tuple[int, int], least: int) -> bool:
+        """Return whether a session has no gap, nor leaves one to the first and last row of others."""
+        first, last = ends
         t = self._begun[self.begins[1][one : one + 2] - (0, 1)]
         early, late = t[0] - self.times[first] <= least, self.times[last] - t[1] <= least
         return bool(self._widest[one] <= least and early and late)

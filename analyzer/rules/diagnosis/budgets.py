@@ -7,7 +7,10 @@ from collections import Counter
 NOT_SEARCHED = "further ones, cause not sought"
 LIKE = " (like earlier ones)"
 MOST_SEARCHES = 500  # transfers of one type and sender whose cause is searched
-MOST_IN_ALL = 4000
+AT_ONCE = 128  # of all, wherever they are, and one more in every so many frames of the capture:
+EACH = 2048
+FEW = 8  # of a sender; a share of all is kept for those that had fewer:
+SHARE = 4
 MOST_SENDERS = 4096  # of which that is counted
 MOST_SHAPES = 64  # of one sender's transfers that are kept apart
 _NEARLY_ALL = 0.9
@@ -17,19 +20,20 @@ Shape = tuple[int, int]  # frames and bytes that came
 
 
 class SearchBudget:
-    """Counts searches, so that a sender whose every transfer is broken costs no more than a bounded time."""
+    """Counts searches, so that a capture whose every transfer is broken costs no more than a share of its frames."""
 
     def __init__(self) -> None:
         self._spent: dict[Sender, int] = {}
-        self._left = MOST_IN_ALL
+        self._total = 0
 
-    def take(self, key: Sender) -> bool:
-        """Return whether one more search may be made for a sender and type."""
+    def take(self, key: Sender, number: int) -> bool:
+        """Return whether one more search may be made for a sender and type, at a frame of this number."""
         spent = self._spent.get(key, MOST_SEARCHES if len(self._spent) >= MOST_SENDERS else 0)
-        if spent >= MOST_SEARCHES or not self._left:
+        most = AT_ONCE + number // EACH
+        if spent >= MOST_SEARCHES or self._total >= (most if spent < FEW else most - most // SHARE):
             return False
         self._spent[key] = spent + 1
-        self._left -= 1
+        self._total += 1
         return True
 
 

@@ -9,7 +9,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.rules.diagnosis.proofs import LATE_COPY, Cause, KnownType, Part
-from analyzer.tables import ERROR, EXTENDED, REMOTE, TRANSFER_IDS
+from analyzer.tables import ERROR, EXTENDED, REMOTE, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_IDS
 from dissectors.kit import NO_TIME, SECOND, SESSION
 from dissectors.kit.definitions import crc_start
 
@@ -26,6 +26,7 @@ WIDEST = 8192  # frames from the first to the last of a transfer that is looked 
 TIMEOUT = 2 * SECOND  # frames that are further apart than this belong to no common transfer
 MOST_KNOWN = 8192  # frames that are remembered
 _UNSTEADY = 2  # toggles that stand still by habit, not by accident
+_NOTHING: tuple[list[Part], list[int]] = ([], [])
 
 
 class Neighbours(NamedTuple):
@@ -111,6 +112,7 @@ class NeighbourFinder:
 
     def __init__(self) -> None:
         self._known: dict[int, tuple[Part, int] | None] = {}
+        self._right: dict[tuple[int, ...], bool] = {}
 
     def of(self, view: View, frames: Sequence[int], code: int, *, fd: bool) -> Neighbours | None:
         """Return what is around frames of one session and type; None if they are gone or too far apart."""
@@ -121,7 +123,7 @@ class NeighbourFinder:
         every = [part for part, _ in session]
         starts = [crc_start(signature) for signature in view.types.signatures(code)]
         expected = KnownType(starts, view.types.fixed_bytes(code), fd)
-        whole, settled = _whole(every, expected)
+        whole, settled = self._whole(every, expected)
         times = [t for part, t in session if frames[0] <= part.number <= frames[-1] and t != NO_TIME]
         low, high = (min(times) - TIMEOUT, max(times) + TIMEOUT) if times else (NO_TIME, NO_TIME)
         near = [part for part, t in session if NO_TIME in (t, low) or low <= t <= high]
@@ -141,42 +143,55 @@ class NeighbourFinder:
         behind = view.numbers_between(last + 1, last + 1 + AHEAD, like.bus, bits)[:_MOST]
         if len(self._known) > MOST_KNOWN:
             self._known.clear()
-        found = (self._part(view, number) for number in (*before, *inside, *behind))
-        return [one for one in found if one is not None]
+        numbers = (*before, *inside, *behind)
+        known = self._known
+        for number in numbers:
+            if number not in known:
+                known[number] = _part(view, number)
+        return [one for one in map(known.__getitem__, numbers) if one is not None]
 
-    def _part(self, view: View, number: int) -> tuple[Part, int] | None:
-        """Return a data frame and its time."""
-        if number not in self._known:
-            kept = view.frame(number)
-            part = part_of(number, kept)
-            plain = kept is not None and kept.flags & (EXTENDED | REMOTE | ERROR) == EXTENDED
-            self._known[number] = (part, kept.t) if kept is not None and part is not None and plain else None
-        return self._known[number]
+    def _whole(self, near: Sequence[Part], expected: KnownType) -> tuple[list[list[Part]], frozenset[int]]:
+        """Return runs from start to end with right toggles, and the frames of those (and copies) whose CRC is right."""
+        runs: list[list[Part]] = []
+        settled: set[int] = set()
+        under_way: dict[int, tuple[list[Part], list[int]]] = {}
+        for part in near:
+            number, tail, body = part
+            transfer_id = tail & TAIL_ID
+            run, numbers = under_way.get(transfer_id, _NOTHING)
+            if run and tail == run[-1].tail and body == run[-1].body:
+                numbers.append(number)
+            elif tail & TAIL_START:
+                under_way.pop(transfer_id, None)
+                if tail & TAIL_END:
+                    settled.add(number)
+                elif not tail & TAIL_TOGGLE:
+                    under_way[transfer_id] = [part], [number]
+            elif run and (tail ^ run[-1].tail) & TAIL_TOGGLE:
+                run.append(part)
+                numbers.append(number)
+                if tail & TAIL_END:
+                    runs.append(run)
+                    if not expected.starts or self._fits(run, expected):
+                        settled.update(numbers)
+                    del under_way[transfer_id]
+            else:
+                under_way.pop(transfer_id, None)
+        return runs, frozenset(settled)
+
+    def _fits(self, run: Sequence[Part], expected: KnownType) -> bool:
+        """Return whether the CRC of a run is right; who asks for one asks for those around it again."""
+        key = tuple(part.number for part in run)
+        if key not in self._right:
+            if len(self._right) > MOST_KNOWN:
+                self._right.clear()
+            self._right[key] = expected.fits(run)
+        return self._right[key]
 
 
-def _whole(near: Sequence[Part], expected: KnownType) -> tuple[list[list[Part]], frozenset[int]]:
-    """Return runs from start to end with right toggles, and the frames of those (and copies) whose CRC is right."""
-    runs: list[list[Part]] = []
-    settled: set[int] = set()
-    under_way: dict[int, tuple[list[Part], list[int]]] = {}
-    for part in near:
-        run, numbers = under_way.get(part.transfer_id, ([], []))
-        if run and part[1:] == run[-1][1:]:
-            numbers.append(part.number)
-        elif part.start:
-            under_way.pop(part.transfer_id, None)
-            if part.end:
-                settled.add(part.number)
-            elif not part.toggle:
-                under_way[part.transfer_id] = [part], [part.number]
-        elif run and part.toggle != run[-1].toggle:
-            run.append(part)
-            numbers.append(part.number)
-            if part.end:
-                runs.append(run)
-                if not expected.starts or expected.fits(run):
-                    settled.update(numbers)
-                del under_way[part.transfer_id]
-        else:
-            under_way.pop(part.transfer_id, None)
-    return runs, frozenset(settled)
+def _part(view: View, number: int) -> tuple[Part, int] | None:
+    """Return a data frame and its time."""
+    kept = view.frame(number)
+    part = part_of(number, kept)
+    plain = kept is not None and kept.flags & (EXTENDED | REMOTE | ERROR) == EXTENDED
+    return (part, kept.t) if kept is not None and part is not None and plain else None

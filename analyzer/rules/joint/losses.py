@@ -8,7 +8,6 @@ are joint where such stretches of enough senders meet, or where they follow each
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import Counter
 from typing import TYPE_CHECKING
 
 from analyzer.rules.joint.lacks import Lacks
@@ -116,43 +115,61 @@ def _close(lacks: Iterable[Lack]) -> dict[Lack, int]:
 def _within(row: Sequence[Lack]) -> dict[Lack, int]:
     row = sorted(row, key=lambda one: one.until)
     found: dict[Lack, int] = {}
-    nodes: Counter[int] = Counter()
+    nodes = _Nodes()
     first = last = 0
     for one in row:
         while last < len(row) and row[last].until <= one.until + one.window:
-            nodes[row[last].session.node] += 1
+            nodes.add(row[last])
             last += 1
         while row[first].until < one.until - one.window:
-            nodes[row[first].session.node] -= 1
+            nodes.remove(row[first])
             first += 1
-        nodes += Counter()
         found[one] = len(nodes)
     return found
 
 
 def _met(lacks: Iterable[Lack]) -> dict[Lack, tuple[int, int, int]]:
     """Return at how many senders' stretches each meets most, and the time that these have in common with it."""
-    marks = [(one.since - NEARBY, 0, k, one) for k, one in enumerate(lacks)]
-    marks += [(one.until + NEARBY, 1, k, one) for _, _, k, one in marks]
-    open_: dict[Lack, None] = {}
-    nodes: Counter[int] = Counter()
+    every = list(lacks)
+    marks = [(one.since - NEARBY, 0, k) for k, one in enumerate(every)]
+    marks += [(one.until + NEARBY, 1, k) for k, one in enumerate(every)]
+    open_: dict[int, Lack] = {}
+    nodes = _Nodes()
+    most = [0] * len(every)
     found: dict[Lack, tuple[int, int, int]] = {}
     fresh = False
-    for _, ends, _, one in sorted(marks, key=lambda mark: mark[:3]):
+    for _, ends, k in sorted(marks):
         if ends and fresh:  # no more meet here than just before the first of them ends
             fresh = False
-            first, last = sorted((max(each.since for each in open_), min(each.until for each in open_)))
-            for each in open_:
-                if len(nodes) > found.get(each, (0, 0, 0))[0]:
+            count = len(nodes)
+            more = [at for at in open_ if count > most[at]]
+            if more:
+                near = open_.values()
+                first, last = sorted((max(each.since for each in near), min(each.until for each in near)))
+                for at in more:
+                    each = every[at]
                     since, until = min(max(first, each.since), each.until), max(min(last, each.until), each.since)
-                    found[each] = len(nodes), since, until
-        node = one.session.node
+                    most[at], found[each] = count, (count, since, until)
         if ends:
-            del open_[one]
-            nodes[node] -= 1
-            nodes += Counter()
+            nodes.remove(open_.pop(k))
         else:
-            open_[one] = None
-            nodes[node] += 1
+            open_[k] = every[k]
+            nodes.add(every[k])
             fresh = True
     return found
+
+
+class _Nodes(dict[int, int]):
+    """How many lacks of each sender are looked at."""
+
+    def add(self, one: Lack) -> None:
+        """Look at one more."""
+        node = one.session.node
+        self[node] = self.get(node, 0) + 1
+
+    def remove(self, one: Lack) -> None:
+        """Look at it no longer."""
+        node = one.session.node
+        self[node] -= 1
+        if not self[node]:
+            del self[node]

@@ -11,10 +11,11 @@ import numpy as np
 from analyzer.rules.anomalies import GONE, flagged
 from analyzer.rules.diagnosis.neighbours import late_copy
 from analyzer.rules.frames.foreign import session_of
+from analyzer.rules.gathered import Gathered, Sent
 from analyzer.rules.transfers.out_of_order import preceding
 from analyzer.rules.view import node_of
 from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, rule
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, rule
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -67,7 +68,7 @@ def measured(view: View) -> Iterator[Occurrences]:
 
 
 @rule("TRF-027")
-def paused(view: View) -> Iterator[Occurrence]:
+def paused(view: View) -> Iterator[Occurrences]:
     """Yield every pause inside a transfer, at the frame before it."""
     t = view.transfers
     longest = view.number("TRF-027", "pause_ms")
@@ -75,13 +76,16 @@ def paused(view: View) -> Iterator[Occurrence]:
         rows = flagged(t.anomaly, 1 << TRANSFER_ANOMALIES.index("pause"))
     else:
         rows = np.flatnonzero((t.t != NO_TIME) & (t.t_end - t.t > longest * MILLISECOND))
+    found = Gathered()
     for row in rows.tolist():
-        node, type_ = node_of(int(t.src[row]), int(t.code[row])), view.type_name(int(t.code[row]))
+        code = int(t.code[row])
+        node = node_of(int(t.src[row]), code)
         for (number, before), (after, frame) in pairwise(_known(view, t.frames(row))):
             pause = (frame.t - before.t) / MILLISECOND
             if pause > longest and NO_TIME not in (before.t, frame.t):
                 values = {"milliseconds": pause, "previous_frame": number + 1, "frame": after + 1}
-                yield Occurrence("TRF-027", before.t, before.bus, node, type_, (number, after), values)
+                found.add("TRF-027", Sent(before.t, before.bus, node, code), (number, after), values, drops=False)
+    yield from found.occurrences()
 
 
 def _known(view: View, numbers: Iterable[int]) -> list[tuple[int, Kept]]:

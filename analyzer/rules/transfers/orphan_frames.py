@@ -32,6 +32,7 @@ class OrphanFrames:
 
     def __init__(self) -> None:
         self._frames: dict[int, deque[_Frame]] = {}
+        self._newest: dict[int, int] = {}  # the latest time of each session
 
     def feed(self, view: View) -> None:
         """Add those of a batch, and of earlier ones whose sessions became certain."""
@@ -53,16 +54,18 @@ class OrphanFrames:
         `session` is the bus above 32 bits of `session_bits`.
         """
         frames = self._frames.get(session)
-        if frames is None or since == NO_TIME:
+        if frames is None or since == NO_TIME or self._newest[session] < since:
             return False
         return {one.transfer_id for one in frames if one.t >= since and one.number < lead}.issuperset(missing)
 
     def came(self, session: int, since: int, lead: int, *, behind: bool = False) -> bool:
         """Return whether any came after a time, and before a frame or `behind` it."""
-        frames = self._frames.get(session, ()) if since != NO_TIME else ()
-        return any(one.t >= since and (one.number > lead) == behind for one in frames)
+        if since == NO_TIME or self._newest.get(session, NO_TIME) < since:
+            return False
+        return any(one.t >= since and (one.number > lead) == behind for one in reversed(self._frames[session]))
 
     def _note(self, session: int, number: int, t: int, data: bytes) -> None:
         if session in self._frames or len(self._frames) < _MOST_SESSIONS:
             frames = self._frames.setdefault(session, deque(maxlen=_MOST_FRAMES))
             frames.append(_Frame(number, t, data[-1] & TAIL_ID))
+            self._newest[session] = max(self._newest.get(session, t), t)

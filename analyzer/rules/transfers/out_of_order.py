@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from analyzer.facts.identifiers import who
+from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.anomalies import GONE
 from analyzer.rules.diagnosis.budgets import SearchBudget
 from analyzer.rules.diagnosis.neighbours import AHEAD, NeighbourFinder
 from analyzer.rules.diagnosis.proofs import proven
 from analyzer.rules.frames.foreign import session_of
+from analyzer.rules.gathered import Gathered
 from analyzer.rules.transfers.missing_start import MissingStart
 from analyzer.tables import FD, TAIL_END, TAIL_ID, VERDICTS
-from dissectors.kit import Occurrence
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from analyzer.rules.diagnosis.neighbours import Neighbours
     from analyzer.rules.diagnosis.proofs import Part, Proof
     from analyzer.rules.transfers.missing_start import LooseFrame
-    from dissectors.kit import Kept, Values, View
+    from dissectors.kit import Kept, Occurrence, Occurrences, Values, View
 
 COPY, OTHER_ID, ORPHAN = (VERDICTS.index(name) for name in ("duplicate", "wrong transfer id", "orphan"))
-_USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
+_USED = VERDICTS.index("used")
 NEAR = 4096  # frames that are looked through for the one before
 KINDS = (COPY, OTHER_ID, ORPHAN)
 
@@ -43,13 +41,14 @@ class OutOfOrder:
         self._missing_start = MissingStart(begun)
         self._neighbours = NeighbourFinder()
         self._waiting: list[LooseFrame] = []
+        self._told = Gathered()
         self._budget = SearchBudget()
 
     def add(self, loose: LooseFrame) -> None:
         """Add one more frame."""
         self._waiting.append(loose)
 
-    def feed(self, view: View) -> Iterator[Occurrence]:
+    def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield those whose surroundings are known by now."""
         self._missing_start.feed(view)
         if self._waiting:
@@ -57,47 +56,34 @@ class OutOfOrder:
             ready = [one for one in self._waiting if one.number + AHEAD < end]
             self._waiting = [one for one in self._waiting if one.number + AHEAD >= end]
             yield from self._report(view, ready)
+            yield from self._told.occurrences()
 
-    def finish(self, view: View) -> Iterator[Occurrence]:
+    def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield those at the end of the capture."""
         yield from self._report(view, self._waiting)
-        yield from self._missing_start.rest(view)
+        yield from self._missing_start.rest(view, self._told)
+        yield from self._told.occurrences()
 
     def _report(self, view: View, ready: Sequence[LooseFrame]) -> Iterator[Occurrence]:
         for one in sorted(ready, key=lambda one: one.number):
             kept = one.kept
-            node, type_, code = sender_of(view, kept)
             if kept.verdict == ORPHAN:
-                yield from self._missing_start.add(view, one, node, type_, code)
+                yield from self._missing_start.add(view, one, self._told)
                 continue
-            searched = self._budget.take((kept.bus, -1 if node is None else node, code))
-            near = self._neighbours.of(view, (one.number,), code, fd=bool(kept.flags & FD)) if searched else None
+            searched = self._budget.take((kept.bus, NOBODY if one.node is None else one.node, one.code), one.number)
+            near = self._neighbours.of(view, (one.number,), one.code, fd=bool(kept.flags & FD)) if searched else None
             if kept.verdict == COPY:
                 if near is None or not _is_needed(near):
-                    yield _occurrence("TRF-004", one, node, type_, _copy(view, one.number, kept))
+                    self._tell("TRF-004", one, partial(_copy, view, one.number, kept))
                 continue
             why = ": cause not sought" if near is None else _inside(near)
             if why is None:
-                yield from self._missing_start.add(view, one, node, type_, code)
+                yield from self._missing_start.add(view, one, self._told)
             else:
-                yield _occurrence("TRF-009", one, node, type_, {**_other_id(view, one.number, kept), "why": why})
+                self._tell("TRF-009", one, partial(_other_id, view, one.number, kept, why))
 
-
-def sender_of(view: View, kept: Kept) -> tuple[int | None, str, int]:
-    """Return node, type and its code by the identifier of a frame."""
-    node, code = _sender_of(kept.id, kept.flags, _USED if kept.verdict == _FOREIGN else kept.verdict)
-    return None if node < 0 else node, view.type_name(code), code
-
-
-@lru_cache(maxsize=4096)
-def _sender_of(identifier: int, flags: int, verdict: int) -> tuple[int, int]:
-    node, code = who(np.array([identifier]), np.array([flags]), np.array([verdict]))
-    return int(node[0]), int(code[0])
-
-
-def _occurrence(rule: str, one: LooseFrame, node: int | None, type_: str, values: Values) -> Occurrence:
-    where = one.kept.t, one.kept.bus, node, type_, (one.number,)
-    return Occurrence(rule, *where, values, drops=True, lines=one.lines)
+    def _tell(self, rule: str, one: LooseFrame, values: Callable[[], Values]) -> None:
+        self._told.add(rule, one.sent, (one.number,), values)
 
 
 def _is_needed(near: Neighbours) -> bool:
@@ -178,8 +164,8 @@ def _copy(view: View, number: int, kept: Kept) -> Values:
     return {"frame": number + 1, "previous_frame": found}
 
 
-def _other_id(view: View, number: int, kept: Kept) -> Values:
+def _other_id(view: View, number: int, kept: Kept, why: str) -> Values:
     mine = kept.data[-1] & TAIL_ID
     tails = (other.data[-1] for _, other in preceding(view, number, kept) if other.verdict == _USED)
     under_way = (tail & TAIL_ID for tail in tails if not tail & TAIL_END)
-    return {"transfer_id": mine, "expected": next((one for one in under_way if one != mine), GONE)}
+    return {"transfer_id": mine, "expected": next((one for one in under_way if one != mine), GONE), "why": why}

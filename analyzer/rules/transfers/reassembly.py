@@ -109,10 +109,10 @@ class Reassembly(Rule):
         """Yield those that are searched; the others are told together."""
         budget, by_crc = self._budgets[rows.rule], rows.rule == CHECKSUM
         turned = rows.turned() if by_crc else None
-        for k, (sender, shape) in enumerate(rows.each()):
+        for k, (sender, shape, last) in enumerate(rows.each()):
             if by_crc and self._is_known(view, rows, k, sender):
                 continue
-            if budget.take(sender):
+            if budget.take(sender, last):
                 yield from (self._checksum if by_crc else self._broken)(view, rows.one(k))
                 continue
             if by_crc:

@@ -11,28 +11,33 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer.facts.identifiers import who
 from analyzer.rules.frames.foreign import session_bits, session_of
 from analyzer.rules.frames.malformed import IMPOSSIBLE, Malformed, has, tail
 from analyzer.rules.frames.malformed import KINDS as MALFORMED
+from analyzer.rules.gathered import Gathered
 from analyzer.rules.transfers.missing_start import LooseFrame
-from analyzer.rules.transfers.out_of_order import KINDS, OutOfOrder, preceding, sender_of
+from analyzer.rules.transfers.out_of_order import KINDS, OutOfOrder, preceding
 from analyzer.tables import FD, FRAME_ANOMALIES, TAIL_END, TAIL_ID, TAIL_TOGGLE, VERDICTS
-from dissectors.kit import Occurrence, Rule
+from dissectors.kit import Kept, Occurrence, Rule
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
-    from dissectors.kit import Array, Kept, Occurrences, Severity, Values, View
+    from dissectors.kit import Array, Occurrences, Severity, Values, View
 
 _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
 _CLOSE = 64  # frames before a start in which the one before it is looked for
 MOST_SESSIONS = 1 << 16
+_WRONG_START = "TRF-002"
 MOST_HELD = 4096
 
 
 class _Held(NamedTuple):
+    """A frame, and what is said of it: rule, values, severity."""
+
     loose: LooseFrame
-    about: tuple[tuple[str, Values, Severity | None], ...]
+    about: Sequence[tuple[str, Values, Severity | None]]
 
 
 class UnassignedFrames(Rule):
@@ -44,14 +49,17 @@ class UnassignedFrames(Rule):
         self._begun: dict[int, tuple[int, int]] = {}
         self._held: dict[int, _Held] = {}
         self._out_of_order = OutOfOrder(self._begun)
+        self._told = Gathered()
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield frames of this batch, and earlier ones that became certain."""
+        self._keep_lines(view)
         ready = self._corrected(view)
         if self._follow(view):
             ready += [held for held in self._held.values() if held.loose.session in self._begun]
         yield from self._report(view, ready)
         yield from self._new(view)
+        yield from self._told.occurrences()
         yield from self._out_of_order.feed(view)
 
     def _new(self, view: View) -> Iterator[Occurrences | Occurrence]:
@@ -66,17 +74,15 @@ class UnassignedFrames(Rule):
         session = f.bus[rows].astype(np.int64) << 32 | session_bits(f.id[rows], f.verdict[rows])
         certain = np.fromiter(map(self._begun.__contains__, session.tolist()), bool, len(rows))
         yield from self._certain(view, rows[certain], session[certain])
-        for row, key in zip(rows[~certain].tolist(), session[~certain].tolist(), strict=True):
-            number = row + f.first
-            kept = view.frame(number)
-            if kept is not None:
-                self._held[number] = _held(view, number, key, kept, int(f.anomaly[row]))
+        for held in _held(view, rows[~certain], session[~certain]):
+            self._held[held.loose.number] = held
         if len(self._held) > MOST_HELD:
             yield from self._report(view, list(self._held.values())[: len(self._held) - MOST_HELD])
 
-    def finish(self, view: View) -> Iterator[Occurrence]:
+    def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what nobody has called foreign."""
         yield from self._report(view, list(self._held.values()))
+        yield from self._told.occurrences()
         yield from self._out_of_order.finish(view)
 
     def _follow(self, view: View) -> bool:
@@ -102,19 +108,32 @@ class UnassignedFrames(Rule):
             kept = view.frame(number)
             if verdict != _FOREIGN and kept is not None:
                 key = kept.bus << 32 | session_of(kept.id, verdict)
-                late.append(_held(view, number, key, kept._replace(verdict=verdict), anomaly))
+                node, code = (
+                    int(column[0]) for column in who(*(np.array([one]) for one in (kept.id, kept.flags, verdict)))
+                )
+                loose = LooseFrame(number, key, kept._replace(verdict=verdict), None if node < 0 else node, code)
+                late.append(_Held(loose, _about(view, loose, _picked(verdict, anomaly, kept.flags))))
         return late
 
+    def _keep_lines(self, view: View) -> None:
+        """Keep the frames that still wait: they may be gone when they are told."""
+        for one in self._held.values():
+            if not one.loose.lines:
+                one.loose.lines = view.lines((one.loose.number,))
+
     def _report(self, view: View, held: list[_Held]) -> Iterator[Occurrence]:
-        for one in sorted(held, key=lambda one: one.loose.number):
-            loose, kept = one.loose, one.loose.kept
+        for loose, about in sorted(held, key=lambda one: one.loose.number):
             self._held.pop(loose.number, None)
-            node, type_, _ = sender_of(view, kept)
-            for rule, values, severity in one.about:
+            for rule, values, severity in about:
+                if not loose.lines:
+                    self._told.add(rule, loose.sent, (loose.number,), values, severity=severity, drops=False)
+                    continue
+                sent, place = loose.sent, (loose.number,)
+                type_ = view.type_name(sent.code)
                 yield Occurrence(
-                    rule, kept.t, kept.bus, node, type_, (loose.number,), values, severity=severity, lines=loose.lines
+                    rule, sent.t, sent.bus, sent.node, type_, place, values, severity=severity, lines=loose.lines
                 )
-            if kept.verdict in KINDS:
+            if loose.kept.verdict in KINDS:
                 self._out_of_order.add(loose)
 
     def _certain(self, view: View, rows: Array, session: Array) -> Iterator[Occurrences | Occurrence]:
@@ -122,7 +141,7 @@ class UnassignedFrames(Rule):
         verdict, anomaly, flags = f.verdict[rows], f.anomaly[rows], f.flags[rows]
         for kind in _KINDS:
             mine = rows[kind.picks(verdict, anomaly, flags)]
-            if kind.rule == "TRF-002":
+            if kind.rule == _WRONG_START:
                 later = np.array(
                     [_goes_on(view, row + f.first, view.frame(row + f.first)) for row in mine.tolist()], bool
                 )
@@ -131,21 +150,43 @@ class UnassignedFrames(Rule):
             if len(mine):
                 yield view.among_frames(kind.rule, mine, partial(_values_of, view, kind))
         loose = np.isin(verdict, KINDS)
-        for row, key in zip(rows[loose].tolist(), session[loose].tolist(), strict=True):
-            kept = view.frame(row + f.first)
-            if kept is not None:
-                self._out_of_order.add(LooseFrame(row + f.first, key, kept, view.lines((row + f.first,))))
+        for one in _loose(view, rows[loose], session[loose]):
+            self._out_of_order.add(one)
 
 
-def _held(view: View, number: int, session: int, kept: Kept, anomaly: int) -> _Held:
-    facts = (np.array([value]) for value in (kept.verdict, anomaly, kept.flags))
-    verdict, bits, flags = facts
-    kinds = [kind for kind in _KINDS if kind.picks(verdict, bits, flags)[0]]
-    later: Severity | None = (
-        "note" if any(kind.rule == "TRF-002" for kind in kinds) and _goes_on(view, number, kept) else None
-    )
-    about = [(kind.rule, kind.values(view, number, kept), later if kind.rule == "TRF-002" else None) for kind in kinds]
-    return _Held(LooseFrame(number, session, kept, view.lines((number,))), tuple(about))
+def _loose(view: View, rows: Array, session: Array) -> Iterator[LooseFrame]:
+    """Yield frames of a batch."""
+    f = view.frames
+    own = [column[rows] for column in (f.t, f.bus, f.id, f.flags, f.verdict)]
+    sender = who(own[2], own[3], np.where(own[4] == _FOREIGN, _USED, own[4]))
+    columns = (column.tolist() for column in (rows, session, *own, *sender))
+    for row, key, t, bus, identifier, flags, verdict, node, code in zip(*columns, strict=True):
+        kept = Kept(t, bus, identifier, flags, f.data(row), verdict)
+        yield LooseFrame(row + f.first, key, kept, None if node < 0 else node, code)
+
+
+def _held(view: View, rows: Array, session: Array) -> Iterator[_Held]:
+    """Yield frames of a batch whose sessions are not certain yet, and what is to be said of them."""
+    f = view.frames
+    picked = np.zeros(len(rows), np.int64)
+    for k, kind in enumerate(_KINDS):
+        picked |= kind.picks(f.verdict[rows], f.anomaly[rows], f.flags[rows]) * np.int64(1 << k)
+    for loose, bits in zip(_loose(view, rows, session), picked.tolist(), strict=True):
+        yield _Held(loose, _about(view, loose, bits) if bits else ())
+
+
+def _picked(*facts: int) -> int:
+    """Return which kinds a frame is of, by its verdict, anomaly and flags: bits in their order."""
+    columns = [np.array([value]) for value in facts]
+    return sum(1 << k for k, kind in enumerate(_KINDS) if kind.picks(*columns)[0])
+
+
+def _about(view: View, loose: LooseFrame, picked: int) -> Sequence[tuple[str, Values, Severity | None]]:
+    found: list[tuple[str, Values, Severity | None]] = []
+    for kind in (kind for k, kind in enumerate(_KINDS) if picked >> k & 1):
+        later = kind.rule == _WRONG_START and _goes_on(view, loose.number, loose.kept)
+        found.append((kind.rule, kind.values(view, loose.number, loose.kept), "note" if later else None))
+    return found
 
 
 def _goes_on(view: View, number: int, kept: Kept | None) -> bool:
@@ -163,4 +204,4 @@ def _values_of(view: View, kind: Malformed, row: int) -> Values:
     return kind.values(view, number, kept)
 
 
-_KINDS = (*MALFORMED, Malformed("TRF-002", has(1 << FRAME_ANOMALIES.index("start toggle")), tail))
+_KINDS = (*MALFORMED, Malformed(_WRONG_START, has(1 << FRAME_ANOMALIES.index("start toggle")), tail))

@@ -64,13 +64,13 @@ class Rows(NamedTuple):
         late = self.last >= end
         return int(late.argmax()) if late.any() else len(late)
 
-    def each(self) -> Iterator[tuple[Sender, Shape]]:
-        """Yield of each who sent it, and its shape."""
+    def each(self) -> Iterator[tuple[Sender, Shape, int]]:
+        """Yield of each who sent it, its shape and its last frame."""
         t, row = self.table, self.row
         senders = zip(*(column[row].tolist() for column in (t.bus, t.src, t.code)), strict=True)
         received = t.length[row] + 2 * t.has("crc_wire")[row]
         shapes = zip(self.frames.tolist(), received.tolist(), strict=True)
-        return zip(senders, shapes, strict=True)
+        return zip(senders, shapes, self.last.tolist(), strict=True)
 
     def times(self, k: int) -> tuple[int, int]:
         """Return when one began and ended."""

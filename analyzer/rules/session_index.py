@@ -1,0 +1,37 @@
+"""The frames of a batch by session, for those who ask for many."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from dissectors.kit import SESSION
+
+if TYPE_CHECKING:
+    from dissectors.kit import Array, FrameTable
+
+_WIDTH = SESSION.bit_length()
+
+
+class SessionIndex:
+    """Finds the rows of a bus and session without a look at any other."""
+
+    def __init__(self, frames: FrameTable) -> None:
+        key = frames.bus.astype(np.int64) << _WIDTH | (frames.id & SESSION)
+        self._order = np.argsort(key, kind="stable")
+        ranked = key[self._order]
+        begins = np.flatnonzero(np.diff(ranked, prepend=-1))
+        places = zip(begins.tolist(), [*begins[1:].tolist(), len(ranked)], strict=True)
+        self._places = dict(zip(ranked[begins].tolist(), places, strict=True))
+
+    def __deepcopy__(self, _memo: object) -> Self:
+        """Share it: it never changes."""
+        return self
+
+    def rows(self, low: int, high: int, bus: int, session: int) -> Array:
+        """Return the rows of a session from one to before another one."""
+        first, last = self._places.get(bus << _WIDTH | session, (0, 0))
+        rows = self._order[first:last]
+        found: Array = rows[rows.searchsorted(low) : rows.searchsorted(high)]
+        return found
