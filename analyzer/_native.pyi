@@ -16,6 +16,8 @@ __all__ = [
     "Plan",
     "Reader",
     "Rows",
+    "Sheet",
+    "Template",
     "Writer",
     "crc32",
     "frame_bits",
@@ -204,3 +206,20 @@ class Messages:
     def frames(self) -> int: ...
     @property
     def lost(self) -> dict[str, int]: ...
+
+@final
+class Template:
+    def __new__(cls, templates: list[tuple[Any, ...] | None]) -> Template: ...
+
+@final
+class Sheet:
+    def __new__(
+        cls,
+        template: Template,
+        transfers: list[tuple[Any, ...]],
+        parts: list[tuple[Template, list[tuple[Any, ...]], bool]],
+        words: list[list[str]],
+        first: int,
+        picked: Any,
+    ) -> Sheet: ...
+    def texts(self, start: int, stop: int) -> list[str]: ...

@@ -2,18 +2,76 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
 
 from analyzer.facts.meaning import meaning
 from dissectors.kit.cells import pylist, step_into
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    import pyarrow as pa
+    from collections.abc import Callable, Collection, Sequence
 
     from analyzer.views.rows import MessagePart
-    from dissectors.schema import Bits
+    from analyzer.views.sheets import Columns, Template
+    from dissectors.schema import Bits, Message, Packet
+
+# Of a number in a template: how its scale is undone, the lowest of how many bits, their scale, whether it is a flag.
+Take = tuple[tuple[float, float, bool] | None, tuple[int, int] | None, tuple[float, float] | None, bool]
+PLAIN: Take = (None, None, None, False)
+
+
+def part_of(bits: Bits, word: Take = PLAIN) -> Take:
+    """Return how a bit part is taken from a word."""
+    scale = None if bits.scale is None or bits.enum else (float(bits.scale.numerator), float(bits.scale.denominator))
+    return word[0], (bits.low, bits.width), scale, bits.flag
+
+
+@dataclass(frozen=True, slots=True)
+class CellTemplates:
+    """How a view writes cells: a `single` value of an Arrow type, `each` of a list, what stands for `missing` ones."""
+
+    missing: str
+    single: Callable[[pa.DataType, Take], Template]
+    each: Callable[[Template], Template]
+
+    def column(self, of: Message | Packet | None, columns: Columns, name: str) -> Template:
+        """Return a template of a column; of a member of a structure by its dotted name, physical like every column.
+
+        Raises `KeyError` for a column that the table does not have.
+        """
+        return self._path(of, columns, name, self.cell)
+
+    def cell(self, kind: pa.DataType, take: Take = PLAIN) -> Template:
+        """Return a template of a cell."""
+        inner = self.each(self.cell(kind.value_type, take)) if pa.types.is_list(kind) else self.single(kind, take)
+        return ("or", self.missing, inner)
+
+    def _path(
+        self, of: Message | Packet | None, columns: Columns, name: str, finish: Callable[[pa.DataType], Template]
+    ) -> Template:
+        if name in columns:
+            return columns.of(columns.own(name), finish(columns.schema.field(columns.own(name)).type))
+        outer, _, last = name.rpartition(".")
+        if not outer:
+            raise KeyError(name)
+        bits = meaning(of, name).part
+        owner = meaning(of, outer).note if bits is not None else None
+        special = [(value, ("text", self.missing)) for value in (owner.special if owner is not None else ())]
+
+        def inside(kind: pa.DataType) -> Template:
+            if pa.types.is_list(kind):
+                return ("or", self.missing, self.each(inside(kind.value_type)))
+            if bits is not None:
+                found = self.single(pa.bool_() if bits.flag else pa.int64(), part_of(bits))
+                return ("or", self.missing, ("switch", PLAIN, special, found))
+            place = kind.get_field_index(last) if pa.types.is_struct(kind) else -1
+            if place < 0:
+                raise KeyError(name)
+            return ("or", self.missing, ("of", place, finish(kind.field(place).type)))
+
+        return self._path(of, columns, outer, inside)
 
 
 def cells(part: MessagePart, column: str) -> list[Any]:

@@ -58,7 +58,9 @@ class TransferRows:
         self._whole = len(self.picked) == total and bool((self.picked == np.arange(total)).all())
         self._transfers = batch.transfers if self._whole else batch.transfers.take(pa.array(self.picked))
         self._columns: dict[str, list[Any]] = {}
-        found, self.messages = self._types(registry)
+        known, inverse = known_types(registry, *(self.array(name) for name in ("variant", "kind", "type_id")))
+        self.messages = [known[k] for k in inverse.tolist()]
+        found = {m.table: m for m in known if m is not None}.values()
         self._where = np.full(total, -1)
         self._where[self.picked] = np.arange(len(self.picked))
         self.typed = [part for m in found for part in self._part(m.table, m)]
@@ -112,14 +114,6 @@ class TransferRows:
             packets.sort(key=lambda packet: packet[0])
         return found
 
-    def _types(self, registry: Registry) -> tuple[list[Message], list[Message | None]]:
-        codes = self.array("variant").astype(np.int64) << 24 | self.array("kind").astype(np.int64) << 16
-        codes |= self.array("type_id")
-        unique, inverse = np.unique(codes, return_inverse=True)
-        known = [registry.message(int(code) >> 16 & 0xFF, int(code) & 0xFFFF, int(code) >> 24) for code in unique]
-        messages = {m.table: m for m in known if m is not None}
-        return list(messages.values()), [known[k] for k in inverse.tolist()]
-
     def _part(self, name: str, of: Message | Packet | None) -> list[MessagePart]:
         table = self.batch.messages.get(name)
         if table is None or not len(table):
@@ -137,3 +131,10 @@ class TransferRows:
         parts = [self._part(f"{message.table}.{name}", packet) for name, packet in kinds.items()]
         parts.append(self._part(f"{message.table}.{UNRECOGNIZED}", None))
         return [part for some in parts for part in some]
+
+
+def known_types(registry: Registry, variant: Array, kind: Array, type_id: Array) -> tuple[list[Message | None], Array]:
+    """Return the types of transfers, None for unknown ones, and for each transfer the place of its type."""
+    codes = variant.astype(np.int64) << 24 | kind.astype(np.int64) << 16 | type_id
+    unique, inverse = np.unique(codes, return_inverse=True)
+    return [registry.message(code >> 16 & 0xFF, code & 0xFFFF, code >> 24) for code in unique.tolist()], inverse

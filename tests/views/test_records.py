@@ -18,7 +18,7 @@ from kit.traffic import START, lines, push, same, status, throttle
 
 from analyzer.views.fields import Fields, field_names
 from analyzer.views.frames.window import FrameWindow
-from analyzer.views.records import KEYS, Csv, JsonArray, JsonLines, records
+from analyzer.views.records import KEYS, Csv, JsonArray, JsonLines
 from analyzer.window.listed import ListedRows
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ def test_json_is_one_array_also_when_empty(decode: Callable[..., Any], registry:
 
 def test_picked_rows_come_in_the_order_given(decode: Callable[..., Any], registry: Registry) -> None:
     got = decode(lines(*(throttle(k, k).frames() for k in range(5)), push(0).frames()))
-    found = list(records(got.batches[0], registry, np.array([5, 3, 1])))
+    found = [json.loads(line) for line in written(JsonLines(registry), got, only(5, 3, 1)).splitlines()]
     assert [r["type"] for r in found] == ["PUSHCAN", "RawCommand", "RawCommand"]
     assert [r["fields"]["cmd"][0] for r in found[1:]] == [3, 1]
     assert found[0]["packets"][0]["fields"]["data"] == bytes(range(25)).hex().upper()

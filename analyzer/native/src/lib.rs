@@ -3,9 +3,9 @@
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`],
 //! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`plan`], [`bits`], [`unpack`] ->
-//! [`packets`]; [`load`] is how long a frame takes. None of them knows Python or does I/O, but for `receive`, which
-//! empties a socket of Linux; `python` is the only file that knows Python, `simd` and `receive/system` are the only ones
-//! with `unsafe`.
+//! [`packets`]; [`load`] is how long a frame takes, [`rows`] writes the text of views, by templates. None of them knows
+//! Python or does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python,
+//! `simd` and `receive/system` are the only ones with `unsafe`.
 
 pub mod accept;
 pub mod binary;
@@ -36,6 +36,7 @@ pub mod reader;
 pub mod reassembly;
 #[cfg(target_os = "linux")]
 pub mod receive;
+pub mod rows;
 pub mod session;
 pub mod sessions;
 pub mod short;

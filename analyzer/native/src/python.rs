@@ -52,6 +52,7 @@ mod proto;
 mod reader;
 #[cfg(target_os = "linux")]
 mod receive;
+mod rows;
 mod write;
 
 fn timed(t: &[i64]) -> impl ExactSizeIterator<Item = bool> + '_ {
@@ -293,6 +294,8 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(mcap::crc32, m)?)?;
     m.add_function(wrap_pyfunction!(proto::protobuf, m)?)?;
     m.add_function(wrap_pyfunction!(proto::message_records, m)?)?;
+    m.add_class::<rows::Template>()?;
+    m.add_class::<rows::Sheet>()?;
     m.add_class::<decode::Plan>()?;
     m.add_class::<decode::Packets>()
 }

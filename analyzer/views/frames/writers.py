@@ -7,8 +7,9 @@ import io
 from typing import TYPE_CHECKING, Any
 
 from analyzer.tables import BRS, ERROR, ESI, EXTENDED, FD, REMOTE, RX, TX
+from analyzer.views.json_fields import text_of
 from analyzer.views.named import tag
-from analyzer.views.records import FINDINGS, harmless, text_of
+from analyzer.views.records import FINDINGS, harmless
 from analyzer.views.terminal import PLAIN, Palette, escape, fit
 from dissectors.times import SECOND
 

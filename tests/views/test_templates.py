@@ -1,0 +1,91 @@
+"""The native renderer of rows: single values as Python writes them, digit for digit and escape for escape."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import struct
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from kit.strategies import examples
+
+from analyzer import _native
+from analyzer.facts.json_number import number
+from analyzer.views.json_fields import text_of
+from analyzer.views.members import PLAIN
+from analyzer.views.records import harmless
+from analyzer.views.sheets import flat
+from analyzer.views.wording import plain
+
+JSON = ("number", PLAIN, ("json", "false", "true", True))
+# Every pattern of bits, those that people write, and halves that a float32 came from.
+FLOATS = (
+    st.floats()
+    | st.integers(0, 2**64 - 1).map(lambda bits: struct.unpack("<d", struct.pack("<Q", bits))[0])
+    | st.decimals(-100_000, 100_000, places=4).map(float)
+    | st.floats(width=32)
+    | st.floats(width=16)
+)
+TEXTS = st.text(st.characters(exclude_categories=("Cs",))) | st.text(
+    "\"',;\\\r\n\t\x00\x1b\x7f\x9b=+-@ aé\u202e\U0001f600"
+)
+
+
+def written(template: tuple[Any, ...], *cells: Any, kind: pa.DataType | None = None) -> list[str]:
+    """Return what a template writes of each cell of one column."""
+    column = pa.array(cells, kind)
+    made = _native.Template([("of", 0, template)])
+    sheet = _native.Sheet(made, [flat(column)], [], [], 0, np.arange(len(column), dtype=np.uint32))
+    return sheet.texts(0, len(column))
+
+
+@examples(300)
+@given(st.lists(TEXTS, min_size=1))
+def test_texts_of_a_capture_are_escaped_as_python_does(texts: list[str]) -> None:
+    assert written(("json",), *texts) == [text_of(text) for text in texts]
+    assert written(("copy",), *texts) == texts
+    for text, cell in zip(texts, written(("csv", ("copy",)), *texts), strict=True):
+        out = io.StringIO()
+        csv.writer(out).writerow([harmless(text), "next"])
+        assert cell + ",next\r\n" == out.getvalue()
+
+
+@examples(500)
+@given(st.lists(FLOATS, min_size=1))
+def test_floats_are_those_of_python(values: list[float]) -> None:
+    assert written(JSON, *values) == [json.dumps(number(value)) for value in values]
+    assert written(("number", PLAIN, ("plain",)), *values) == [plain(value) for value in values]
+
+
+@examples(100)
+@given(st.lists(st.integers(0, 65535), min_size=1), st.sampled_from([("1", "100"), ("9", "8191"), ("360", "16384")]))
+def test_scales_are_undone_and_done_exactly(raws: list[int], scale: tuple[str, str]) -> None:
+    over, under = map(float, scale)
+    shown = [raw * over / under for raw in raws]
+    unscaled = ((over, under, True), None, None, False)
+    assert written(("number", unscaled, JSON[2]), *shown) == [str(raw) for raw in raws]
+    scaled = (None, (3, 5), (over, under), False)
+    wanted = [json.dumps((raw >> 3 & 31) * over / under) for raw in raws]
+    assert written(("number", scaled, JSON[2]), *raws, kind=pa.uint16()) == wanted
+
+
+@pytest.mark.parametrize("cells", [[1, None, 3], [True, False, None], [1.5, None], ["a", None, ""], [[1, 2], [], None]])
+@pytest.mark.parametrize("cut", [(0, None), (1, None), (1, 1)])
+def test_cells_of_slices_and_missing_ones(cells: list[Any], cut: tuple[int, int | None]) -> None:
+    column = pa.array([cells[0], *cells]).slice(1).slice(*cut)
+    lists = ("all", [("text", "["), ("each", ",", 9, "", JSON), ("text", "]")])
+    inner = {str: ("json",), list: lists}.get(type(cells[0]), JSON)
+    made = _native.Template([("of", 0, ("or", "null", inner))])
+    sheet = _native.Sheet(made, [flat(column)], [], [], 0, np.arange(len(column), dtype=np.uint32))
+    assert sheet.texts(0, len(column)) == [text_of(one) for one in column.to_pylist()]
+
+
+def test_a_template_that_does_not_exist_is_told() -> None:
+    with pytest.raises(ValueError, match='no template "none"'):
+        _native.Template([("none",)])
