@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import sys
 from types import ModuleType
 from typing import Any
 
-_COMPUTE = "pyarrow.compute"
+_FIRST = 200_000  # objects: more than any command makes while it starts
 
 _ours = False
 
@@ -21,24 +23,49 @@ class _Hidden:
 def alone() -> None:
     """Say that nobody else uses this process; to be called before anything heavy is imported.
 
-    numpy's linear algebra, which nothing here needs, would start a thread for each core: a tenth of a second.
+    numpy's linear algebra, which nothing here needs, would start a thread for each core: a tenth of a second. What is
+    made while a command starts lives until it ends: no garbage is looked for in it, neither then nor at the end.
     """
     global _ours  # noqa: PLW0603 - a property of the process
     _ours = True
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    usual = gc.get_threshold()
+
+    def settle(phase: str, _: object) -> None:
+        if phase == "stop":
+            gc.callbacks.remove(settle)
+            gc.set_threshold(*usual)
+            gc.freeze()
+
+    gc.callbacks.append(settle)
+    gc.set_threshold(_FIRST, *usual[1:])
+    atexit.register(gc.freeze)
 
 
-class _Compute(ModuleType):
-    """Stands for `pyarrow.compute` until somebody asks for more of it than Arrow's own methods do."""
+class _Masked:
+    """A kind of array of which there is none, as long as nobody imports it."""
+
+
+class _Light(ModuleType):
+    """Stands for a module until somebody asks for more of it than is needed here."""
 
     def __getattr__(self, name: str) -> Any:
         import importlib  # noqa: PLC0415
 
         if name.startswith("__"):
             raise AttributeError(name)
-        if sys.modules.get(_COMPUTE) is self:
-            del sys.modules[_COMPUTE]
-        return getattr(importlib.import_module(_COMPUTE), name)
+        if sys.modules.get(self.__name__) is self:
+            del sys.modules[self.__name__]
+        return getattr(importlib.import_module(self.__name__), name)
+
+    @classmethod
+    def put(cls, module: str, **content: Any) -> None:
+        """Put it where the module would be, unless that is there."""
+        if module not in sys.modules:
+            sys.modules[module] = light = cls(module)
+            light.__dict__.update(content)
+            package, _, name = module.rpartition(".")
+            setattr(sys.modules[package], name, light)
 
 
 def plain_arrow() -> None:
@@ -46,14 +73,16 @@ def plain_arrow() -> None:
 
     Where pandas is installed it would import that with the first list it is given: a quarter of a second for nothing.
     Afterwards Arrow takes a pandas object for any other one. The first `take` or `cast` would import `pyarrow.compute`,
-    which writes the documentation of 286 functions: that takes half as long as all else of Arrow.
+    which writes the documentation of 286 functions: that takes half as long as all else of Arrow. To see that the first
+    array is not masked it would import all of `numpy.ma`.
     """
     if not _ours:
         return
+    import numpy as np  # noqa: PLC0415
     import pyarrow as pa  # noqa: PLC0415
 
-    if _COMPUTE not in sys.modules:
-        _light_compute()
+    _Light.put("numpy.ma", __path__=[os.path.join(*np.__path__, "ma")], MaskedArray=_Masked)  # noqa: PTH118
+    _light_compute()
     hidden = _Hidden()
     sys.meta_path.insert(0, hidden)
     try:
@@ -71,7 +100,7 @@ def _light_compute() -> None:
     except ImportError:
         return  # another version of Arrow
 
-    call, module = core.call_function, _Compute(_COMPUTE)
+    call = core.call_function
 
     def take(data: Any, indices: Any, *, boundscheck: bool = True, memory_pool: Any = None) -> Any:
         return call("take", [data, indices], core.TakeOptions(boundscheck=boundscheck), memory_pool)
@@ -87,6 +116,5 @@ def _light_compute() -> None:
             options = core.CastOptions.unsafe(kind) if safe is False else core.CastOptions.safe(kind)
         return call("cast", [arr], options, memory_pool)
 
-    module.__dict__.update(take=take, filter=kept, cast=cast, call_function=call)
-    module.__dict__.update(Expression=core.Expression, NullOptions=core.NullOptions)
-    sys.modules[_COMPUTE] = module
+    others = {name: getattr(core, name) for name in ("Expression", "NullOptions", "call_function")}
+    _Light.put("pyarrow.compute", take=take, filter=kept, cast=cast, **others)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shlex
-import subprocess
 import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import subprocess
     from collections.abc import Iterator
     from typing import IO
 
@@ -34,6 +33,8 @@ def paged(*, wanted: bool) -> Iterator[IO[str]]:
 
 def _command() -> list[str]:
     """TAILBYTE_PAGER before PAGER before less; empty, `cat` or not a command line: no pager."""
+    import shlex  # noqa: PLC0415
+
     text = next((os.environ[name] for name in ("TAILBYTE_PAGER", "PAGER") if name in os.environ), "less")
     try:
         command = shlex.split(text)
@@ -45,6 +46,8 @@ def _command() -> list[str]:
 def _start(command: list[str]) -> subprocess.Popen[str] | None:
     if not command:
         return None
+    import subprocess  # noqa: PLC0415 - without a pager nobody needs it
+
     sys.stdout.flush()
     environment = {**os.environ, "LESS": os.environ.get("LESS", "FRX")}
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import secrets
 import shutil
 import stat
 from contextlib import AbstractContextManager, suppress
@@ -226,6 +225,8 @@ def _stat(path: str) -> os.stat_result | None:
 
 def _beside(path: str, *, inside: bool = False) -> str:
     """Return a free name on the same file system, which says what it is should a crash leave it behind."""
+    import secrets  # noqa: PLC0415 - and much beside it
+
     final = Path(path)
     name = f"{final.name[:_NAME]}.{secrets.token_hex(4)}.part"
     return str((final if inside else final.parent) / name)

@@ -106,3 +106,46 @@ def test_arrow_does_the_same_without_its_documentation() -> None:
     ]
     assert done[0].stdout == done[1].stdout
     assert [one.stderr for one in done] == [b"True\n", b"False\n"]
+
+
+MASKED = """
+from analyzer.app import start
+start.alone()
+start.plain_arrow()
+import pyarrow as pa, numpy as np, sys
+assert pa.array(np.array([1, 2])).to_pylist() == [1, 2]
+assert "numpy.ma.core" not in sys.modules
+if len(sys.argv) > 1:
+    import numpy.ma.core
+    assert not hasattr(sys.modules["numpy.ma"], "no such name")
+masked = np.ma.masked_array([1, 2], [False, True])
+assert type(masked) is sys.modules["numpy.ma.core"].MaskedArray
+print(pa.array(masked).to_pylist())
+"""
+
+
+@pytest.mark.parametrize("how", [(), ("core first",)])
+def test_masked_arrays_are_there_for_those_who_import_them(how: tuple[str, ...]) -> None:
+    command = [sys.executable, "-c", MASKED, *how]
+    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=LIMIT, check=True)
+    assert done.stdout == "[1, None]\n"
+
+
+COLLECTED = """
+import gc
+from analyzer.app import start
+usual = gc.get_threshold()
+start.alone()
+before = gc.get_stats()[0]["collections"]
+kept = [[] for _ in range(100_000)]
+assert gc.get_stats()[0]["collections"] == before
+more = [[] for _ in range(150_000)]
+print(gc.get_threshold() == usual, gc.get_freeze_count() > 200_000)
+"""
+
+
+def test_garbage_is_looked_for_once_the_start_is_over() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", COLLECTED], env=environment(), capture_output=True, text=True, timeout=LIMIT, check=True
+    )
+    assert done.stdout == "True True\n"
