@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -13,12 +14,22 @@ _POLY = 0x42F0_E1EB_A9EA_3693
 
 def crc64(data: bytes, extend: int = 0) -> int:
     """Return CRC-64-WE of `data`, going on from `extend` (0 starts anew). The check value is 0x62EC59E3F1A4F00A."""
-    crc = extend ^ _MASK
+    table, crc = _table(), extend ^ _MASK
     for byte in data:
-        crc ^= byte << 56
+        crc = table[crc >> 56 ^ byte] ^ (crc << 8 & _MASK)
+    return crc ^ _MASK
+
+
+@cache
+def _table() -> tuple[int, ...]:
+    """Return what each byte at the top of the register does to it in eight steps."""
+    table = []
+    for byte in range(256):
+        crc = byte << 56
         for _ in range(8):
             crc = ((crc << 1) ^ _POLY if crc >> 63 else crc << 1) & _MASK
-    return crc ^ _MASK
+        table.append(crc)
+    return tuple(table)
 
 
 def normalised(full_name: str, sections: Iterable[tuple[bool, Iterable[str]]]) -> str:

@@ -7,12 +7,12 @@ come from there. A table that nothing is said of takes them from the reader.
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from dissectors.keys import Keys
+from dissectors.parsed import known
 from dissectors.plain_files import read_bytes
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ MAX_FILE_BYTES = 1024 * 1024
 # Parts of a dotted key, of which the parser's work grows with the square; no table of ours has half as many.
 _DEEPEST = 16
 _PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
-_DEEP = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST}}}")
 _KEY = re.compile(r"""\s*(?:([A-Za-z0-9_-]+)|"([^"\\]*)"|'([^']*)')\s*""")
 _SYNTAX = re.compile(r"(.*) \(at line (\d+), column \d+\)")
 _NUMBER = re.compile(r"[+-]?\d{1,20}(?:\.\d{1,20})?(?:[eE][+-]?\d{1,2}|/\d{1,20})?", re.ASCII)
@@ -238,10 +237,8 @@ def parse(data: bytes, file: str, keys: Keys | None = None) -> TomlTable:
     """Return the top table of a TOML text; `file` is its name in errors."""
     try:
         text = data.decode()
-        if found := _DEEP.search(text):
-            line = text.count("\n", 0, found.start()) + 1
-            raise ProfileError(file, line, f"more than {_DEEPEST} parts of a dotted key")
-        return TomlTable(file, text, (), tomllib.loads(text), keys)
+        said = known(data)
+        return TomlTable(file, text, (), _parsed(text, file) if said is None else said, keys)
     except UnicodeDecodeError as error:
         raise ProfileError(file, data.count(b"\n", 0, error.start) + 1, "this is no UTF-8 text") from None
     except RecursionError:
@@ -250,6 +247,16 @@ def parse(data: bytes, file: str, keys: Keys | None = None) -> TomlTable:
         found = _SYNTAX.fullmatch(str(error))
         line = int(found[2]) if found else text.count("\n") + 1
         raise ProfileError(file, line, found[1] if found else str(error)) from None
+
+
+def _parsed(text: str, file: str) -> dict[str, Any]:
+    import tomllib  # noqa: PLC0415 - for files of others only
+
+    deep = rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST}}}"
+    if found := re.search(deep, text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise ProfileError(file, line, f"more than {_DEEPEST} parts of a dotted key")
+    return tomllib.loads(text)
 
 
 def _line(text: str, path: tuple[str, ...]) -> int:

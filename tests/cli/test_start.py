@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib import metadata
 
 import pytest
 from kit.command import HOVER, LIMIT, environment
 
+from analyzer.app.version import UNKNOWN, version
+
 CORE = {"numpy", "pyarrow", "analyzer._native"}
 LIBRARIES = {"pandas", "can", "rerun", "mcap", "google.protobuf", "dronecan", "textual", "jinja2"}
 DOCUMENTATION = {"pyarrow.vendored.docscrape"}  # of `pyarrow.compute`
+PARSERS = {"tomllib", "importlib.metadata"}
 HELP = LIBRARIES | CORE | {"dissectors", "dataclasses", "inspect", "pathlib", "tomllib"}
 
 PROGRAM = """
@@ -34,20 +38,28 @@ def imported(*args: str) -> set[str]:
     ("args", "status", "unwanted"),
     [
         (("--help",), 0, HELP),
-        (("--version",), 0, LIBRARIES | CORE | {"dissectors", "dataclasses"}),
+        (("--version",), 0, LIBRARIES | CORE | PARSERS | {"dissectors", "dataclasses"}),
         (("check", "--help"), 0, LIBRARIES | CORE | {"dissectors"}),
         (("export", "--help"), 0, LIBRARIES | CORE | {"dissectors"}),
         (("decode", "-c", "x"), 2, LIBRARIES | CORE | {"dissectors"}),
         (("help", "captures"), 0, LIBRARIES | CORE | {"dissectors"}),
-        (("explain", "TRF-003"), 0, LIBRARIES | CORE | {"importlib.metadata"}),
-        (("decode", "-q", str(HOVER)), 0, LIBRARIES | DOCUMENTATION | {"analyzer.report", "analyzer.plot"}),
-        (("check", str(HOVER)), 0, LIBRARIES | DOCUMENTATION | {"analyzer.plot"}),
+        (("explain", "TRF-003"), 0, LIBRARIES | CORE | PARSERS),
+        (("decode", "-q", str(HOVER)), 0, LIBRARIES | DOCUMENTATION | PARSERS | {"analyzer.report", "analyzer.plot"}),
+        (("check", str(HOVER)), 0, LIBRARIES | DOCUMENTATION | PARSERS | {"analyzer.plot"}),
     ],
 )
 def test_what_a_command_does_not_import(args: tuple[str, ...], status: int, unwanted: set[str]) -> None:
     found = imported(*args)
     assert str(status) in found
     assert sorted(unwanted & found) == []
+
+
+def test_the_version_is_that_of_the_installation() -> None:
+    try:
+        known = metadata.version("tailbyte")
+    except metadata.PackageNotFoundError:
+        known = UNKNOWN
+    assert version() == known
 
 
 def threads_wanted(code: str) -> str:
