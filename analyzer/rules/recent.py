@@ -60,8 +60,8 @@ class Recent:
         if row >= len(batch):
             return None
         found = Kept(
-            int(batch.t[row]), int(batch.bus[row]), int(batch.id[row]), int(batch.flags[row]), batch.data(row),
-            int(batch.verdict[row]),
+            batch.t.item(row), batch.bus.item(row), batch.id.item(row), batch.flags.item(row), batch.data(row),
+            batch.verdict.item(row),
         )  # fmt: skip
         if len(self._remembered) >= _MOST_REMEMBERED:
             self._remembered.clear()

@@ -26,6 +26,7 @@ class Types:
     def __init__(self, registry: Registry) -> None:
         self._registry = registry
         self._mistaken: dict[tuple[int, int], Mapping[int, str]] = {}
+        self._undefined: dict[int, Mapping[int, str]] = {}
 
     def signatures(self, code: int) -> Sequence[int]:
         """Return those of the known types with this ID, the preferred one first; none for an unknown type."""
@@ -40,7 +41,9 @@ class Types:
 
     def undefined(self, code: int) -> Mapping[int, str]:
         """Return signatures of further types with this ID, which are known by name only."""
-        return self._registry.undefined(*_identity(code))
+        if code not in self._undefined:
+            self._undefined[code] = self._registry.undefined(*_identity(code))
+        return self._undefined[code]
 
     def fixed_bytes(self, code: int) -> int | None:
         """Return the payload bytes of a type whose transfers all have the same length."""

@@ -59,7 +59,7 @@ class Columns:
 
     def _bytes(self, name: str, row: int) -> bytes:
         offsets, data = self._binary[name] if name in self._binary else self._opened(name)
-        return bytes(data[offsets[row] : offsets[row + 1]])
+        return bytes(data[offsets.item(row) : offsets.item(row + 1)])
 
     def _lengths(self, name: str) -> Array:
         offsets, _ = self._binary[name] if name in self._binary else self._opened(name)

@@ -40,10 +40,14 @@ SERVICES = 0.25  # of random frames
 Parts = tuple[float, str, bytes]  # time, identifier, data
 
 
-def parts_of(line: bytes) -> Parts:
-    stamp, _, frame = line.decode().split(" ")
+def parts_of(text: bytes) -> Parts:
+    stamp, _, frame = text.decode().split(" ")
     identifier, data = frame.strip().split("#")
     return float(stamp[1:-1]), identifier, bytes.fromhex(data)
+
+
+def line(t: float, identifier: str, data: bytes) -> str:
+    return f"({t:.6f}) can0 {identifier}#{data.hex().upper()}\n"
 
 
 def damaged(lines: Iterable[Parts], chance: random.Random) -> Iterator[Parts]:
@@ -106,7 +110,7 @@ def write(path: Path, kind: str, frames: int) -> None:
         make_log.write(flight, frames)
         with flight.open("rb") as lines:
             for t, identifier, data in islice(KINDS[kind](map(parts_of, lines), random.Random(SEED)), frames):
-                out.write(f"({t:.6f}) can0 {identifier}#{data.hex().upper()}\n")
+                out.write(line(t, identifier, data))
 
 
 def main() -> None:

@@ -60,10 +60,11 @@ class Silences(Rule):
                 continue
             pauses = np.diff(t.t[rows], prepend=int(t.t[rows[0]]) if known is None else known.t)
             late = pauses > view.number("BUS-020", "late_s") * SECOND
+            own = np.flatnonzero(code == node) if late.any() else rows
             for at in np.flatnonzero(late).tolist():
                 last = known if known is not None and not at else _place(view, int(rows[at - 1]), NODE_STATUS)
-                sent = np.flatnonzero(code[: rows[at]] == node)
-                active = int(t.t[sent[-1]]) if len(sent) else int(before[node])
+                sent = int(np.searchsorted(own, rows[at]))
+                active = int(t.t[own[sent - 1]]) if sent else int(before[node])
                 yield from self._silence(view, last, node, (active, int(t.t[rows[at]])))
             self._status[node] = _place(view, int(rows[-1]), NODE_STATUS)
 
@@ -103,11 +104,14 @@ class Silences(Rule):
         active, end = until
         woke = int(self._woke[node])
         start = max(last.t, woke if woke <= active else view.resumed(active))
+        least = view.number("BUS-020", "late_s") * SECOND
+        if active - start <= least:
+            return
         most = self._gap(node, start, active)
         if 2 * (most.stop - most.start) > active - start:
             start, active = max((start, most.start), (most.stop, active), key=lambda part: part[1] - part[0])
         silence = active - start
-        if silence > view.number("BUS-020", "late_s") * SECOND:
+        if silence > least:
             values = {"seconds": silence / SECOND, "then": self._then(view, node, (start, active), end)}
             severity: Severity | None = None if silence > OFFLINE else "note"
             yield replace(last, values=values, severity=severity, drops=True, until=min(active, start + OFFLINE))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from analyzer.rules.diagnosis.neighbours import part_of
 from analyzer.rules.diagnosis.proofs import KnownType
 from analyzer.rules.frames.foreign import session_of
+from dissectors.kit import SESSION
 from dissectors.kit.definitions import crc_start
 
 if TYPE_CHECKING:
@@ -48,7 +49,9 @@ def _session(view: View, like: int, *, behind: bool) -> Iterator[Part]:
     wanted = view.frame(like)
     if wanted is None:
         return
-    session, near = session_of(wanted.id, wanted.verdict), (wanted.bus, wanted.id & _SOURCE, _SOURCE)
+    session = session_of(wanted.id, wanted.verdict)
+    mask = SESSION if wanted.id & _SOURCE else _SOURCE  # those of anonymous senders differ in more than that
+    near = wanted.bus, wanted.id & mask, mask
     for number in (
         view.numbers_between(like + 1, like + 1 + _NEAR, *near) if behind else view.numbers_before(like, _NEAR, *near)
     ):

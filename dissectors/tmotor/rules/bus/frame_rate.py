@@ -86,12 +86,15 @@ class FrameRate(Rule):
                 continue
             ends = _ends(view, motion[0])
             parts = np.split(np.arange(len(fresh)) if rows is None else rows, back)
+            fewest = min(limit.frames for limit in _limits(view))
             for k, part in enumerate(parts):
                 if not len(part):
                     continue  # the first frame is behind the step
                 if k:
                     yield from self._begin_anew(bus, past, int(frames.t[part[0]]))
                 mine = slice(*np.searchsorted(ends, (part[0], part[-1] + 1)))
+                if 0 < k < len(parts) - 1 and len(part) <= fewest and mine.start == mine.stop:
+                    continue  # too few to be too many, and forgotten with the next step
                 yield from self._judge(view, (bus, past), part, frames.t[part], (motion[1][mine], motion[2][mine]))
 
     def _judge(

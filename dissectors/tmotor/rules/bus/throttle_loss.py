@@ -60,7 +60,7 @@ class Stopped(Rule):
             took = np.diff(sent.t, prepend=stream.t)
             for k in np.flatnonzero(took > view.number("BUS-007", "timeout_ms") * MILLISECOND).tolist():
                 if k:
-                    self._carry_on(view, stream, (sent, k - 1), (before[bus], changes.get(bus)))
+                    self._carry_on(view, stream, (sent, k - 1), (before[bus], changes.get(bus)), held=False)
                     stream.count += k - 1 - last
                 inside = (number > (sent.number[k - 1] if k else -1)) & (number < sent.number[k])
                 stream.losing = {*(() if k else stream.losing), *index[inside].tolist()}
@@ -78,9 +78,9 @@ class Stopped(Rule):
 
     def _carry_on(
         self, view: View, stream: _Stream, what: tuple[Commands, int],
-        motion: tuple[bool, tuple[Array, Array, Array] | None],
+        motion: tuple[bool, tuple[Array, Array, Array] | None], *, held: bool = True,
     ) -> None:  # fmt: skip
-        """Make a command the last one."""
+        """Make a command the last one; it is `held` if it may be told with a later batch."""
         sent, k = what
         before, changes = motion
         at = -1 if changes is None else int(np.searchsorted(changes[0], sent.number[k], "right")) - 1
@@ -88,7 +88,7 @@ class Stopped(Rule):
         rests = not turning and not sent.cmd[:, k][sent.cmd[:, k] >= -(1 << 13)].any()
         severity = "note" if rests else None
         stream.t = int(sent.t[k])
-        stream.place = breach(view, sent.table, int(sent.rows[k]), "BUS-007", {}, held=True, severity=severity)
+        stream.place = breach(view, sent.table, int(sent.rows[k]), "BUS-007", {}, held=held, severity=severity)
 
     def _stop(self, view: View, bus: int, stream: _Stream, stop: int) -> Iterator[Occurrence]:
         if stream.count < _RUNNING or stream.place is None or self._pauses is None:

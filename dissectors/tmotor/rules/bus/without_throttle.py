@@ -157,7 +157,7 @@ class WithoutThrottle(Rule):
                 if not lost[first]:
                     continue
                 if track.hold is None:
-                    place = breach(view, some.table, int(some.rows[first]), "BUS-017", {}, held=True)
+                    place = breach(view, some.table, int(some.rows[first]), "BUS-017", {})
                     place = replace(place, values={"channel": unit.index + 1}, drops=True, since=since)
                     track.hold = _opened(whole, known + first, since, place)
                     track.hold.told = self._heard(unit.bus, track.hold, int(some.t[first])) <= self._timeout
@@ -165,6 +165,9 @@ class WithoutThrottle(Rule):
                 if track.hold.still != NO_TIME and not track.hold.told:
                     yield from self._tell(track, int(some.number[stop - 1]), "")
                 yield from self._turning(view, unit, some, (part, throttle, told), now)
+        if track.hold is not None and not (track.hold.told or track.hold.place.lines):
+            place = track.hold.place  # told with a later batch, if at all
+            track.hold.place = replace(place, lines=view.lines(place.frames))
         track.tells = bool(told[-1])
         recent = whole.t >= int(whole.t[-1]) - self._timeout - _TAIL
         recent[-_RECENT:] = True
@@ -197,19 +200,21 @@ class WithoutThrottle(Rule):
         if hold is None or int(some.t[part[-1]]) - hold.since < least:
             return
         rpm, pct = np.abs(some.rpm[part]), some.pct[part]
-        turns = rpm > view.number("BUS-038", "turning_rpm")
+        turns = (rpm > view.number("BUS-038", "turning_rpm")) & (some.t[part] - hold.since >= least)
         if not turns.any():
             return
         fast = (abs(hold.base.rpm) > STILL) & (rpm >= _HALF * abs(hold.base.rpm))
         draws = np.abs(some.current[part]) >= max(1.0, _HALF * abs(hold.base.current))
         negative = (throttle.last[part] < 0) & (throttle.last[part] != NO_CHANNEL)
         driven = (pct > 0) | (fast & (draws | ~told[part])) | (negative & ~told[part])
+        if not (turns & driven).any():
+            return
         mode = some.mode[part]
         excused = np.isin(mode, _FOLDS) | ((mode == _COAST_DOWN) & (pct == 0))
         excused |= self._driven.at(unit.bus, unit.index, some.number[part])
         excused |= self._elsewhere(unit, some.number[part], some.t[part], now)
         excused |= self._priority.at(unit.bus, unit.node, some.number[part])
-        wrong = turns & driven & ~excused & (some.t[part] - hold.since >= least)
+        wrong = turns & driven & ~excused
         rows = [k for k in np.flatnonzero(wrong).tolist() if self._lasted(unit.bus, hold, int(some.t[part[k]]), least)]
         taken = [track.pwm(hold.since, int(some.number[part[k]])) for k in rows]
         says = some.lost[part]  # what PWM drives has not lost its throttle
@@ -245,8 +250,8 @@ def _opened(whole: Samples, at: int, since: int, place: Occurrence) -> Hold:
     """Return a loss that begins with the report `at`; those since the last throttle belong to it."""
     before = np.flatnonzero(whole.t[:at] <= since)
     base = int(before[-1]) if len(before) else 0
-    apart = np.diff(whole.t[max(at - _RECENT, 0) : at])
-    spare = 2 * int(np.median(apart)) if len(apart) else 0
+    apart = np.sort(np.diff(whole.t[max(at - _RECENT, 0) : at]))
+    spare = 2 * int((apart[len(apart) // 2] + apart[(len(apart) - 1) // 2]) / 2) if len(apart) else 0
     hold = Hold(since, whole.at(base), place, spare)
     if base + 1 < at:
         hold.feed(whole.part(slice(base + 1, at)))
