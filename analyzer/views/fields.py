@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import difflib
-import json
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
 
 from analyzer.decode.readings import reading_column
-from analyzer.facts.json_number import number
 from analyzer.tables import KINDS, STATUSES
-from analyzer.views.members import cells
-from analyzer.views.rows import TransferRows
+from analyzer.views.json_fields import ALL, structure_template
+from analyzer.views.members import PLAIN, CellTemplates
+from analyzer.views.rows import first_frames
+from analyzer.views.sheets import Sheets, type_column
 from analyzer.views.terminal import escape
 from analyzer.views.times import TimeFormat
 from analyzer.window.numbering import Numbering
 from dissectors import UnknownNameError
+from dissectors.kit.cells import pylist
 from dissectors.notes import columns
 
 if TYPE_CHECKING:
@@ -22,6 +25,8 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.views.frames.window import FrameData, RawFrame
+    from analyzer.views.members import Take
+    from analyzer.views.sheets import Columns, Template
     from analyzer.window.listed import ListedRows
     from dissectors import Registry
     from dissectors.schema import Message, Packet
@@ -49,6 +54,9 @@ _FIXED = {
 _OF_MESSAGES = ("bits_left", "trusted")
 _OF_PACKETS = ("packet_ok", "header_ok", "length_ok", "checksum_ok", "checksum_end", "count_step", "count_step_id")
 _TIMES = {"frame.time_epoch": "e", "frame.time_relative": "r", "frame.time_delta": "d"}
+
+_TYPE = "type"  # places in the list of names of types
+_WORDS = ("frame.interface_name", "dronecan.type")  # whose words are given with each batch
 
 Column = tuple[str, str]  # a message or packet table and a column of it
 
@@ -80,6 +88,8 @@ class Fields:
         self._clocks["frame.time_relative"].zero = zero
         self._header = header
         self._numbering = numbering or Numbering()
+        self._messages = {table for table, _ in self._columns.values() if registry.message_of(table) is not None}
+        self._sheets = Sheets(registry, self._row, self._part, {**_BESIDE, _TYPE: pa.uint32()}, escaped=True)
 
     def begin(self) -> str:
         """Write the names, if asked for."""
@@ -89,30 +99,57 @@ class Fields:
         """Write a line for each picked transfer (all if not given)."""
         for clock in self._clocks.values():
             clock.start(batch.frames)
-        rows = TransferRows(batch, self._registry, picked and picked.transfers)
-        cells_ = [self._fixed(rows, n) if n in _FIXED else _found(rows, self._columns[n]) for n in self._names]
-        for row in zip(*cells_, strict=True):
-            yield "\t".join(row) + "\n"
+        types, places = type_column(batch, self._registry)
+        beside = {name: self._beside(batch, name) for name in self._names if name in _BESIDE}
+        words = [[escape(bus) for bus in batch.buses], ["" if m is None else m.name for m in types]]
+        known = {m.table: m for m in types if m is not None}
+        return self._sheets.texts(
+            batch, picked and picked.transfers, list(known.values()), beside | {_TYPE: places}, words
+        )
 
     def end(self) -> str:
         """Write nothing: nothing stands behind the last line."""
         return ""
 
-    def _fixed(self, rows: TransferRows, name: str) -> list[str]:
+    def _row(self, columns: Columns) -> Template:
+        parts: list[Template] = []
+        for place, name in enumerate(self._names):
+            parts.append(("text", "\t" if place else ""))
+            parts.append(self._fixed(columns, name) if name in _FIXED else self._cell(place, self._columns[name][0]))
+        return ("all", [*parts, ("text", "\n")])
+
+    def _fixed(self, columns: Columns, name: str) -> Template:
         if name in _TIMES:
-            return self._clocks[name].column(rows.all_times(), rows.picked.tolist())
-        if name == "frame.number":
-            return [str(self._numbering.of(number - 1)) for number in rows.first_frames()]
-        if name == "frame.interface_name":
-            names = [escape(bus) for bus in rows.batch.buses]
-            return [names[bus] for bus in rows.column("bus")]
-        if name.startswith("can."):
-            return [self._of_frames(frames, _FRAME[name.removeprefix("can.")]) for frames in rows.column("frame")]
-        if name == "dronecan.type":
-            return ["" if m is None else m.name for m in rows.messages]
+            return columns.of(name, ("number", PLAIN, ("seconds", False, True)))
+        if name in _WORDS:
+            return columns.of(_TYPE if name == "dronecan.type" else "bus", ("word", _WORDS.index(name)))
+        if name in _BESIDE:
+            return columns.of(name, ("copy",) if name in _FRAME else _NUMBER)
         column = name.removeprefix("dronecan.")
-        texts = {"kind": KINDS, "status": STATUSES}.get(column)
-        return [_text(value if texts is None else texts[value]) for value in rows.column(column)]
+        texts = {"kind": KINDS, "status": STATUSES}.get(column, ())
+        cases = [(value, ("text", text)) for value, text in enumerate(texts)]
+        return columns.of(column, ("switch", PLAIN, cases, _NUMBER))
+
+    def _cell(self, place: int, table: str) -> Template:
+        """Return a template of what messages or packets have; a transfer may have several packets."""
+        inside: Template = ("packets", place, ",", True)
+        return ("message", place, "") if table in self._messages else inside
+
+    def _part(self, table: str, of: Message | Packet | None, columns: Columns) -> list[Template | None]:
+        found = [self._columns.get(name) for name in self._names]
+        return [
+            None if of is None or one is None or one[0] != table else _CELLS.column(of, columns, one[1])
+            for one in found
+        ]
+
+    def _beside(self, batch: Batch, name: str) -> pa.Array:
+        """Return a column that is no column of a table."""
+        if name in _TIMES:
+            return self._clocks[name].elapsed(batch.transfers.column("t"))
+        if name == "frame.number":
+            return pa.array(self._numbering.of_all(first_frames(batch.transfers)))
+        frames = pylist(batch.transfers.column("frame"))
+        return pa.array([self._of_frames(some, _FRAME[name]) for some in frames], pa.string())
 
     def _of_frames(self, numbers: Sequence[int], read: Callable[[RawFrame], int]) -> str:
         """Write one value if all frames agree, else one for each."""
@@ -122,11 +159,16 @@ class Fields:
 
 
 _FRAME: dict[str, Callable[[RawFrame], int]] = {
-    "id": lambda frame: frame.id,
-    "len": lambda frame: len(frame.data),
-    "flags.xtd": lambda frame: int(frame.flag("xtd")),
-    "flags.rtr": lambda frame: int(frame.flag("rtr")),
-    "flags.err": lambda frame: int(frame.flag("err")),
+    "can.id": lambda frame: frame.id,
+    "can.len": lambda frame: len(frame.data),
+    "can.flags.xtd": lambda frame: int(frame.flag("xtd")),
+    "can.flags.rtr": lambda frame: int(frame.flag("rtr")),
+    "can.flags.err": lambda frame: int(frame.flag("err")),
+}
+_BESIDE = {
+    **dict.fromkeys(_TIMES, pa.int64()),
+    "frame.number": pa.int64(),
+    **dict.fromkeys(_FRAME, pa.string()),
 }
 
 
@@ -201,25 +243,11 @@ def _measured(packet: Packet) -> Sequence[str]:
     return (*_OF_PACKETS, "big_endian", "decided") if packet.numbers else _OF_PACKETS
 
 
-def _found(rows: TransferRows, column: Column) -> list[str]:
-    table, name = column
-    texts: list[list[str]] = [[] for _ in range(len(rows))]
-    for part in (*rows.typed, *rows.packets):
-        if part.name == table and part.of is not None:
-            for at, value in zip(part.at, cells(part, name), strict=True):
-                texts[at].append(_text(value))
-    return [",".join(some) for some in texts]
+def _single(kind: pa.DataType, take: Take) -> Template:
+    if pa.types.is_struct(kind):
+        return structure_template(kind)
+    return ("copy",) if pa.types.is_string(kind) else ("number", take, ("json", "0", "1", False))
 
 
-def _text(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "1" if value else "0"
-    if isinstance(value, float):
-        return str(number(value))
-    if isinstance(value, list):
-        return ",".join(map(_text, value))
-    if isinstance(value, dict):
-        return json.dumps(value, separators=(",", ":"))
-    return escape(str(value))
+_NUMBER: Template = ("number", PLAIN, ("plain",))
+_CELLS = CellTemplates("", _single, lambda element: ("each", ",", ALL, "", element))

@@ -67,6 +67,17 @@ _VALUES = CellTemplates(
 )
 
 
+def structure_template(kind: pa.DataType) -> Template:
+    """Return a template of a structure of a table as it is: numbers that are not finite stay numbers of Python."""
+    cells = CellTemplates("null", _of_structure, array_template)
+    members = [kind.field(k) for k in range(kind.num_fields)]
+    return object_template(member(one.name, ("of", k, cells.cell(one.type))) for k, one in enumerate(members))
+
+
+def _of_structure(kind: pa.DataType, take: Take) -> Template:
+    return structure_template(kind) if pa.types.is_struct(kind) else ("number", take, ("json", "false", "true", False))
+
+
 def fields_template(of: Message | Packet | None, columns: Columns, *, physical: bool) -> Template:
     """Return a template of the fields of a row; `physical` scales numbers and reads texts, as packets are shown."""
     if of is None:

@@ -102,7 +102,7 @@ class _Records:
         known = list({m.table: m for m in types if m is not None}.values())
         return self._sheets.texts(batch, picked and picked.transfers, known, beside, words)
 
-    def _part(self, of: Message | Packet | None, columns: Columns) -> list[Template | None]:
+    def _part(self, _: str, of: Message | Packet | None, columns: Columns) -> list[Template | None]:
         if not isinstance(of, Message):
             return [self._packet(of, columns)]
         inside: Template = ("all", [("text", "["), ("packets", 0, ",", True), ("text", "]")])

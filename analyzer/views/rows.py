@@ -138,3 +138,10 @@ def known_types(registry: Registry, variant: Array, kind: Array, type_id: Array)
     codes = variant.astype(np.int64) << 24 | kind.astype(np.int64) << 16 | type_id
     unique, inverse = np.unique(codes, return_inverse=True)
     return [registry.message(code >> 16 & 0xFF, code & 0xFFFF, code >> 24) for code in unique.tolist()], inverse
+
+
+def first_frames(transfers: pa.RecordBatch) -> Array:
+    """Return the place of each transfer's first frame, from 0; -1 for one without frames."""
+    frames = transfers.column("frame")
+    ends, places = np.asarray(frames.offsets), np.append(numbers(frames.values).astype(np.int64), -1)
+    return np.where(ends[1:] > ends[:-1], places[np.minimum(ends[:-1], len(places) - 1)], -1)

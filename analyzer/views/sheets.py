@@ -14,6 +14,7 @@ import pyarrow as pa
 from analyzer import _native
 from analyzer.tables import TRANSFERS
 from analyzer.views.rows import UNRECOGNIZED, known_types
+from analyzer.views.terminal import escape
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
@@ -76,19 +77,22 @@ class Sheets:
     Args:
         registry: the types that the batches were decoded with.
         row: gives the template of a transfer; columns beside those of `TRANSFERS` are given with each batch.
-        part: gives templates of the messages or packets of a table, one for each place that the template of a transfer
-            names; `None` for bytes that no packet claims. They are compiled once.
+        part: gives templates of the messages or packets of a table, by its name, one for each place that the template
+            of a transfer names; `None` for bytes that no packet claims. They are compiled once.
         beside: names and types of the columns that are given with each batch.
+        escaped: texts in messages and packets are made safe to print.
     """
 
     def __init__(
         self,
         registry: Registry,
         row: Callable[[Columns], Template],
-        part: Callable[[Message | Packet | None, Columns], Sequence[Template | None]],
+        part: Callable[[str, Message | Packet | None, Columns], Sequence[Template | None]],
         beside: Mapping[str, pa.DataType],
+        *,
+        escaped: bool = False,
     ) -> None:
-        self._registry, self._part = registry, part
+        self._registry, self._part, self._escaped = registry, part, escaped
         schema = pa.schema([*TRANSFERS, *(pa.field(name, kind) for name, kind in beside.items())])
         columns = Columns(schema)
         made = _native.Template([row(columns)])
@@ -135,9 +139,16 @@ class Sheets:
         made = self._parts.get(name)
         if made is None or not (made.schema is table.schema or made.schema.equals(table.schema)):
             columns = Columns(table.schema, "transfer", *(["offset"] if packets else []))
-            template = _native.Template(list(self._part(of, columns)))
+            template = _native.Template(list(self._part(name, of, columns)))
             made = self._parts[name] = _Compiled(table.schema, columns.names, template)
-        yield made.template, [flat(table.column(column)) for column in made.columns], packets
+        columns_ = [table.column(column) for column in made.columns]
+        yield made.template, [flat(_printable(one) if self._escaped else one) for one in columns_], packets
+
+
+def _printable(array: pa.Array) -> pa.Array:
+    if not pa.types.is_string(array.type):
+        return array
+    return pa.array([None if text is None else escape(text) for text in array.to_pylist()], pa.string())
 
 
 def flat(array: pa.Array) -> tuple[Any, ...]:

@@ -6,13 +6,15 @@ from datetime import UTC, datetime
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import numpy as np
+import pyarrow as pa
+
 from analyzer.tables import raw_times
+from dissectors.kit.cells import numbers, valid
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    import pyarrow as pa
 
     Time = int | None
 
@@ -86,6 +88,21 @@ class TimeFormat:
         if self.mode == "r":
             return self.seconds(t - (self.zero or 0), signed=self.signed)
         return self.seconds(t)
+
+    def elapsed(self, times: pa.Array) -> pa.Array:
+        """Return nanoseconds that `seconds` writes, in a mode of seconds since something, of all rows of a batch."""
+        known, ns = valid(times), numbers(times)
+        if self.mode == "d":
+            ns = np.zeros(len(times), np.int64)
+            ns[known] = np.diff(numbers(times)[known], prepend=self._before or 0)
+            first = np.flatnonzero(known)[:1]
+            if self._before is None:
+                ns[first] = 0
+            if first.size:
+                self._before = int(numbers(times)[known][-1])
+        elif self.mode == "r":
+            ns = ns - (self.zero or 0)
+        return pa.array(ns, pa.int64(), mask=None if known.all() else ~known)
 
     def between(self, t: Time) -> str:
         """Write the time of what stands between the rows: nothing in a delta mode, whose deltas are those of rows."""

@@ -21,6 +21,7 @@ from analyzer.views.json_fields import text_of
 from analyzer.views.members import PLAIN
 from analyzer.views.records import harmless
 from analyzer.views.sheets import flat
+from analyzer.views.times import TimeFormat
 from analyzer.views.wording import plain
 
 JSON = ("number", PLAIN, ("json", "false", "true", True))
@@ -84,6 +85,19 @@ def test_cells_of_slices_and_missing_ones(cells: list[Any], cut: tuple[int, int 
     made = _native.Template([("of", 0, ("or", "null", inner))])
     sheet = _native.Sheet(made, [flat(column)], [], [], 0, np.arange(len(column), dtype=np.uint32))
     assert sheet.texts(0, len(column)) == [text_of(one) for one in column.to_pylist()]
+
+
+@pytest.mark.parametrize("mode", ["e", "r", "d"])
+@examples(60)
+@given(batches=st.lists(st.lists(st.none() | st.integers(-(2**61), 2**61)), min_size=1, max_size=3))
+def test_times_are_those_of_the_list(mode: str, batches: list[list[int | None]]) -> None:
+    native, wanted = (TimeFormat(mode, digits=9) for _ in range(2))
+    for clock in (native, wanted):
+        clock.zero = 1_700_000_000_000_000_001
+    for times in batches:
+        column = native.elapsed(pa.array(times, pa.int64()))
+        template = ("number", PLAIN, ("seconds", False, True))
+        assert written(template, *column.to_pylist(), kind=pa.int64()) == wanted.column(times)
 
 
 def test_a_template_that_does_not_exist_is_told() -> None:
