@@ -7,11 +7,11 @@ is a `DsdlError` with file, line and reason, whatever the text is.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
 from dissectors.layout import PrimitiveType
 from dissectors.plain_files import read_bytes
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

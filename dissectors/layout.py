@@ -6,8 +6,9 @@ array optimisation applies.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Literal
+
+from dissectors.records import dataclass, field
 
 PrimitiveKind = Literal["uint", "int", "float", "bool", "void"]
 PlanToken = tuple[str, int, int]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dissectors import dsdl
 from dissectors.dsdl import DsdlError, FieldSyntax, Section
 from dissectors.layout import ArrayType, CompoundType, Member, PrimitiveType
+from dissectors.records import dataclass
 from dissectors.signature import normalised, signature
 
 if TYPE_CHECKING:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Literal, cast
 
 from dissectors import template
 from dissectors.layout import ArrayType, CompoundType, PrimitiveType
+from dissectors.records import dataclass
 from dissectors.schema import Agreement, Bits, Derived, Measure, Note, Piece, UnitBy
 
 if TYPE_CHECKING:

@@ -6,13 +6,13 @@ them. The layout of each packet is a DSDL file beside it.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dissectors.keys import PACKET_FILE
 from dissectors.layout import ArrayType, CompoundType, PrimitiveType
 from dissectors.namespace import Namespace
+from dissectors.records import replace
 from dissectors.remarks import RemarkReader
 from dissectors.schema import Packet, PacketFamily
 from dissectors.toml_table import read

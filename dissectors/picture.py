@@ -7,11 +7,12 @@ the decoded tables, fields, parts (`field.part`) and derived ones alike.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from dissectors.keys import PLOTS
 from dissectors.only import only
+from dissectors.records import dataclass, field
 from dissectors.registry import UnknownNameError
 from dissectors.toml_table import read
 

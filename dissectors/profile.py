@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +18,7 @@ from dissectors.keys.profile import NESTED
 from dissectors.layout import ArrayType, CompoundType, PrimitiveType
 from dissectors.namespace import Compiled, Namespace
 from dissectors.notes import NoteReader, columns
+from dissectors.records import dataclass, replace
 from dissectors.remarks import RemarkReader
 from dissectors.schema import Dissector, Evidence, Message, Reading
 from dissectors.toml_table import ProfileError, TomlTable, read

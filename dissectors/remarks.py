@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dissectors.layout import PrimitiveType
 from dissectors.notes import known_columns, template_of
 from dissectors.only import only
+from dissectors.records import dataclass
 from dissectors.schema import Remark
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ identity on the bus. Scales are fractions, so that a raw value times 1/100 is ex
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, Literal
 
 from dissectors.layout import ArrayType, CompoundType, Member, PlanToken, PrimitiveType, Type, plan, wire_bits
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

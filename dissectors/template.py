@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 import string
-from dataclasses import dataclass
+
+from dissectors.records import dataclass
 
 MAX_TEMPLATE = 500
 

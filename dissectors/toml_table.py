@@ -7,13 +7,13 @@ come from there. A table that nothing is said of takes them from the reader.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from dissectors.keys import Keys
 from dissectors.parsed import known
 from dissectors.plain_files import read_bytes
+from dissectors.records import dataclass, field, replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

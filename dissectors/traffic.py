@@ -7,9 +7,10 @@ speak in the terms below, so that neither imports the other. Times are integer n
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any, Protocol
+
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from random import Random

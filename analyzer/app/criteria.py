@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +15,7 @@ from analyzer.report.draft import ReportOptions
 from analyzer.rules.catalogue import load
 from analyzer.rules.gate import DEFAULT, FailOn
 from analyzer.rules.vehicle.expected import load as load_vehicle
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ from analyzer.live.replay.player import ReplayBatch
 from analyzer.tables import EVENTS, EXTENDED, REMOTE
 from analyzer.window.cut import frame_tables
 from dissectors.kit.cells import numbers, valid
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ from analyzer.rules.settings import Settings
 from analyzer.sources.merge import Plan
 from analyzer.window.limits import Window
 from dissectors.keys.pages import ORIGINS
+from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -36,7 +36,7 @@ class RuleChoice:
     ignore: tuple[str, ...] = ()
     origins: tuple[str, ...] = ()
     fail_on: tuple[str, ...] = ()
-    least: Least = Least()  # noqa: RUF009 - it is frozen
+    least: Least = Least()
     bit_rate: int | None = None
     dialects: tuple[tuple[int, str], ...] = ()
     vehicle: str | None = None
@@ -88,10 +88,10 @@ class Request:
     """
 
     captures: tuple[str | FileObject, ...]
-    merging: Plan = Plan()  # noqa: RUF009 - it is frozen
+    merging: Plan = Plan()
     dissectors: tuple[Path, ...] = ()
     trusted: tuple[Path, ...] = ()
-    window: Window = Window()  # noqa: RUF009 - likewise
+    window: Window = Window()
     rules: RuleChoice = RuleChoice()
     follow: bool = False
     threads: int = THREADS

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, closing, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -20,6 +19,7 @@ from analyzer.tables import EVENT_ROWS, EVENTS, wrap
 from analyzer.window.limits import Window
 from dissectors import DsdlError, ProfileError
 from dissectors.kit.cells import numbers
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

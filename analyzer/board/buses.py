@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from analyzer.board.snapshot import BusRow
 from analyzer.facts.traffic import BIT_RATE
 from analyzer.rules.load import bit_times
 from dissectors.kit import NO_TIME, SECOND
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from analyzer.devices.units import Units
 from analyzer.facts.node_status import NODE_STATUS
 from dissectors import picture
 from dissectors.kit import SECOND
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer.facts.error_frames import CONTROLLER, kind_of, overflowed
 from analyzer.tables import EVENTS
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from analyzer.board.latches import Latches

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analyzer.board.snapshot import Latched, LatchKind
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -5,8 +5,9 @@ Texts that came from the bus (names of nodes, notes, findings) are as they came:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
+
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from dissectors.kit import Array

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,7 @@ from analyzer.tables import ESC, empty
 from dissectors import picture
 from dissectors.kit.cells import numbers, valid
 from dissectors.picture import EscColumns
+from dissectors.records import dataclass, replace
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from statistics import median
 from typing import TYPE_CHECKING
 
+from dissectors.records import replace
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

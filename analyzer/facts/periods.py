@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from analyzer.facts.traffic import MOST_TALKS, times
 from analyzer.tables import KINDS
 from dissectors.kit.cells import numbers
+from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

@@ -6,7 +6,6 @@ An accumulator over batches with bounded memory, and its result.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,7 @@ from analyzer.facts.software import Software
 from analyzer.facts.traffic import times
 from analyzer.tables import KINDS, TRANSFER_ANOMALIES, TRANSFER_IDS, distinct
 from dissectors.kit.cells import numbers
+from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

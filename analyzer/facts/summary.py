@@ -5,7 +5,6 @@ An accumulator over batches with bounded memory, and its result.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -17,6 +16,7 @@ from analyzer.facts.senders import SenderFacts, Senders
 from analyzer.facts.traffic import BIT_RATE, BusCount, ForeignIds, Talk, TalkKey, Talks, TypeKey, times
 from analyzer.tables import KINDS, STAMPS, distinct
 from dissectors.kit.cells import numbers, valid
+from dissectors.records import dataclass, field
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

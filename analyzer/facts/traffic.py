@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from analyzer.tables import EXTENDED, FD, REMOTE, STATUSES, VERDICTS, counted
 from dissectors.kit import by_key
 from dissectors.kit.cells import numbers, valid
+from dissectors.records import dataclass, field
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

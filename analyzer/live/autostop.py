@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from analyzer.live import conditions
 from analyzer.live.patterns import FindingPattern, first_match, parse_pattern
+from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

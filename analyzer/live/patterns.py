@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analyzer.report.model import CATEGORIES, SEVERITIES
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import socket
-from dataclasses import dataclass
+
+from dissectors.records import dataclass
 
 PORT = 9876  # of viewers
 _URL = re.compile(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from analyzer.plot.inventory import Series
 from analyzer.plot.moments import Moments
 from analyzer.rules.load import bit_times, split
 from dissectors.kit import SECOND
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ import pyarrow as pa
 from analyzer.facts.summary import YEAR_2000
 from dissectors.kit import NO_TIME
 from dissectors.kit.cells import numbers, valid
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from dissectors.kit import Array

@@ -7,12 +7,12 @@ only in a bucket without numbers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer.plot.moments import Moments
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,13 +11,13 @@ import threading
 import time
 from collections import deque
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 import rerun as rr
 
 from analyzer.plot.output import APPLICATION
 from analyzer.sinks.atomic import TargetError
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

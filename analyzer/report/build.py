@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 from analyzer.report import folding
@@ -13,6 +12,7 @@ from analyzer.report.found import events_from, findings_from, ranked
 from analyzer.report.model import Coverage, Gate, Report, RuleVerdict
 from analyzer.rules import coverage, verdicts
 from analyzer.rules.gate import passage
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

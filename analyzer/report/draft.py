@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from analyzer.report.model import CaptureSummary, Coverage, DeviceEvent, Finding, Requirement, RuleVerdict, WaiverUse
 from analyzer.rules.gate import Least
 from analyzer.tables import VERDICTS
+from dissectors.records import dataclass, field
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class ReportOptions:
 
     tool: str
     fail_on: FailOn
-    least: Least = Least()  # noqa: RUF009 - it is frozen
+    least: Least = Least()
     asked: Mapping[str, Any] = field(default_factory=dict)
     profile: str = ""
     revise: Sequence[Revise] = ()

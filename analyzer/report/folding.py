@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from analyzer.report.model import SEVERITIES
 from analyzer.rules.verdicts import RatedFinding
+from dissectors.records import replace
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from analyzer.report.model import SEVERITIES
 from analyzer.report.moments import on_calendar
 from analyzer.report.problems import problems
 from analyzer.report.wording import captures_by_id, moment, places, plural, safe, several_buses, told
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,12 +6,12 @@ findings pass with their text as output, waived ones are skipped.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analyzer.report import headline, wording
 from analyzer.report.problems import WHERE, Problem, problems, ranked
 from analyzer.views.terminal import ELLIPSIS
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

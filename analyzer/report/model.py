@@ -7,10 +7,11 @@ format escapes it in its own way.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal
 
 from analyzer.rules import verdicts
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from analyzer.rules.verdicts import Excused

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 MISSING = "-"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from analyzer.report import folding
 from analyzer.report.draft import Draft
 from analyzer.report.found import findings_from, ranked
 from analyzer.rules.runs import PAUSE
+from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analyzer.report import headline, wording
@@ -11,6 +10,7 @@ from analyzer.report.lines import GAP, NARROWEST, columns, pack, right, wrap
 from analyzer.report.model import SEVERITIES
 from analyzer.report.problems import Problem
 from analyzer.views.terminal import PLAIN, Palette, display_width, fit
+from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 import string
-from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
 from pkgutil import iter_modules
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from dissectors.keys.pages import CATEGORIES, PAGE, PAGES
 from dissectors.pages import files_in, page_files, read_pages
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -6,7 +6,6 @@ What a capture exercised of all that its dissectors describe: types, packets, va
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from analyzer.facts.meaning import meaning
 from analyzer.rules.verdicts import RANKED
 from dissectors.keys import CLAUSES
+from dissectors.records import dataclass, field
 from dissectors.toml_table import read
 
 if TYPE_CHECKING:

@@ -6,12 +6,12 @@ worst in it is remembered, however many occurrences it has.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

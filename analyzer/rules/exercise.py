@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from analyzer.rules.turning import Turning
 from analyzer.tables import FD, KINDS, STATUSES, distinct
 from dissectors.kit import Measures
+from dissectors.records import dataclass
 from dissectors.schema import ArrayType, CompoundType, PrimitiveType
 
 if TYPE_CHECKING:

@@ -13,12 +13,12 @@ Limits are raw values. What the note calls `special` is never wrong. Values for 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dissectors.kit import Rule
+from dissectors.records import dataclass
 from dissectors.schema import PrimitiveType
 
 if TYPE_CHECKING:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,7 @@ from analyzer.rules.settings import Settings
 from analyzer.rules.vehicle.channels import Channels
 from analyzer.rules.view import Past
 from dissectors.kit import SECOND
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -6,10 +6,10 @@ Where another finding may explain a part of them, they are kept in pieces of som
 from __future__ import annotations
 
 from bisect import bisect_left, insort
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from dissectors.kit import SECOND
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

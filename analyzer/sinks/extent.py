@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit.cells import numbers
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from analyzer.window.part import BatchPart

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import cache
 
 import pyarrow as pa
@@ -14,6 +13,8 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorProto,
     FileDescriptorSet,
 )
+
+from dissectors.records import dataclass
 
 PACKAGE = "tailbyte"
 LOG = "foxglove.Log"

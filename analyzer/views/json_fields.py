@@ -8,7 +8,6 @@ means something else than these names. The parts of a special value are null.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -16,6 +15,7 @@ import pyarrow as pa
 from analyzer.decode.readings import reading_column
 from analyzer.facts.meaning import meaning
 from analyzer.views.members import PLAIN, CellTemplates, Take, part_of
+from dissectors.records import dataclass
 from dissectors.schema import ArrayType, CompoundType, Message, PrimitiveType
 
 if TYPE_CHECKING:

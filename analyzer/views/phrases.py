@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import lru_cache
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ from analyzer.views.terminal import display_width, escape, fit
 from analyzer.views.wording import MISSING, formatter, plain, quantity
 from dissectors import template
 from dissectors.kit.cells import pylist
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from analyzer.decode.prefix import BYTE_PREFIX, TAIL
+from dissectors.records import dataclass
 from dissectors.schema import ArrayType, CompoundType, PrimitiveType
 
 if TYPE_CHECKING:

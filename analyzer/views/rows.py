@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
 from dissectors.kit.cells import numbers, pylist
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch

@@ -5,7 +5,6 @@ A template is a tree of nested tuples; `analyzer/native/src/rows` says what each
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from analyzer.tables import TRANSFERS
 from analyzer.views.rows import UNRECOGNIZED, known_types
 from analyzer.views.terminal import escape
 from dissectors.kit.cells import numbers
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from analyzer.facts.names import type_name
@@ -17,6 +16,7 @@ from analyzer.views.terminal import PLAIN, Palette, escape
 from analyzer.views.times import MODES, TimeFormat
 from analyzer.views.wording import anomalies
 from analyzer.window.numbering import Numbering
+from dissectors.records import dataclass, replace
 from dissectors.schema import Packet
 
 if TYPE_CHECKING:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import sys
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analyzer.views.fields import Fields
@@ -17,6 +16,7 @@ from analyzer.views.terminal import PLAIN, Palette
 from analyzer.views.times import TimeFormat
 from analyzer.views.tree import Tree
 from analyzer.window.numbering import Numbering
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from analyzer.tables import EVENT_ROWS, FRAMES, wrap
 from analyzer.window.selection import NEVER, Selection
 from dissectors.kit.cells import numbers
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

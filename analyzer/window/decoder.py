@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ import pyarrow as pa
 
 from analyzer.window.cut import frame_tables
 from dissectors.kit.cells import numbers
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

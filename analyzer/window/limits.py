@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from datetime import UTC, datetime, time, timedelta
 from typing import Literal
 
+from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 AROUND = SECOND

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Literal
+
+from dissectors.records import dataclass, field
 
 Kind = Literal[
     "text", "word", "flag", "whole", "number", "scale", "texts", "words", "wholes", "codes", "enumeration", "bits",

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
+from dissectors.records import dataclass, field
 from dissectors.schema import BYTE_ORDERS
 
 if TYPE_CHECKING:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dissectors.records import dataclass
 from dissectors.times import NO_TIME, SECOND
 
 if TYPE_CHECKING:

@@ -8,13 +8,13 @@ import shutil
 import subprocess
 import time
 from collections import deque
-from dataclasses import dataclass
 from threading import Condition, Thread
 from typing import TYPE_CHECKING
 
 from analyzer.live.patterns import FindingPattern, parse_pattern
 from analyzer.report import wording
 from analyzer.report.json import render_finding
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence

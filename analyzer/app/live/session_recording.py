@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +16,7 @@ from analyzer.live.recording.pre_trigger import PreTriggerRecorder
 from analyzer.live.recording.ring import parse_ring
 from analyzer.live.recording.trigger import Trigger, parse_trigger
 from analyzer.report import wording
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence

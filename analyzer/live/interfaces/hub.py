@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import time
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
 from threading import Condition, Thread
 from typing import TYPE_CHECKING, Self
 
 from analyzer._native import Merger
 from analyzer.live import remarks
+from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -9,8 +9,9 @@ import errno
 import os
 import socket
 import struct
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,7 +8,6 @@ import sys
 import time
 import warnings
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING
 import can
 
 from analyzer.live.interfaces import links
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,13 +8,13 @@ import json
 import logging
 import re
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import can
 from can.util import cast_from_string, load_config, load_environment_config, load_file_config
 
 from analyzer.live.interfaces import links
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

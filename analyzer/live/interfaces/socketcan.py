@@ -7,7 +7,6 @@ import os
 import socket
 import time
 from contextlib import suppress
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from analyzer._native import SocketReceiver
@@ -15,6 +14,7 @@ from analyzer.live import remarks
 from analyzer.live.interfaces import links
 from analyzer.live.interfaces.journal import LOOK, Journal, Retry, say_duration
 from analyzer.live.interfaces.naming import InterfaceError, close_bus, open_bus
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analyzer.live import conditions
 from analyzer.sinks import split_name
+from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from analyzer.live import conditions, remarks
 from analyzer.live.frame_batches import NO_CLOCK, OrderedRows
 from analyzer.live.patterns import FindingPattern, first_match, parse_pattern
 from analyzer.live.recording.axis import Axis
+from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analyzer.tables import BRS, ESI, EXTENDED, FD, REMOTE
 from dissectors.kit.cells import numbers
+from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:

@@ -6,10 +6,10 @@ change something there (`Guard`). Both say yes when they cannot know.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analyzer.live.interfaces import links
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

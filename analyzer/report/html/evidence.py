@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 from analyzer.tables import TAIL_END, TAIL_START
 from analyzer.views.hexdump import tail_words
+from dissectors.records import dataclass
 
 _CRC_BYTES = 2
 _ERROR = 0x20000000

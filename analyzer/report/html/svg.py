@@ -6,13 +6,13 @@ Texts go through `Markup.format`, which escapes them. Colours are classes of the
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
 from analyzer.report.model import SEVERITIES
 from analyzer.report.moments import Span, clock
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

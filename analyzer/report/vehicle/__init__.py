@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from analyzer.facts.names import short
 from analyzer.report.model import Requirement, Waiver, WaiverUse
 from analyzer.rules.vehicle.expected import TOLERANCE
 from analyzer.rules.verdicts import UNJUDGED
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

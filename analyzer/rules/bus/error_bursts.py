@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from analyzer.rules.events import error_frames
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

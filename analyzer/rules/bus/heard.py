@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames
 from analyzer.tables import TAIL_END, TAIL_ID, TAIL_START, TRANSFER_IDS
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from analyzer.facts.node_status import NODE_STATUS
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
+from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

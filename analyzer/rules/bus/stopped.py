@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.bus.heard import Gap, HeardNode, HeardNodes, HeardSessions
 from analyzer.rules.bus.sessions import Session, first_transfers
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Break, Occurrence, PacedReports, Pauses, Rule, Starts
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

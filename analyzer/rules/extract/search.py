@@ -6,7 +6,6 @@ capture, if any piece does, and in the same words as it gets smaller: leaving so
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from analyzer._native import Writer
@@ -17,6 +16,7 @@ from analyzer.window.cut import frame_tables, rows_inside
 from analyzer.window.limits import Window
 from analyzer.window.numbering import Numbering
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND
+from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer.rules.events import among_events, error_frames, when
 from dissectors.kit import rule
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

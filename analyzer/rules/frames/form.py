@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ from analyzer.facts.identifiers import who
 from analyzer.rules.anomalies import flagged
 from analyzer.tables import EXTENDED, FRAME_ANOMALIES
 from dissectors.kit import rule
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

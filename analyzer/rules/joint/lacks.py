@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames, first_transfe
 from analyzer.rules.joint.times import FEW, WIDEST, WINDOW
 from analyzer.tables import ERROR, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
 from dissectors.kit import MILLISECOND, NO_TIME
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from analyzer.rules.events import EventTimes, error_frames, when
 from dissectors.kit import MILLISECOND, SECOND, times_by_bus
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from dissectors.kit import Array, BusTimes, View

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from binascii import crc_hqx
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from analyzer.rules.diagnosis.checksums import starts_of
 from analyzer.rules.transfers.incomplete import corrupted
 from analyzer.tables import STATUSES
 from dissectors.kit import Occurrence, Rule
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.rules.diagnosis import checksums
@@ -10,6 +9,7 @@ from analyzer.rules.diagnosis.budgets import MOST_SENDERS
 from analyzer.rules.diagnosis.checksums import Formula
 from analyzer.rules.diagnosis.proofs import Cause
 from analyzer.rules.transfers.incomplete import occurrence, values_of
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -6,11 +6,11 @@ One counter for several types, one that wraps early, or transfers in another ord
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from analyzer.tables import TRANSFER_IDS
 from dissectors.kit import NO_TIME, SECOND
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.rules.diagnosis import checksums, proofs
@@ -11,6 +10,7 @@ from analyzer.rules.diagnosis.proofs import Cause
 from analyzer.rules.frames.type_conflicts import types_of
 from analyzer.rules.view import node_of
 from dissectors.kit import Occurrence
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

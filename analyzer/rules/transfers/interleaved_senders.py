@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analyzer.tables import TRANSFER_IDS
 from dissectors.kit import NO_TIME
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from analyzer.facts.identifiers import NOBODY
@@ -15,6 +14,7 @@ from analyzer.rules.gathered import Sent
 from analyzer.rules.recent import MOST_LINES
 from analyzer.tables import FD, TAIL_END, TAIL_ID
 from dissectors.kit import NO_TIME, SECOND, Kept, Occurrence
+from dissectors.records import dataclass, field, replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

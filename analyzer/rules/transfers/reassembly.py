@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 from collections import deque
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +34,7 @@ from analyzer.rules.transfers.unsearched import ENDED, TURNED_BIT, Rows, Told
 from analyzer.tables import TRANSFER_ANOMALIES
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Rule
 from dissectors.kit.definitions import crc_start
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

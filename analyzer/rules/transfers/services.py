@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import insort
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from analyzer.rules.bus.heard import HeardNodes
 from analyzer.tables import EXTENDED, KINDS, STATUSES, distinct
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
+from dissectors.records import dataclass, field, replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

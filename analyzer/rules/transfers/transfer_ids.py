@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, ClassVar
 
@@ -25,6 +24,7 @@ from analyzer.rules.transfers.orphan_frames import OrphanFrames
 from analyzer.rules.transfers.session_starts import LatestFrames
 from analyzer.rules.transfers.several_senders import SeveralSenders
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

@@ -6,9 +6,9 @@ Only for the rare payloads that the native core found odd.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NoReturn
 
+from dissectors.records import dataclass, field
 from dissectors.schema import ArrayType, CompoundType, PrimitiveType
 
 if TYPE_CHECKING:

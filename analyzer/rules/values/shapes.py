@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dissectors.records import dataclass
 from dissectors.schema import ArrayType, CompoundType, PrimitiveType, wire_bits
 
 if TYPE_CHECKING:

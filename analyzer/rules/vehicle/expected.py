@@ -26,13 +26,13 @@ shows less than `require` is not judged. What a vehicle file can hold:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from datetime import date, datetime
 from typing import TYPE_CHECKING, cast, get_args
 
 from analyzer.facts.names import short
 from analyzer.rules.vehicle.vocabulary import Vocabulary
 from dissectors.kit import Severity
+from dissectors.records import dataclass, field, replace
 from dissectors.toml_table import read
 
 if TYPE_CHECKING:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from dissectors.records import dataclass
 from dissectors.tmotor.traffic import control
 from dissectors.tmotor.traffic.flights import IDLE_THROTTLE, ground_time
 

@@ -5,10 +5,10 @@ The ESC takes them only while its throttle is zero, and follows them until 0x00 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING
 
+from dissectors.records import dataclass
 from dissectors.tmotor.traffic.physics.motor import DRAG, RPM, TORQUE, Drive
 
 if TYPE_CHECKING:

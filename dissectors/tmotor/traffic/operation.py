@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dissectors.records import dataclass
 from dissectors.tmotor.traffic import control
 from dissectors.tmotor.traffic.physics.motor import TORQUE, Drive
 

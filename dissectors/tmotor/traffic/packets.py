@@ -6,12 +6,12 @@ Names of packets and fields are those of the DSDL files in `packets/`, which als
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dissectors.profile import Profile
+from dissectors.records import dataclass
 from dissectors.schema import ArrayType, PrimitiveType
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ as it is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from dissectors.records import dataclass
 from dissectors.times import MILLISECOND, SECOND
 
 # Bit rates by their code (4.4.2 no 24).

@@ -5,9 +5,9 @@ ESCStatus and MotorStatus are made of the same sample, so that they agree to the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from dissectors.records import dataclass
 from dissectors.tmotor.traffic.throttle import FULL
 
 if TYPE_CHECKING:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from dissectors.records import dataclass
 from dissectors.times import MILLISECOND
 
 # 4.4.1 explanation 2 gives the timeout no number.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+from dissectors.records import dataclass
 from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.answers import Answers
 from dissectors.tmotor.traffic.autopilot import Autopilot

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, Rule, sender, sound
+from dissectors.records import dataclass
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, units
 
 if TYPE_CHECKING:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, breach, usable
+from dissectors.records import dataclass, replace
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, in_order, units
 
 if TYPE_CHECKING:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach, rows_by_bus, usable
+from dissectors.records import replace
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach
+from dissectors.records import replace
 from dissectors.tmotor.rules.joined.joins import commands
 from dissectors.tmotor.rules.joined.periods import PeriodHistogram
 

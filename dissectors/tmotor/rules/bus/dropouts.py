@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +18,7 @@ from dissectors.kit import (
     Starts,
     frames_of,
 )  # fmt: skip
+from dissectors.records import dataclass, field
 from dissectors.tmotor.rules.bus.malformed import MalformedReports
 from dissectors.tmotor.rules.bus.power_ons import PowerOns
 from dissectors.tmotor.rules.bus.report_rate import OPEN

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import Rule, breach
+from dissectors.records import replace
 from dissectors.tmotor.rules.joined.joins import commands, units
 
 if TYPE_CHECKING:

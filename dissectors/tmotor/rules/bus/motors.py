@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, breach
+from dissectors.records import dataclass, replace
 from dissectors.tmotor.rules.joined.driven import DrivenUnits
 from dissectors.tmotor.rules.joined.joins import (
     FULL_THROTTLE,

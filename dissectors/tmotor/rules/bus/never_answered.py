@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, changes, groups, sound
+from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, units
 from dissectors.tmotor.rules.packets.carried import (
     ALL_UNITS,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, Rule, breach, changes
+from dissectors.records import dataclass
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, units
 from dissectors.tmotor.rules.joined.motion import Motion
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, Rule, breach
+from dissectors.records import dataclass
 from dissectors.tmotor.rules.joined.driven import CAN, PWM, priorities
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, FirstReports, commands
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrence, Rule, groups
+from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.joined.driven import DrivenUnits, PwmPriority
 from dissectors.tmotor.rules.joined.joins import (
     FULL_THROTTLE,

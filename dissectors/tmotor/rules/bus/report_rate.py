@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, breach, sender, usable
+from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.joined.joins import units
 from dissectors.tmotor.rules.joined.periods import PeriodHistogram
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Rule
+from dissectors.records import replace
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, commands, units
 
 if TYPE_CHECKING:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from dissectors.kit import Array, Occurrence

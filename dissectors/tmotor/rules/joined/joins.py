@@ -5,13 +5,13 @@ Rows are joined by the number of their transfers, which is the order in which tr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, groups, usable
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Rule, sound
+from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, LastCommands, in_order
 from dissectors.tmotor.rules.packets.carried import FIRST_UNIT, occurrence
 

@@ -6,12 +6,12 @@ question is decided only after that.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Rule, sound
+from dissectors.records import dataclass, replace
 from dissectors.tmotor.rules.packets.carried import (
     ALL_UNITS,
     FIRST_UNIT,

@@ -7,10 +7,10 @@ these readings differ, the first packets of a sender decide; until then all are 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from dissectors.kit import NO_TIME, SECOND, Rule
+from dissectors.records import dataclass, field
 from dissectors.tmotor.rules.packets.carried import carrier, occurrence, packet_tables, sender_key, unit_key
 from dissectors.tmotor.rules.packets.count_steps import BY_ID, BY_UNIT, OF_UNIT, READINGS, CountSteps
 from dissectors.tmotor.rules.packets.losses import Before, CaptureGaps, TransferLosses

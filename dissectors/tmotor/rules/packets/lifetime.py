@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Rule, sender, sound
+from dissectors.records import dataclass
 from dissectors.tmotor.rules.packets.carried import occurrence, unit_key
 
 if TYPE_CHECKING:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, SECOND, Rule, count_below, usable
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import NODES, Previous, Rule, breach, sender, usable
+from dissectors.records import dataclass, replace
 from dissectors.tmotor.rules.values.reports import mode
 
 if TYPE_CHECKING:

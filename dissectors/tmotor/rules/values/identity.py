@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import NO_TIME, NODES, SECOND, Rule, breach, sender, usable
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

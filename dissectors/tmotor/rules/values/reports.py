@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import NODES, Previous, Rule, rule, sender, usable
+from dissectors.records import replace
 from dissectors.tmotor.rules.values.fault_flags import FAULTS, FaultFlags, is_over_voltage, measured, named, worst
 
 if TYPE_CHECKING:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import NODES, Rule, breach, sender, usable
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

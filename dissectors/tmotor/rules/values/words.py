@@ -8,12 +8,12 @@ bits, or the padding bits behind the last channel are set, or values are negativ
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.kit import Rule, breach, groups, rule, sender, usable
+from dissectors.records import dataclass, field
 from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE
 
 if TYPE_CHECKING:

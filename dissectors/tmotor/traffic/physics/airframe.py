@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import cos, exp, pi, sqrt
 from typing import TYPE_CHECKING
 
+from dissectors.records import dataclass
 from dissectors.tmotor.traffic.physics.motor import DRAG, THRUST, TORQUE, WINDING
 
 if TYPE_CHECKING:

@@ -5,9 +5,10 @@ Speeds are rad/s, positive in the motor's own direction; what the bus reports (`
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import Enum
 from math import exp, pi, sqrt
+
+from dissectors.records import dataclass, field
 
 RPM = 60 / (2 * pi)
 # A 100 rpm/V motor: torque constant in Nm/A (or Vs/rad), winding in ohm, propeller torque in Nms2, inertia in kgm2.

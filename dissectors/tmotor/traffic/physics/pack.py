@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass
 from math import exp
+
+from dissectors.records import dataclass
 
 # Open-circuit voltage of a lithium-polymer cell over its state of charge.
 _CHARGE = (0.0, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0)
