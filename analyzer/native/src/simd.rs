@@ -68,19 +68,20 @@ mod avx2 {
     };
 
     use super::block::{Block, Row};
-    use super::template::{Template, HEAD, MAX_WIDTH};
+    use super::template::{Template, HEAD, MAX_WIDTH, MIN_WIDTH};
     use super::ROOM;
     use crate::frames::{EXTENDED, RX, TX};
 
-    /// Where the search for `#` and the line end begins; both lie within the 64 bytes from here.
-    const SEARCH: usize = 24;
+    /// Any width fits, so that no load has to be checked.
+    const WIDTHS: usize = 31;
+    const _: () = assert!(MAX_WIDTH <= WIDTHS && HEAD + 9 + 8 + WIDTHS + 1 + 32 <= ROOM);
     const SUFFIX_RX: u16 = u16::from_le_bytes(*b" R");
     const SUFFIX_TX: u16 = u16::from_le_bytes(*b" T");
 
     #[target_feature(enable = "avx2,bmi1,bmi2")]
     pub(super) fn lines<const DIGITS: usize>(text: &[u8], template: &mut Template, block: &mut Block) -> usize {
         let mut start = 0;
-        let mut head = load16(&template.head);
+        let (mut head, mut width) = (load16(&template.head), template.likely_width());
         while let Some(line) = text[start..].first_chunk() {
             if block.is_full() {
                 break;
@@ -92,7 +93,7 @@ mod avx2 {
                 }
                 head = load16(&template.head);
             }
-            let Some((row, length)) = decode::<DIGITS>(line, template) else {
+            let Some((row, length)) = decode::<DIGITS>(line, template, &mut width) else {
                 break;
             };
             block.push(&row);
@@ -102,18 +103,19 @@ mod avx2 {
     }
 
     /// One line and its length with the line end. The length depends on one search only, so that the processor can
-    /// begin the next line while this one is decoded.
+    /// begin the next line while this one is decoded. `width` is that of the line before, and becomes that of this one.
     #[inline]
     #[target_feature(enable = "avx2,bmi1,bmi2")]
-    fn decode<const DIGITS: usize>(line: &[u8; ROOM], template: &Template) -> Option<(Row, usize)> {
+    fn decode<const DIGITS: usize>(line: &[u8; ROOM], template: &Template, width: &mut usize) -> Option<(Row, usize)> {
         let close = HEAD + DIGITS;
-        let (front, back) = (load32(part(line, SEARCH)), load32(part(line, SEARCH + 32)));
-        let newline = SEARCH + find(front, back, b'\n');
-        let hash = SEARCH + find(front, back, b'#');
-        let width = hash.wrapping_sub(close + 8);
-        if width.wrapping_sub(4) > MAX_WIDTH - 4 {
-            return None;
+        if line[close + 8 + (*width & WIDTHS)] != b'#' {
+            *width = measure(line, close)?;
         }
+        let width = *width & WIDTHS;
+        let hash = close + 8 + width;
+        let behind = load32(part(line, hash + 1));
+        let newline = _mm256_cmpeq_epi8(behind, _mm256_set1_epi8(b'\n' as i8));
+        let newline = hash + 1 + (_mm256_movemask_epi8(newline) as u32).trailing_zeros() as usize;
 
         let mut shape = template.guess(width, line[hash - 10]);
         let prefix = _mm256_cmpeq_epi8(load32(part(line, close)), load32(&shape.text));
@@ -123,7 +125,7 @@ mod avx2 {
         }
 
         // The identifier in the low half, the data in the high half.
-        let text = _mm256_set_m128i(load16(part(line, hash + 1)), load16(part(line, hash - 8)));
+        let text = _mm256_set_m128i(_mm256_castsi256_si128(behind), load16(part(line, hash - 8)));
         let (nibbles, is_hex) = nibbles(text);
         let pairs = _mm256_maddubs_epi16(nibbles, _mm256_set1_epi16(0x0110));
         let packed = _mm256_packus_epi16(pairs, pairs);
@@ -191,14 +193,13 @@ mod avx2 {
         (_mm256_blendv_epi8(letter, digit, is_digit), is_hex)
     }
 
-    /// Where `byte` stands first in the 64 bytes; 64 when nowhere.
-    #[inline]
-    #[target_feature(enable = "avx2,bmi1")]
-    fn find(front: __m256i, back: __m256i, byte: u8) -> usize {
-        let wanted = _mm256_set1_epi8(byte as i8);
-        let front = _mm256_movemask_epi8(_mm256_cmpeq_epi8(front, wanted)) as u32;
-        let back = _mm256_movemask_epi8(_mm256_cmpeq_epi8(back, wanted)) as u32;
-        (u64::from(front) | u64::from(back) << 32).trailing_zeros() as usize
+    /// Bytes between time stamp and identifier, by the first `#`.
+    #[cold]
+    #[inline(never)]
+    fn measure(line: &[u8; ROOM], close: usize) -> Option<usize> {
+        let hash = line.iter().position(|&b| b == b'#')?;
+        hash.checked_sub(close + 8)
+            .filter(|width| (MIN_WIDTH..=MAX_WIDTH).contains(width))
     }
 
     #[inline]

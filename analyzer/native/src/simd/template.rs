@@ -7,7 +7,8 @@ use super::ROOM;
 pub(super) const HEAD: usize = 12;
 /// Interfaces that the fast path knows; further ones go through the readable path.
 const SHAPES: usize = 8;
-/// Longest `) vcan0 ` that it knows.
+/// Shortest and longest `) vcan0 ` that it knows.
+pub(super) const MIN_WIDTH: usize = 4;
 pub(super) const MAX_WIDTH: usize = 24;
 /// Seconds whose nanoseconds always fit.
 const MAX_SECOND: i64 = i64::MAX / 1_000_000_000 - 1;
@@ -32,10 +33,10 @@ pub struct Template {
 }
 
 impl Template {
-    /// Adds an interface; each name once. Names that could be read otherwise, in colours say, are left out.
+    /// Adds an interface; each name once. Names that could be read otherwise, in colours say or with a `#`, are left out.
     pub fn learn(&mut self, name: &[u8], bus: u8) {
         let width = name.len() + 3;
-        if self.learned == SHAPES || width > MAX_WIDTH || !name.iter().all(u8::is_ascii_graphic) {
+        if self.learned == SHAPES || width > MAX_WIDTH || !name.iter().all(|b| b.is_ascii_graphic() && *b != b'#') {
             return;
         }
         let mut shape = Shape {
@@ -49,6 +50,11 @@ impl Template {
         self.first_try[slot(width, name[name.len() - 1])] = self.learned as u8;
         self.shapes[self.learned] = shape;
         self.learned += 1;
+    }
+
+    /// Bytes of the first shape.
+    pub(super) fn likely_width(&self) -> usize {
+        self.shapes[0].width.max(MIN_WIDTH)
     }
 
     /// The likely shape of a text of `width` bytes whose name ends with `last`.

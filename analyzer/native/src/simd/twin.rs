@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use super::block::{Block, Row};
-use super::template::{Template, HEAD, MAX_WIDTH};
+use super::template::{Template, HEAD, MAX_WIDTH, MIN_WIDTH};
 use super::ROOM;
 use crate::frames::{EXTENDED, RX, TX};
 
@@ -29,7 +29,7 @@ fn decode(line: &[u8; ROOM], digits: usize, template: &Template) -> Option<(Row,
     let hash = line.iter().position(|&b| b == b'#')?;
     let width = hash
         .checked_sub(close + 8)
-        .filter(|width| (4..=MAX_WIDTH).contains(width))?;
+        .filter(|width| (MIN_WIDTH..=MAX_WIDTH).contains(width))?;
     let shape = template.find(&line[close..], width)?;
     let id = number(&line[hash - 8..hash], 16).filter(|id| id >> 29 == 0)?;
     let text = &line[hash + 1..];

@@ -256,7 +256,7 @@ fn nothing_panics_on_noise() {
 /// What a scan gave: bytes used and rows.
 fn scanned(scan: impl Fn(&[u8], &mut Template, &mut Block) -> usize, text: &[u8]) -> Vec<(usize, Frames)> {
     let mut template = Template::default();
-    for (bus, name) in ["can0", "vcan0", "can1", "c", "a-name-of-15-ch", "can0:1"]
+    for (bus, name) in ["a#c", "can0", "vcan0", "can1", "c", "a-name-of-15-ch", "can0:1"]
         .iter()
         .enumerate()
     {
@@ -289,5 +289,7 @@ fn the_vector_code_does_what_its_scalar_twin_does() {
     let text = log(&mut random, 2000);
     let rows: usize = scanned(scan, &text).iter().map(|(_, frames)| frames.len()).sum();
     assert!(rows > 1500, "the fast path took {rows} of 2000 lines");
+    assert_eq!(scanned(scan, &text), scanned(scan_scalar, &text));
+    let text = b"(1700000000.000000) a#c 12345678#00\n".repeat(9);
     assert_eq!(scanned(scan, &text), scanned(scan_scalar, &text));
 }
