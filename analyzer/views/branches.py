@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from analyzer.decode.readings import UNDECIDED, reading_column
@@ -51,6 +52,12 @@ def branches(of: Message | Packet, value: Lookup, where: Sequence[FieldPlace], p
 
 def word_bits(word: int, width: int, low: int, high: int) -> str:
     """Write bits `low` to `high` of a word as digits, the others as points, in groups of four from the right."""
+    return _digits(word & (1 << high + 1) - (1 << low), width, low, high)
+
+
+@lru_cache(maxsize=4096)
+def _digits(word: int, width: int, low: int, high: int) -> str:
+    """Write what `word_bits` does; the bits that are not asked for are 0, so that rows share a text."""
     digits = [str(word >> bit & 1) if low <= bit <= high else "." for bit in range(width)]
     groups = ["".join(reversed(digits[k : k + 4])) for k in range(0, width, 4)]
     return " ".join(reversed(groups))

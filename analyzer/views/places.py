@@ -69,6 +69,13 @@ def places(layout: Type, values: Any, code: int = TAIL) -> list[FieldPlace]:
     return walk.found
 
 
+def fixed(layout: Type) -> bool:
+    """Return whether all values of a layout have their bits at the same places: no list and no union is in it."""
+    if isinstance(layout, ArrayType):
+        return not layout.dynamic and fixed(layout.element)
+    return isinstance(layout, PrimitiveType) or (not layout.union and all(fixed(one.type) for one in layout.fields))
+
+
 class _Walk:
     def __init__(self) -> None:
         self.at = 0

@@ -10,7 +10,7 @@ from analyzer.views.branches import Branch, branches, word_bits
 from analyzer.views.members import cells
 from analyzer.views.named import rules_of
 from analyzer.views.phrases import octets
-from analyzer.views.places import USUAL, FieldPlace, places, span
+from analyzer.views.places import USUAL, FieldPlace, fixed, places, span
 from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import PLAIN, Palette, escape
 from analyzer.views.times import MODES, TimeFormat
@@ -150,6 +150,7 @@ class _Values:
 
     def __init__(self) -> None:
         self._columns: dict[tuple[int, str], list[Any]] = {}
+        self.places: dict[str, list[FieldPlace]] = {}  # by table, of those whose rows all have the same
 
     def cell(self, part: MessagePart, row: int, column: str) -> Any:
         key = id(part), column
@@ -171,7 +172,12 @@ class _Row:
         return self.values.cell(self.part, self.row, column)
 
     def places(self, of: Message | Packet, code: int) -> list[FieldPlace]:
-        return places(of.layout, {m.name: self.get(m.name) for m in of.layout.fields if m.name}, code)
+        known = self.values.places.get(self.part.name)
+        if known is None:
+            known = places(of.layout, {m.name: self.get(m.name) for m in of.layout.fields if m.name}, code)
+            if fixed(of.layout):  # the same for every row of the table
+                self.values.places[self.part.name] = known
+        return known
 
     def draw(self, of: Message | Packet, where: list[FieldPlace], pad: str) -> Iterator[str]:
         for branch in branches(of, self.get, where, self.payload):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from kit import VECTORS, encode
 from kit.strategies import MESSAGES, SERVICES, examples, fields_of
 
-from analyzer.views.places import FieldPlace, places, raw_bits, span
+from analyzer.views.places import FieldPlace, fixed, places, raw_bits, span
 from analyzer.views.rows import TransferRows
 from dissectors.schema import ArrayType, CompoundType, Member, PrimitiveType
 
@@ -151,3 +151,21 @@ def test_span_joins_what_is_nested() -> None:
 def test_a_place_behind_the_payload_has_no_value() -> None:
     assert raw_bits(b"\x01", FieldPlace("", "value", 4, 8)) is None
     assert raw_bits(b"", FieldPlace("", "value", 0, 1)) is None
+
+
+@pytest.mark.parametrize(
+    ("layout", "known"),
+    [
+        (
+            CompoundType("a", (Member("x", PAIR), Member("", BYTE), Member("y", ArrayType(BYTE, 3, dynamic=False)))),
+            True,
+        ),
+        (CompoundType("a", (Member("x", ArrayType(BYTE, 3, dynamic=True)),)), False),
+        (CompoundType("a", (Member("x", BYTE), Member("y", PAIR)), union=True), False),
+        (ArrayType(CompoundType("a", (Member("x", PAIR), Member("y", BYTE)), union=True), 2, dynamic=False), False),
+    ],
+)
+def test_places_that_are_the_same_for_every_row(layout: CompoundType, known: bool) -> None:
+    assert fixed(layout) == known
+    if known:
+        assert places(layout, None, 0) == places(layout, {"x": 1, "y": [1, 2, 3]}, 2)
