@@ -91,8 +91,9 @@ class Lacks:
 
     def feed(self, view: View) -> list[Lack]:
         """Add a batch; return what is missing, in the order of the frames behind it."""
-        self._prove(view)
         frames = view.frames
+        if not self._all_known(frames) or not view.transfers.src.all():
+            self._prove(view)
         errors = bool((frames.flags & ERROR).any())
         found: list[Lack] = []
         for bus, ours in bus_frames(frames).items():
@@ -122,6 +123,12 @@ class Lacks:
     def known(self, one: Lack, within: int) -> bool:
         """Return whether the session was known to be DroneCAN's up to a time after that."""
         return self._known.get(one.session, one.until + within + 1) <= one.until + within
+
+    def _all_known(self, frames: FrameTable) -> bool:
+        """Return whether every session that was heard is known: then transfers prove nothing new."""
+        new = (session for ours in bus_frames(frames).values() for session in ours.sessions)
+        room = len(self._last) < MOST_SESSIONS
+        return room and self._known.keys() >= self._last.keys() and all(session in self._known for session in new)
 
     def _prove(self, view: View) -> None:
         """Note when sessions became known; types that have no definition come out late, and prove nothing."""

@@ -110,14 +110,15 @@ class StatusAgreement(Rule):
     def _compare(self, view: View, packets: _Rows) -> Iterator[Occurrences]:
         window = self._window(view)
         status = _by_node(self._status)
+        values = self._status.values
         tolerance = self._tolerance(view)
-        outside = _outside(packets, status, window, tolerance)
+        outside = _outside(packets, (status, values), window, tolerance)
         found: list[list[tuple[int, float]]] = [[] for _ in _FIELDS]
         for k in outside.tolist():
             low, high = _span(status, int(packets.node[k]))
             first = low + np.searchsorted(status.t[low:high], packets.t[k] - window)
             last = low + np.searchsorted(status.t[low:high], packets.t[k] + window, "right")
-            near = status.values[:, first:last]
+            near = values[:, status.order[first:last]]
             for field, (least, most) in enumerate(zip(near.min(axis=1), near.max(axis=1), strict=True)):
                 value = packets.values[field, k]
                 share, floor = tolerance[field]
@@ -157,26 +158,38 @@ def _frames(origins: Sequence[_Origin]) -> Callable[[int], Sequence[int]]:
     return lambda k: origins[k].transfers.frames(origins[k].row)
 
 
-def _by_node(rows: _Rows) -> _Rows:
+class _Ordered(NamedTuple):
+    """The order of rows by node, then time, and their nodes and times in it."""
+
+    order: Array
+    node: Array
+    t: Array
+
+
+def _by_node(rows: _Rows) -> _Ordered:
     """Sort by node, then time; those of a node come in order unless the clock was set back."""
     order = np.argsort(rows.node, kind="stable")
     node, t = rows.node[order], rows.t[order]
     if ((t[1:] < t[:-1]) & (node[1:] == node[:-1])).any():
         order = np.lexsort((rows.t, rows.node))
-    return rows.take(order)
+        node, t = rows.node[order], rows.t[order]
+    return _Ordered(order, node, t)
 
 
-def _span(rows: _Rows, node: int) -> tuple[int, int]:
+def _span(rows: _Ordered, node: int) -> tuple[int, int]:
     """Return where the rows of a node begin and end, in the order of nodes."""
     low, high = np.searchsorted(rows.node, np.array([node, node + 1], rows.node.dtype))
     return int(low), int(high)
 
 
-def _outside(packets: _Rows, status: _Rows, window: int, tolerance: Sequence[tuple[float, float]]) -> Array:
+def _outside(
+    packets: _Rows, reports: tuple[_Ordered, Array], window: int, tolerance: Sequence[tuple[float, float]]
+) -> Array:
     """Return packets outside of the range of the ESCStatus just before and just after them, both within the window.
 
-    `status` is in the order of nodes, then times.
+    `reports` are the order of these, and their values.
     """
+    status, values = reports
     found = [np.empty(0, np.int64)]
     for node in np.flatnonzero(np.bincount(packets.node)).tolist():
         low, high = _span(status, node)
@@ -191,7 +204,7 @@ def _outside(packets: _Rows, status: _Rows, window: int, tolerance: Sequence[tup
         mine, after = mine[close], after[close]
         outside = np.zeros(len(mine), bool)
         for field, (share, floor) in enumerate(tolerance):
-            one, other = status.values[field, after - 1], status.values[field, after]
+            one, other = values[field, status.order[after - 1]], values[field, status.order[after]]
             value = packets.values[field, mine]
             least, most = np.minimum(one, other), np.maximum(one, other)
             outside |= value < least - np.maximum(np.abs(least) * share, floor)
