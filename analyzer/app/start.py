@@ -74,14 +74,15 @@ def plain_arrow() -> None:
     Where pandas is installed it would import that with the first list it is given: a quarter of a second for nothing.
     Afterwards Arrow takes a pandas object for any other one. The first `take` or `cast` would import `pyarrow.compute`,
     which writes the documentation of 286 functions: that takes half as long as all else of Arrow. To see that the first
-    array is not masked it would import all of `numpy.ma`.
+    array is not masked it and numpy would import all of `numpy.ma`.
     """
     if not _ours:
         return
     import numpy as np  # noqa: PLC0415
     import pyarrow as pa  # noqa: PLC0415
 
-    _Light.put("numpy.ma", __path__=[os.path.join(*np.__path__, "ma")], MaskedArray=_Masked)  # noqa: PTH118
+    inside = [os.path.join(*np.__path__, "ma")]  # noqa: PTH118
+    _Light.put("numpy.ma", __path__=inside, MaskedArray=_Masked, is_masked=lambda _: False)
     _light_compute()
     hidden = _Hidden()
     sys.meta_path.insert(0, hidden)
