@@ -94,7 +94,7 @@ class Sheets:
     ) -> None:
         self._registry, self._part, self._escaped = registry, part, escaped
         schema = pa.schema([*TRANSFERS, *(pa.field(name, kind) for name, kind in beside.items())])
-        columns = Columns(schema)
+        columns = Columns(schema, "bus")  # which tells how many rows there are, whatever they show
         made = _native.Template([row(columns)])
         self._row = _Compiled(schema, columns.names, made)
         self._parts: dict[str, _Compiled] = {}
