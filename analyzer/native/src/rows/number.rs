@@ -124,6 +124,25 @@ fn fixed(out: &mut Vec<u8>, digits: &[u8], before: i32) {
 }
 
 const TENTHS: f64 = 1e4;
+/// Two decimals of so many digits are never the same number, unless it is subnormal.
+const UNIQUE: usize = 15;
+
+/// The shortest digits that read back as the same number; of several as short as that the nearest, an even one of two.
+fn shortest(value: f64) -> String {
+    let text = format!("{value:e}");
+    let digits = text
+        .bytes()
+        .take_while(|&c| c != b'e')
+        .filter(u8::is_ascii_digit)
+        .count();
+    if digits > UNIQUE || value.abs() < f64::MIN_POSITIVE {
+        let near = format!("{value:.*e}", digits - 1);
+        if near.parse() == Ok(value) {
+            return near;
+        }
+    }
+    text
+}
 
 /// Writes the shortest digits that read back as the same number, as Python's `repr` does; finite numbers only.
 pub fn repr(out: &mut Vec<u8>, value: f64) {
@@ -137,8 +156,7 @@ pub fn repr(out: &mut Vec<u8>, value: f64) {
             return;
         }
     }
-    let text = format!("{value:e}");
-    let (digits, at) = scientific(out, &text);
+    let (digits, at) = scientific(out, &shortest(value));
     if !(-4..16).contains(&at) {
         exponent(out, &digits, at);
         return;
@@ -245,6 +263,8 @@ mod tests {
             (f64::MAX, "1.7976931348623157e+308"),
             (123_456_789_012.345_67, "123456789012.34567"),
             (9_007_199_254_740_993.0, "9007199254740992.0"),
+            (562_949_953_421_312.2, "562949953421312.2"),
+            (562_949_953_421_312.8, "562949953421312.8"),
         ] {
             assert_eq!(text(|out| repr(out, value)), shown);
         }
