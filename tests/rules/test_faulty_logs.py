@@ -84,7 +84,8 @@ def test_searches_are_a_share_of_the_frames(monkeypatch: pytest.MonkeyPatch) -> 
     assert 2 * of_each < len(calls) <= 6 * of_each
 
 
-def test_few_faults_of_a_sender_are_searched_beside_many_of_another() -> None:
+def test_few_faults_of_a_sender_are_searched_beside_many_of_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(budgets, "AT_ONCE", 400)
     budget, many, few = budgets.SearchBudget(), (0, 1, 1034), (0, 2, 1034)
     taken = sum(budget.take(many, 0) for _ in range(10 * budgets.AT_ONCE))
     assert taken == budgets.AT_ONCE - budgets.AT_ONCE // budgets.SHARE

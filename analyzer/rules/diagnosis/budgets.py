@@ -7,7 +7,7 @@ from collections import Counter
 NOT_SEARCHED = "further ones, cause not sought"
 LIKE = " (like earlier ones)"
 MOST_SEARCHES = 500  # transfers of one type and sender whose cause is searched
-AT_ONCE = 128  # of all, wherever they are, and one more in every so many frames of the capture:
+AT_ONCE = 4000  # of all, wherever they are, and one more in every so many frames of the capture:
 EACH = 2048
 FEW = 8  # of a sender; a share of all is kept for those that had fewer:
 SHARE = 4
