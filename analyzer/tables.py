@@ -214,10 +214,11 @@ def wrap(schema: pa.Schema, columns: Mapping[str, Any]) -> pa.RecordBatch:
     bitmap or None.
     """
     rows = len(columns["frame" if "line" not in columns and "t" not in columns else "t"]) // 8
-    return pa.RecordBatch.from_arrays([_column(field, columns, rows) for field in schema], schema=schema)
+    return pa.RecordBatch.from_arrays([column(field, columns, rows) for field in schema], schema=schema)
 
 
-def _column(field: pa.Field, columns: Mapping[str, Any], rows: int) -> pa.Array:
+def column(field: pa.Field, columns: Mapping[str, Any], rows: int) -> pa.Array:
+    """Return one of the native core's columns: see `wrap`."""
     kind, values = field.type, pa.py_buffer(columns[field.name])
     valid = columns.get(f"{field.name}_valid")
     bitmap = None if valid is None else pa.py_buffer(valid)

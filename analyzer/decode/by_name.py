@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-import pyarrow as pa
-
+from analyzer._native import Group
 from analyzer.decode.messages import Messages
-from analyzer.tables import KINDS, TRANSFERS
+from analyzer.tables import KINDS
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import pyarrow as pa
+
     from dissectors import Registry
     from dissectors.schema import Message
 
@@ -35,7 +37,7 @@ def find_table(registry: Registry, name: str) -> tuple[Message, str]:
     return carrier, f"{carrier.table}.{packet}"
 
 
-def example(registry: Registry, message: Message) -> dict[str, pa.RecordBatch]:
+def example(registry: Registry, message: Message) -> Mapping[str, pa.RecordBatch]:
     """Return the tables of one made-up transfer that has everything its type can have: for their columns."""
     payload = bytes(message.min_bytes)
     for family in registry.families() if message.packets is not None else ():
@@ -46,11 +48,6 @@ def example(registry: Registry, message: Message) -> dict[str, pa.RecordBatch]:
             payload += data
     payload += b"\0"  # behind the packets: unrecognized
     kind = KINDS.index(message.kind)
-    kinds = iter(range(256))
-    variant = next(v for v in kinds if registry.message(kind, message.type_id, v) == message)
-    row = {"kind": kind, "type_id": message.type_id, "variant": variant, "fd": False, "status": 1}
-    blank = dict.fromkeys(("t", "t_end", "bus", "src", "dst"), 0)
-    transfers = pa.RecordBatch.from_pylist([blank | row | {"payload": payload}], schema=TRANSFERS)
-    offsets = np.array([0, len(payload)], np.int32).tobytes()
-    group = (message.kind != "message", message.type_id, variant, np.zeros(1, np.uint32).tobytes())
-    return Messages(registry).decode(transfers, (offsets, payload), [group], 0)
+    variant = next(v for v in range(256) if registry.message(kind, message.type_id, v) == message)
+    messages = Messages(registry)
+    return messages.told(messages.read([Group.example(kind, message.type_id, variant, payload)], 0, last=False))

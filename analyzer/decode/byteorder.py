@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.decode.columns import linear, members, senders
+from analyzer.decode.columns import linear, members
 from analyzer.decode.readings import FORCED, UNDECIDED, Statement
 from dissectors.kit.cells import numbers
 from dissectors.schema import BYTE_ORDERS
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.packets import FoundPackets
+    from analyzer.decode.sent import SentMessages
     from dissectors.kit import Array
     from dissectors.schema import Agreement, Packet
 
@@ -78,9 +79,9 @@ class ByteOrder:
                 mine = np.arange(_NODES) & 0xFF == node
                 self._settled[mine], self._since[mine], self._big[mine] = True, 0, choice == BYTE_ORDERS[1]
 
-    def learn(self, messages: Mapping[str, pa.RecordBatch], found: Sequence[FoundPackets], read: Read) -> None:
-        """Take in one batch, its message tables complete. `read` unpacks whole packets: bounds and bytes to arrays."""
-        ballots = [ballot for one in found if (ballot := self._ballot(one, messages, read)) is not None]
+    def learn(self, sent: Mapping[str, SentMessages], found: Sequence[FoundPackets], read: Read) -> None:
+        """Take in one batch, all of its messages. `read` unpacks whole packets: bounds and bytes to arrays."""
+        ballots = [ballot for one in found if (ballot := self._ballot(one, sent, read)) is not None]
         if ballots:
             nodes, positions, big = (np.concatenate(columns) for columns in zip(*ballots, strict=True))
             for node in np.unique(nodes[big]).tolist():
@@ -90,8 +91,8 @@ class ByteOrder:
             little = ~big & ~self._settled[nodes]
             np.minimum.at(self._since, nodes[little], positions[little])
             self._settled[nodes[little]] = True
-        for name in self._watched.keys() & messages.keys():
-            self._remember(name, messages[name])
+        for name in self._watched.keys() & sent.keys():
+            self._remember(name, sent[name])
 
     @property
     def waiting(self) -> bool:
@@ -125,7 +126,7 @@ class ByteOrder:
         return big & self.decided(found) if big.any() else big
 
     def _ballot(
-        self, found: FoundPackets, messages: Mapping[str, pa.RecordBatch], read: Read
+        self, found: FoundPackets, sent: Mapping[str, SentMessages], read: Read
     ) -> tuple[Array, Array, Array] | None:
         """Yield (node, position, proves big-endian) of packets that prove something about a node not settled yet."""
         pairs = [] if found.packet is None else list(_agreements(found.packet))
@@ -144,7 +145,7 @@ class ByteOrder:
         readings = [dict(zip(names, read(found, bounds, data), strict=True)) for data in (whole, turned)]
         proof = np.zeros((2, len(rows)), bool)
         for name, agreement in pairs:
-            said = self._said(messages.get(agreement.message), agreement, nodes, found.positions[rows])
+            said = self._said(sent.get(agreement.message), agreement, nodes, found.positions[rows])
             scale = found.packet.notes[name].scale or Fraction(1)
             near = [
                 np.abs(linear(numbers(reading[name]), scale) - said) <= float(agreement.within) * np.abs(said)
@@ -155,14 +156,14 @@ class ByteOrder:
         speaks = proof[0] != proof[1]
         return nodes[speaks], found.positions[rows][speaks], proof[1][speaks]
 
-    def _said(self, table: pa.RecordBatch | None, about: Agreement, nodes: Array, positions: Array) -> Array:
+    def _said(self, sent: SentMessages | None, about: Agreement, nodes: Array, positions: Array) -> Array:
         """Return the value of the node's latest good message before each position, NaN if there is none."""
         values = self._watched[about.message][about.field][nodes]
-        if table is None:
+        if sent is None:
             return values
         wanted = np.zeros(_NODES, bool)
         wanted[nodes] = True
-        rows, at_nodes = _good(table, wanted)
+        table, rows, at_nodes = _good(sent, np.flatnonzero(sent.trusted & wanted[sent.senders]))
         if not rows.size:
             return values
         order = np.argsort(at_nodes, kind="stable")  # rows are in the order of their transfers already
@@ -172,8 +173,16 @@ class ByteOrder:
         values[mine] = numbers(table.column(about.field))[rows[order][before[mine]]]
         return values
 
-    def _remember(self, name: str, table: pa.RecordBatch) -> None:
-        rows, nodes = _good(table, ~self._settled)
+    def _remember(self, name: str, sent: SentMessages) -> None:
+        """Keep what each node has said last; of those that are settled nobody asks."""
+        if self._settled[sent.nodes].all():
+            return
+        places = np.flatnonzero(sent.trusted & ~self._settled[sent.senders])
+        _, behind = np.unique(sent.senders[places][::-1], return_index=True)
+        last = places[len(places) - 1 - behind]
+        table, rows, nodes = _good(sent, last)
+        if len(rows) < len(last):  # one of them is too short: an earlier one counts
+            table, rows, nodes = _good(sent, places)
         for field, latest in self._watched[name].items():
             latest[nodes] = numbers(table.column(field))[rows]  # of several rows of one node the last one stays
 
@@ -193,14 +202,11 @@ def _agreements(packet: Packet) -> Iterable[tuple[str, Agreement]]:
     return ((name, note.agrees) for name, note in packet.notes.items() if note.agrees is not None)
 
 
-def _good(table: pa.RecordBatch, wanted: Array) -> tuple[Array, Array]:
-    """Return rows of wanted nodes that can be relied on, and their nodes."""
-    nodes = senders(table)
-    rows = np.flatnonzero(wanted[nodes])
-    if rows.size:
-        good = numbers(table.column("trusted"))[rows] & (numbers(table.column("bits_left"))[rows] >= 0)
-        rows = rows[good]
-    return rows, nodes[rows]
+def _good(sent: SentMessages, places: Array) -> tuple[pa.RecordBatch, Array, Array]:
+    """Return the table of some messages, its rows to which nothing is missing, and the nodes of these."""
+    table = sent.table(places)
+    rows = np.flatnonzero(numbers(table.column("bits_left")) >= 0)
+    return table, rows, sent.senders[places][rows]
 
 
 def _key(nodes: Array, transfers: Array) -> Array:

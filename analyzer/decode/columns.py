@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+    from analyzer._native import Cells
     from dissectors.kit import Array
     from dissectors.schema import Bits, Derived, Note, Type
 
-    Flat = tuple[int, bytes | None, bytes | None]
+    Flat = tuple[int, Cells | None, Cells | None]
 
 _WIDTHS = (8, 16, 32, 64)
 

@@ -32,19 +32,26 @@ LINES = (
 class Batch:
     """A slice of every table, as one step of the pipeline gives it. Row numbers run through the whole capture.
 
-    `messages` holds a table for each message type and packet that occurred, by name. `settled` lists verdicts of
+    `messages` holds a table for each message type and packet that occurred, by name; it is made when it is asked for.
+    `settled` lists verdicts of
     frames of earlier batches that were found out only now, `readings` how doubtful fields of nodes are read so far.
     """
 
     frames: pa.RecordBatch
     transfers: pa.RecordBatch
     events: pa.RecordBatch
-    messages: dict[str, pa.RecordBatch]
+    messages: Mapping[str, pa.RecordBatch]
     settled: pa.RecordBatch
     first_frame: int
     first_transfer: int
     buses: tuple[str, ...]
     readings: tuple[Statement, ...] = ()
+
+    def make_tables(self) -> Batch:
+        """Return it with all message tables made: in a thread that works ahead of who looks at them."""
+        for _ in self.messages.values():
+            pass
+        return self
 
 
 @dataclass(slots=True)
@@ -117,13 +124,11 @@ class Engine:
 
     def _step(self, *, waits: bool, last: bool = False) -> Iterator[Batch]:
         """Take what the core has; yield what does not have to wait, all of it unless `waits`."""
-        frames, transfers, events, settled, groups = self._native.take()
-        t = wrap(TRANSFERS, transfers)
-        payload = (transfers["payload_offset"], transfers["payload"])
-        read = self._messages.read(t, payload, groups, self._transfers, last=last)
+        (frames, transfers, events, settled), groups = self._native.take()
+        read = self._messages.read(groups, self._transfers, last=last)
         batch = Batch(
             frames=wrap(FRAMES, frames),
-            transfers=t,
+            transfers=wrap(TRANSFERS, transfers),
             events=wrap(EVENT_ROWS, events),
             messages={},
             settled=wrap(SETTLED, settled),
@@ -132,7 +137,7 @@ class Engine:
             buses=tuple(self._native.buses),
         )
         self._frames += len(batch.frames)
-        self._transfers += len(t)
+        self._transfers += len(batch.transfers)
         self._held.append((batch, read))
         full = sum(len(one.frames) for one, _ in self._held) >= HELD_ROWS
         if full or not (waits and self._messages.waiting):

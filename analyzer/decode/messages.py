@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,22 +15,32 @@ from analyzer.decode.columns import assemble, enrich, members, metadata, scaled
 from analyzer.decode.packets import PacketFinder
 from analyzer.decode.prefix import PREFIX, TAIL, with_length
 from analyzer.decode.readings import Readings
+from analyzer.decode.sent import SentMessages, cells
+from analyzer.decode.tables import LazyTables
+from analyzer.decode.told import tell
 from analyzer.decode.unwrap import Unwrapper
-from analyzer.tables import STATUSES
+from analyzer.tables import TRANSFERS, column
 from dissectors.kit.cells import numbers
 from dissectors.schema import plan
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
+    from analyzer._native import Group
     from analyzer.decode.packets import FoundPackets
     from analyzer.decode.readings import Statement
+    from analyzer.decode.told import Told
     from dissectors.kit import Array
     from dissectors.registry import Registry
     from dissectors.schema import CompoundType, Derived, Message, Note, Packet
 
-
-_CONTEXT = ("transfer", "t", "bus", "src", "trusted")  # of a message table, repeated for every packet in it
+# What stands in front of the fields of a message, and of that what is repeated for every packet in it.
+_CONTEXT = (
+    pa.field("transfer", pa.uint64()),
+    *(TRANSFERS.field(name) for name in ("t", "bus", "src", "dst")),
+    pa.field("trusted", pa.bool_()),
+)
+_CARRIED = ("transfer", "t", "bus", "src", "trusted")
 BAD_TAG = 2  # flag of the native core: a union's tag names no member
 
 
@@ -55,13 +66,16 @@ class Unpacker:
         """Compile the plan."""
         self._plan = _native.Plan(plan(self.layout))
 
-    def run(self, offsets: bytes, payload: bytes, codes: Array, rows: Array | None = None) -> Unpacked:
-        """Unpack the u32 `rows` (all without) of `payload`, cut by i32 `offsets`; a layout code a row."""
-        picked = None if rows is None else rows.astype(np.uint32).tobytes()
-        flat, left, flags = self._plan.unpack(offsets, payload, codes.astype(np.uint8).tobytes(), picked)
+    def run(self, rows: Group | tuple[bytes, bytes], codes: Array) -> Unpacked:
+        """Unpack the rows of a group, or bytes cut by i32 offsets; a layout code a row."""
+        layouts = codes.astype(np.uint8).tobytes()
+        if isinstance(rows, tuple):
+            flat, left, flags = self._plan.unpack(*rows, layouts)
+        else:
+            flat, left, flags = rows.unpack(self._plan, layouts)
         whole = assemble(self.layout, iter(flat))
         arrays = [whole.field(k) for k in range(whole.type.num_fields)]
-        return Unpacked(arrays, np.frombuffer(left, np.int32), np.frombuffer(flags, np.uint8))
+        return Unpacked(arrays, cells(left, np.int32), cells(flags, np.uint8))
 
     def columns(self, arrays: list[pa.Array]) -> list[tuple[pa.Field, pa.Array]]:
         """Return named columns with units, parts and derived values."""
@@ -85,14 +99,15 @@ class Unpacker:
 
 @dataclass(frozen=True, slots=True)
 class ReadMessages:
-    """Tables whose doubtful fields, and packets whose byte order, may still be decided."""
+    """What a batch has; doubtful fields, and the byte order of packets, may still be decided."""
 
-    tables: dict[str, pa.RecordBatch]
+    sent: dict[str, SentMessages]
+    whole: dict[str, pa.RecordBatch]  # tables that had to be made
     packets: list[FoundPackets]
 
 
 class Messages:
-    """From the rows of a batch to message and packet tables; remembers plans, and what went before a packet."""
+    """From the transfers of a batch to message and packet tables; remembers plans, and what went before a packet."""
 
     def __init__(
         self, registry: Registry, forced: Mapping[int, Collection[str]] | None = None, *, ahead: bool = False
@@ -107,43 +122,27 @@ class Messages:
         packets = (packet for family in registry.families() for packet in family.packets)
         self._order = ByteOrder(packets, forced or {}, ahead=ahead)
 
-    def decode(
-        self, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], groups: Iterable[tuple[bool, int, int, bytes]],
-        first_row: int, *, last: bool = False,
-    ) -> dict[str, pa.RecordBatch]:  # fmt: skip
-        """Return the tables of every known type in `transfers`; what `read` takes."""
-        return self.told(self.read(transfers, payload, groups, first_row, last=last))
+    def read(self, groups: Iterable[Group], first: int, *, last: bool) -> ReadMessages:
+        """Learn from the transfers of known types how nodes are to be read.
 
-    def read(
-        self, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], groups: Iterable[tuple[bool, int, int, bytes]],
-        first_row: int, *, last: bool,
-    ) -> ReadMessages:  # fmt: skip
-        """Unpack every known type in `transfers`, and learn from that how nodes are to be read.
-
-        `payload` is that of all rows, as i32 offsets and bytes; `groups` are the rows by (service, type ID, variant);
-        `last` is true at the end of the capture.
+        `first` is the number of the batch's first transfer; `last` is true at the end of the capture.
         """
-        out: dict[str, pa.RecordBatch] = {}
-        kinds = numbers(transfers.column("kind"))
-        for service, type_id, variant, picked in groups:
-            rows = np.frombuffer(picked, np.uint32)
-            for kind in (2, 3) if service else (0,):
-                # An anonymous message is a message of the same type.
-                here = rows[kinds[rows] == kind] if service else rows
-                message = self.registry.message(kind, type_id, variant)
-                if message is not None and here.size:
-                    out[message.table] = self._decode(message, transfers, payload, here, first_row)
-        self._readings.learn(out, last=last)
+        sent: dict[str, SentMessages] = {}
+        for group in groups:
+            message = self.registry.message(group.kind, group.type_id, group.variant)
+            if message is not None:
+                sent[message.table] = SentMessages(group, first, partial(self._decode, message))
+        self._readings.learn(sent, last=last)
         # Packets come last: how their bytes are read depends on the messages around them.
-        carrying = [(self._carriers[name], table) for name, table in out.items() if name in self._carriers]
-        found = [one for message, table in carrying for one in self._finder.find(message, table)]
-        self._order.learn(out, found, self._unpack)
-        return ReadMessages(out, found)
+        whole = {name: sent[name].whole() for name in sent if name in self._carriers}
+        found = [one for name, table in whole.items() for one in self._finder.find(self._carriers[name], table)]
+        self._order.learn(sent, found, self._unpack)
+        return ReadMessages(sent, whole, found)
 
-    def told(self, read: ReadMessages) -> dict[str, pa.RecordBatch]:
-        """Return the tables as their nodes are read by now; to be asked for in the order of reading."""
-        out = {name: self._readings.told(name, table) for name, table in read.tables.items()}
-        return out | {one.table: self._packets(one) for one in read.packets}
+    def told(self, read: ReadMessages) -> LazyTables:
+        """Return the tables as their nodes are read by now; to be called in the order of reading."""
+        makers = {name: partial(self._told, read, name, self._readings.now(name)) for name in read.sent}
+        return LazyTables(makers | {one.table: self._packets(one) for one in read.packets})
 
     @property
     def waiting(self) -> bool:
@@ -159,24 +158,15 @@ class Messages:
         """Return what is known of the doubtful fields of nodes."""
         return *self._readings.statements(), *self._order.statements()
 
-    def _decode(
-        self, message: Message, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], rows: Array, first_row: int
-    ) -> pa.RecordBatch:
+    def _told(self, read: ReadMessages, name: str, readings: Sequence[Told]) -> pa.RecordBatch:
+        whole = read.whole.get(name)
+        return tell(readings, read.sent[name].whole() if whole is None else whole)
+
+    def _decode(self, message: Message, group: Group, first: int) -> pa.RecordBatch:
         unpacker = self._unpacker(message.table, message)
-        codes, found = self._read(message, unpacker, transfers, payload, rows)
-        wanted = pa.array(rows)
-
-        def picked(name: str) -> pa.Array:
-            return transfers.column(name).take(wanted)
-
-        context: list[tuple[pa.Field, pa.Array]] = [
-            (pa.field("transfer", pa.uint64()), pa.array(rows.astype(np.uint64) + np.uint64(first_row))),
-            *((transfers.schema.field(c), picked(c)) for c in ("t", "bus", "src")),
-        ]
-        if message.kind != "message":
-            context.append((transfers.schema.field("dst"), picked("dst")))
-        trusted = numbers(transfers.column("status"))[rows] == STATUSES.index("ok")
-        context.append((pa.field("trusted", pa.bool_()), pa.array(trusted)))
+        codes, found = self._read(message, unpacker, group)
+        columns = group.context(first)
+        context = [(field, column(field, columns, len(group))) for field in _CONTEXT if field.name in columns]
         measured = [
             (pa.field("bits_left", pa.int32(), metadata={"unit": "bit"}), pa.array(found.left)),
             (pa.field("pad_nonzero", pa.bool_()), pa.array(found.flags & 1 != 0)),
@@ -186,43 +176,48 @@ class Messages:
         about = metadata(type=message.full_name, clause=message.clause)
         return _batch([*context, *measured, *unpacker.columns(found.arrays)], about)
 
-    def _read(
-        self, message: Message, unpacker: Unpacker, transfers: pa.RecordBatch, payload: tuple[bytes, bytes], rows: Array
-    ) -> tuple[Array, Unpacked]:
+    def _read(self, message: Message, unpacker: Unpacker, group: Group) -> tuple[Array, Unpacked]:
         """Return the layout codes of rows, and what they unpack to.
 
         CAN FD always carries array lengths, classic CAN leaves out that of the tail array, with exceptions.
         """
-        fd = numbers(transfers.column("fd"))[rows]
+        fd = cells(group.fd(), bool)
         codes = np.where(fd, np.uint8(PREFIX), np.uint8(TAIL))
-        found = unpacker.run(*payload, codes, rows)
+        found = unpacker.run(group, codes)
         if not message.prefix:
             return codes, found
-        bounds = np.frombuffer(payload[0], np.int32)
         classic = np.flatnonzero(~fd)
-        mine = rows[classic]
+        mine = group.pick(classic.astype(np.uint32).tobytes())
 
         def attempt(some: Array, code: int) -> tuple[Array, Array, Array]:
-            tried = unpacker.run(*payload, np.full(len(some), code), mine[some])
+            tried = unpacker.run(mine.pick(some.astype(np.uint32).tobytes()), np.full(len(some), code))
             return tried.left, tried.flags, unpacker.plausible(tried.arrays)
 
-        starts, lengths = bounds[mine], bounds[mine + 1] - bounds[mine]
-        data = np.frombuffer(payload[1], np.uint8)
-        codes[classic] = with_length(message, starts, lengths, found.left[classic], data, attempt)
-        return codes, unpacker.run(*payload, codes, rows) if codes[classic].any() else found
+        codes[classic] = with_length(message, mine, found.left[classic], attempt)
+        return codes, unpacker.run(group, codes) if codes[classic].any() else found
 
-    def _packets(self, found: FoundPackets) -> pa.RecordBatch:
+    def _packets(self, found: FoundPackets) -> Callable[[], pa.RecordBatch]:
+        """Return what makes the table of packets as they are read by now."""
+        if found.packet is None or not found.packet.numbers:
+            return partial(self._packet_table, found, None, None)
+        big, decided = self._order.big_endian(found), self._order.decided(found)
+        make = partial(self._packet_table, found, big, decided)
+        if any(note.wraps for note in found.packet.notes.values()):
+            made = make()  # how far a counter has come depends on all packets before
+            return lambda: made
+        return make
+
+    def _packet_table(self, found: FoundPackets, big: Array | None, decided: Array | None) -> pa.RecordBatch:
         rows = pa.array(found.rows)
         schema = found.source.schema
-        columns = [(schema.field(name), found.source.column(name).take(rows)) for name in _CONTEXT]
+        columns = [(schema.field(name), found.source.column(name).take(rows)) for name in _CARRIED]
         columns += found.columns
         if found.packet is None:
             return _batch(columns, {})
         data = found.data
-        big = self._order.big_endian(found)
-        if found.packet.numbers:
+        if big is not None:
             columns.append((pa.field("big_endian", pa.bool_()), pa.array(big)))
-            columns.append((pa.field("decided", pa.bool_()), pa.array(self._order.decided(found))))
+            columns.append((pa.field("decided", pa.bool_()), pa.array(decided)))
             if big.any():
                 starts, ends = found.bounds[:-1][big], found.bounds[1:][big]
                 data = swapped(data, starts, ends, found.packet.numbers)
@@ -235,10 +230,10 @@ class Messages:
         """Return the fields of packets like those found, little-endian."""
         assert found.packet is not None  # noqa: S101 - bytes that are no packet have no fields
         unpacker = self._unpacker(found.table, found.packet)
-        return unpacker.run(bounds.tobytes(), data.tobytes(), np.full(len(bounds) - 1, TAIL)).arrays
+        return unpacker.run((bounds.tobytes(), data.tobytes()), np.full(len(bounds) - 1, TAIL)).arrays
 
     def _unwrapped(
-        self, found: FoundPackets, big: Array, arrays: list[pa.Array]
+        self, found: FoundPackets, big: Array | None, arrays: list[pa.Array]
     ) -> Iterator[tuple[pa.Field, pa.Array]]:
         """Return `<field>.unwrapped` of wrapping counters, per node, unit and byte order; null for a damaged packet."""
         if found.packet is None or found.family is None:
@@ -253,7 +248,8 @@ class Messages:
             good = np.flatnonzero(found.sound)
             units = found.data[found.bounds[good] + found.family.unit_at]
             # A wrong byte order is no part of the sequence: node IDs leave bit 7 free.
-            counters = (found.senders[good].astype(np.uint32) | big[good] << np.uint32(7)) << np.uint32(8) | units
+            turned = np.zeros(len(good), bool) if big is None else big[good]
+            counters = (found.senders[good].astype(np.uint32) | turned << np.uint32(7)) << np.uint32(8) | units
             values = np.zeros(len(array), np.uint64)
             values[good] = self._unwrappers[key].follow(counters, numbers(array)[good])
             total = pa.array(values, mask=~found.sound)
@@ -270,8 +266,8 @@ class Messages:
 def _batch(columns: list[tuple[pa.Field, pa.Array]], about: dict[str, str]) -> pa.RecordBatch:
     """Rename a field that is called like a column in front of it: `src` becomes `src.field`."""
     fields: dict[str, pa.Field] = {}
-    for column, _ in columns:
-        own = column if column.name not in fields else column.with_name(f"{column.name}.field")
+    for one, _ in columns:
+        own = one if one.name not in fields else one.with_name(f"{one.name}.field")
         fields[own.name] = own
     schema = pa.schema(fields.values(), metadata=about)
     return pa.RecordBatch.from_arrays([array for _, array in columns], schema=schema)

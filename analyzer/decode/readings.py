@@ -14,20 +14,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from analyzer.decode.columns import linear, senders
-from dissectors.kit.cells import numbers, valid
+from analyzer.decode.told import NEVER, NODES, Decided, Told
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
 
+    from analyzer.decode.sent import SentMessages
     from dissectors.kit import Array
-    from dissectors.schema import Derived, Evidence, Message, Reading
+    from dissectors.schema import Evidence, Message, Reading
 
 ENOUGH = 50  # good transfers of a node
 UNDECIDED = "undecided"
 FORCED = " (forced)"
-_NODES = 1 << 16
-_NEVER = np.iinfo(np.uint64).max
 
 
 class Statement(NamedTuple):
@@ -39,11 +38,6 @@ class Statement(NamedTuple):
     bus: int
     node: int
     choice: str
-
-
-def reading_column(name: str) -> str:
-    """Return the column that says how a row's doubtful field is read."""
-    return f"reading.{name}"
 
 
 class Readings:
@@ -61,7 +55,7 @@ class Readings:
         self._courses: dict[str, list[_Course]] = {}
         for message in messages:
             names = [name for reading in message.readings for one in reading.evidence for name in one.sends]
-            self._sent |= {name: np.full(_NODES, _NEVER, np.uint64) for name in names if name not in self._sent}
+            self._sent |= {name: np.full(NODES, NEVER, np.uint64) for name in names if name not in self._sent}
             self._courses[message.table] = [_Course(message, one, forced, self._sent) for one in message.readings]
 
     def know(self, other: Readings) -> None:
@@ -75,41 +69,23 @@ class Readings:
         """True if a node has shown something that does not decide it."""
         return any(course.waiting for courses in self._courses.values() for course in courses)
 
-    def learn(self, tables: Mapping[str, pa.RecordBatch], *, last: bool) -> None:
-        """Take in the message tables of a batch; with the `last` one every node is decided."""
-        for name in self._sent.keys() & tables.keys():
-            table = tables[name]
-            good = numbers(table.column("trusted"))
-            np.minimum.at(self._sent[name], senders(table)[good], numbers(table.column("transfer"))[good])
+    def learn(self, sent: Mapping[str, SentMessages], *, last: bool) -> None:
+        """Take in the messages of a batch; with the `last` one every node is decided."""
+        for name in self._sent.keys() & sent.keys():
+            since, some = self._sent[name], sent[name]
+            if (since[some.nodes] == NEVER).any():
+                np.minimum.at(since, some.senders[some.trusted], some.transfers[some.trusted])
         for name, courses in self._courses.items():
             for course in courses:
-                if name in tables:
-                    course.learn(tables[name])
+                if name in sent:
+                    course.learn(sent[name])
                 if last:
                     course.end(ahead=self._ahead)
 
-    def told(self, table: str, rows: pa.RecordBatch) -> pa.RecordBatch:
-        """Return the rows of a table as their nodes' readings have them, with a column that says so for each."""
-        courses = self._courses.get(table)
-        if courses is None:
-            return rows
-        decided = np.ones(len(rows), bool)
-        columns = dict(zip(rows.schema, rows.columns, strict=True))
-        more: list[tuple[pa.Field, pa.Array]] = []
-        for course in courses:
-            code, known = course.codes(rows, ahead=self._ahead)
-            decided &= known
-            for column in course.message.derived:
-                if column.reading == course.reading.name:
-                    at = rows.schema.field(column.name)
-                    columns[at] = course.followed(column, code, rows)
-            more.append((pa.field(reading_column(course.reading.name), pa.string()), course.named(code)))
-        more.append((pa.field("decided", pa.bool_()), pa.array(decided)))
-        own = list(columns.items())
-        at = rows.schema.get_field_index("layout") + 1
-        pairs = [*own[:at], *more, *own[at:]]
-        schema = pa.schema([one for one, _ in pairs], metadata=rows.schema.metadata)
-        return pa.RecordBatch.from_arrays([column for _, column in pairs], schema=schema)
+    def now(self, table: str) -> list[Told]:
+        """Return the readings of a table as they are known by now."""
+        courses = self._courses.get(table, ())
+        return [Told(course.message, course.reading, course.decided(), self._ahead) for course in courses]
 
     def statements(self) -> Iterator[Statement]:
         """Yield what is known of each node that sends a message with doubtful fields."""
@@ -135,26 +111,31 @@ class _Course:
     reading: Reading
     forced: Mapping[int, Collection[str]]
     sent: Mapping[str, Array]
-    _code: Array = field(init=False)  # 0 is undecided, else the number of the choice, from 1
-    _since: Array = field(init=False)  # the first transfer that is decided
-    _done: Array = field(init=False)
+    _decided: Decided = field(init=False, default_factory=Decided)
+    _lent: bool = field(init=False, default=False)  # somebody keeps what is decided now
     _seen: Array = field(init=False)
     _shown: dict[int, _Shown] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         """Begin without evidence; what is forced is decided."""
-        self._code, self._since = np.zeros(_NODES, np.uint8), np.full(_NODES, _NEVER, np.uint64)
-        self._done, self._seen = np.zeros(_NODES, bool), np.zeros(_NODES, bool)
+        self._seen = np.zeros(NODES, bool)
         for node in self.forced:
             if (choice := self._wanted(node)) is not None:
-                mine = np.arange(_NODES) & 0xFF == node
-                self._code[mine], self._since[mine], self._done[mine] = self._number(choice), 0, True
+                self._settle(np.arange(NODES) & 0xFF == node, choice, 0)
 
     def _wanted(self, node: int) -> str | None:
         return next((one for one in self.forced.get(node, ()) if one in self.reading.choices), None)
 
-    def _number(self, choice: str) -> int:
-        return self.reading.choices.index(choice) + 1 if choice else 0
+    def decided(self) -> Decided:
+        """Return what is decided by now; that stays as it is."""
+        self._lent = True
+        return self._decided
+
+    def _settle(self, nodes: Array | int, choice: str, since: int) -> None:
+        if self._lent:
+            self._decided, self._lent = self._decided.copy(), False
+        number = self.reading.choices.index(choice) + 1 if choice else 0
+        self._decided.code[nodes], self._decided.since[nodes], self._decided.done[nodes] = number, since, True
 
     @property
     def waiting(self) -> bool:
@@ -163,28 +144,31 @@ class _Course:
 
     def know(self, other: _Course) -> None:
         """Take over what another one has decided, but not who was seen."""
-        self._code, self._done = other._code.copy(), other._done.copy()
-        self._since[self._done] = 0
+        self._decided, self._lent = other._decided.copy(), False
+        self._decided.since[self._decided.done] = 0
 
     # ---- evidence
 
-    def learn(self, table: pa.RecordBatch) -> None:
-        """Take in rows of the message, as far as they are from nodes that are not decided."""
-        nodes, trusted = senders(table), numbers(table.column("trusted"))
-        self._seen[nodes[trusted]] = True
-        rows = np.flatnonzero(trusted & ~self._done[nodes])
-        if not rows.size:
+    def learn(self, sent: SentMessages) -> None:
+        """Take in the message, as far as it is from nodes that are not decided."""
+        self._seen[sent.nodes] = True
+        nodes = sent.nodes[~self._decided.done[sent.nodes]].tolist()
+        if not nodes:
             return
-        rows = rows[np.argsort(nodes[rows], kind="stable")]
-        groups = np.split(rows, np.flatnonzero(np.diff(nodes[rows])) + 1)
-        for some in groups:
-            self._look(int(nodes[some[0]]), table, some)
+        places = [np.flatnonzero(sent.trusted & (sent.senders == node))[: self._missing(node)] for node in nodes]
+        table = sent.table(np.concatenate(places))
+        ends = np.cumsum([len(some) for some in places]).tolist()
+        for node, some, end in zip(nodes, places, ends, strict=True):
+            self._look(node, table, np.arange(end - len(some), end))
+
+    def _missing(self, node: int) -> int:
+        """Return how many more rows of a node are looked at."""
+        return ENOUGH - (self._shown[node].rows if node in self._shown else 0)
 
     def _look(self, node: int, table: pa.RecordBatch, rows: Array) -> None:
         """Add rows of one node until it is decided."""
         count = len(self.reading.evidence)
         shown = self._shown.setdefault(node, _Shown([False] * count, [False] * count))
-        rows = rows[: ENOUGH - shown.rows]
         transfers = numbers(table.column("transfer"))[rows]
         spoken = [self._spoken(one, node, table, rows, transfers) for one in self.reading.evidence]
         for k in range(len(rows)):
@@ -200,7 +184,7 @@ class _Course:
                 return
 
     def _decide(self, node: int, choice: str, since: int) -> None:
-        self._code[node], self._since[node], self._done[node] = self._number(choice), since, True
+        self._settle(node, choice, since)
         del self._shown[node]
 
     def _spoken(
@@ -248,7 +232,7 @@ class _Course:
         if shown is None:
             return self.reading.otherwise
         for evidence, hit, miss in zip(self.reading.evidence, shown.hits, shown.misses, strict=True):
-            sent = any(self.sent[name][node] != _NEVER for name in evidence.sends)
+            sent = any(self.sent[name][node] != NEVER for name in evidence.sends)
             if (hit or sent) and not (evidence.every and miss):
                 return evidence.choice
         return self.reading.otherwise
@@ -256,30 +240,7 @@ class _Course:
     def end(self, *, ahead: bool) -> None:
         """Decide every node that has shown something; rows that are out already stay as they are."""
         for node in list(self._shown):
-            self._decide(node, self._likely(node), 0 if ahead else _NEVER)
-
-    # ---- rows
-
-    def codes(self, table: pa.RecordBatch, *, ahead: bool) -> tuple[Array, Array]:
-        """Return the number of each row's choice, and whether that is decided."""
-        nodes = senders(table)
-        known = self._done[nodes] if ahead else numbers(table.column("transfer")) >= self._since[nodes]
-        if known.all():
-            return self._code[nodes], known
-        return np.where(known, self._code[nodes], np.uint8(self._number(self.reading.otherwise))), known
-
-    def named(self, code: Array) -> pa.Array:
-        """Return choices by their numbers, null for none."""
-        names = pa.array([None, *self.reading.choices], pa.string())
-        return names.take(pa.array(code))
-
-    def followed(self, column: Derived, code: Array, table: pa.RecordBatch) -> pa.Array:
-        """Return a column that follows the reading; rows without one stay."""
-        adds = np.array([np.nan, *(float(column.by_choice.get(one, np.nan)) for one in self.reading.choices)])[code]
-        plain = table.column(column.name)
-        by_reading = linear(numbers(table.column(column.source)), column.scale, column.offset) + adds
-        values = np.where(np.isnan(adds), numbers(plain), by_reading)
-        return pa.array(values, mask=~valid(plain)) if plain.null_count else pa.array(values)
+            self._decide(node, self._likely(node), 0 if ahead else NEVER)
 
     def statements(self) -> Iterator[Statement]:
         """Yield one for each node that has sent a good transfer."""
@@ -288,8 +249,8 @@ class _Course:
             bus, node = code >> 8, code & 0xFF
             if self._wanted(node) is not None:
                 choice = f"{self._wanted(node)}{FORCED}"
-            elif self._done[code]:
-                choice = ("", *reading.choices)[self._code[code]]
+            elif self._decided.done[code]:
+                choice = ("", *reading.choices)[self._decided.code[code]]
             else:
                 choice = self._likely(code)
             yield Statement(self.message.name, reading.name, reading.field, bus, node, choice or UNDECIDED)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.decode.readings import reading_column
+from analyzer.decode.told import reading_column
 from dissectors.kit.cells import holds_text
 
 if TYPE_CHECKING:

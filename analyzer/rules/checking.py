@@ -63,7 +63,7 @@ class Check:
         for batch in batches:
             self._summary.feed(batch)
             self._clock.feed(batch)
-            yield Measured(batch, bit_times(FrameTable(batch.frames)))
+            yield Measured(batch.make_tables(), bit_times(FrameTable(batch.frames)))
 
     def feed(self, measured: Measured) -> None:
         """Add the next batch."""

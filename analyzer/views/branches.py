@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from analyzer.decode.readings import UNDECIDED, reading_column
+from analyzer.decode.readings import UNDECIDED
+from analyzer.decode.told import reading_column
 from analyzer.facts.meaning import Meaning, meaning, stands_for
 from analyzer.views.places import FieldPlace, raw_bits, span
 from analyzer.views.terminal import escape

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pyarrow as pa
 
-from analyzer.decode.readings import reading_column
+from analyzer.decode.told import reading_column
 from analyzer.tables import KINDS, STATUSES
 from analyzer.views.json_fields import ALL, structure_template
 from analyzer.views.members import PLAIN, CellTemplates

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from analyzer.decode.readings import reading_column
+from analyzer.decode.told import reading_column
 from analyzer.facts.meaning import meaning
 from analyzer.views.members import PLAIN, CellTemplates, Take, part_of
 from dissectors.records import dataclass

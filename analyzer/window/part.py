@@ -13,7 +13,7 @@ from analyzer.window.selection import TransferSelection
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
     from analyzer.decode.engine import Batch
     from dissectors.kit import Array
@@ -31,7 +31,7 @@ class BatchPart:
     transfers: pa.RecordBatch
     transfer_rows: Array
     events: pa.RecordBatch
-    messages: dict[str, pa.RecordBatch]
+    messages: Mapping[str, pa.RecordBatch]
     settled: pa.RecordBatch
     buses: tuple[str, ...]
 

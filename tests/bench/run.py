@@ -83,8 +83,6 @@ def count_lines(log: Log) -> int:
 
 def core(log: Log) -> None:
     """The native core alone, on one core: frames, transfers, anomalies, and the columns of every known type."""
-    import numpy as np  # noqa: PLC0415
-
     import dissectors  # noqa: PLC0415
     from analyzer import _native  # noqa: PLC0415
 
@@ -94,13 +92,12 @@ def core(log: Log) -> None:
     with log.path.open("rb", buffering=0) as source:
         while chunk := source.read(4 * CHUNK):
             engine.feed(chunk)
-            _, transfers, _, _, groups = engine.take()
-            for service, type_id, variant, rows in groups:
-                key = service, type_id
+            _, groups = engine.take()
+            for group in groups:
+                key = group.kind, group.type_id, group.variant
                 if key not in plans:
-                    plans[key] = _native.Plan(registry.message(2 * service, type_id, variant).plan())
-                codes = np.zeros(len(rows) // 4, np.uint8).tobytes()
-                plans[key].unpack(transfers["payload_offset"], transfers["payload"], codes, rows)
+                    plans[key] = _native.Plan(registry.message(*key).plan())
+                group.unpack(plans[key], bytes(len(group)))
     engine.finish()
     engine.take()
 
@@ -112,9 +109,9 @@ def tables(log: Log) -> None:
     engine = Engine()
     with log.path.open("rb", buffering=0) as source:
         while chunk := source.read(CHUNK):
-            for _ in engine.feed(chunk):
-                pass
-    engine.finish()
+            for batch in engine.feed(chunk):
+                dict(batch.messages)  # each table is made when somebody looks at it
+    dict(engine.finish().messages)
 
 
 def process(*words: str) -> Callable[[Log], int]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
 import pytest
 from kit.traffic import Traffic
@@ -120,16 +122,21 @@ def test_evidence_that_must_hold_always(registry: Registry) -> None:
         ),
     )
 
-    def table(first: int, *rows: tuple[int, list[int], bool]) -> dict[str, pa.RecordBatch]:
+    def sent(first: int, *rows: tuple[int, list[int], bool]) -> Any:
         columns = {"bus": [0] * len(rows), "src": [r[0] for r in rows], "cmd": [r[1] for r in rows],
                    "trusted": [r[2] for r in rows], "transfer": [first + k for k in range(len(rows))]}  # fmt: skip
         types = {"bus": pa.uint8(), "src": pa.uint8(), "cmd": pa.list_(pa.int16()), "trusted": pa.bool_(),
                  "transfer": pa.uint64()}  # fmt: skip
-        return {"RawCommand": pa.record_batch({k: pa.array(columns[k], kind) for k, kind in types.items()})}
+        table = pa.record_batch({k: pa.array(columns[k], kind) for k, kind in types.items()})
+        senders, trusted, transfers = (np.array(columns[name]) for name in ("src", "trusted", "transfer"))
+        return {"RawCommand": SimpleNamespace(
+            nodes=np.unique(senders[trusted]), senders=senders, trusted=trusted, transfers=transfers,
+            table=lambda places: table.take(pa.array(places)),
+        )}  # fmt: skip
 
     readings = Readings([message], {}, ahead=False)
-    readings.learn(table(0, (1, [5], True), (2, [5, 99], True), (3, [50], True), (4, [5], False)), last=False)
-    readings.learn(table(4, (1, [6], True), (1, [], True), (1, [700], False)), last=True)
+    readings.learn(sent(0, (1, [5], True), (2, [5, 99], True), (3, [50], True), (4, [5], False)), last=False)
+    readings.learn(sent(4, (1, [6], True), (1, [], True), (1, [700], False)), last=True)
     assert {(s.reading, s.node): s.choice for s in readings.statements()} == {
         ("always", 1): "a", ("always", 2): "b", ("always", 3): "b",
         ("once", 1): "a", ("once", 2): "a", ("once", 3): "undecided",

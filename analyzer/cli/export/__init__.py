@@ -195,7 +195,7 @@ class _Export:
 
         run = self._run
         selection = TableSelection(run.request.window, self._again)
-        batches = run.ahead(run.batches())
+        batches = run.ahead(batch.make_tables() for batch in run.batches())
         for part in selection.parts(self._with_escs(batches if beside is None else beside(batches))):
             self._frames += len(part.frames)
             self._transfers += len(part.transfers)

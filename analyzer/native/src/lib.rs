@@ -2,10 +2,10 @@
 //!
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`],
-//! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`plan`], [`bits`], [`unpack`] ->
-//! [`packets`]; [`load`] is how long a frame takes, [`rows`] writes the text of views, by templates. None of them knows
-//! Python or does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python,
-//! `simd` and `receive/system` are the only ones with `unsafe`.
+//! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`],
+//! [`unpack`] -> [`packets`]; [`load`] is how long a frame takes, [`rows`] writes the text of views, by templates. None
+//! of them knows Python or does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that
+//! knows Python, `simd`, `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
 pub mod accept;
 pub mod binary;
@@ -21,6 +21,7 @@ pub mod ending;
 pub mod events;
 pub mod frame_batch;
 pub mod frames;
+pub mod groups;
 pub mod line;
 pub mod link;
 pub mod load;

@@ -1,50 +1,22 @@
 //! The Python boundary and nothing else: arguments in, columns out, the interpreter free in between.
 //!
-//! Every column crosses as the bytes of a native-endian array or of an Arrow bitmap;
-//! `analyzer/tables.py` names and types them.
+//! Every column crosses as the bytes of a native-endian array or of an Arrow bitmap, most of them where they lie
+//! (`buffer`); `analyzer/tables.py` names and types them.
 
 use std::sync::{Arc, Mutex};
 
-use bytemuck::{cast_slice, Pod};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::PyBytes;
 
-use crate::events::Events;
-use crate::frames::{Frames, NO_TIME};
+use crate::groups;
 use crate::pipeline::{self, Input};
-use crate::reassembly::{Resolve, Settled, TypeName};
-use crate::transfers::{Transfers, NO_GAP, NO_STEP};
+use crate::reassembly::Resolve;
+use group::Group;
+use tables::{batch_tables, Dict, Tables};
 
-type Dict<'py> = Bound<'py, PyDict>;
-
-fn put<T: Pod>(to: &Dict<'_>, name: &str, column: &[T]) -> PyResult<()> {
-    to.set_item(name, PyBytes::new(to.py(), cast_slice(column)))
-}
-
-/// Sets the Arrow bitmap of a column; none when every cell is valid.
-fn put_valid(to: &Dict<'_>, name: &str, valid: impl ExactSizeIterator<Item = bool>) -> PyResult<()> {
-    let mut bitmap = vec![0_u8; valid.len().div_ceil(8)];
-    let mut nulls = false;
-    for (row, valid) in valid.enumerate() {
-        bitmap[row / 8] |= u8::from(valid) << (row % 8);
-        nulls |= !valid;
-    }
-    if nulls {
-        to.set_item(name, PyBytes::new(to.py(), &bitmap))
-    } else {
-        to.set_item(name, to.py().None())
-    }
-}
-
-macro_rules! columns {
-    ($py:expr, $table:expr, $($name:ident),+) => {{
-        let dict = PyDict::new($py);
-        $( put(&dict, stringify!($name), &$table.$name)?; )+
-        dict
-    }};
-}
-
+mod buffer;
 mod decode;
+mod group;
 mod load;
 mod mcap;
 mod merge;
@@ -53,11 +25,8 @@ mod reader;
 #[cfg(target_os = "linux")]
 mod receive;
 mod rows;
+mod tables;
 mod write;
-
-fn timed(t: &[i64]) -> impl ExactSizeIterator<Item = bool> + '_ {
-    t.iter().map(|&t| t != NO_TIME)
-}
 
 /// Bytes of text that are taken in one step.
 const STEP: usize = 4 << 20;
@@ -133,37 +102,15 @@ impl Pipeline {
         self.pipeline.waiting()
     }
 
-    /// Everything found since the last call: (frames, transfers, events, settled, rows by type).
-    fn take<'py>(&mut self, py: Python<'py>) -> PyResult<Taken<'py>> {
-        let batch = self.pipeline.take();
+    /// Everything found since the last call: frames, transfers, events, settled, and the transfers by type.
+    fn take<'py>(&mut self, py: Python<'py>) -> PyResult<(Tables<'py>, Vec<Group>)> {
+        let batch = py.detach(|| self.pipeline.take());
         let types = self.pipeline.reassembler.types();
-        let mut groups = vec![];
-        for (rows, &(service, type_id, variant)) in batch.results.transfers.rows_by_type(types.len()).iter().zip(types)
-        {
-            if !rows.is_empty() {
-                groups.push((service, type_id, variant, PyBytes::new(py, cast_slice(rows))));
-            }
-        }
-        let frames = frame_columns(py, &batch.frames)?;
-        put(&frames, "verdict", &batch.results.verdict)?;
-        put(&frames, "anomaly", &batch.results.anomaly)?;
-        let events = event_columns(py, &batch.events)?;
-        let Settled {
-            frame,
-            verdict,
-            anomaly,
-        } = &batch.results.settled;
-        let settled = PyDict::new(py);
-        put(&settled, "frame", frame)?;
-        put(&settled, "verdict", verdict)?;
-        put(&settled, "anomaly", anomaly)?;
-        Ok((
-            frames,
-            transfer_columns(py, &batch.results.transfers, types)?,
-            events,
-            settled,
-            groups,
-        ))
+        let (tables, transfers) = batch_tables(py, batch, types)?;
+        let rows = py.detach(|| transfers.rows_by_type(types.len()));
+        let known = rows.into_iter().zip(types).filter(|(rows, _)| !rows.is_empty());
+        let groups = known.flat_map(|(rows, &name)| groups::Group::of(&transfers, rows, name));
+        Ok((tables, groups.map(Group).collect()))
     }
 
     /// Interface names by index.
@@ -199,86 +146,10 @@ impl Pipeline {
     }
 }
 
-type Taken<'py> = (
-    Dict<'py>,
-    Dict<'py>,
-    Dict<'py>,
-    Dict<'py>,
-    Vec<(bool, u16, u8, Bound<'py, PyBytes>)>,
-);
-
-fn frame_columns<'py>(py: Python<'py>, frames: &Frames) -> PyResult<Dict<'py>> {
-    let dict = columns!(py, frames, t, bus, id, flags, line, data);
-    put(&dict, "data_offset", &frames.offset)?;
-    put_valid(&dict, "t_valid", timed(&frames.t))?;
-    Ok(dict)
-}
-
-fn event_columns<'py>(py: Python<'py>, e: &Events) -> PyResult<Dict<'py>> {
-    let dict = columns!(py, e, t, bus, line, kind, class, flags, tx_errors, rx_errors, data, text);
-    put_valid(&dict, "t_valid", timed(&e.t))?;
-    put_valid(&dict, "bus_valid", e.bus_valid.iter().map(|&v| v != 0))?;
-    put_valid(&dict, "tx_errors_valid", e.errors_valid.iter().map(|&v| v != 0))?;
-    put_valid(&dict, "rx_errors_valid", e.errors_valid.iter().map(|&v| v != 0))?;
-    for (name, ends) in [("data_offset", &e.data_end), ("text_offset", &e.text_end)] {
-        let offsets: Vec<i32> = std::iter::once(0).chain(ends.iter().copied()).collect();
-        put(&dict, name, &offsets)?;
-    }
-    Ok(dict)
-}
-
-fn transfer_columns<'py>(py: Python<'py>, rows: &Transfers, types: &[TypeName]) -> PyResult<Dict<'py>> {
-    let dict = columns!(
-        py,
-        rows,
-        t,
-        t_end,
-        bus,
-        kind,
-        type_id,
-        src,
-        dst,
-        priority,
-        transfer_id,
-        status,
-        crc_wire,
-        crc_here,
-        step,
-        gap,
-        anomaly,
-        frame_offset,
-        frame,
-        payload_offset,
-        payload
-    );
-    put_valid(&dict, "t_valid", timed(&rows.t))?;
-    put_valid(&dict, "t_end_valid", timed(&rows.t_end))?;
-    put_valid(&dict, "dst_valid", rows.kind.iter().map(|&kind| kind >= 2))?;
-    put_valid(
-        &dict,
-        "crc_wire_valid",
-        rows.crc_valid.iter().map(|&bits| bits & 1 != 0),
-    )?;
-    put_valid(
-        &dict,
-        "crc_here_valid",
-        rows.crc_valid.iter().map(|&bits| bits & 2 != 0),
-    )?;
-    put_valid(&dict, "step_valid", rows.step.iter().map(|&step| step != NO_STEP))?;
-    put_valid(&dict, "gap_valid", rows.gap.iter().map(|&gap| gap != NO_GAP))?;
-    let variant = |&known: &u16| types.get(usize::from(known)).map_or(0, |name| name.2);
-    put(&dict, "variant", &rows.known.iter().map(variant).collect::<Vec<u8>>())?;
-    let mut fd = vec![0_u8; rows.fd.len().div_ceil(8)];
-    for (row, &bit) in rows.fd.iter().enumerate() {
-        fd[row / 8] |= bit << (row % 8);
-    }
-    put(&dict, "fd", &fd)?;
-    Ok(dict)
-}
-
 #[pymodule]
 fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<Pipeline>()?;
+    m.add_class::<buffer::Cells>()?;
     m.add_class::<merge::Merger>()?;
     m.add_class::<merge::Fingerprint>()?;
     m.add_class::<reader::FrameBatch>()?;
@@ -296,6 +167,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(proto::message_records, m)?)?;
     m.add_class::<rows::Template>()?;
     m.add_class::<rows::Sheet>()?;
+    m.add_class::<Group>()?;
     m.add_class::<decode::Plan>()?;
     m.add_class::<decode::Packets>()
 }

@@ -60,6 +60,11 @@ pub fn unpack(plan: &Plan, rows: Rows<'_>, payload: &[u8]) -> Unpacked {
             done += usize::from(tails && block.read_tail(list, column));
         }
     }
+    if matches!(&plan.root.kind, Kind::Struct(fields) if fields.len() == done) && block.is_spent() {
+        root.mark_all(spans.len());
+        let (left, dirty) = (vec![0; spans.len()], vec![0; spans.len()]);
+        return Unpacked { root, left, dirty };
+    }
     let (mut left, mut dirty) = (Vec::with_capacity(spans.len()), Vec::with_capacity(spans.len()));
     for row in 0..spans.len() {
         let mut cursor = block.cursor(row);

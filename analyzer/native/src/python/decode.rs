@@ -1,11 +1,12 @@
 //! Unpacking and packets for Python: rows of bytes in, columns out.
 
-use bytemuck::{cast_slice, try_cast_slice, Pod};
+use bytemuck::{try_cast_slice, Pod};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::PyDict;
 
-use super::{put, Dict};
+use super::buffer::Cells;
+use super::tables::{columns, put, Dict};
 use crate::bits::spans;
 use crate::packets::{find, Carrier, Counter, Family, Spec};
 use crate::plan;
@@ -26,40 +27,36 @@ impl Plan {
             .map_err(|error| PyValueError::new_err(error.to_string()))
     }
 
-    /// Unpacks rows of `payload` (bounded by i32 `offsets`; u32 `rows` picks some): a preorder list of
-    /// (cells, validity, buffer), the bits left a row (i32) and the flags a row (u8).
-    #[pyo3(signature = (offsets, payload, layouts, rows=None))]
-    fn unpack<'py>(
-        &self,
-        py: Python<'py>,
-        offsets: &[u8],
-        payload: &[u8],
-        layouts: &[u8],
-        rows: Option<&[u8]>,
-    ) -> PyResult<Unpacked<'py>> {
-        let offsets: &[i32] = aligned(offsets)?;
-        let rows: Option<&[u32]> = rows.map(aligned).transpose()?;
+    /// Unpacks rows of `payload` (bounded by i32 `offsets`): what `Group.unpack` gives.
+    fn unpack<'py>(&self, py: Python<'py>, offsets: &[u8], payload: &[u8], layouts: &[u8]) -> PyResult<Unpacked<'py>> {
+        let spans = spans(aligned(offsets)?, None);
+        self.run(py, Rows { spans: &spans, layouts }, payload)
+    }
+}
+
+impl Plan {
+    /// A preorder list of (cells, validity, buffer), the bits left a row (i32) and the flags a row (u8).
+    pub fn run<'py>(&self, py: Python<'py>, rows: Rows<'_>, payload: &[u8]) -> PyResult<Unpacked<'py>> {
         let (columns, left, flags) = py.detach(|| {
-            let spans = spans(offsets, rows);
-            let out = unpack(&self.0, Rows { spans: &spans, layouts }, payload);
+            let out = unpack(&self.0, rows, payload);
             (out.root.flatten(), out.left, out.dirty)
         });
         let columns = columns
             .into_iter()
             .map(|flat| {
-                let bytes = |buffer: Option<Vec<u8>>| buffer.map(|b| PyBytes::new(py, &b));
-                (flat.len, bytes(flat.validity), bytes(flat.buffer))
+                let own = |buffer: Option<Vec<u8>>| buffer.map(|bytes| Cells::own(py, bytes)).transpose();
+                Ok((flat.len, own(flat.validity)?, own(flat.buffer)?))
             })
-            .collect();
-        Ok((columns, PyBytes::new(py, cast_slice(&left)), PyBytes::new(py, &flags)))
+            .collect::<PyResult<_>>()?;
+        Ok((columns, Cells::own(py, left)?, Cells::own(py, flags)?))
     }
 }
 
-type Bytes<'py> = Bound<'py, PyBytes>;
-type Unpacked<'py> = (
-    Vec<(usize, Option<Bytes<'py>>, Option<Bytes<'py>>)>,
-    Bytes<'py>,
-    Bytes<'py>,
+type Column<'py> = Bound<'py, Cells>;
+pub type Unpacked<'py> = (
+    Vec<(usize, Option<Column<'py>>, Option<Column<'py>>)>,
+    Column<'py>,
+    Column<'py>,
 );
 
 pub(super) fn aligned<T: Pod>(bytes: &[u8]) -> PyResult<&[T]> {

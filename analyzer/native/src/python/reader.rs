@@ -9,7 +9,7 @@ use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyDict;
 
 use super::decode::aligned;
-use super::{event_columns, frame_columns, Dict};
+use super::tables::{event_columns, frame_columns, Dict};
 use crate::candump::Candump;
 use crate::counts::Counts;
 use crate::dataflash::Dataflash;

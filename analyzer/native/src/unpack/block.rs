@@ -42,6 +42,13 @@ impl<'a> Block<'a> {
         cursor
     }
 
+    /// Whether every row has been read to its last bit, and nothing was noticed in it.
+    pub fn is_spent(&self) -> bool {
+        let taken = |row: usize| self.taken.get(row).copied().unwrap_or(0);
+        let spent = |(row, span): (usize, &Span)| (span.end - span.start) * 8 == self.at + taken(row);
+        self.flags.is_empty() && self.spans.iter().enumerate().all(spent)
+    }
+
     /// A field of fixed size.
     pub fn read(&mut self, node: &Node, column: &mut Column) {
         let from = self.at;
@@ -103,11 +110,12 @@ impl<'a> Block<'a> {
                 values.extend_from_slice(&self.payload[at / 8..(at + taken) / 8]);
             }
         } else {
+            values.reserve(count * *width);
             let fits = offsets.windows(2).map(|ends| (ends[1] - ends[0]) as usize);
-            let places = firsts
-                .zip(fits)
-                .flat_map(|(at, fit)| (0..fit).map(move |i| at + i * step));
-            scalars((*form, *bits), self.payload, places, count, values, *width);
+            for (first, fit) in firsts.zip(fits) {
+                let places = (0..fit).map(|i| first + i * step);
+                scalars((*form, *bits), self.payload, places, fit, values, *width);
+            }
         }
         child.mark_all(count);
         column.mark_all(self.spans.len());

@@ -1,0 +1,98 @@
+"""How nodes are read, as it was known at one moment, and what rows say of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+
+from analyzer.decode.columns import linear, senders
+from dissectors.kit.cells import numbers, valid
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dissectors.kit import Array
+    from dissectors.schema import Derived, Message, Reading
+
+NODES = 1 << 16  # bus and source node ID
+NEVER = np.iinfo(np.uint64).max
+
+
+def reading_column(name: str) -> str:
+    """Return the column that says how a row's doubtful field is read."""
+    return f"reading.{name}"
+
+
+class Decided:
+    """What is decided of one reading, by node: `code` is the number of its choice from 1, 0 for none.
+
+    `since` is the first transfer for which that holds, `done` whether it is decided.
+    """
+
+    def __init__(self) -> None:
+        self.code, self.since = np.zeros(NODES, np.uint8), np.full(NODES, NEVER, np.uint64)
+        self.done = np.zeros(NODES, bool)
+
+    def copy(self) -> Decided:
+        """Return what can change without this one."""
+        other = Decided.__new__(Decided)
+        other.code, other.since, other.done = self.code.copy(), self.since.copy(), self.done.copy()
+        return other
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """One reading of one message, as it was known at one moment. `ahead`: rows have waited for what decides them."""
+
+    message: Message
+    reading: Reading
+    decided: Decided
+    ahead: bool
+
+    def codes(self, table: pa.RecordBatch) -> tuple[Array, Array]:
+        """Return the number of each row's choice, and whether that is decided."""
+        nodes, by_node = senders(table), self.decided
+        known = by_node.done[nodes] if self.ahead else numbers(table.column("transfer")) >= by_node.since[nodes]
+        if known.all():
+            return by_node.code[nodes], known
+        otherwise = self.reading.otherwise
+        number = self.reading.choices.index(otherwise) + 1 if otherwise else 0
+        return np.where(known, by_node.code[nodes], np.uint8(number)), known
+
+    def named(self, code: Array) -> pa.Array:
+        """Return choices by their numbers, null for none."""
+        names = pa.array([None, *self.reading.choices], pa.string())
+        return names.take(pa.array(code))
+
+    def followed(self, column: Derived, code: Array, table: pa.RecordBatch) -> pa.Array:
+        """Return a column that follows the reading; rows without one stay."""
+        adds = np.array([np.nan, *(float(column.by_choice.get(one, np.nan)) for one in self.reading.choices)])[code]
+        plain = table.column(column.name)
+        by_reading = linear(numbers(table.column(column.source)), column.scale, column.offset) + adds
+        values = np.where(np.isnan(adds), numbers(plain), by_reading)
+        return pa.array(values, mask=~valid(plain)) if plain.null_count else pa.array(values)
+
+
+def tell(readings: Sequence[Told], rows: pa.RecordBatch) -> pa.RecordBatch:
+    """Return the rows of a message as their nodes' readings have them, with a column that says so for each."""
+    if not readings:
+        return rows
+    decided = np.ones(len(rows), bool)
+    columns = dict(zip(rows.schema, rows.columns, strict=True))
+    more: list[tuple[pa.Field, pa.Array]] = []
+    for told in readings:
+        code, known = told.codes(rows)
+        decided &= known
+        for column in told.message.derived:
+            if column.reading == told.reading.name:
+                columns[rows.schema.field(column.name)] = told.followed(column, code, rows)
+        more.append((pa.field(reading_column(told.reading.name), pa.string()), told.named(code)))
+    more.append((pa.field("decided", pa.bool_()), pa.array(decided)))
+    own = list(columns.items())
+    at = rows.schema.get_field_index("layout") + 1
+    pairs = [*own[:at], *more, *own[at:]]
+    schema = pa.schema([one for one, _ in pairs], metadata=rows.schema.metadata)
+    return pa.RecordBatch.from_arrays([column for _, column in pairs], schema=schema)

@@ -1,0 +1,73 @@
+//! Columns that Python looks at where they lie, by the buffer protocol: handed over without a copy.
+
+use std::ffi::c_int;
+use std::sync::Arc;
+
+use bytemuck::{cast_slice, Pod};
+use pyo3::ffi::{PyBuffer_FillInfo, Py_buffer};
+use pyo3::prelude::*;
+
+/// What owns bytes that do not move or change as long as it lives.
+trait Lend: Send + Sync {
+    fn bytes(&self) -> &[u8];
+}
+
+struct Own<T>(Vec<T>);
+
+impl<T: Pod + Send + Sync> Lend for Own<T> {
+    fn bytes(&self) -> &[u8] {
+        cast_slice(&self.0)
+    }
+}
+
+struct Part<O>(Arc<O>, fn(&O) -> &[u8]);
+
+impl<O: Send + Sync> Lend for Part<O> {
+    fn bytes(&self) -> &[u8] {
+        self.1(&self.0)
+    }
+}
+
+/// The cells of a column, read-only; they live as long as anything looks at them.
+#[pyclass(frozen)]
+pub struct Cells(Box<dyn Lend>);
+
+impl Cells {
+    pub fn own<T: Pod + Send + Sync>(py: Python<'_>, column: Vec<T>) -> PyResult<Bound<'_, Cells>> {
+        Bound::new(py, Cells(Box::new(Own(column))))
+    }
+
+    /// A column of a table that others look at, too.
+    pub fn part<'py, O: Send + Sync + 'static>(
+        py: Python<'py>,
+        table: &Arc<O>,
+        column: fn(&O) -> &[u8],
+    ) -> PyResult<Bound<'py, Cells>> {
+        Bound::new(py, Cells(Box::new(Part(Arc::clone(table), column))))
+    }
+}
+
+#[pymethods]
+impl Cells {
+    /// Bytes, as numpy and Arrow count a buffer.
+    fn __len__(&self) -> usize {
+        self.0.bytes().len()
+    }
+
+    /// # Safety
+    /// Called by the interpreter alone, which gives a `view` to fill.
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    unsafe fn __getbuffer__(slf: Bound<'_, Self>, view: *mut Py_buffer, flags: c_int) -> PyResult<()> {
+        const READ_ONLY: c_int = 1;
+        let bytes = slf.get().0.bytes();
+        let (start, len) = (bytes.as_ptr().cast_mut().cast(), bytes.len() as isize);
+        // SAFETY: `view` comes from the interpreter. The bytes belong to what `slf` holds, which nothing can change or
+        // move, and the view keeps `slf` alive; a view that could write is refused.
+        let filled = unsafe { PyBuffer_FillInfo(view, slf.as_ptr(), start, len, READ_ONLY, flags) };
+        if filled == 0 {
+            Ok(())
+        } else {
+            Err(PyErr::fetch(slf.py()))
+        }
+    }
+}
