@@ -38,7 +38,8 @@ _FamilySpec: TypeAlias = tuple[bytes, int, int, int, int, list[tuple[int, int, l
 @final
 class Cells:
     def __len__(self) -> int: ...
-    def __buffer__(self, flags: int, /) -> memoryview: ...
+    if sys.version_info >= (3, 12):  # before, the buffer protocol has no method that Python sees
+        def __buffer__(self, flags: int, /) -> memoryview: ...
 
 @final
 class Pipeline:
@@ -236,7 +237,7 @@ class Messages:
 
 @final
 class Template:
-    def __new__(cls, templates: list[tuple[Any, ...] | None]) -> Template: ...
+    def __new__(cls, nodes: list[tuple[Any, ...] | None]) -> Template: ...
 
 @final
 class Sheet:

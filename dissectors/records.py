@@ -21,7 +21,7 @@ _set = object.__setattr__
 
 
 class _Options(dict[str, Any]):
-    """What `field` was told."""
+    """The arguments of `field`."""
 
 
 if not TYPE_CHECKING:

@@ -11,7 +11,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from dissectors.keys import Keys
-from dissectors.parsed import known
+from dissectors.keys.parsed import known
 from dissectors.plain_files import read_bytes
 from dissectors.records import dataclass, field, replace
 

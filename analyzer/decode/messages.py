@@ -99,7 +99,7 @@ class Unpacker:
 
 @dataclass(frozen=True, slots=True)
 class ReadMessages:
-    """What a batch has; doubtful fields, and the byte order of packets, may still be decided."""
+    """The messages of a batch; doubtful fields, and the byte order of packets, may still be decided."""
 
     sent: dict[str, SentMessages]
     whole: dict[str, pa.RecordBatch]  # tables that had to be made

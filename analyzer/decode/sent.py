@@ -6,11 +6,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow as pa
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    import pyarrow as pa
 
     from analyzer._native import Cells, Group
     from dissectors.kit import Array
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 
 def cells(column: Cells, kind: Any) -> Array:
     """Return a column of the native core as numpy."""
-    return np.frombuffer(memoryview(column), kind)
+    return np.frombuffer(pa.py_buffer(column), kind)
 
 
 class SentMessages:
@@ -35,7 +34,7 @@ class SentMessages:
 
     @cached_property
     def nodes(self) -> Array:
-        """Who has sent one with the right CRC (u16: bus and source node ID), each once, in ascending order."""
+        """Senders of one with the right CRC (u16: bus and source node ID), each once, in ascending order."""
         return cells(self._group.nodes(), np.uint16)
 
     @cached_property

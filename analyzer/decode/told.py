@@ -27,7 +27,7 @@ def reading_column(name: str) -> str:
 
 
 class Decided:
-    """What is decided of one reading, by node: `code` is the number of its choice from 1, 0 for none.
+    """The decisions on one reading, by node: `code` is the number of its choice from 1, 0 for none.
 
     `since` is the first transfer for which that holds, `done` whether it is decided.
     """

@@ -98,7 +98,7 @@ class Thinned:
 
     @property
     def thinning(self) -> Thinning:
-        """What became of the series."""
+        """The outcome for the series."""
         return Thinning(self.count, self.bucket, self._held)
 
     def points(self) -> tuple[Moments, Array]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.rules.session_index import SessionIndex
+from analyzer.rules.joint.session_index import SessionIndex
 from analyzer.tables import EXTENDED, FD, REMOTE
 from dissectors.kit import NO_TIME, SECOND, SESSION, Kept
 

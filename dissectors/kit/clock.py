@@ -23,7 +23,7 @@ class BusTimes:
 
     @property
     def steady(self) -> bool:
-        """Whether no time is less than the one before it."""
+        """True if no time is less than the one before it."""
         return self._steps[0] >= 0
 
     @property

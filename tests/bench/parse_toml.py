@@ -8,7 +8,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-from dissectors import parsed
+from dissectors.keys import parsed
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("analyzer/rules", "dissectors")

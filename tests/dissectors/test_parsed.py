@@ -9,7 +9,8 @@ import pytest
 from bench import parse_toml
 from kit import ROOT
 
-from dissectors import parsed, registry
+from dissectors import registry
+from dissectors.keys import parsed
 
 PROFILE = ROOT / "dissectors" / "tmotor" / "profile.toml"
 NAME = "TM-UAVCAN"
@@ -49,7 +50,7 @@ def test_dissectors_are_those_that_their_files_give(monkeypatch: pytest.MonkeyPa
 
 def test_a_tree_without_the_file_reads_its_files() -> None:
     code = (
-        "import sys; from pathlib import Path; from dissectors import parsed, load\n"
+        "import sys; from pathlib import Path; from dissectors import load; from dissectors.keys import parsed\n"
         "parsed.FILE = Path('there/is/none')\n"
         "print(len(load().carriers()), 'tomllib' in sys.modules)"
     )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.rules.gathered import Gathered, Sent
+from analyzer.rules.joint.gathered import Gathered, Sent
 from dissectors.kit import NO_TIME, SECOND, Rule
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from analyzer.rules.events import EventTimes, drops_in
-from analyzer.rules.gathered import Gathered, Sent
+from analyzer.rules.joint.gathered import Gathered, Sent
 from analyzer.rules.joint.times import LONGEST, SETTLED
 from dissectors.kit import NO_TIME, SECOND, Rule
 

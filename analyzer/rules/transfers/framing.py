@@ -11,7 +11,7 @@ import numpy as np
 from analyzer.rules.anomalies import GONE, flagged
 from analyzer.rules.diagnosis.neighbours import late_copy
 from analyzer.rules.frames.foreign import session_of
-from analyzer.rules.gathered import Gathered, Sent
+from analyzer.rules.joint.gathered import Gathered, Sent
 from analyzer.rules.transfers.out_of_order import preceding
 from analyzer.rules.view import node_of
 from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS

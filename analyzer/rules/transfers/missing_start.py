@@ -10,7 +10,7 @@ from analyzer.rules.diagnosis.losses import FIRST, FIRSTS, LOST_SEVERAL, missing
 from analyzer.rules.diagnosis.neighbours import NeighbourFinder
 from analyzer.rules.diagnosis.proofs import Cause, proven
 from analyzer.rules.diagnosis.tail_bits import in_a_row
-from analyzer.rules.gathered import Sent
+from analyzer.rules.joint.gathered import Sent
 from analyzer.rules.recent import MOST_LINES
 from analyzer.tables import FD, TAIL_END, TAIL_ID
 from dissectors.kit import NO_TIME, SECOND, Kept, Occurrence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from analyzer.rules.diagnosis.budgets import Sender
     from analyzer.rules.diagnosis.neighbours import Neighbours
-    from analyzer.rules.gathered import Gathered
+    from analyzer.rules.joint.gathered import Gathered
     from dissectors.kit import View
 
 _LOSSES = {FIRST, FIRSTS, LOST_SEVERAL, NOT_SEARCHED}  # what a sender that was busy as the capture began explains

@@ -12,7 +12,7 @@ from analyzer.rules.diagnosis.budgets import SearchBudget
 from analyzer.rules.diagnosis.neighbours import AHEAD, NeighbourFinder
 from analyzer.rules.diagnosis.proofs import proven
 from analyzer.rules.frames.foreign import session_of
-from analyzer.rules.gathered import Gathered
+from analyzer.rules.joint.gathered import Gathered
 from analyzer.rules.transfers.missing_start import MissingStart
 from analyzer.tables import FD, TAIL_END, TAIL_ID, VERDICTS
 

@@ -15,7 +15,7 @@ from analyzer.facts.identifiers import who
 from analyzer.rules.frames.foreign import session_bits, session_of
 from analyzer.rules.frames.malformed import IMPOSSIBLE, Malformed, has, tail
 from analyzer.rules.frames.malformed import KINDS as MALFORMED
-from analyzer.rules.gathered import Gathered
+from analyzer.rules.joint.gathered import Gathered
 from analyzer.rules.transfers.missing_start import LooseFrame
 from analyzer.rules.transfers.out_of_order import KINDS, OutOfOrder, preceding
 from analyzer.tables import FD, FRAME_ANOMALIES, TAIL_END, TAIL_ID, TAIL_TOGGLE, VERDICTS

@@ -24,7 +24,7 @@ _NEVER = np.iinfo(np.int64).max  # behind every transfer
 
 
 class _Steps(NamedTuple):
-    """What is new with reports of ESCs: transfers, how many more ESCs have under-voltage, how many more there are."""
+    """News in reports of ESCs: transfers, how many more ESCs have under-voltage, how many more there are."""
 
     number: Array
     low: Array
