@@ -29,7 +29,7 @@ from kit.pages import PAGES, ROOT, Block, blocks, name_of, spans
 
 import dissectors
 from analyzer.cli import main
-from analyzer.cli.commands import parser
+from analyzer.cli.commands import COMMANDS, parser
 from analyzer.rules.catalogue import load as rule_pages
 from analyzer.rules.vehicle.expected import load as load_vehicle
 from dissectors import picture
@@ -249,8 +249,15 @@ def test_more_is_run_than_only_parsed() -> None:
         assert any(re.search(pattern, line) for line in parsed), f"nothing needs {pattern}"
 
 
-COMMANDS = parser().parse_args(["help"]).commands
-OPTIONS = {option for command in COMMANDS.values() for option in command._option_string_actions}
+@cache
+def every_option() -> set[str]:
+    """The options of all commands."""
+    (commands,) = parser()._subparsers._group_actions
+    for command in commands.choices.values():
+        command.fill()
+    return {option for command in commands.choices.values() for option in command._option_string_actions}
+
+
 RECIPE_OPTIONS = {"--tap"}  # of the report that a recipe adds
 TEST_OPTIONS = {"--all-examples", "--seed", "--share", "--rules"}  # of what tests/README.md runs
 FOREIGN_SPANS = ("python", "pytest", "cargo", "sudo", "pip", "candump", "can_viewer", "...")
@@ -264,7 +271,7 @@ def test_commands_among_the_words_exist(page: Path) -> None:
         if words[0] in FOREIGN_SPANS or span == "tailbyte --help":
             continue
         for option in re.findall(r"(?<![\w-])--[a-z][a-z-]+", span):
-            assert option in OPTIONS | RECIPE_OPTIONS | TEST_OPTIONS | {"--version"}, span
+            assert option in every_option() | RECIPE_OPTIONS | TEST_OPTIONS | {"--version"}, span
         command = words[1] if words[0] == "tailbyte" and len(words) > 1 else words[0]
         if words[0] == "tailbyte" and len(words) > 1 and command.islower():
             assert command in COMMANDS, span
