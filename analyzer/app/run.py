@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import AbstractContextManager, closing, suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
@@ -255,7 +255,8 @@ class Run(AbstractContextManager["Run"]):
     # ----
 
     def _files(self) -> bool:
-        return all(isinstance(part.origin, str) and Path(part.origin).is_file() for part in self.source.parts)
+        # Path.is_file raises an error for a name that is too long.
+        return all(isinstance(part.origin, str) and os.path.isfile(part.origin) for part in self.source.parts)  # noqa: PTH113
 
     def _engine(self) -> Engine:
         """Return a new engine; what comes live is shown at once, everything else waits for its batch."""
