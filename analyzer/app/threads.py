@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 _Item = TypeVar("_Item")
 THREADS = 2  # unless somebody asks for one
-ROOM = 2
+ROOM = 1
 
 
 @dataclass(frozen=True, slots=True)
