@@ -206,5 +206,6 @@ def _throttles(view: View, table: DecodedTable, rows: Array) -> Iterator[tuple[i
             cmd = np.where(inside, values[np.where(inside, places, 0)], NO_CHANNEL).astype(np.int16)
         number = table["transfer"][mine].astype(np.int64)
         ended = np.zeros(len(view.transfers), np.int64)
-        ended[table.row[mine[mine < len(table) - 1]] + 1] = 1
+        after = table.row[mine] + 1
+        ended[after[after < len(ended)]] = 1
         yield bus, Commands(table, mine, np.cumsum(ended), number, table.t[mine], table.src[mine], count, cmd)
