@@ -178,7 +178,8 @@ class Run(AbstractContextManager["Run"]):
 
     def ahead(self, items: Iterator[_Item]) -> Iterator[_Item]:
         """Return what reads this run; if there may be threads and the captures are files, one makes it ahead."""
-        if self.request.threads == 1 or self.source.live or not self._files():  # signals end other reading here
+        waits = self.source.live or self.request.follow  # signals end such reading in this thread
+        if self.request.threads == 1 or waits or not self._files():
             return items
         from analyzer.app.threads import ahead  # noqa: PLC0415 - not every run has threads
 
