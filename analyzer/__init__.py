@@ -18,22 +18,37 @@ if TYPE_CHECKING:
     from analyzer.app.capture import Capture as Capture
     from analyzer.app.capture import open_capture as open_capture
     from analyzer.app.check import check as check
+    from analyzer.app.diff import diff as diff
     from analyzer.decode.engine import Batch as Batch
     from analyzer.decode.engine import Engine as Engine
+    from analyzer.report.comparison.model import CaptureDiff as CaptureDiff
     from analyzer.report.model import Report as Report
     from analyzer.sources import CaptureError as CaptureError
     from analyzer.sources import UnavailableError as UnavailableError
 
-__all__ = ["Batch", "Capture", "CaptureError", "Engine", "Report", "UnavailableError", "check", "open_capture"]
+__all__ = [
+    "Batch",
+    "Capture",
+    "CaptureDiff",
+    "CaptureError",
+    "Engine",
+    "Report",
+    "UnavailableError",
+    "check",
+    "diff",
+    "open_capture",
+]  # fmt: skip
 
 _HOMES = {
     "Batch": "analyzer.decode.engine",
     "Capture": "analyzer.app.capture",
     "CaptureError": "analyzer.sources",
+    "CaptureDiff": "analyzer.report.comparison.model",
     "Engine": "analyzer.decode.engine",
     "Report": "analyzer.report.model",
     "UnavailableError": "analyzer.sources",
     "check": "analyzer.app.check",
+    "diff": "analyzer.app.diff",
     "open_capture": "analyzer.app.capture",
 }
 

@@ -163,7 +163,7 @@ FINDINGS = pa.schema([
     _field("title", pa.string(), "the rule in words"),
     _field("severity", pa.string(), "error, warning or note"),
     _field("category", pa.string(), "whose fault it is: protocol, device or capture"),
-    _field("origin", pa.string(), "what states the rule: document, implied, dronecan or heuristic"),
+    _field("origin", pa.string(), "what states the rule: document, implied, dronecan, heuristic or vehicle"),
     _field("clause", pa.string(), "clause of the document"),
     _field("t", _NS, "time of the first occurrence; null when it has none"),
     _field("t_end", _NS, "time of the last occurrence; null when it has none"),
@@ -204,6 +204,35 @@ ESC = pa.schema([
     _quantity("temperature", pa.float32(), "degC", "temperature of the ESC"),
     _field("mode", pa.string(), "operating mode in words; null when it tells none"),
     _field("faults", pa.string(), "flags that are set, joined by commas, empty for none; null when it tells none"),
+])  # fmt: skip
+
+
+FLIGHTS = pa.schema([
+    _field("flight", pa.uint32(), "number of the flight, from 1"),
+    _field("t", _NS, "time of the first report with a motor that turns, command above idle, or armed status"),
+    _field("t_end", _NS, "time of the last one"),
+    _field("ran", pa.int64(), "nanoseconds of it that were recorded: without holes, whatever the clock did"),
+    _field("end", pa.string(), "landed, cut (the capture ends first) or lost (reports end, and others go on)"),
+    _field("chs", pa.list_(pa.int32()), "channels that turned, as people count them, from 1"),
+    _field("by", pa.string(), "what tells it: telemetry, commands or arming"),
+    _field("frame", pa.uint64(), "number of its first frame, from 0"),
+    _field("frame_end", pa.uint64(), "number of its last frame, from 0"),
+])  # fmt: skip
+
+FLIGHT_EVENTS = pa.schema([
+    _field("event", pa.uint32(), "number of the event in the order of the capture, from 1"),
+    _field("t", _NS, "time of the last report before it; null where the first one was like that"),
+    _field("t_end", _NS, "time of the first report of it: it happened between `t` and this"),
+    _field("until", _NS, "time of the first report behind it; null for what is over at once, or lasts"),
+    _field("bus", pa.uint8(), "index of the interface name; null for what is of the whole capture"),
+    _field("node", pa.uint8(), "node ID; null for nobody in particular"),
+    _field("ch", pa.int32(), "channel of the ESC as people count them, from 1; null for no ESC, or if nobody told it"),
+    _field("kind", pa.string(), "what kind of event it is"),
+    _field("type", pa.string(), "data type that tells it"),
+    _field("text", pa.string(), "what happened"),
+    _field("clause", pa.string(), "clause of the document that says what is told here; empty for none"),
+    _field("values", pa.string(), "numbers that belong to it, as a JSON object"),
+    _field("frame", pa.uint64(), "number of the first frame of the report at `t_end`, from 0"),
 ])  # fmt: skip
 
 
@@ -255,6 +284,12 @@ def distinct(codes: npt.NDArray[Any]) -> list[int]:
 def raw_times(array: pa.Array) -> list[int | None]:
     """Return integer nanoseconds of a time column, None where there is no time."""
     return list(array.cast(pa.int64()).to_pylist())
+
+
+def raw_rows(table: pa.Table) -> list[dict[str, Any]]:
+    """Return the rows of a table, its times as integer nanoseconds: a time of Python has only microseconds."""
+    plain = (one.with_type(pa.int64()) if pa.types.is_timestamp(one.type) else one for one in table.schema)
+    return list(table.cast(pa.schema(plain)).to_pylist())
 
 
 def empty(schema: pa.Schema) -> pa.RecordBatch:

@@ -118,7 +118,9 @@ class EscColumns:
 class Plot:
     """The picture of one table. Columns in `hidden` say nothing that is not shown otherwise.
 
-    Tables of `parameters` are shown beside the commands.
+    Tables of `parameters` are shown beside the commands; of their columns those in `own` are of one device and no
+    settings, and `identity` tells one piece of hardware from all others. A motor faster than `idle_rpm` is driven; 0 if
+    the vendor says nothing.
     """
 
     table: str
@@ -130,7 +132,10 @@ class Plot:
     intervals: tuple[Interval, ...] = ()
     hidden: frozenset[str] = frozenset()
     parameters: bool = False
+    own: frozenset[str] = frozenset()
+    identity: str = ""
     esc: EscColumns = EscColumns()
+    idle_rpm: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +200,10 @@ class _Reader:
             intervals=tuple(self._interval(*one) for one in table.tables("interval")),
             hidden=frozenset(table.strings("hidden")),
             parameters=table.flag("parameters"),
+            own=frozenset(table.strings("own")),
+            identity=table.string("identity"),
             esc=_esc(table),
+            idle_rpm=table.integer("idle_rpm") or 0,
         )
         lines = {line.quantity for line in plot.lines}
         made = lines | {product.quantity for product in plot.products}

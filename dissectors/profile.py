@@ -83,7 +83,7 @@ class Profile:
         if path.exists():
             return cls(folder, read(path), parent, trusted=trusted)
         if not folder.is_dir():
-            raise ProfileError(str(folder), 1, "no such folder")
+            raise ProfileError(str(folder), 0, "no such folder")
         return cls(folder, TomlTable(str(path), "", (), {"tree": "."}), parent)
 
     @property

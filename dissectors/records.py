@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dataclasses import dataclass, field, replace
 
-__all__ = ["dataclass", "field", "replace"]
+__all__ = ["as_dict", "dataclass", "field", "replace"]
 
 _MISSING: Any = object()
 _set = object.__setattr__
@@ -40,6 +40,17 @@ if not TYPE_CHECKING:
         """Return a copy with other values in some fields."""
         kept = {name: getattr(record, name) for name in record.__match_args__ if name not in changes}
         return type(record)(**kept, **changes)
+
+
+def as_dict(value: Any) -> Any:
+    """Return a record as a dictionary by field, and so every record inside of it; all else is shared, not copied."""
+    if isinstance(value, dict):
+        return {name: as_dict(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        parts = [as_dict(part) for part in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else type(value)(parts)
+    options = getattr(type(value), "record_options", None)
+    return value if options is None else {name: as_dict(getattr(value, name)) for name in options}
 
 
 class _StandardFields:

@@ -28,16 +28,22 @@ MAX_FILE_BYTES = 1024 * 1024
 _DEEPEST = 16
 _PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _KEY = re.compile(r"""\s*(?:([A-Za-z0-9_-]+)|"([^"\\]*)"|'([^']*)')\s*""")
+# Comments and texts; of several lines is the first group.
+_SPANS = re.compile(
+    r"""#[^\n]*|(\"{3}(?:[^"\\]|\\.|"(?!""))*"{3,5}|'{3}(?:[^']|'(?!''))*'{3,5})|"(?:[^"\\\n]|\\.)*"|'[^'\n]*'""",
+    re.DOTALL,
+)
+_OPENED = re.compile(r"""=\s*(?:\"{3}|'{3})(.*)""")
 _SYNTAX = re.compile(r"(.*) \(at line (\d+), column \d+\)")
 _NUMBER = re.compile(r"[+-]?\d{1,20}(?:\.\d{1,20})?(?:[eE][+-]?\d{1,2}|/\d{1,20})?", re.ASCII)
 _INTEGER = re.compile(r"[+-]?(?:\d{1,20}|0[xX][0-9a-fA-F]{1,16})", re.ASCII)
 
 
 class ProfileError(ValueError):
-    """A profile that cannot be used; the text reads `file:line: reason`."""
+    """A profile that cannot be used; the text reads `file:line: reason`, without a line (0) `file: reason`."""
 
     def __init__(self, file: str, line: int, reason: str) -> None:
-        super().__init__(f"{file}:{line}: {reason}")
+        super().__init__(f"{file}:{line}: {reason}" if line else f"{file}: {reason}")
         self.file, self.line, self.reason = file, line, reason
 
     def __reduce__(self) -> tuple[type[ProfileError], tuple[str, int, str]]:
@@ -45,11 +51,27 @@ class ProfileError(ValueError):
         return type(self), (self.file, self.line, self.reason)
 
 
+class PlacedError(ProfileError):
+    """One in a text of such a file, such as a filter; `place` are two lines: the text, and a caret under the place."""
+
+    def __init__(self, file: str, line: int, reason: str, place: str) -> None:
+        super().__init__(file, line, reason)
+        self.place = place
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle it with its parts."""
+        return type(self), (self.file, self.line, self.reason, self.place)
+
+    def __str__(self) -> str:
+        """Return the place behind the reason."""
+        return f"{self.args[0]}\n{self.place}" if self.place else str(self.args[0])
+
+
 @dataclass(frozen=True, slots=True)
 class TomlTable:
     """One table of a file: `path` says where it stands, and keys that nobody asked for are an error (`finish`).
 
-    `keys` are those that it may have; None if nothing is said of them.
+    `keys` are those that it may have; None if nothing is said of them. `row` is its place in a list of tables, from 0.
     """
 
     file: str
@@ -58,6 +80,7 @@ class TomlTable:
     body: dict[str, Any]
     keys: Keys | None = None
     asked: set[str] = field(default_factory=set)
+    row: int | None = None
 
     def of(self, keys: Keys) -> TomlTable:
         """Return the same table as one that may have these keys."""
@@ -65,9 +88,24 @@ class TomlTable:
 
     def fail(self, reason: str, key: str = "") -> NoReturn:
         """Raise a `ProfileError` at the line of `key`, or of the table itself."""
-        path = (*self.path, key) if key else self.path
-        place = "".join(f"[{'.'.join(self.path)}] " if self.path else "")
-        raise ProfileError(self.file, _line(self.text, path), f"{place}{f'{key}: ' if key else ''}{reason}")
+        raise ProfileError(self.file, self._line_of(key), f"{self._words_of(key)}{reason}")
+
+    def fail_inside(self, reason: str, key: str, before: str, place: str) -> NoReturn:
+        """Raise a `PlacedError` at the line of the text of `key`, in which `before` stands before the `place`."""
+        line = self._line_of(key)
+        opened = _OPENED.search(self.text.splitlines()[line - 1])
+        if opened is not None:
+            line += before.count("\n") + (not opened[1])
+        raise PlacedError(self.file, line, f"{self._words_of(key)}{reason}", place)
+
+    def _line_of(self, key: str) -> int:
+        return _line(self.text, (*self.path, key) if key else self.path, self.path, self.row or 0)
+
+    def _words_of(self, key: str) -> str:
+        name = ".".join(self.path)
+        return "".join(
+            ((f"[{name}] " if self.row is None else f"[[{name}]] ") if name else "", f"{key}: " if key else "")
+        )
 
     def string(self, key: str, *, required: bool | None = None) -> str:
         """Return a text, empty if absent."""
@@ -156,8 +194,9 @@ class TomlTable:
     def rows(self, key: str) -> Iterator[TomlTable]:
         """Yield the tables of a list."""
         known = self._key(key, "rows")
-        for row in self._list(key, dict, "tables"):
-            yield TomlTable(self.file, self.text, (*self.path, key), row, None if known is None else known.keys)
+        keys = None if known is None else known.keys
+        for k, row in enumerate(self._list(key, dict, "tables")):
+            yield TomlTable(self.file, self.text, (*self.path, key), row, keys, row=k)
 
     def texts(self, key: str) -> dict[int, str]:
         """Return a table from whole numbers to texts, as enumerations are written."""
@@ -227,9 +266,9 @@ def read(path: Path, keys: Keys | None = None) -> TomlTable:
     try:
         data = read_bytes(path, MAX_FILE_BYTES + 1)
     except OSError as error:
-        raise ProfileError(file, 1, error.strerror or "cannot be read") from None
+        raise ProfileError(file, 0, error.strerror or "cannot be read") from None
     if len(data) > MAX_FILE_BYTES:
-        raise ProfileError(file, 1, f"larger than {MAX_FILE_BYTES} bytes")
+        raise ProfileError(file, 0, f"larger than {MAX_FILE_BYTES} bytes")
     return parse(data, file, keys)
 
 
@@ -259,20 +298,31 @@ def _parsed(text: str, file: str) -> dict[str, Any]:
     return tomllib.loads(text)
 
 
-def _line(text: str, path: tuple[str, ...]) -> int:
-    """Return the 1-based line where `path` is written; for a key inside an inline table, the line of that table."""
-    best, best_line = 0, 1
+def _line(text: str, path: tuple[str, ...], table_path: tuple[str, ...], row: int) -> int:
+    """Return the 1-based line where `path` is written; for a key inside an inline table, the line of that table.
+
+    Of several tables at `table_path` it is looked for in that of number `row`.
+    """
+    best, best_line, seen = 0, 1, -1
     table: tuple[str, ...] = ()
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(_SPANS.sub(_emptied, text).split("\n"), 1):
         start = line.lstrip()
         if start.startswith("["):
-            here = table = _keys(start.lstrip("["))
+            here = table = _keys(start.lstrip("[ "))
+            seen += start.startswith("[[") and table == table_path
         else:
             here = (*table, *_keys(start)) if _KEY.match(start) and "=" in start else ()
+        if seen not in (-1, row) and here[: len(table_path)] == table_path:
+            continue
         common = min(len(here), len(path))
         if here[:common] == path[:common] and common > best:
             best, best_line = common, number
     return best_line
+
+
+def _emptied(found: re.Match[str]) -> str:
+    """Return a text of several lines without what stands in it, anything else as it is."""
+    return found[0] if found[1] is None else '""' + "\n" * found[0].count("\n")
 
 
 def _keys(text: str) -> tuple[str, ...]:

@@ -111,13 +111,14 @@ class Answer:
 class BusNode(Protocol):
     """A device on the bus, with running transfer IDs, NodeStatus and an answer to GetNodeInfo.
 
-    `transfer_ids` has the next one by table name and destination.
+    `transfer_ids` has the next one by table name and destination. What it sends while it is `cut` off reaches nobody.
     """
 
     number: int
     health: int
     mode: int
     silent: bool
+    cut: bool
     transfer_ids: dict[tuple[str, int | None], int]
 
     @property
@@ -180,6 +181,12 @@ class World(Protocol):
     def deafen(self, until: int) -> None:
         """Record nothing that ends before `until`; the bus goes on."""
 
+    def step_clock(self, by: int) -> None:
+        """Set the recorder's clock by so many ns, ahead or back, for all that comes."""
+
+    def stop(self) -> None:
+        """End the recording now."""
+
     def block(self, until: int, *, keep: bool = False) -> None:
         """Let nothing be sent before `until`; what waits now is given up, or waits on to `keep` it."""
 
@@ -218,6 +225,21 @@ class Case(Protocol):
         """Try `do` on the coming transfers at this stage (`values`, `transfer`, `frames`) until it is done."""
 
 
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """The cause that a story is about: its `kind`, when that began (ns), and where.
+
+    `knowable` are the kinds that a reader of the bus may also come to: it cannot tell them apart, or cannot tell at
+    all (`unknown`). `channel` counts from 1.
+    """
+
+    kind: str
+    t: int
+    knowable: tuple[str, ...]
+    node: int | None
+    channel: int | None
+
+
 class Story(Protocol):
     """A scenario while it happens."""
 
@@ -227,6 +249,14 @@ class Story(Protocol):
 
     def tell(self, what: str) -> None:
         """Tell that `what` happens now."""
+
+    def choose(self, option: str, likely: float) -> bool:
+        """Return what was asked for by an option of the scenario, else what the dice say."""
+
+    def settle(
+        self, kind: str, knowable: tuple[str, ...], *, node: int | None = None, channel: int | None = None
+    ) -> None:
+        """Tell the true cause of what comes, from now on; see `Truth`."""
 
     def case(self, rule: str, done: str, also: tuple[str, ...] = ()) -> Case:
         """Return a breach of `rule` that the story brings: an answer of its own in the key, from now on."""
@@ -273,7 +303,8 @@ class Fault:
 class Scenario:
     """A story that a capture tells; `start` lets it happen in a flight of its `flight` with at `least` some ESCs.
 
-    A capture without any of its `rules` does not tell it.
+    A capture without any of its `rules` does not tell it. `options` are what may be said to be so or not so, which
+    the dice decide otherwise.
     """
 
     name: str
@@ -284,6 +315,7 @@ class Scenario:
     seconds: float = 8.0
     least: int = 1
     rules: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()
 
 
 def next_id(node: BusNode, table: str, dst: int | None = None) -> int:

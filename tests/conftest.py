@@ -6,6 +6,7 @@ import ctypes
 import gc
 import signal
 import sys
+import time
 from collections import Counter
 from functools import _lru_cache_wrapper, cached_property
 from typing import TYPE_CHECKING, Any
@@ -22,9 +23,10 @@ import dissectors
 from analyzer.cli import main
 from analyzer.decode.engine import Batch, Engine
 from analyzer.tables import EVENTS, FRAME_ANOMALIES, KINDS, STATUSES, TRANSFER_ANOMALIES, VERDICTS
+from analyzer.views import times
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Generator, Iterable, Iterator
 
     from dissectors.registry import Registry
 
@@ -52,6 +54,14 @@ def pytest_itemcollected(item: pytest.Item) -> None:
     """Mark what hypothesis tries, so that all of its examples can be asked for."""
     if getattr(getattr(item, "obj", None), "is_hypothesis_test", False):
         item.add_marker("law")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown() -> Generator[None]:
+    """Go back to the zone of this machine after a test that had another one."""
+    yield
+    time.tzset()
+    times._day.cache_clear()
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -235,7 +245,9 @@ def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str,
     """Runs in this process: status, output, complaints."""
 
     def call(*args: object) -> tuple[int, str, str]:
+        handler = signal.getsignal(signal.SIGINT)
         status = main([str(arg) for arg in args])
+        signal.signal(signal.SIGINT, handler)  # a command that was interrupted is deaf from then on
         return status, *capsys.readouterr()
 
     return call

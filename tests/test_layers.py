@@ -75,7 +75,10 @@ LAYERS = (
     "analyzer.window",
     "analyzer.facts",
     "analyzer.devices",
+    "analyzer.filter",
     "analyzer.rules",
+    "analyzer.stats",
+    "analyzer.triage",
     "analyzer.sinks",
     "analyzer.views",
     "analyzer.report",
@@ -86,6 +89,7 @@ LAYERS = (
     "analyzer.app",
     "analyzer.integrations",
     "analyzer.cli",
+    "analyzer.__main__",
 )
 # The public interface loads its parts when they are asked for; the simulator is apart from all layers.
 APART = ("analyzer", "analyzer.simulate")

@@ -7,6 +7,7 @@ from contextlib import closing
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
 
 from analyzer.app.criteria import Criteria
@@ -19,13 +20,16 @@ from analyzer.facts.dialects import checked
 from analyzer.sources.merge import Plan
 from analyzer.sources.origin import given
 from analyzer.tables import ESC, FRAMES
+from analyzer.window.part import narrowed
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from analyzer.app.source import RunSource
-    from analyzer.decode.engine import Batch, Engine, Totals
+    from analyzer.decode.core import Totals
+    from analyzer.decode.engine import Batch, Engine
     from analyzer.sources import CaptureError
     from analyzer.sources.origin import Origin
     from dissectors import Registry
@@ -40,8 +44,10 @@ class Capture:
         plan: names of buses and shifts of clocks.
         dissectors: folders with further data types, before the built-in ones.
         dialects: readings of doubtful fields by node ID, against the node's own data.
+        filter: a display filter: tables and batches hold what it selects.
 
     Raises:
+        FilterError: the filter is wrong.
         CaptureError: a file cannot be read. Damage behind readable content is in `damage` instead.
         UnavailableError: a `CaptureError` of a file that could not be read now: missing, not permitted, network.
         MergeError: the captures have no clock in common.
@@ -53,10 +59,16 @@ class Capture:
     def __init__(
         self, origins: Sequence[Origin], plan: Plan | None = None, dissectors_: Sequence[Path] = (),
         dialects: Mapping[int, Collection[str]] | None = None,
+        filter: str | None = None,  # noqa: A002 - what everybody calls it
     ) -> None:  # fmt: skip
-        self._made_of = origins, plan, dissectors_, dialects
+        self._made_of = origins, plan, dissectors_, dialects, filter
         rules = RuleChoice(dialects=tuple((node, one) for node, some in (dialects or {}).items() for one in some))
-        self._run = Run(Request(tuple(map(given, origins)), plan or Plan(), tuple(dissectors_), rules=rules))
+        request = Request(tuple(map(given, origins)), plan or Plan(), tuple(dissectors_), rules=rules, filter=filter)
+        self._run = Run(request)
+        if filter is not None:
+            from analyzer.filter.compiled import compile_filter  # noqa: PLC0415 - few captures have one
+
+            compile_filter(filter, self._run.registry)
         checked(dialects or {}, self._run.registry)
         self._read = False
 
@@ -66,7 +78,29 @@ class Capture:
 
     def __iter__(self) -> Iterator[Batch]:
         """Yield batches in capture order."""
-        yield from self._next_run().batches()
+        yield from map(narrowed, self._marked())
+
+    def _marked(self) -> Iterator[Batch]:
+        """Yield the batches whole, with marks on what a filter selects."""
+        run = self._next_run()
+        if run.request.filter is None:
+            yield from run.batches()
+            return
+        from analyzer.app.filtered.frames import matching_frames  # noqa: PLC0415 - few captures have a filter
+
+        matching = matching_frames(run)
+        if matching is not None:
+            yield from matching.mark(run.batches())
+
+    def filter(self, text: str) -> Capture:
+        """Return another capture of the same files that holds what a display filter selects. Raises `FilterError`.
+
+        That is, the transfers and their messages, their frames, and frames without a transfer. Rows keep their numbers:
+        those of a batch are not without gaps any more. The files are read twice.
+        """
+        origins, plan, dissectors_, dialects, before = self._made_of
+        both = text if before is None else f"({before}) && ({text})"
+        return type(self)(origins, plan, dissectors_, dialects, both)
 
     @property
     def registry(self) -> Registry:
@@ -94,14 +128,23 @@ class Capture:
             return self.findings()
         if name == "esc":
             escs = Escs(self.registry)
-            return pa.Table.from_batches([escs.feed(batch) for batch in self], ESC)
+            return pa.Table.from_batches([_chosen(escs.feed(batch), batch) for batch in self._marked()], ESC)
         if name == "frames":
-            return _settled(list(self))
+            return self._frames()
         if name in ("transfers", "events"):
             return pa.Table.from_batches([getattr(batch, name) for batch in self])
         message, wanted = find_table(self.registry, name)
         pieces = [batch.messages[wanted] for batch in self if wanted in batch.messages]
         return pa.Table.from_batches(pieces or [example(self.registry, message)[wanted].slice(0, 0)])
+
+    def _frames(self) -> pa.Table:
+        run = self._next_run()
+        if run.request.filter is None:
+            return _settled(list(run.batches()))
+        from analyzer.app.filtered.frames import matching_frames  # noqa: PLC0415 - few captures have a filter
+
+        matching, table = matching_frames(run), _settled(list(run.batches()))
+        return table if matching is None else table.filter(pa.array(matching.holds(np.arange(len(table)))))
 
     def findings(
         self,
@@ -112,17 +155,52 @@ class Capture:
         bit_rate: int | None = None,
         vehicle: str | PathLike[str] | None = None,
     ) -> pa.Table:
-        """Judge the capture; return what is found as a table (`analyzer.tables.FINDINGS`), the worst first.
+        """Judge the whole capture; return what is found as a table (`analyzer.tables.FINDINGS`), the worst first.
+
+        With a filter these are the findings that name a frame of what it selects.
 
         The arguments are those of `analyzer.check`. Raises what that and reading a table raise.
         """
         of = None if vehicle is None else fspath(vehicle)
         chosen = RuleChoice(tuple(select), tuple(ignore), tuple(origins), bit_rate=bit_rate, vehicle=of)
         run = self._next_run()
-        with closing(FoundTable(run, Criteria(chosen, self.registry))) as found:
+        matching = None
+        if run.request.filter is not None:
+            from analyzer.app.filtered.frames import matching_frames  # noqa: PLC0415 - few captures have a filter
+
+            matching = matching_frames(run)
+        with closing(FoundTable(run, Criteria(chosen, self.registry), chosen=matching)) as found:
             for _ in found.beside(run.batches()):
                 pass
             return pa.Table.from_batches([found.rows()])
+
+    def stats(self, name: str, *, bit_rate: int | None = None) -> pa.Table:
+        """Read the capture for one statistic and return its table, the main one if it has several.
+
+        Args:
+            name: as `tailbyte stats` takes it: `talkers`, `load`, `io,100ms,node == 12` ...
+            bit_rate: of the bus, 1 Mbit/s if not given.
+
+        Raises `ValueError` for what makes no sense, and `CaptureError`.
+        """
+        return next(reversed(self.statistics([name], bit_rate=bit_rate).values()))
+
+    def statistics(self, names: Iterable[str], *, bit_rate: int | None = None) -> dict[str, pa.Table]:
+        """Read the capture once for several statistics and return all their tables by name; as `stats`.
+
+        Of two tables with one name, such as two of `values`, the later ones are called `values 2` and so on.
+        """
+        from analyzer.app.statistics import RunStatistics  # noqa: PLC0415 - few captures are read for them
+        from analyzer.views.stats.machine import arrow  # noqa: PLC0415
+
+        run = self._next_run()
+        statistics = RunStatistics(run, list(names), bit_rate)
+        statistics.read()
+        found: dict[str, pa.Table] = {}
+        for table in statistics.tables():
+            often = sum(name.partition(" ")[0] == table.name for name in found)
+            found[f"{table.name} {often + 1}" if often else table.name] = arrow(table)
+        return found
 
     def _next_run(self) -> Run:
         """Return the run, which has not been read: the first one, or another over the same captures."""
@@ -155,16 +233,26 @@ def open_capture(
     offsets: Mapping[str, int] | None = None,
     same_bus: bool = False,
     dialects: Mapping[int, Collection[str]] | None = None,
+    filter: str | None = None,  # noqa: A002 - what everybody calls it
 ) -> Capture:
     """Open a capture, or several as one; nothing is read before the first batch or table is asked for.
 
     A capture is a path or a binary file object with a name. Objects stay open; one that cannot seek is read only once.
     `buses` gives names: of a capture, of an interface, or of `capture:interface`. `offsets` shifts the clocks of
     captures, in nanoseconds. With `same_bus` all of them recorded one bus, and what repeats is left out. `dialects`
-    says how doubtful fields of nodes are read, against their own data: `{24: ["tm", "K"]}`.
+    says how doubtful fields of nodes are read, against their own data: `{24: ["tm", "K"]}`. With a `filter` it holds
+    what that selects: see `Capture.filter`.
     """
     origins = list(path) if isinstance(path, Sequence) and not isinstance(path, str) else [path]
-    return Capture(origins, Plan(dict(buses or {}), dict(offsets or {}), same_bus), dissectors, dialects)
+    return Capture(origins, Plan(dict(buses or {}), dict(offsets or {}), same_bus), dissectors, dialects, filter)
+
+
+def _chosen(rows: pa.RecordBatch, batch: Batch) -> pa.RecordBatch:
+    """Return the rows about transfers that are marked, all if none are."""
+    if batch.selected is None or not len(rows):
+        return rows
+    of = (numbers(rows.column("transfer")) - np.uint64(batch.first_transfer)).astype(np.int64)
+    return rows.filter(pa.array(batch.selected.transfers[of]))
 
 
 def _settled(batches: list[Batch]) -> pa.Table:

@@ -53,7 +53,7 @@ def check(
         paths: captures of any format, as paths or binary file objects with a name.
         select: rules or layers instead of those that are on by default.
         ignore: rules or layers that are left out.
-        origins: only rules that these state: document, implied, dronecan, heuristic.
+        origins: only rules that these state: document, implied, dronecan, heuristic, vehicle.
         fail_on: what fails the gate, like `protocol:error,device:warning`, or `never`.
         least_transfers: complete transfers that a capture must have to be judged.
         least_seconds: seconds that it must last.

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from analyzer.report.draft import Demand, Excuses, JudgedCapture, Revise
     from analyzer.report.model import Report
     from analyzer.rules.settings import Settings
+    from analyzer.window.limits import Window
     from dissectors import Registry
 
 
@@ -40,7 +41,6 @@ class Criteria:
         self.choice = choice
         self._fail_on = FailOn.parse(choice.fail_on or [DEFAULT])
         self._today = date.today()  # noqa: DTZ011 - the day where somebody reads it
-        self.settings = replace(choice.settings(self.pages), dialects=checked(choice.readings(), registry))
         self.complaints: list[str] = [
             f"{profile.folder}: its rules in Python ({profile.code}) do not run without --trust-dissector"
             for profile in registry.profiles
@@ -49,15 +49,24 @@ class Criteria:
         self._expected = None
         if choice.vehicle is not None:
             self._expected = load_vehicle(Path(choice.vehicle), self.pages, registry)
-            self.settings = self._expected.settings(self.settings, self.pages)
+            if self._expected.own is not None:
+                self.pages = {**self.pages, **self._expected.own.pages}
             self.complaints += vehicle.expired(self._expected, self._today)
+        self.settings = replace(choice.settings(self.pages), dialects=checked(choice.readings(), registry))
+        if self._expected is not None:
+            self.settings = self._expected.settings(self.settings, self.pages)
         self._older = None if choice.baseline is None else Baseline.load(Path(choice.baseline))
 
+    def settings_of(self, window: Window) -> Settings:
+        """Return the settings for a window; one that leaves off the end has no rules that ask how a recording ends."""
+        asking = {rule for rule, page in self.pages.items() if "end" in page.inconclusive and window.leaves_off}
+        return replace(self.settings, ignore={*self.settings.ignore, *asking}, cut_in=window.cuts_in)
+
     @property
-    def endless(self) -> Settings:
-        """The settings without rules that ask how a recording ends, for windows that leave that off."""
-        asking = {rule for rule, page in self.pages.items() if "end" in page.inconclusive}
-        return replace(self.settings, ignore={*self.settings.ignore, *asking})
+    def labels(self) -> dict[int, str]:
+        """The labels of nodes in the vehicle file, by node ID."""
+        nodes = {} if self._expected is None else self._expected.nodes
+        return {node: one.label for node, one in nodes.items() if one.label}
 
     def revisions(self) -> Sequence[Revise]:
         """Return what the vehicle file has to say of findings, before there is a report."""

@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analyzer.app.criteria import Criteria
+from analyzer.app.filtered.frames import matching_frames
+from analyzer.app.happened import HappenedTables
 from analyzer.app.judged import JudgedRun
 from analyzer.app.request import short_names
 from analyzer.plot import MOST_POINTS
+from analyzer.sinks.export import HAPPENED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -39,8 +42,12 @@ class Drawing:
         self._most_points = (default if most_points is None else most_points) or None
         self._criteria = Criteria(run.request.rules, run.registry)
         self._judged = JudgedRun(run, self._criteria)
+        self._happened = HappenedTables(run, HAPPENED)
         self._shown = 0
         self._batches: Iterator[Measured] = iter(())
+        self._chosen = matching_frames(run)
+        if self._chosen is not None:
+            self._chosen.hold(run)
 
     def start(self) -> None:
         """Begin to read: what is made ready until `draw` takes no time of its own."""
@@ -54,7 +61,7 @@ class Drawing:
         run, settings = self._run, self._criteria.settings
         picture = Picture(send, run.registry, bit_rate=settings.bit_rate, most=self._most_points)
         measured = self._looked_at(picture, over(self._batches))
-        if run.request.window:
+        if run.request.window or self._chosen is not None:
             self._add_window(picture, (batch for batch, _ in measured))
         else:
             self._add_all(picture, measured)
@@ -67,11 +74,21 @@ class Drawing:
         run.require_inside(self._shown)
         taken = self._judged.taken(short_names([run.request.names])[0])
         report = self._criteria.report([taken])
+        flights, events = (self._happened.table(name) for name in HAPPENED)
+        picture.take_happened(flights, events, run.engine.buses)
         picture.finish(report, taken.checked.facts, ", ".join(run.request.window_words))
+
+    def _again(self) -> Iterator[Batch] | None:
+        batches = self._run.again()
+        return batches if batches is None or self._chosen is None else self._chosen.mark(batches)
 
     def _looked_at(self, picture: Picture, batches: Iterable[Measured]) -> Iterator[Measured]:
         for measured in batches:
             picture.note_start(measured.batch)
+            self._happened.feed(measured.batch)
+            if self._chosen is not None:
+                (marked,) = self._chosen.mark([measured.batch])
+                measured = measured._replace(batch=marked)  # noqa: PLW2901
             yield measured
             self._run.go_on()
 
@@ -85,7 +102,7 @@ class Drawing:
         from analyzer.window.part import TableSelection  # noqa: PLC0415
 
         run = self._run
-        selection = TableSelection(run.request.window, run.again)
+        selection = TableSelection(run.request.window, self._again)
         for part in selection.parts(batches):
             self._shown += len(part.frames) + len(part.transfers) + len(part.events)
             picture.feed(part)

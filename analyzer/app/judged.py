@@ -34,8 +34,9 @@ class JudgedRun:
 
     def __init__(self, run: Run, criteria: Criteria, named: NamedFrames | None = None) -> None:
         self.run = run
+        run.engine.core.measured = True
         self._ends = not run.request.window.leaves_off
-        self._check = Check(run.registry, criteria.settings if self._ends else criteria.endless, named)
+        self._check = Check(run.registry, criteria.settings_of(run.request.window), named)
         self._unopened = ""
 
     @property
@@ -58,7 +59,7 @@ class JudgedRun:
         for part in parts:
             part.hashed = True
         try:
-            for measured in self.run.ahead(self._check.measured(decoded)):
+            for measured in self._check.measured(decoded):
                 self._check.feed(measured)
                 yield measured
         except CaptureError as error:

@@ -13,18 +13,18 @@ if TYPE_CHECKING:
     from analyzer.app.run import Run
 
 
-def named_frames(run: Run) -> NamedFrames:
+def named_frames(run: Run, asked: str = "-Y with finding.*") -> NamedFrames:
     """Return which rules name which frames of the whole capture of a run that has not been read yet.
 
-    Rules are those of `tailbyte check`. Ends the run if its capture exists only once. Once the run is stopped, it holds
-    what was found until then.
+    Rules are those of `tailbyte check`, with the vehicle file of the run's request. Ends the run if its capture exists
+    only once, for `asked`, the option that is to blame. Once the run is stopped, it holds what was found until then.
     """
     before = run.before()
     named = NamedFrames()
     if before is None:
-        run.require("--findings reads a capture twice: save it to a file first")
+        run.require(f"{asked} reads a capture twice: save it to a file first")
         return named
-    criteria = Criteria(RuleChoice(), run.registry)
+    criteria = Criteria(RuleChoice(vehicle=run.request.rules.vehicle), run.registry)
     judged = JudgedRun(before, criteria, named)
     for _ in judged.batches(before.batches()):
         pass

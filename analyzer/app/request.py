@@ -6,7 +6,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from analyzer.app.threads import THREADS
-from analyzer.rules.catalogue import matching
+from analyzer.rules.catalogue import OWN, matching
 from analyzer.rules.gate import Least
 from analyzer.rules.settings import Settings
 from analyzer.sources.merge import Plan
@@ -45,8 +45,8 @@ class RuleChoice:
     def settings(self, pages: Mapping[str, Page]) -> Settings:
         """Return the settings of the rules. Raises `LookupError`, or `ValueError` if no rule is left."""
         for origin in self.origins:
-            if origin not in ORIGINS:
-                raise ValueError(f"no rule has the origin {origin!r} (one of: {', '.join(ORIGINS)})")
+            if origin not in (*ORIGINS, OWN):
+                raise ValueError(f"no rule has the origin {origin!r} (one of: {', '.join((*ORIGINS, OWN))})")
         select: Collection[str] | None = matching(self.select, pages) if self.select else None
         ignore = matching(self.ignore, pages)
         if self.origins:
@@ -85,6 +85,8 @@ class Request:
     are decoded ahead of what judges, lists or writes them, and the result is the same.
     For reports: `window_words` are the limits of the window as they were asked for, `arguments`
     what a command line needs beside the names of captures to read them in the same way.
+    `flight` is the number of one to which the window is narrowed when the captures are read, -1 for the last one.
+    `filter` chooses rows: transfers, or with `frame_list` frames, whose numbers are Wireshark's if `wireshark` says so.
     """
 
     captures: tuple[str | FileObject, ...]
@@ -97,6 +99,10 @@ class Request:
     threads: int = THREADS
     window_words: tuple[str, ...] = ()
     arguments: tuple[str, ...] = ()
+    filter: str | None = None
+    frame_list: bool = False
+    wireshark: bool = False
+    flight: int | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -108,6 +114,11 @@ class Request:
         groups = [self.captures] if self.merging else [(capture,) for capture in self.captures]
         parts = [replace(self, captures=group) for group in groups]
         return dict(zip(short_names([part.names for part in parts]), parts, strict=True))
+
+    @property
+    def outside(self) -> str:
+        """The complaint about a capture of which nothing is inside the window."""
+        return ": ".join(filter(None, ("nothing is inside the window", " ".join(self.window_words))))
 
     def again(self) -> Iterator[str]:
         """Yield the arguments of a command line behind the first capture that read all of it in the same way."""

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from contextlib import AbstractContextManager, closing, suppress
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
 import dissectors
-from analyzer.decode.engine import LINES, Batch, Engine, Totals
+from analyzer.app.source import are_files
+from analyzer.decode.core import LINES, Totals
+from analyzer.decode.engine import Batch, Engine
 from analyzer.sinks.atomic import TargetError
 from analyzer.sources import CaptureError
 from analyzer.sources.errors import MergeError
 from analyzer.sources.merge import Merged, open_captures
-from analyzer.sources.native import rows
+from analyzer.sources.native import frame_batches, rows
 from analyzer.tables import EVENT_ROWS, EVENTS, wrap
 from analyzer.window.limits import Window
 from dissectors import DsdlError, ProfileError
@@ -30,15 +31,16 @@ if TYPE_CHECKING:
     from analyzer._native import FrameBatch
     from analyzer.app.request import Request
     from analyzer.app.source import RunSource
+    from analyzer.window.cut import FrameTables
     from dissectors import Registry
+    from dissectors.kit import Array
 
 _Item = TypeVar("_Item")
 
 # Complaints about single lines before it says only how many there were.
 LINES_SHOWN = 5
 
-# How a run stands: nothing to complain of; something could not be read or written; it does not have what was asked for;
-# somebody has ended it.
+# How a run stands: all is well; something could not be read or written; what was asked for is not there; it was ended.
 RunState = Literal["whole", "damaged", "refused", "interrupted"]
 
 
@@ -47,7 +49,7 @@ class RunEndedError(Exception):
 
 
 def unheard(_: str) -> None:
-    """Take a complaint that nobody wants to hear: what the run says of itself is enough."""
+    """Take a complaint that nobody wants to hear."""
 
 
 class Run(AbstractContextManager["Run"]):
@@ -79,6 +81,9 @@ class Run(AbstractContextManager["Run"]):
         self.engine = self._engine()
         self.totals = Totals(dict.fromkeys(LINES, 0))
         self.transfers = 0
+        # Gives masks of the frames and events that a filter has chosen of what is copied, or decoded by itself.
+        self.chosen: Callable[[FrameTables], tuple[Array, Array]] | None = None
+        self.matches = False  # it has chosen anything, in the window or not
         self._state: RunState = "whole"
         self._complaints = 0
         self._reading: RunSource = self.source
@@ -132,44 +137,55 @@ class Run(AbstractContextManager["Run"]):
 
         What stops this run stops that one.
         """
-        if not self._files():
+        if not are_files(self.source):
             return None
         self._reading = self.source.again()
         return Run(replace(self.request, window=Window()), registry=self.registry, source=self._reading)
 
     # ---- batches
 
-    def batches(self) -> Iterator[Batch]:
-        """Yield every batch of the capture; damage found on the way is complained of at its end."""
+    def batches(self, *, early: bool = False) -> Iterator[Batch]:
+        """Yield every batch of the capture; damage found on the way is complained of at its end.
+
+        With `early` nobody may want the capture to its end: nothing is read before it is asked for.
+        """
         self._reading = self.source
-        for chunk in self.source.chunks():
-            if chunk != b"":
-                for batch in self.engine.feed(chunk):
-                    yield self._seen(batch)
-            else:
-                yield self._seen(self.engine.flush())
-        for batch in self.engine.end():
-            yield self._seen(batch)
+        pieces = self.engine.core.run(self.source.chunks())
+        for piece in pieces if early else self.ahead(pieces):
+            for batch in self.engine.decoded(piece):
+                yield self._seen(batch)
         self._conclude()
 
-    def inside(self) -> Iterator[Batch]:
-        """Yield the batches inside the window, decoded as a capture of its own; all of them without a window."""
+    def count(self, step: Callable[[], None] = lambda: None) -> None:
+        """Read the capture for its account alone: no message is unpacked; `step` is called after each piece."""
+        chunks = self.source.chunks()
+        # Nothing is left for this thread but to put transfers together, so the other one is to parse.
+        for piece in self.engine.core.run(self.ahead(rows(chunks)) if self._threaded else chunks):
+            self._seen(self.engine.bare(piece))
+            step()
+        self._conclude()
+
+    def inside(self, *, alone: bool = False) -> Iterator[Batch]:
+        """Yield the batches inside the window, decoded as a capture of its own, `alone` also numbered as one."""
         from analyzer.window.cut import FrameSelection  # noqa: PLC0415 - most runs have no window
         from analyzer.window.decoder import WindowDecoder  # noqa: PLC0415
 
-        if not self.request.window:
+        if not self.request.window and self.chosen is None:
             yield from self.batches()
             return
-        self._learn()
-        selection = FrameSelection(self.request.window, self.frame_batches_again)
-        decoder = WindowDecoder(self.engine, selection)
-        for batch in decoder.batches(_frame_batches(self.source.chunks())):
+        if not alone:
+            self._learn()
+        selection = FrameSelection(self.request.window, self.frame_batches_again, self.chosen)
+        decoder = WindowDecoder(self.engine, selection, alone=alone)
+        for batch in decoder.batches(self.ahead(frame_batches(self.source.chunks()))):
             yield self._seen(batch)
         self._conclude(whole=False)
         if selection.problem is not None:
             self.reject(selection.problem)
-        elif not decoder.rows:
-            self.reject("nothing is inside the window")
+        elif self.chosen is None and not decoder.rows:
+            self.reject(self.request.outside)
+        else:
+            self.require_inside(decoder.rows)
 
     def again(self) -> Iterator[Batch] | None:
         """Return the batches once more, with nothing counted or complained of; None if they exist only once."""
@@ -177,9 +193,8 @@ class Run(AbstractContextManager["Run"]):
         return None if chunks is None else self._engine().run(chunks)
 
     def ahead(self, items: Iterator[_Item]) -> Iterator[_Item]:
-        """Return what reads this run; if there may be threads and the captures are files, one makes it ahead."""
-        waits = self.source.live or self.request.follow  # signals end such reading in this thread
-        if self.request.threads == 1 or waits or not self._files():
+        """Return what is read for this run; if there may be threads and the captures are files, one reads it ahead."""
+        if not self._threaded:
             return items
         from analyzer.app.threads import ahead  # noqa: PLC0415 - not every run has threads
 
@@ -189,7 +204,7 @@ class Run(AbstractContextManager["Run"]):
 
     def frame_batches(self) -> Iterator[FrameBatch]:
         """Yield the rows of the capture without decoding them; complaints as with `batches`."""
-        for batch in _frame_batches(self.source.chunks()):
+        for batch in frame_batches(self.source.chunks()):
             for name, count in batch.lines.items():
                 self.totals.lines[name] = self.totals.lines.get(name, 0) + count
             if batch.lines["unreadable"]:
@@ -203,19 +218,19 @@ class Run(AbstractContextManager["Run"]):
         if batches is None:
             self.require("cannot be read a second time")
             return
-        if not self.request.window:
+        if not self.request.window and self.chosen is None:
             yield from batches
             return
         from analyzer.window.cut import FrameSelection  # noqa: PLC0415 - most runs have no window
 
-        selection = FrameSelection(self.request.window, self.frame_batches_again)
+        selection = FrameSelection(self.request.window, self.frame_batches_again, self.chosen)
         yield from selection.cut(batches)
         self.require(selection.problem)
 
     def frame_batches_again(self) -> Iterator[FrameBatch] | None:
         """Return the rows once more, in the same way; None if they exist only once."""
         chunks = self._chunks_again()
-        return None if chunks is None else _frame_batches(chunks)
+        return None if chunks is None else frame_batches(chunks)
 
     # ---- whether to go on
 
@@ -239,8 +254,13 @@ class Run(AbstractContextManager["Run"]):
             raise RunEndedError
 
     def require_inside(self, found: int) -> None:
-        """End the run if a window was asked for and nothing was found inside it."""
-        self.require("nothing is inside the window" if self.request.window and not found else None)
+        """End the run if a window was asked for and nothing was found inside it; under a filter only say so."""
+        if not self.request.window or found:
+            return
+        if self.chosen is None:
+            self.require(self.request.outside)
+        elif self.matches:
+            self.complain(f"{self.source.name}: nothing that matches is inside the window")
 
     def go_on(self) -> None:
         """End the run if output that is there whole or not at all has become impossible.
@@ -255,9 +275,11 @@ class Run(AbstractContextManager["Run"]):
 
     # ----
 
-    def _files(self) -> bool:
-        # Path.is_file raises an error for a name that is too long.
-        return all(isinstance(part.origin, str) and os.path.isfile(part.origin) for part in self.source.parts)  # noqa: PTH113
+    @property
+    def _threaded(self) -> bool:
+        if self.source.live or self.request.follow or self.request.threads == 1:  # signals end it in the main thread
+            return False
+        return are_files(self.source)
 
     def _engine(self) -> Engine:
         """Return a new engine; what comes live is shown at once, everything else waits for its batch."""
@@ -303,13 +325,12 @@ class Run(AbstractContextManager["Run"]):
             for note in part.notes:
                 self.complain(f"{part.name}: {note}")
         unreadable, balanced = totals.lines["unreadable"], totals.balanced
-        damages = [part.damage for part in source.parts if part.damage is not None]
-        empty = self._empty(whole=whole)
+        damages = [part.damage for part in source.parts if part.damage]
         if unreadable > self._complaints:
             self.complain(f"{source.name}: {unreadable} of {totals.lines['lines']} {self.unit}s are unreadable")
         for damage in damages:
             self.complain(str(damage))
-        for name in empty:
+        for name in (empty := self._empty(whole=whole)):
             self.complain(f"{name}: empty")
         if not balanced:
             self.complain(f"{source.name}: lines and frames do not add up: please report this as a bug")
@@ -321,12 +342,8 @@ class Run(AbstractContextManager["Run"]):
     def _empty(self, *, whole: bool) -> list[str]:
         """Return the names of captures without a single record."""
         source = self.source
-        if source.stopped:
+        if source.stopped or not whole:
             return []
-        if isinstance(source, Merged) and whole:
+        if isinstance(source, Merged):
             return source.empty
-        return [source.name] if whole and not self.totals.lines["lines"] and source.damage is None else []
-
-
-def _frame_batches(chunks: Iterable[bytes | FrameBatch]) -> Iterator[FrameBatch]:
-    return (batch for batch in rows(chunks) if not isinstance(batch, bytes))
+        return [source.name] if not self.totals.lines["lines"] and source.damage is None else []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Protocol
 
 from analyzer.facts.summary import StoredCapture
@@ -67,3 +68,9 @@ class RunSource(Protocol):
 
     def again(self) -> RunSource:
         """Return the same once more, to be read anew; unless it is `live`."""
+
+
+def are_files(source: RunSource) -> bool:
+    """Return whether all of it stands in files, which can be read again."""
+    # Path.is_file raises an error for a name that is too long.
+    return all(isinstance(part.origin, str) and os.path.isfile(part.origin) for part in source.parts)  # noqa: PTH113

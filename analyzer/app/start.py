@@ -10,6 +10,11 @@ from types import ModuleType
 from typing import Any
 
 _FIRST = 200_000  # objects: more than any command makes while it starts
+_YOUNG, _OLDER = 50_000, 20  # objects that are made until garbage is looked for; so often, until in older ones as well
+_TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # malloc.h of glibc
+_KEPT, _LARGE = 64 << 20, 32 << 20  # bytes that are free at the top; bytes of what the system is asked for alone
+_SMALL = 64 << 10
+_ARENAS = 2  # whatever the number of threads: what one of them has freed another one takes
 
 _ours = False
 
@@ -24,7 +29,8 @@ def alone() -> None:
     """Say that nobody else uses this process; to be called before anything heavy is imported.
 
     numpy's linear algebra, which nothing here needs, would start a thread for each core: a tenth of a second. What is
-    made while a command starts lives until it ends: no garbage is looked for in it, neither then nor at the end.
+    made while a command starts lives until it ends: no garbage is looked for in it, neither then nor at the end. Where
+    thousands of findings are made, hardly anything is garbage that refers to itself: it is looked for seldom.
     """
     global _ours  # noqa: PLW0603 - a property of the process
     _ours = True
@@ -34,12 +40,41 @@ def alone() -> None:
     def settle(phase: str, _: object) -> None:
         if phase == "stop":
             gc.callbacks.remove(settle)
-            gc.set_threshold(*usual)
+            gc.set_threshold(_YOUNG, _OLDER, *usual[2:])
             gc.freeze()
 
     gc.callbacks.append(settle)
     gc.set_threshold(_FIRST, *usual[1:])
     atexit.register(gc.freeze)
+
+
+def keep_memory() -> None:
+    """Keep what is freed for what is needed next, where nobody else uses the process.
+
+    Columns of a batch are large enough for glibc to give each back to the system and to ask for the next one anew: then
+    every page of it is cleared once more, and each time all threads wait.
+    """
+    _tune(_KEPT, _LARGE)
+
+
+def return_memory() -> None:
+    """Give back what is freed, where nobody else uses the process: for sessions without end, whose batches are small.
+
+    Without that glibc keeps ever larger blocks for itself, and zeros that nobody has written take memory, too.
+    """
+    _tune(_SMALL, _SMALL)
+
+
+def _tune(kept: int, large: int) -> None:
+    if not _ours:
+        return
+    import ctypes  # noqa: PLC0415 - numpy imports it anyway
+
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_TRIM_THRESHOLD, kept)
+        mallopt(_MMAP_THRESHOLD, large)
+        mallopt(_ARENA_MAX, _ARENAS)
 
 
 class _Masked:

@@ -36,13 +36,11 @@ def ahead(items: Iterable[_Item], room: int = ROOM) -> Iterator[_Item]:
     def make() -> None:
         error: BaseException | None = None
         try:
-            while not stop.is_set():
+            while free.acquire() and not stop.is_set():
                 try:
-                    item = next(source)
+                    made.put(next(source))  # no name holds it: it may be large
                 except StopIteration:
                     break
-                made.put(item)
-                free.acquire()
         except BaseException as problem:  # noqa: BLE001 - whoever uses the items has to know
             error = problem
         try:

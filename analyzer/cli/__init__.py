@@ -10,7 +10,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from analyzer.app import start, streams
-from analyzer.cli.status import DAMAGED, INTERRUPTED, OK
+from analyzer.cli.status import DAMAGED, INTERRUPTED, OK, USAGE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,6 +35,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str] | None) -> int:
+    words = sys.argv[1:] if argv is None else argv
+    if not words:
+        from analyzer.cli.usage.first_steps import first_steps  # noqa: PLC0415
+
+        streams.tell(first_steps())
+        return USAGE
     from analyzer.cli.commands import parser  # noqa: PLC0415 - Ctrl-C while it is imported is Ctrl-C, too
 
     if argv is None:  # nobody else uses this process
@@ -44,9 +50,10 @@ def _run(argv: Sequence[str] | None) -> int:
         sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # what stands for "there is none"
 
     try:
-        args = parser().parse_args(argv)
+        main_parser = parser(words)
+        args = main_parser.parse_args(argv)
         if "capture" in args and not (args.capture or args.capture_):
-            parser().error(f"{args.command}: which capture? give a file, or - for standard input")
+            main_parser.commands[args.command].error("which capture? give a file, or - for standard input")
         return int(args.run(args))
     except SystemExit as leave:  # argparse has said what there is to say
         return leave.code if isinstance(leave.code, int) else OK

@@ -7,16 +7,19 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from analyzer.app import extracting
+from analyzer.app import extracting, streams
 from analyzer.app.targets import refuse_input
 from analyzer.cli import check_init, options, reports, rules, status
 
 if TYPE_CHECKING:
     from analyzer.app.criteria import Criteria
+    from analyzer.app.filtered.findings import MatchingFindings
     from analyzer.app.request import Request
     from analyzer.app.run import Run
     from analyzer.facts.periods import Periods
     from analyzer.report.draft import JudgedCapture
+    from analyzer.report.model import Report
+    from analyzer.rules.named_frames import NamedFrames
 
 NAME = "tailbyte check"
 _EPILOG = """\
@@ -36,7 +39,6 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.usage = "%(prog)s [options] CAPTURE..."
     parser.description = __doc__
     parser.epilog = _EPILOG
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     options.add_reader(parser)
     options.add_threads(parser)
     group = rules.add_rules(parser)
@@ -59,13 +61,16 @@ def add(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--extract", metavar="DIR", help="the smallest capture that still shows it, of each finding, as candump text"
     )
+    options.add_filter(parser)
     options.add_window(parser)
     options.add_output(parser)
     parser.set_defaults(run=run, follow=False)
 
 
 class _UsageError(Exception):
-    """Arguments that do not go together."""
+    """Arguments that do not go together; `place` points into a filter."""
+
+    place = ""
 
 
 def run(args: argparse.Namespace) -> int:
@@ -79,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
         wanted = _Wanted(args)
         return wanted.initial() if wanted.init else wanted.check()
     except (_UsageError, ProfileError, DsdlError) as error:  # a folder's rules are read when they are needed
-        return status.usage(str(error), NAME)
+        return status.usage(error, NAME)
     except TargetError as error:
         return status.damaged(error)
 
@@ -98,10 +103,11 @@ class _Wanted:
             extracting.refuse(args.extract, asked.names, force=args.force)
             self._show = reports.show_options(args)
             self._criteria: Criteria = _criteria(self.request)
+            self._chosen = self._filter()
         except LookupError as error:
             raise _UsageError(error.args[0]) from None
         except (argparse.ArgumentTypeError, OSError, ValueError) as error:  # ProfileError and DsdlError are ValueError
-            raise _UsageError(str(error)) from None
+            raise _usage(error) from None
 
     def check(self) -> int:
         """Judge and report; return the exit status."""
@@ -109,7 +115,7 @@ class _Wanted:
         with ExitStack() as stack:
             targets = reports.opened(self.files, stack)
             taken, interrupted = self._take_all()
-            report = self._criteria.report(taken, " ".join(self.request.window_words))
+            report = self._matching(self._criteria.report(taken, " ".join(self.request.window_words)))
             written = reports.all_written(targets, report, everything=self._show.everything)
         if not silent:
             reports.tell(report, self._show)
@@ -121,6 +127,15 @@ class _Wanted:
         if self._extract and not extracting.extract(report, self.request, self._criteria, self._extract):
             return status.DAMAGED  # whatever was found: who asks for the parts counts on them
         return status.of_report(report, complete=written)
+
+    def _matching(self, report: Report) -> Report:
+        """Return the report with the findings that the filter selects; verdicts and exit status are those of all."""
+        if self._chosen is None:
+            return report
+        cut = self._chosen.cut(report)
+        count = f"{len(cut.findings)} of {len(report.findings)} findings match"
+        streams.tell(f"-- {count}; verdicts and exit status are those of all\n")
+        return cut
 
     def initial(self) -> int:
         """Write a vehicle file instead of a report; return the exit status."""
@@ -134,6 +149,21 @@ class _Wanted:
         report = self._criteria.report(taken, " ".join(self.request.window_words))
         model = check_init.Model(report, taken[0], self._criteria.registry, periods)
         return check_init.write(path, model, force=self._force, interrupted=interrupted)
+
+    def _filter(self) -> MatchingFindings | None:
+        """Return what holds findings to the filter, None without one. Raises what is wrong with it."""
+        if self.request.filter is None:
+            return None
+        if self.init:
+            raise _UsageError("-Y chooses findings: not with --init")
+        from analyzer.app.filtered.findings import MatchingFindings  # noqa: PLC0415 - few commands have a filter
+        from analyzer.filter.compiled import compile_filter  # noqa: PLC0415
+
+        compile_filter(self.request.filter, self._criteria.registry)  # what is wrong is told before anything is read
+        return MatchingFindings()
+
+    def _named(self, run: Run, label: str) -> tuple[NamedFrames | None, dict[str, int]]:
+        return (None, {}) if self._chosen is None else self._chosen.judging(run, label)
 
     def _take_all(self, periods: Periods | None = None) -> tuple[list[JudgedCapture], bool]:
         """Judge one capture after the other; say whether somebody has ended that."""
@@ -153,15 +183,24 @@ class _Wanted:
 
         complaints = Complaints()
         with reading(request, complaints, self._criteria.registry) as run:
-            judged = JudgedRun(run, self._criteria)
+            named, indexes = self._named(run, label)
+            judged = JudgedRun(run, self._criteria, named)
             decoded = run.inside() if periods is None else periods.over(run.inside())
             with watched(run.source, complaints) as progress:
                 for _ in progress.over(judged.batches(decoded)):
                     pass
+            indexes |= {name: index for index, name in enumerate(run.engine.buses)}
         if run.state == "refused":
             raise SystemExit(status.USAGE)
         run.go_on()
         return judged.taken(label), run
+
+
+def _usage(error: Exception) -> _UsageError:
+    place = getattr(error, "place", "")
+    made = _UsageError(error.args[0] if place else str(error))
+    made.place = place
+    return made
 
 
 def _criteria(request: Request) -> Criteria:

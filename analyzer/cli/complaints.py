@@ -6,13 +6,16 @@ from analyzer.app import streams
 
 
 class Complaints:
-    """Takes lines; calling it with one says it, or keeps it until `release`."""
+    """Takes lines; calling it with one says it, or keeps it until `release`; a `mute` one never says anything."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, mute: bool = False) -> None:
         self._held: list[str] | None = None
+        self._mute = mute
 
     def __call__(self, text: str) -> None:
         """Say a line, at once or later."""
+        if self._mute:
+            return
         if self._held is None:
             streams.complain(text)
         else:

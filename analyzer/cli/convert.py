@@ -29,8 +29,10 @@ def add(parser: argparse.ArgumentParser) -> None:
         "-o", "-w", dest="output", metavar="OUT", help="the output, else the last argument; - is standard output"
     )
     options.add_capture_form(parser)
+    options.add_filter(parser)
+    options.add_dissectors(parser)
     options.add_window(parser)
-    parser.set_defaults(run=run, dissector=[], trusted=[])
+    parser.set_defaults(run=run)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,10 @@ def run(args: argparse.Namespace) -> int:
         return status.usage(error, NAME)
     complaints = Complaints()
     with reading(request, complaints) as run:
+        try:
+            options.choose(run)
+        except (LookupError, OSError, ValueError) as error:
+            return status.usage(error, NAME)
         _convert(run, output, complaints)
     return status.of_run(run)
 
@@ -65,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
 def _output(args: argparse.Namespace) -> _Output:
     """Return what is to be written. Raises `ValueError` for arguments that do not go together."""
     if args.stop in FORMS:
-        raise ValueError(f"--to is a time: did you mean -F {args.stop}")
+        raise ValueError(f"--to is a time: did you mean -F {args.stop}?")
     if not args.capture and not args.capture_:
         raise ValueError("a capture and an output are needed: tailbyte convert CAPTURE OUT")
     form, packing = capture_form(args.output, args.form, args.compression)
@@ -95,7 +101,7 @@ def _convert(run: Run, output: _Output, complaints: Complaints) -> None:
     outside = run.totals.lines["frames"] - frames
     streams.tell(
         f"-- {sink.frames} frames written to {escape(target.name)}"
-        + (f", {outside} outside the window" if outside else "")
+        + (f", {outside} {'do not match' if run.chosen is not None else 'outside the window'}" if outside else "")
         + f"; {lines_of(run)}\n"
     )
     if lost := losses(sink.lost):

@@ -5,20 +5,24 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
-from analyzer.cli import options, status
+from analyzer.cli import options, stats, status
 from analyzer.views.formats import BY_NAME
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
+    from analyzer.app.filtered.run_filter import RunFilter
     from analyzer.app.run import Run
+    from analyzer.app.statistics import RunStatistics
     from analyzer.cli.complaints import Complaints
+    from analyzer.decode.engine import Batch
     from analyzer.rules.named_frames import NamedFrames
     from analyzer.views.formats import Writer
     from analyzer.views.writers import WriterOptions
-    from analyzer.window.listed import ListSelection
+    from analyzer.window.listed import ListedRows, ListSelection
+    from analyzer.window.numbering import Numbering
     from analyzer.window.screen import Item
 
 NAME = "tailbyte decode"
@@ -29,6 +33,7 @@ _TIMES = ("a", "ad", "d", "dd", "e", "r", "u", "ud")
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add what the command says of itself, and its options; letters mean what they mean to tshark."""
+    parser.usage = "%(prog)s [options] CAPTURE..."
     parser.description = __doc__
     options.add_reader(parser)
     options.add_threads(parser)
@@ -47,7 +52,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     show.add_argument("-q", dest="quiet", action="store_true", help="decode and check, but list nothing")
     show.add_argument("--follow", action="store_true", help="show at once what comes; wait at the end of a file")
+    stats.add_statistics(show)
     options.add_dialect(parser)
+    options.add_filter(parser)
     options.add_window(parser)
     options.add_output(parser)
     parser.set_defaults(run=run)
@@ -61,6 +68,10 @@ def add_view(show: argparse._ArgumentGroup) -> None:
     show.add_argument("-x", dest="bytes", action="store_true", help="bytes: CRC, payload, padding and tail told apart")
     show.add_argument("-t", dest="time", choices=_TIMES, default="r", metavar="a|ad|d|dd|e|r|u|ud", help=_TIME_HELP)
     show.add_argument("-T", dest="form", choices=_FORMS, default="text", help="default: text")
+    show.add_argument(
+        "--colours", "--colors", metavar="FILE",
+        help="colour rules of rows, or `off`; default: yours (tailbyte help colours)",
+    )  # fmt: skip
     show.add_argument("--derived", action="store_true", help="units and derived values, in -T jsonl, json and csv")
     show.add_argument("--foreign", action="store_true", help="list each frame that is not DroneCAN, not sums of them")
     show.add_argument(
@@ -75,13 +86,45 @@ def run(args: argparse.Namespace) -> int:
     """Read the capture once, write the chosen view, and account for every line on standard error."""
     if args.follow and args.last is not None:
         return status.usage("--last needs an end, --follow has none", NAME)
+    return _with_statistics(args) if args.statistics else _listed(args)
+
+
+def _with_statistics(args: argparse.Namespace) -> int:
+    """Write the list unless it is not wanted, and statistics behind it; return the exit status."""
+    try:
+        part = bool(options.window(args))
+        _require_suited(args, part=part)
+    except (argparse.ArgumentTypeError, ValueError) as error:
+        return status.usage(error, NAME)
+    if args.quiet:
+        return stats.read(args, args.statistics, NAME)
+    first = _listed(args, () if part else args.statistics)
+    if not part or first not in (status.OK, status.DAMAGED):
+        return first
+    # A list shows transfers of the whole that reach into a window, statistics are of the window decoded by itself.
+    sys.stdout.write("\n")
+    return stats.read(args, args.statistics, NAME, mute=True)
+
+
+def _require_suited(args: argparse.Namespace, *, part: bool) -> None:
+    """Raise `ValueError` if statistics do not go with the list, which is of a part or of all."""
+    if args.quiet and args.form not in stats.FORMS:
+        raise ValueError(f"statistics have the forms {', '.join(stats.FORMS)}")
+    if not args.quiet and (args.follow or args.form != "text"):
+        raise ValueError("-z behind a list is text, and needs an end; with -q there is no list")
+    if not args.quiet and part and "-" in (*args.capture, *args.capture_):
+        raise ValueError("-z behind a list of a window reads the capture twice: no pipe; with -q there is no list")
+
+
+def _listed(args: argparse.Namespace, texts: Sequence[str] = ()) -> int:
+    """Write the list, and statistics behind it if there are any; return the exit status."""
     try:
         view = view_options(args)
         request = options.request(args)
     except (argparse.ArgumentTypeError, ValueError) as error:
         return status.usage(error, NAME)
     from analyzer.cli.complaints import Complaints  # noqa: PLC0415
-    from analyzer.cli.reading import account, reading  # noqa: PLC0415
+    from analyzer.cli.reading import account, reading, watched  # noqa: PLC0415
     from analyzer.facts.dialects import checked  # noqa: PLC0415
     from analyzer.views.writers import writer  # noqa: PLC0415
 
@@ -90,14 +133,18 @@ def run(args: argparse.Namespace) -> int:
         try:
             checked(request.rules.readings(), run.registry)
             writer(view, run.registry, None)  # names that do not exist are told before the capture is read
-        except (LookupError, ValueError) as error:
+            chosen = _filter(run)
+            found = stats.made(run, texts, args) if texts else None
+        except (LookupError, OSError, ValueError) as error:
             return status.usage(error, NAME)
-        if args.quiet:
-            for _ in run.ahead(run.batches()):
-                pass
+        if args.quiet and chosen is None:
+            with watched(run.source, complaints) as progress:
+                run.count(progress.step)
             account(run, None)
         else:
-            _decode(run, view, complaints, _screen(args), pager=pager, marked=args.findings)
+            marked, screen = args.findings, _screen(args)
+            with stats.behind(run, found, args):
+                _decode(run, view, complaints, screen, chosen, found, pager=pager, marked=marked, quiet=args.quiet)
     return status.of_run(run)
 
 
@@ -125,6 +172,7 @@ def view_options(args: argparse.Namespace) -> WriterOptions:
         dumps=args.bytes,
         signed=args.around is not None,
         colour=options.colour(args),
+        colours=args.colours,
         foreign=args.foreign,
         frame_list=getattr(args, "frame_list", False),
         follow=getattr(args, "follow", False),
@@ -142,61 +190,130 @@ def _screen(args: argparse.Namespace) -> int | None:
     return max(1, (lines - _NOT_ROWS) // 2)
 
 
-def _named(run: Run) -> NamedFrames:
+def _filter(run: Run) -> RunFilter | None:
+    """Return the filter that is asked for. Raises what is wrong with it, and with the labels that it needs."""
+    if run.request.filter is None:
+        return None
+    from analyzer.app.filtered.run_filter import RunFilter  # noqa: PLC0415 - most lists have none
+
+    return RunFilter(run)
+
+
+def _named(run: Run, *, marked: bool) -> NamedFrames:
     """Judge the capture of a run before it is listed. Raises `KeyboardInterrupt` if somebody has ended that."""
     from analyzer.app.naming import named_frames  # noqa: PLC0415 - a list needs no rules
 
-    named = named_frames(run)
+    named = named_frames(run, "--findings") if marked else named_frames(run)
     if run.stopped:
         raise KeyboardInterrupt
     return named
 
 
-def _rows(run: Run, view: WriterOptions, selection: ListSelection, screen: int | None) -> Iterator[Item]:
+def _rows(
+    run: Run, view: WriterOptions, selection: ListSelection, screen: int | None, chosen: RunFilter | None,
+    found: RunStatistics | None,
+) -> Iterator[Item]:  # fmt: skip
     """Return the batches with the rows to list."""
     from analyzer.window.screen import Screen  # noqa: PLC0415
 
-    around, batches = run.request.window.around, run.batches()
-    if view.count is None and screen is None:  # else reading ends with the last row that is shown, not behind it
-        batches = run.ahead(batches)
+    around = run.request.window.around
+    batches = run.batches(early=view.count is not None or screen is not None)
+    if found is not None:
+        batches = found.over(batches)
+    if chosen is not None and not view.frame_list:
+        batches = chosen.over(batches)
     items = (selection.frames if view.frame_list else selection.picked)(batches)
-    return items if screen is None or around is None else Screen(around, selection.numbering, screen).cut(items)
+    shown = items if screen is None or around is None else Screen(around, selection.numbering, screen).cut(items)
+    return shown if chosen is None or view.frame_list else chosen.listed(shown)
 
 
 def _decode(
-    run: Run, options: WriterOptions, complaints: Complaints, screen: int | None, *, pager: bool, marked: bool
-) -> None:
-    """Write what the window lets through; stop early only when as many as asked for are shown."""
+    run: Run, options: WriterOptions, complaints: Complaints, screen: int | None, chosen: RunFilter | None,
+    found: RunStatistics | None, *, pager: bool, marked: bool, quiet: bool,
+) -> None:  # fmt: skip
+    """Write what the window lets through; stop early only when as many as asked for are shown.
+
+    Statistics are `found` in the same reading; they are of all, however many are shown.
+    """
     from analyzer.cli.pager import paged  # noqa: PLC0415
+    from analyzer.cli.progress import Progress, into_a_file  # noqa: PLC0415
     from analyzer.cli.reading import account  # noqa: PLC0415
-    from analyzer.views.writers import writer  # noqa: PLC0415
     from analyzer.window.listed import ListSelection  # noqa: PLC0415
     from analyzer.window.numbering import Numbering  # noqa: PLC0415
 
-    named = _named(run) if marked else None
-    selection = ListSelection(run.request.window, run.again, Numbering(wireshark=options.wireshark))
-    view: Writer | None = None
-    shown, count = 0, options.count
-    with paged(wanted=pager) as out:
-        complaints.hold(out is not sys.stdout)
-        for batch, rows, zero in _rows(run, options, selection, screen):
-            if view is None:
-                view = writer(options, run.registry, zero, selection.numbering, named)
-                out.write(view.begin())
-            picked = rows if count is None else rows._replace(transfers=rows.transfers[: count - shown])
-            for k, text in enumerate(run.unhurried(view.rows(batch, picked))):
-                if shown == count:
-                    break
-                out.write(text)
-                shown += options.frame_list or k < len(picked.transfers)
-            if options.follow:
-                out.flush()
-            if shown == count:
-                break
-        if view is not None:
-            out.write(view.end())
+    named = _named(run, marked=marked) if marked or (chosen is not None and chosen.judges) else None
+    again = run.again if chosen is None or options.frame_list else chosen.again(run.again)
+    if chosen is not None and named is not None:
+        chosen.know(named)
+    selection = ListSelection(run.request.window, again, Numbering(wireshark=options.wireshark))
+    rows = _rows(run, options, selection, screen, chosen, found)
+    wanted = (quiet or into_a_file(sys.stdout)) and not options.follow
+    if quiet and chosen is not None:
+        with Progress(run.source, wanted=wanted) as progress:
+            complaints.hold(progress.active)
+            shown = chosen.counted(progress.over(rows), selection.numbering)
+    else:
+        with paged(wanted=pager) as out, Progress(run.source, wanted=wanted) as progress:
+            complaints.hold(out is not sys.stdout or progress.active)
+            view = _View(run, options, selection.numbering, named if marked else None, chosen)
+            items = progress.over(rows)
+            shown = view.write(items, out)
+        for _ in items if found is not None else ():
+            pass
     complaints.release()
     if selection.problem is not None:
         run.reject(selection.problem)
-    if count is None or shown < count:
-        account(run, shown, of="frames" if options.frame_list else "transfers")
+    if chosen is not None:
+        chosen.conclude()
+    if options.count is None or shown < options.count:
+        beside = (0, 0) if chosen is None or options.frame_list else (chosen.frames, chosen.errors)
+        elsewhere = options.form != "text" and not quiet
+        account(run, shown, frames=options.frame_list, match=chosen is not None, beside=beside, elsewhere=elsewhere)
+
+
+class _View:
+    """The writer that is asked for, made when the first batch is there."""
+
+    def __init__(
+        self, run: Run, options: WriterOptions, numbering: Numbering, named: NamedFrames | None,
+        chosen: RunFilter | None,
+    ) -> None:  # fmt: skip
+        self._run, self._options, self._numbering, self._named, self._chosen = run, options, numbering, named, chosen
+        self._shown = 0
+
+    def write(self, items: Iterator[Item], out: IO[str]) -> int:
+        """Write what is listed, and return how many transfers or frames that were."""
+        from analyzer.views.writers import writer  # noqa: PLC0415
+
+        run, options, view = self._run, self._options, None
+        for batch, rows, zero in items:
+            if view is None:
+                matcher = None if self._chosen is None else self._chosen.frame_matcher()
+                view = writer(options, run.registry, zero, self._numbering, self._named, matcher)
+                out.write(view.begin())
+            self._write(view, batch, rows, out)
+            if options.follow:
+                out.flush()
+            if self._shown == options.count:
+                break
+        if view is not None:
+            out.write(view.end())
+            self._shown += self._waited(view)
+        return self._shown
+
+    def _waited(self, view: Writer) -> int:
+        """Return how many frames were listed only at the end."""
+        if not self._options.frame_list:
+            return 0
+        from analyzer.views.frames.cells import FrameWriter  # noqa: PLC0415 - few lists are of frames
+
+        return view.waited if isinstance(view, FrameWriter) else 0
+
+    def _write(self, view: Writer, batch: Batch, rows: ListedRows, out: IO[str]) -> None:
+        count = self._options.count
+        picked = rows if count is None else rows._replace(transfers=rows.transfers[: count - self._shown])
+        for k, text in enumerate(self._run.unhurried(view.rows(batch, picked))):
+            if self._shown == count:
+                break
+            out.write(text)
+            self._shown += self._options.frame_list or k < len(picked.transfers)

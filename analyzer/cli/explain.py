@@ -34,6 +34,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--list", action="store_true", help="one line for each rule; of all rules if none is named")
     parser.add_argument("--markdown", action="store_true", help="one Markdown document; of all rules if none is named")
+    parser.add_argument("--vehicle", metavar="FILE", help="rules of this vehicle file, too")
     options.add_dissectors(parser)
     options.add_output(parser)
     parser.set_defaults(run=run, follow=False)
@@ -57,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     palette = Palette(options.colour(args))
     try:
         registry = dissectors.load(*options.folders(args))
-        pages = load(registry)
+        pages = _pages(load(registry), args.vehicle, registry)
         if not (args.list or args.markdown):
             text = _explained(words, " ".join(args.rule), registry, pages, width, palette)
         else:
@@ -74,6 +75,18 @@ def run(args: argparse.Namespace) -> int:
         else:
             out.writelines(_listed(chosen, width, palette))
     return status.OK
+
+
+def _pages(pages: Mapping[str, Page], vehicle: str | None, registry: Registry) -> Mapping[str, Page]:
+    """Return the pages with those of a vehicle file. Raises `ProfileError`."""
+    if vehicle is None:
+        return pages
+    from pathlib import Path  # noqa: PLC0415 - only for this
+
+    from analyzer.rules.vehicle.expected import load  # noqa: PLC0415
+
+    own = load(Path(vehicle), pages, registry).own
+    return pages if own is None else {**pages, **own.pages}
 
 
 def _explained(

@@ -18,7 +18,7 @@ _WIDTH = 80
 _TOPIC = re.compile(r"^\| \[([a-z-]+)\]\(\1\.md\) \|", re.MULTILINE)
 _RULE = re.compile(r"[a-z]+-\d+", re.IGNORECASE)
 # Commands that share the page of another topic.
-_PAGES = {"explain": "rules", "help": _INDEX}
+_PAGES = {"explain": "rules", "fields": "filter", "help": _INDEX}
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -40,9 +40,9 @@ def run(args: argparse.Namespace) -> int:
     topic = "help" if args.topic is None else args.topic.lower()
     page = _PAGES.get(topic, topic)
     try:
-        topics = _TOPIC.findall(_read(_INDEX))
-        if page not in (_INDEX, *topics):
-            return _unknown(args.topic, [*topics, *_PAGES])
+        known = topics()
+        if page not in (_INDEX, *known):
+            return _unknown(args.topic, known)
         text = _read(page)
     except (OSError, ValueError) as error:
         return status.damaged(f"the manual of this installation is not whole: {error}", NAME)
@@ -59,6 +59,11 @@ def _read(page: str) -> str:
     from importlib.resources import files  # noqa: PLC0415 - takes longer than all of `--help`
 
     return files("analyzer").joinpath("manual", f"{page}.md").read_text("utf-8")
+
+
+def topics() -> list[str]:
+    """Return what `tailbyte help` takes. Raises `OSError` or `ValueError` if the manual is not there."""
+    return [*_TOPIC.findall(_read(_INDEX)), *_PAGES]
 
 
 def _unknown(topic: str, topics: list[str]) -> int:

@@ -13,6 +13,7 @@ NAME = "tailbyte info"
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add what the command says of itself, and its options."""
+    parser.usage = "%(prog)s [options] CAPTURE..."
     parser.description = __doc__
     options.add_reader(parser)
     options.add_threads(parser)
@@ -22,13 +23,14 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--types", action="store_true", help="also the types that each node sends")
     parser.add_argument("--all", action="store_true", help="every node and identifier, however many")
     options.add_dialect(parser)
+    options.add_filter(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Read the capture once and print its summary, or that of the window alone."""
     from analyzer.cli.complaints import Complaints  # noqa: PLC0415
-    from analyzer.cli.reading import reading  # noqa: PLC0415
+    from analyzer.cli.reading import reading, watched  # noqa: PLC0415
     from analyzer.facts.dialects import checked  # noqa: PLC0415
     from analyzer.facts.summary import Summary  # noqa: PLC0415
     from analyzer.views.info import WIDTH, render, render_json  # noqa: PLC0415
@@ -37,16 +39,19 @@ def run(args: argparse.Namespace) -> int:
         request = options.request(args)
     except argparse.ArgumentTypeError as error:
         return status.usage(error, NAME)
-    with reading(request, Complaints()) as run:
+    complaints = Complaints()
+    with reading(request, complaints) as run:
         try:
             checked(request.rules.readings(), run.registry)
-        except ValueError as error:
+            options.choose(run)
+        except (LookupError, OSError, ValueError) as error:
             return status.usage(error, NAME)
         for part in run.source.parts:
             part.hashed = True
         summary = Summary(run.registry)
-        for batch in run.ahead(run.inside()):
-            summary.feed(batch)
+        with watched(run.source, complaints) as progress:
+            for batch in progress.over(run.inside(alone=run.chosen is not None)):
+                summary.feed(batch)
         if run.state == "refused":
             return status.USAGE
         facts = summary.finish(run.source.parts, run.engine)

@@ -16,9 +16,11 @@ if TYPE_CHECKING:
 
     from analyzer.app.live.request import LiveMode
     from analyzer.app.live.run import LiveRun
+    from analyzer.filter.compiled import Filter
     from analyzer.live.interfaces.filters import Filters
     from analyzer.live.interfaces.naming import Interface
     from analyzer.report.model import Report
+    from dissectors import Registry
 
 NAME = "tailbyte live"
 HOUR = 3600.0
@@ -41,7 +43,6 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.usage = "%(prog)s [options] IFACE..."
     parser.description = __doc__
     parser.epilog = _EPILOG
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     group = buses.add_buses(parser)
     group.add_argument("-D", dest="interfaces", action="store_true", help="list the interfaces that there are, and end")
     group.add_argument(
@@ -55,6 +56,10 @@ def add(parser: argparse.ArgumentParser) -> None:
     _add_recording(parser)
     show = parser.add_argument_group("what to show")
     decode.add_view(show)
+    show.add_argument(
+        "-Y", "--display-filter", dest="display", metavar="FILTER",
+        help="list only rows that it holds for; what is recorded and judged stays",
+    )  # fmt: skip
     show.add_argument("--list", action="store_true", help="a list on a terminal, too")
     show.add_argument("-q", dest="quiet", action="store_true", help="no list and no monitor: record and judge")
     show.add_argument("-l", dest="flush", action="store_true", help="list ten times a second, not five")
@@ -86,7 +91,7 @@ def _add_recording(parser: argparse.ArgumentParser) -> None:
     options.add_capture_form(group, "record_form")
     group.add_argument("--force", action="store_true", help="write over a file that is there")
     group.add_argument(
-        "-b", dest="ring", action="append", default=[], metavar="COND",
+        "-b", dest="ring", action="append", default=[], type=_ring, metavar="COND",
         help="begin a new file after duration:TIME, interval:TIME, filesize:KB or packets:N; keep the last files:N",
     )  # fmt: skip
     group.add_argument(
@@ -106,10 +111,13 @@ def run(args: argparse.Namespace) -> int:
     """Run until somebody or a condition ends it."""
     if args.interfaces:
         return _list()
+    from analyzer.app.start import plain_arrow, return_memory  # noqa: PLC0415
     from analyzer.live.interfaces.naming import InterfaceError  # noqa: PLC0415 - python-can takes its time
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
 
+    plain_arrow()
+    return_memory()
     try:
         wanted = Wanted(args)
     except (LookupError, ValueError, OSError, argparse.ArgumentTypeError) as error:
@@ -149,6 +157,7 @@ class Wanted:
         registry = dissectors.load(*options.folders(args))
         self._rules = rules.choice(args)
         self.criteria = rules.criteria(self._rules, registry, NAME)
+        chosen = _filter(args.display, registry)
         if mode == "list":
             writer(view, registry, None)  # names that do not exist are told before anything is opened
         command = parse_command(args.exec_, args.exec_on, self.criteria.pages)
@@ -168,6 +177,7 @@ class Wanted:
             bit_rate=args.bitrate,
             status_file=args.status_file,
             command=command,
+            filter=chosen,
         )
 
     def run(self) -> int:
@@ -205,11 +215,26 @@ class Wanted:
         rules.tell_gate(self._rules, report)
 
 
+def _filter(text: str | None, registry: Registry) -> Filter | None:
+    """Return the filter of the list. Raises `FilterError` for one that is wrong or asks for what comes later."""
+    if text is None:
+        return None
+    from analyzer.filter.compiled import compile_filter  # noqa: PLC0415 - few lists have one
+
+    chosen = compile_filter(text, registry)
+    if chosen.asks_findings:
+        raise ValueError(
+            "-Y: findings are told beside a live list, after its rows: choose rows by finding.* in the recording, "
+            "with decode -Y"
+        )
+    return chosen
+
+
 def _mode(args: argparse.Namespace) -> LiveMode:
     """Return `list`, `monitor` or `quiet`. Raises `ValueError` for options about a list that there is not to be."""
     asked = {
         "--list": args.list, "-V": args.details, "-O": args.only, "-P": args.summary, "-x": args.bytes,
-        f"-T {args.form}": args.form != "text", "-l": args.flush,
+        f"-T {args.form}": args.form != "text", "-l": args.flush, "-Y": args.display is not None,
     }  # fmt: skip
     listing = next((option for option, given in asked.items() if given), None)
     if args.quiet or args.record == "-":
@@ -242,10 +267,19 @@ def _check_files(record: str | None, state: str | None, reports: Iterable[tuple[
             raise ValueError(f"{first}: a {other} and a {kind} cannot be one file")
 
 
+def _ring(text: str) -> str:
+    """Return the condition as it is; others have a bit rate there."""
+    digits = text.rstrip("kKM")
+    if digits.isdecimal():
+        rate = digits + "000" * {"": 0, "M": 2}.get(text[len(digits) :], 1)
+        raise argparse.ArgumentTypeError(f"begins new files, as in dumpcap; did you mean --bitrate {rate}?")
+    return text
+
+
 def _count(text: str) -> int:
     """Read a number of frames; others have an interface there."""
     if text[:1].isalpha():
-        raise argparse.ArgumentTypeError(f"takes a number; did you mean: {NAME} {text}")
+        raise argparse.ArgumentTypeError(f"takes a number; did you mean {NAME} {text}?")
     return options.positive(text)
 
 

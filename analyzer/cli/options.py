@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from analyzer.app import streams
 from analyzer.cli import status
+from analyzer.cli.usage.numbers import flight_number, frame_range, whole
 from analyzer.sinks import COMPRESSIONS, FORMS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    from analyzer.app.filtered.frames import MatchingFrames
     from analyzer.app.request import Request
+    from analyzer.app.run import Run
     from analyzer.sources.merge import Plan
     from analyzer.window.limits import Window
 
@@ -123,11 +125,15 @@ def request(args: argparse.Namespace, who: str = "tailbyte") -> Request:
         dissectors=folders(args)[0],
         trusted=folders(args)[1],
         window=asked,
-        rules=RuleChoice(dialects=tuple(getattr(args, "dialect", ()))),
+        rules=RuleChoice(dialects=tuple(getattr(args, "dialect", ())), vehicle=getattr(args, "vehicle", None)),
         follow=getattr(args, "follow", False),
         threads=getattr(args, "threads", 1),
         window_words=tuple(_window_words(args)),
         arguments=tuple(_arguments(args)),
+        filter=getattr(args, "filter", None),
+        frame_list=getattr(args, "frame_list", False),
+        wireshark=getattr(args, "number", None) == "wireshark",
+        flight=checked("--flight", flight_number, getattr(args, "flight", None)),
     )
 
 
@@ -149,6 +155,8 @@ def captures(args: argparse.Namespace) -> list[str]:
     from glob import glob  # noqa: PLC0415
 
     names: list[str] = []
+    if "" in (*args.capture, *args.capture_):
+        raise argparse.ArgumentTypeError("a capture without a name (an empty variable of the shell?)")
     for given in (*args.capture, *args.capture_):
         exists = given == "-" or "\0" in given or os.path.lexists(given)
         names += [given] if exists else sorted(glob(given)) or [given]  # noqa: PTH207 - any pattern, absolute or not
@@ -198,6 +206,31 @@ def add_capture_form(parser: argparse._ActionsContainer, name: str = "form") -> 
     parser.add_argument("--compression", choices=COMPRESSIONS, help="of MCAP chunks; default: zstd")
 
 
+def add_filter(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of rows by a filter."""
+    parser.add_argument(
+        "-Y", "--display-filter", dest="filter", metavar="FILTER",
+        help="only rows that it holds for, such as 'dronecan.src == 12': see tailbyte help filter, fields",
+    )  # fmt: skip
+    if "--vehicle" not in parser._option_string_actions:  # noqa: SLF001 - argparse does not tell otherwise
+        parser.add_argument("--vehicle", metavar="FILE.toml", help="labels of nodes for filters, and rules of its own")
+
+
+def choose(run: Run) -> MatchingFrames | None:
+    """Hold what a run copies or decodes to what its filter selects, and return that; None without a filter.
+
+    The captures are read for it. Raises what is wrong with the filter.
+    """
+    if run.request.filter is None:
+        return None
+    from analyzer.app.filtered.frames import matching_frames  # noqa: PLC0415 - few commands have a filter
+
+    found = matching_frames(run)
+    if found is not None:
+        found.hold(run)
+    return found
+
+
 def add_window(parser: argparse.ArgumentParser) -> None:
     """Add the choice of a part of the capture."""
     group = parser.add_argument_group(
@@ -208,6 +241,7 @@ def add_window(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--last", metavar="10s", help="the last part of the capture")
     group.add_argument("--around", metavar="FRAME|TIME[+-1s]", help="near a frame or a time (with . or :)")
     group.add_argument("--frames", metavar="A-B", help="frame numbers A to B, from 1; either may be left out")
+    group.add_argument("--flight", metavar="N|last", help="a flight that `events` lists; files are read twice for it")
 
 
 def window(args: argparse.Namespace) -> Window:
@@ -218,27 +252,38 @@ def window(args: argparse.Namespace) -> Window:
     if args.around is not None:
         where, sign, width = args.around.replace("+-", "±").partition("±")
         margin = checked("--around", duration, width) if sign else AROUND
-        around = _whole(where) if where.strip().isdecimal() else checked("--around", Moment.parse, where)
+        around = whole(where) if where.strip().isdecimal() else checked("--around", Moment.parse, where)
         if around == 0:
             raise argparse.ArgumentTypeError("--around: frame numbers start at 1")
+    first, last = _option(args, "start"), _option(args, "stop")
+    start, stop = checked(first, Moment.parse, args.start), checked(last, Moment.parse, args.stop)
+    if start is not None and stop is not None and start.kind == stop.kind != "of day" and start.ns > stop.ns:
+        raise argparse.ArgumentTypeError(f"{first} {args.start} is after {last} {args.stop}")
     return Window(
-        start=checked("--from", Moment.parse, args.start),
-        stop=checked("--to", Moment.parse, args.stop),
+        start=start,
+        stop=stop,
         last=checked("--last", duration, args.last),
         around=around,
         margin=margin,
-        frames=checked("--frames", _range, args.frames),
+        frames=checked("--frames", frame_range, args.frames),
     )
+
+
+def _option(args: argparse.Namespace, dest: str) -> str:
+    """Return the option that set a limit: a command with several captures may have one for each, in `limits`."""
+    named: dict[str, str] = {"start": "--from", "stop": "--to", **getattr(args, "limits", {})}
+    return named[dest]
 
 
 def _window_words(args: argparse.Namespace) -> Iterator[str]:
     """Return the window as it was asked for."""
     given = {
-        "--from": getattr(args, "start", None),
-        "--to": getattr(args, "stop", None),
+        _option(args, "start"): getattr(args, "start", None),
+        _option(args, "stop"): getattr(args, "stop", None),
         "--last": getattr(args, "last", None),
         "--around": getattr(args, "around", None),
         "--frames": getattr(args, "frames", None),
+        "--flight": getattr(args, "flight", None),
     }
     return (f"{option} {text}" for option, text in given.items() if text is not None)
 
@@ -254,30 +299,11 @@ def checked(option: str, read: Callable[[str], Any], text: str | None) -> Any:
         raise argparse.ArgumentTypeError(f"{option}: {error}") from None
 
 
-def _range(text: str) -> tuple[int, int]:
-    match = re.fullmatch(r"(\d*)(-?)(\d*)", text.strip())
-    if match is None or not (match[1] or match[3]):
-        raise ValueError(f"{text!r} is not a range of frame numbers (100-200, 100-, -200, 100)")
-    first = _whole(match[1] or "1")
-    last = _whole(match[3]) if match[3] else (sys.maxsize if match[2] else first)
-    if first < 1:
-        raise ValueError("frame numbers start at 1")
-    if first > last:
-        raise ValueError(f"{text!r} ends before it starts")
-    return first, last
-
-
 def positive(text: str) -> int:
     """Return a count of at least 1."""
-    if not text.isdecimal() or _whole(text) == 0:
+    if not text.isdecimal() or whole(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
-    return _whole(text)
-
-
-def _whole(digits: str) -> int:
-    """Return a number as large as anybody can count frames, however many digits it is given with."""
-    digits = digits.strip().lstrip("0") or "0"
-    return min(int(digits[:20]), sys.maxsize)
+    return whole(text)
 
 
 def add_dialect(parser: argparse._ActionsContainer) -> None:

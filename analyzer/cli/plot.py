@@ -35,7 +35,7 @@ SUFFIX = ".rrd"
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add what the command says of itself, and its options."""
-    parser.usage = "%(prog)s [options] CAPTURE... [-o FILE.rrd | --serve | --connect URL]"
+    parser.usage = "%(prog)s [options] CAPTURE... [-o FILE | --serve | --connect URL]"
     parser.description = __doc__
     options.add_reader(parser)
     options.add_threads(parser)
@@ -63,6 +63,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
     options.add_dialect(parser)
+    options.add_filter(parser)
     options.add_window(parser)
     parser.set_defaults(run=run)
 

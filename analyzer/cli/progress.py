@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import stat
 import sys
 import time
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Protocol, Self, TypeVar
+from typing import IO, TYPE_CHECKING, Protocol, Self, TypeVar
 
 from analyzer.app import streams
 
@@ -76,6 +77,14 @@ class Progress(AbstractContextManager["Progress"]):
             seconds, width = now - self._start, _width()
             text = labelled(label, seconds, width) if label else line(self._reading, seconds, width, self._speed)
             streams.tell(_WIPE + text)
+
+
+def into_a_file(out: IO[str]) -> bool:
+    """Return whether what is written shows nowhere: what goes through a pipe is drawn by whoever is behind it."""
+    try:
+        return stat.S_ISREG(os.fstat(out.fileno()).st_mode)
+    except (OSError, ValueError):  # nothing of the system
+        return False
 
 
 def bytes_a_second(rate: float) -> str:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from analyzer.app import streams
 from analyzer.app.interrupt import graceful
 from analyzer.app.run import Run
-from analyzer.app.start import plain_arrow
+from analyzer.app.start import keep_memory, plain_arrow
+from analyzer.cli import status
 from analyzer.cli.progress import Progress, bytes_a_second
-from analyzer.cli.status import USAGE
-from analyzer.decode.engine import LINES
+from analyzer.decode.core import LINES
 from dissectors import DsdlError, ProfileError
 
 if TYPE_CHECKING:
@@ -27,12 +27,21 @@ if TYPE_CHECKING:
 def reading(request: Request, complaints: Complaints, registry: Registry | None = None) -> Iterator[Run]:
     """Read what is asked for; the `Run` says afterwards how that went. Wrong dissector folders end the command."""
     plain_arrow()
+    keep_memory()
     try:
         run = Run(request, complaints, registry)
     except (DsdlError, ProfileError, OSError) as error:
-        complaints(str(error))
-        raise SystemExit(USAGE) from None
+        raise SystemExit(status.usage(error, "tailbyte")) from None
     try:
+        if request.flight is not None:
+            from analyzer.app.flown import narrow  # noqa: PLC0415 - few ask for a flight
+
+            with graceful(lambda: run):
+                reason = narrow(run)
+            if run.stopped:
+                raise KeyboardInterrupt
+            if reason is not None:
+                raise SystemExit(status.usage(reason, "tailbyte"))
         with graceful(lambda: run), run:
             yield run
     finally:
@@ -56,14 +65,27 @@ def watched(
         complaints.release()
 
 
-def account(run: Run, shown: int | None, *, of: str = "transfers") -> None:
-    """Say the sums: every line and every frame, and how many transfers or frames were listed (None: no list)."""
+def account(
+    run: Run, shown: int | None, *, frames: bool = False, match: bool = False, beside: tuple[int, int] = (0, 0),
+    elsewhere: bool = False,
+) -> None:  # fmt: skip
+    """Say the sums: every line and every frame, and how many transfers, or `frames`, were listed (None: no list).
+
+    With `match` those match a filter, and so do `beside` them so many frames that form none and error frames, which
+    are listed `elsewhere`.
+    """
     totals = run.totals
     kinds = "".join(f" + {count} {name}" for name, count in totals.verdicts.items() if count and name != "used")
-    frames = totals.lines["frames"]
-    every = run.transfers if of == "transfers" else frames
-    listed = f"{run.transfers} transfers" if shown is None else f"{shown} of {every} {of} shown"
-    streams.tell(f"-- {listed}; {lines_of(run)}; {frames} frames = {totals.verdicts['used']} used{kinds}\n")
+    count = totals.lines["frames"]
+    others = totals.lines["error_frames"] if frames else 0
+    every = f"{count + others} frames" if frames else f"{run.transfers} transfers"
+    every += " and error frames" if others else ""
+    listed = every if shown is None else f"{shown} of {every} {'match' if match else 'shown'}"
+    loose, errors = beside
+    listed += f", and {loose} frame{'s' * (loose > 1)} without one" if loose else ""
+    listed += f", and {errors} error frame{'s' * (errors > 1)}" if errors else ""
+    listed += ": rows of --frame-list" if elsewhere and (loose or errors) else ""
+    streams.tell(f"-- {listed}; {lines_of(run)}; {count} frames = {totals.verdicts['used']} used{kinds}\n")
 
 
 def lines_of(run: Run) -> str:

@@ -43,7 +43,7 @@ def add_choice(parser: argparse.ArgumentParser, title: str) -> argparse._Argumen
         )
     group.add_argument(
         "--origin", action="append", default=[], metavar="ORIGIN",
-        help="only rules that these state: document, implied (by it), dronecan, heuristic",
+        help="only rules that these state: document, implied (by it), dronecan, heuristic, vehicle (its file)",
     )  # fmt: skip
     group.add_argument("--vehicle", metavar="FILE.toml", help="what is expected of the vehicle, with its own limits")
     options.add_dialect(group)

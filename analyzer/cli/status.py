@@ -8,6 +8,7 @@ from analyzer.app import streams
 
 if TYPE_CHECKING:
     from analyzer.app.run import Run, RunState
+    from analyzer.report.comparison.model import CaptureDiff
     from analyzer.report.model import Report
 
 OK, FINDINGS, USAGE, DAMAGED, NOT_JUDGED, INTERRUPTED = 0, 1, 2, 3, 4, 130
@@ -24,10 +25,22 @@ def of_report(report: Report, *, complete: bool) -> int:
     return report.gate.exit_status or (OK if complete else DAMAGED)
 
 
+def of_comparison(found: CaptureDiff, *, complete: bool) -> int:
+    """Return the status of two captures compared; `complete` unless something could not be read or written."""
+    if found.failed:
+        return FINDINGS
+    if not found.judged and not found.unopened:
+        return NOT_JUDGED
+    return OK if complete else DAMAGED
+
+
 def usage(error: Exception | str, who: str) -> int:
     """Say why the arguments make no sense; return the status for that."""
     words = error.args[0] if isinstance(error, LookupError) else error
-    streams.complain(str(words), who)
+    place = getattr(error, "place", "")  # of a filter: it is escaped already, and has lines of its own
+    streams.complain(str(words) if not place else error.args[0], who)  # type: ignore[union-attr]
+    if place:
+        streams.tell(f"{place}\n")
     return USAGE
 
 

@@ -11,12 +11,10 @@ undecided; that goes by row numbers, so it does not matter where the capture is 
 
 from __future__ import annotations
 
-from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.decode.columns import linear, members
 from analyzer.decode.readings import FORCED, UNDECIDED, Statement
 from dissectors.kit.cells import numbers
 from dissectors.schema import BYTE_ORDERS
@@ -31,25 +29,12 @@ if TYPE_CHECKING:
     from dissectors.kit import Array
     from dissectors.schema import Agreement, Packet
 
-    Read = Callable[[FoundPackets, Array, Array], list[pa.Array]]
+    Read = Callable[[FoundPackets, Array], tuple[Mapping[str, pa.Array], ...]]
 
 PROOFS = 3
 READING = "byte order"
 
 _NODES = 1 << 16
-
-
-def swapped(data: Array, starts: Array, ends: Array, places: Iterable[tuple[int, int]]) -> Array:
-    """Return the bytes `data` with every number at `places` turned round, in the packets from `starts` to `ends`.
-
-    `places` are (first byte, bytes) in a packet; a number that a packet is too short for stays as it is.
-    """
-    out = data.copy()
-    for first, size in places:
-        whole = starts[ends - starts >= first + size]
-        at = (whole + first)[:, None] + np.arange(size)
-        out[at] = data[at[:, ::-1]]
-    return out
 
 
 class ByteOrder:
@@ -80,7 +65,7 @@ class ByteOrder:
                 self._settled[mine], self._since[mine], self._big[mine] = True, 0, choice == BYTE_ORDERS[1]
 
     def learn(self, sent: Mapping[str, SentMessages], found: Sequence[FoundPackets], read: Read) -> None:
-        """Take in one batch, all of its messages. `read` unpacks whole packets: bounds and bytes to arrays."""
+        """Take in one batch, all of its messages. `read` gives packets at some places, once in each byte order."""
         ballots = [ballot for one in found if (ballot := self._ballot(one, sent, read)) is not None]
         if ballots:
             nodes, positions, big = (np.concatenate(columns) for columns in zip(*ballots, strict=True))
@@ -137,19 +122,12 @@ class ByteOrder:
         rows = np.flatnonzero(found.sound & ~self._settled[found.senders])
         if not rows.size:
             return None
-        nodes, length = found.senders[rows], found.packet.length
-        whole = found.data[found.bounds[rows][:, None] + np.arange(length)].reshape(-1)
-        bounds = (np.arange(len(rows) + 1) * length).astype(np.int32)
-        turned = swapped(whole, bounds[:-1], bounds[1:], found.packet.numbers)
-        names = [m.name for m in members(found.packet.layout)]
-        readings = [dict(zip(names, read(found, bounds, data), strict=True)) for data in (whole, turned)]
+        nodes, readings = found.senders[rows], read(found, rows)
         proof = np.zeros((2, len(rows)), bool)
         for name, agreement in pairs:
             said = self._said(sent.get(agreement.message), agreement, nodes, found.positions[rows])
-            scale = found.packet.notes[name].scale or Fraction(1)
             near = [
-                np.abs(linear(numbers(reading[name]), scale) - said) <= float(agreement.within) * np.abs(said)
-                for reading in readings
+                np.abs(numbers(reading[name]) - said) <= float(agreement.within) * np.abs(said) for reading in readings
             ]
             proof[0] |= near[0] & ~near[1]
             proof[1] |= near[1] & ~near[0]

@@ -1,42 +1,237 @@
-"""Unpacked columns to Arrow: types from the layout, then what the profile adds (scale, bit parts, derived values)."""
+"""The columns that a profile makes of a layout, as a description that the native core runs.
+
+A description is compiled once for a type or packet: for each column its name, type and metadata, and what the core has
+to do for it (show a field, scaled or not, cut bits out of a word, read bytes as text, compute a derived value).
+"""
 
 from __future__ import annotations
 
 import json
-from datetime import UTC, datetime
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
-from dissectors.kit.cells import numbers, valid
-from dissectors.schema import ArrayType, CompoundType, PrimitiveType
+from analyzer import _native
+from dissectors.kit.cells import numbers
+from dissectors.layout import ArrayType, CompoundType, PrimitiveType, plan
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping
     from fractions import Fraction
 
     import numpy.typing as npt
 
     from analyzer._native import Cells
     from dissectors.kit import Array
-    from dissectors.schema import Bits, Derived, Note, Type
+    from dissectors.layout import Type
+    from dissectors.schema import Bits, Derived, Note
 
-    Flat = tuple[int, Cells | None, Cells | None]
+    Flat = tuple[int, Cells | None, Cells | None, Cells | None]
+    Shape = tuple[pa.DataType, int, tuple["Shape", ...]]
 
 _WIDTHS = (8, 16, 32, 64)
+_WORD = (1 << 64) - 1
+
+
+class Description:
+    """The columns of one layout: `fields` have their names, types and metadata, `native` makes them."""
+
+    def __init__(self, layout: CompoundType, notes: Mapping[str, Note], derived: Iterable[Derived]) -> None:
+        self.native = _native.Decoder(plan(layout))
+        self.fields: list[pa.Field] = []
+        self._layout, self._notes = layout, notes
+        self._places = {member.name: k for k, member in enumerate(layout.fields) if not _is_void(member.type)}
+        for name, place in self._places.items():
+            self._field(name, place, notes.get(name))
+        for rule in derived:
+            self._derive(rule, notes.get(rule.source))
+
+    def unwrapped(self, unit_at: int) -> Iterator[pa.Field]:
+        """Add `<field>.unwrapped` of counters that wrap behind all columns, by the byte at `unit_at`; yield them."""
+        for name, place in self._places.items():
+            note, of = self._notes.get(name), self._layout.fields[place].type
+            if note is not None and note.wraps and isinstance(of, PrimitiveType):
+                self.native.unwrap(place, of.bits, unit_at, None if note.scale is None else _steps(note.scale))
+                about = metadata(unit=note.unit, clause=note.clause, source=name)
+                kind = pa.uint64() if note.scale is None else pa.float64()
+                yield pa.field(f"{name}.unwrapped", kind, metadata=about)
+
+    def expect_length(self, counted: tuple[int, bytes] | None) -> None:
+        """Look for a length in front of the tail array: a byte at a place, before a header, or what makes rows fit."""
+        if counted is not None:
+            self.native.length_counts(*counted)
+            return
+        limited = [(place, self._notes[name]) for name, place in self._places.items() if name in self._notes]
+        self.native.length_fits(
+            [
+                (place, *_limits(note.low, note.high), _words(note.special))
+                for place, note in limited
+                if note.low is not None or note.high is not None
+            ]
+        )
+
+    def _add(self, name: str, kind: pa.DataType, about: Mapping[str, str] | None = None) -> None:
+        self.fields.append(pa.field(name, kind, metadata=about))
+
+    def _field(self, name: str, place: int, note: Note | None) -> None:
+        """Add a field, followed by its parts, and by what else its note makes of it."""
+        scales: list[tuple[list[int], tuple[float, float, float]]] = []
+        of = self._layout.fields[place].type
+        kind = _shown(of, name, [], self._notes if note is None else {name: note}, scales)
+        self.native.show(place, scales)
+        if note is None:
+            self._add(name, kind)
+            return
+        about = metadata(
+            unit=note.unit, enum={**note.enum, **note.special}, clause=note.clause, name=note.name,
+            text="yes" if note.text else "", hex="yes" if note.hex else "",
+        )  # fmt: skip
+        self._add(name, kind, about)
+        for part in note.parts:
+            self._part(name, place, part, _words(note.special))
+        if note.text:
+            self.native.text(place)
+            self._add(f"{name}.text", pa.string(), about)
+        if note.unit_by is not None:
+            self._measured(name, place, note)
+
+    def _part(self, name: str, place: int, part: Bits, without: list[int]) -> None:
+        """Add bits of a word; one with a special value has no parts."""
+        if part.flag:
+            self.native.flag(place, part.low, without)
+            kind = pa.bool_()
+        else:
+            steps = None if part.scale is None else _steps(part.scale)
+            self.native.part(place, part.low, part.width, without, steps)
+            kind = _integer("u", part.width) if part.scale is None else pa.float64()
+        about = metadata(unit=part.unit, enum=part.enum, clause=part.clause, tentative="yes" if part.tentative else "")
+        self._add(f"{name}.{part.name}", kind, about)
+
+    def _measured(self, name: str, place: int, note: Note) -> None:
+        """Add a value whose unit follows another field, as number and unit."""
+        assert note.unit_by is not None  # noqa: S101 - the caller has looked
+        rows = [(mode, of.scale or 1, of.unit) for mode, of in note.unit_by.table.items()]
+        measures = [(mode, _steps(scale), float(scale), unit) for mode, scale, unit in rows]
+        self.native.measured(place, self._places[note.unit_by.field], measures)
+        self._add(f"{name}.value", pa.float64(), {"clause": note.clause})
+        self._add(f"{name}.unit", pa.string(), {"clause": note.clause})
+
+    def _derive(self, rule: Derived, note: Note | None) -> None:
+        place = self._places[rule.source]
+        if rule.format == "date":
+            self.native.day(place, rule.element)
+            kind = pa.string()
+        else:
+            pieces = [(*_limits(one.start, one.stop), float(one.add)) for one in rule.pieces]
+            without = _words(note.special) if note is not None else []
+            steps, limits = _steps(rule.scale, rule.offset), _limits(rule.low, rule.high)
+            self.native.derive(place, rule.element, steps, pieces, limits, without)
+            kind = pa.float64()
+        if rule.element is None and isinstance(self._layout.fields[place].type, ArrayType):
+            kind = pa.list_(kind)
+        self._add(rule.name, kind, metadata(unit=rule.unit, clause=rule.clause, source=rule.source))
+
+
+class Assembler:
+    """Puts what the core hands over together to a table: the types of its columns are walked once."""
+
+    def __init__(self, fields: Iterable[pa.Field], about: Mapping[str, str]) -> None:
+        self.schema = pa.schema(_renamed(fields), metadata=about)
+        self._shapes = [_shape(one.type) for one in self.schema]
+
+    def place(self, column: int) -> int:
+        """Return where in a preorder list a column begins."""
+        return sum(map(_nodes, self._shapes[:column]))
+
+    def arrays(self, flat: Iterable[Flat]) -> list[pa.Array]:
+        """Return the columns of a preorder list, without a copy."""
+        cells = iter(flat)
+        return [_array(shape, cells) for shape in self._shapes]
+
+    def table(self, flat: Iterable[Flat]) -> pa.RecordBatch:
+        """Return a preorder list as a table, without a copy."""
+        return pa.RecordBatch.from_arrays(self.arrays(flat), schema=self.schema)
+
+
+def _renamed(fields: Iterable[pa.Field]) -> list[pa.Field]:
+    """Rename a field that is called like a column in front of it: `src` becomes `src.field`."""
+    out: dict[str, pa.Field] = {}
+    for one in fields:
+        own = one if one.name not in out else one.with_name(f"{one.name}.field")
+        out[own.name] = own
+    return list(out.values())
+
+
+def _shape(kind: pa.DataType) -> Shape:
+    """Return a type, how many buffers it has, and the shapes below it."""
+    if pa.types.is_struct(kind):
+        return kind, 1, tuple(_shape(kind.field(k).type) for k in range(kind.num_fields))
+    if pa.types.is_list(kind):
+        return kind, 2, (_shape(kind.value_type),)
+    return kind, 3 if pa.types.is_string(kind) or pa.types.is_binary(kind) else 2, ()
+
+
+def _nodes(shape: Shape) -> int:
+    return 1 + sum(map(_nodes, shape[2]))
+
+
+def _array(shape: Shape, flat: Iterator[Flat]) -> pa.Array:
+    kind, count, below = shape
+    rows, valid, *cells = next(flat)
+    buffers = [None if valid is None else pa.py_buffer(valid)]
+    buffers += [pa.py_buffer(one or b"") for one in cells[: count - 1]]
+    return pa.Array.from_buffers(kind, rows, buffers, children=[_array(one, flat) for one in below])
+
+
+def _is_void(kind: Type) -> bool:
+    return isinstance(kind, PrimitiveType) and kind.kind == "void"
+
+
+def _steps(scale: Fraction | int, offset: Fraction | int = 0) -> tuple[float, float, float]:
+    return float(scale.numerator), float(scale.denominator), float(offset)
+
+
+def _limits(low: Fraction | None, high: Fraction | None) -> tuple[float, float]:
+    return -np.inf if low is None else float(low), np.inf if high is None else float(high)
+
+
+def _words(values: Collection[int]) -> list[int]:
+    """Return raw values as the core compares them: in two's complement."""
+    return [value & _WORD for value in values]
+
+
+def _shown(
+    kind: Type, path: str, at: list[int], notes: Mapping[str, Note],
+    scales: list[tuple[list[int], tuple[float, float, float]]],
+) -> pa.DataType:  # fmt: skip
+    """Return the Arrow type of a field as it is shown; add the numbers in it that have a scale to `scales`."""
+    if isinstance(kind, CompoundType):
+        inner = [(k, m) for k, m in enumerate(kind.fields) if not _is_void(m.type)]
+        shown = [(m.name, _shown(m.type, f"{path}.{m.name}", [*at, k], notes, scales)) for k, m in inner]
+        return pa.struct([pa.field(name, of) for name, of in shown])
+    if isinstance(kind, ArrayType):
+        return pa.list_(_shown(kind.element, path, at, notes, scales))
+    note = notes.get(path)
+    if note is None or note.scale is None:
+        return arrow_type(kind)
+    scales.append((at, _steps(note.scale)))
+    return pa.float64()
+
+
+def _integer(sign: str, bits: int) -> pa.DataType:
+    width = next(width for width in _WIDTHS if width >= bits)
+    return getattr(pa, f"{sign}int{width}")()
 
 
 def arrow_type(layout: Type) -> pa.DataType:
     """Return the Arrow type of a DSDL type: smallest integer that fits, float16 as float32, arrays as lists."""
     if isinstance(layout, PrimitiveType):
-        width = next(w for w in _WIDTHS if w >= layout.bits)
         if layout.kind == "float":
             return pa.float64() if layout.bits == 64 else pa.float32()
         if layout.kind == "bool":
             return pa.bool_()
-        return getattr(pa, f"{'u' if layout.kind == 'uint' else ''}int{width}")()
+        return _integer("u" if layout.kind == "uint" else "", layout.bits)
     if isinstance(layout, ArrayType):
         return pa.list_(arrow_type(layout.element))
     return pa.struct([pa.field(m.name, arrow_type(m.type)) for m in members(layout)])
@@ -50,76 +245,13 @@ def senders(table: pa.RecordBatch) -> Array:
 
 def members(layout: CompoundType) -> list[Any]:
     """Return the fields that have a value: all but the voids."""
-    return [m for m in layout.fields if not (isinstance(m.type, PrimitiveType) and m.type.kind == "void")]
-
-
-def assemble(layout: Type, flat: Iterator[Flat]) -> pa.Array:
-    """Return the next column of the native core's preorder list as an Arrow array of `arrow_type(layout)`."""
-    rows, valid, values = next(flat)
-    bitmap = None if valid is None else pa.py_buffer(valid)
-    if isinstance(layout, CompoundType):
-        children = [assemble(m.type, flat) for m in members(layout)]
-        return pa.Array.from_buffers(arrow_type(layout), rows, [bitmap], children=children)
-    buffers = [bitmap, pa.py_buffer(values or b"")]
-    if isinstance(layout, ArrayType):
-        return pa.Array.from_buffers(arrow_type(layout), rows, buffers, children=[assemble(layout.element, flat)])
-    return pa.Array.from_buffers(arrow_type(layout), rows, buffers)
+    return [m for m in layout.fields if not _is_void(m.type)]
 
 
 def metadata(*, unit: str = "", enum: Mapping[int, str] | None = None, **texts: str) -> dict[str, str]:
     """Return Arrow field metadata; empty entries are left out."""
     out = {"unit": unit, "enum": json.dumps({str(k): v for k, v in (enum or {}).items()}) if enum else "", **texts}
     return {key: value for key, value in out.items() if value}
-
-
-def enrich(
-    layout: CompoundType, arrays: Sequence[pa.Array], notes: Mapping[str, Note], derived: Sequence[Derived]
-) -> list[tuple[pa.Field, pa.Array]]:
-    """Return named columns with units: every field in wire order, each followed by its parts, then the derived ones."""
-    raw = dict(zip((m.name for m in members(layout)), arrays, strict=True))
-    out: list[tuple[pa.Field, pa.Array]] = []
-    inside = {path for path, note in notes.items() if "." in path and note.scale is not None}
-    for name, array in raw.items():
-        note = notes.get(name)
-        if note is None:
-            within = {path for path in inside if path.startswith(f"{name}.")}
-            whole = _scaled_inside(array, name, within, notes) if within else array
-            out.append((pa.field(name, whole.type), whole))
-            continue
-        about = metadata(
-            unit=note.unit, enum={**note.enum, **note.special}, clause=note.clause, name=note.name,
-            text="yes" if note.text else "", hex="yes" if note.hex else "",
-        )  # fmt: skip
-        shown = array if note.scale is None else scaled(array, note.scale)
-        out.append((pa.field(name, shown.type, metadata=about), shown))
-        out += [_part(name, _ordinary(array, note), part) for part in note.parts]
-        if note.text:
-            out.append((pa.field(f"{name}.text", pa.string(), metadata=about), as_text(array)))
-        if note.unit_by is not None:
-            out += _measured(name, array, raw[note.unit_by.field], note)
-    out += [_derive(raw[d.source], d, notes.get(d.source)) for d in derived]
-    return out
-
-
-def scaled(array: pa.Array, scale: Fraction, offset: Fraction | int = 0) -> pa.Array:
-    """Return raw * scale + offset as float64, exact where the result has few decimals; lists element by element."""
-    if pa.types.is_list(array.type):
-        return _relist(array, scaled(array.values, scale, offset))
-    return _masked(linear(numbers(array), scale, offset), array)
-
-
-def _scaled_inside(array: pa.Array, path: str, within: Collection[str], notes: Mapping[str, Note]) -> pa.Array:
-    """Return structures, or lists of them, with the members `within` scaled."""
-    if pa.types.is_list(array.type):
-        return _relist(array, _scaled_inside(array.values, path, within, notes))
-    if pa.types.is_struct(array.type):
-        members_ = [array.type.field(k) for k in range(array.type.num_fields)]
-        made = [_scaled_inside(array.field(k), f"{path}.{one.name}", within, notes) for k, one in enumerate(members_)]
-        fields = [pa.field(one.name, child.type) for one, child in zip(members_, made, strict=True)]
-        bitmap = array.buffers()[0] if array.null_count else None
-        return pa.Array.from_buffers(pa.struct(fields), len(array), [bitmap], offset=array.offset, children=made)
-    scale = notes[path].scale if path in within else None
-    return array if scale is None else scaled(array, scale)
 
 
 def linear(raw: Array, scale: Fraction, offset: Fraction | int = 0) -> npt.NDArray[np.float64]:
@@ -131,124 +263,3 @@ def linear(raw: Array, scale: Fraction, offset: Fraction | int = 0) -> npt.NDArr
     if offset:
         values += float(offset)
     return values
-
-
-def as_text(array: pa.Array) -> pa.Array:
-    """Return byte lists as text: printable ASCII up to the first NUL, else hexadecimal."""
-    return pa.array([None if row is None else text_of(bytes(row)) for row in array.to_pylist()], pa.string())
-
-
-def text_of(raw: bytes) -> str:
-    """Return printable ASCII up to the first NUL, without padding blanks, else hexadecimal."""
-    text = raw.partition(b"\0")[0].rstrip()
-    return text.decode("ascii") if all(0x20 <= b < 0x7F for b in text) else raw.hex().upper()
-
-
-def _masked(values: Array, like: pa.Array) -> pa.Array:
-    """Return values with the null cells of `like`."""
-    if like.null_count:
-        return pa.array(values, mask=np.asarray(like.is_null()))
-    return pa.array(values)
-
-
-def _relist(array: pa.Array, child: pa.Array) -> pa.Array:
-    buffers = array.buffers()
-    return pa.Array.from_buffers(pa.list_(child.type), len(array), buffers[:2], offset=array.offset, children=[child])
-
-
-def _ordinary(word: pa.Array, note: Note) -> pa.Array:
-    """Return a word, null where it is a special value: that has no parts."""
-    if not note.special:
-        return word
-    values = numbers(word)
-    special = np.isin(values, tuple(note.special))
-    return pa.array(np.where(special, 0, values), word.type, mask=special | ~valid(word)) if special.any() else word
-
-
-def _part(name: str, word: pa.Array, part: Bits) -> tuple[pa.Field, pa.Array]:
-    raw = numbers(word)
-    value = (raw >> raw.dtype.type(part.low)) & raw.dtype.type((1 << part.width) - 1)
-    array: pa.Array
-    if part.scale is not None:
-        array = _masked(linear(value, part.scale), word)
-    elif part.flag:
-        array = _masked(value.astype(bool), word)
-    else:
-        width = next(w for w in _WIDTHS if w >= part.width)
-        array = _masked(value.astype(f"u{width // 8}"), word)
-    about = metadata(unit=part.unit, enum=part.enum, clause=part.clause, tentative="yes" if part.tentative else "")
-    return pa.field(f"{name}.{part.name}", array.type, metadata=about), array
-
-
-def _measured(name: str, array: pa.Array, by: pa.Array, note: Note) -> list[tuple[pa.Field, pa.Array]]:
-    """Return a value whose unit follows another field, as number and unit."""
-    assert note.unit_by is not None  # noqa: S101 - the caller has looked
-    values: list[float | None] = []
-    units: list[str | None] = []
-    for raw, mode in zip(array.to_pylist(), by.to_pylist(), strict=True):
-        measure = note.unit_by.table.get(mode)
-        if raw is None or measure is None:
-            values.append(None)
-            units.append(None)
-        else:
-            values.append(float(raw * (measure.scale or 1)))
-            units.append(measure.unit)
-    about = {"clause": note.clause}
-    return [
-        (pa.field(f"{name}.value", pa.float64(), metadata=about), pa.array(values, pa.float64())),
-        (pa.field(f"{name}.unit", pa.string(), metadata=about), pa.array(units, pa.string())),
-    ]
-
-
-def _derive(source: pa.Array, rule: Derived, note: Note | None) -> tuple[pa.Field, pa.Array]:
-    about = metadata(unit=rule.unit, clause=rule.clause, source=rule.source)
-    if rule.element is not None:
-        source = _element(source, rule.element)
-    if rule.format == "date":
-        dates = pa.array([_date(raw) for raw in source.to_pylist()], pa.string())
-        return pa.field(rule.name, pa.string(), metadata=about), dates
-    special = tuple(note.special) if note else ()
-    if pa.types.is_list(source.type):
-        array = _relist(source, _converted(source.values, rule, special))
-    else:
-        array = _converted(source, rule, special)
-    return pa.field(rule.name, array.type, metadata=about), array
-
-
-def _element(lists: pa.Array, place: int) -> pa.Array:
-    """Return one element of each list, null where there are fewer."""
-    ends = np.asarray(lists.offsets).astype(np.int64)
-    at = ends[:-1] + place
-    return lists.values.take(pa.array(at, mask=at >= ends[1:]))
-
-
-def _converted(source: pa.Array, rule: Derived, special: tuple[int, ...]) -> pa.Array:
-    raw = numbers(source)
-    values = linear(raw, rule.scale, rule.offset)
-    todo = np.ones(len(values) if rule.pieces else 0, bool)
-    for piece in rule.pieces:
-        low = -np.inf if piece.start is None else float(piece.start)
-        high = np.inf if piece.stop is None else float(piece.stop)
-        here = todo & (values >= low) & (values < high)
-        values[here] += float(piece.add)
-        todo &= ~here
-    mask = np.isin(raw, special)
-    if rule.low is not None:
-        mask |= raw < float(rule.low)
-    if rule.high is not None:
-        mask |= raw > float(rule.high)
-    return pa.array(values, mask=mask | np.asarray(source.is_null())) if mask.any() else _masked(values, source)
-
-
-@lru_cache(maxsize=4096)
-def _date(raw: int | None) -> str | None:
-    """Return the day a number may name: YYYYMMDD, else Unix seconds from 2000 on, else none."""
-    if raw is None:
-        return None
-    try:
-        return datetime.strptime(str(raw), "%Y%m%d").replace(tzinfo=UTC).date().isoformat()
-    except ValueError:
-        pass
-    if raw >= 946_684_800:  # 2000-01-01
-        return datetime.fromtimestamp(raw, UTC).date().isoformat()
-    return None

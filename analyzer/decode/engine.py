@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 import dissectors
-from analyzer import _native
+from analyzer.decode.core import Core
 from analyzer.decode.messages import Messages
-from analyzer.tables import EVENT_ROWS, FRAMES, SETTLED, TRANSFERS, VERDICTS, wrap
+from analyzer.decode.sent import cells
+from analyzer.tables import EVENT_ROWS, FRAMES, SETTLED, TRANSFERS, wrap
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
@@ -16,16 +19,22 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer._native import FrameBatch
+    from analyzer.decode.core import Piece, Totals
     from analyzer.decode.messages import ReadMessages
     from analyzer.decode.readings import Statement
+    from dissectors.kit import Array
     from dissectors.registry import Registry
 
-BATCH_ROWS = 1 << 17
 HELD_ROWS = 1 << 17  # frames that wait at most for what decides how they are read
-# The lines of a capture and the terms of their sum.
-LINES = (
-    "lines", "frames", "error_frames", "drops", "comments", "blank", "unreadable", "other", "repeated"
-)  # fmt: skip
+
+
+class SelectedRows(NamedTuple):
+    """Masks of the rows of a batch that somebody wants to see; of frames those without a transfer, of events errors."""
+
+    transfers: Array
+    frames: Array
+    settled: Array
+    events: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +43,9 @@ class Batch:
 
     `messages` holds a table for each message type and packet that occurred, by name; it is made when it is asked for.
     `settled` lists verdicts of
-    frames of earlier batches that were found out only now, `readings` how doubtful fields of nodes are read so far.
+    frames of earlier batches that were found out only now, `readings` how doubtful fields of nodes are read so far,
+    `bit_times` how many bits each frame occupies the bus, u16, if its core has `measured` that; `selected` the rows
+    that a filter has chosen, None without one.
     """
 
     frames: pa.RecordBatch
@@ -46,29 +57,14 @@ class Batch:
     first_transfer: int
     buses: tuple[str, ...]
     readings: tuple[Statement, ...] = ()
+    bit_times: Array | None = field(default=None, compare=False)
+    selected: SelectedRows | None = field(default=None, compare=False)
 
     def make_tables(self) -> Batch:
         """Return it with all message tables made: in a thread that works ahead of who looks at them."""
         for _ in self.messages.values():
             pass
         return self
-
-
-@dataclass(slots=True)
-class Totals:
-    """The law of conservation in numbers, capture-wide.
-
-    `lines` = the sum of the other terms of `LINES`; `verdicts` sum up to the frames, if these were decoded.
-    """
-
-    lines: dict[str, int] = field(default_factory=dict)
-    verdicts: dict[str, int] = field(default_factory=dict)
-
-    @property
-    def balanced(self) -> bool:
-        """True when every line and every frame is accounted for."""
-        sums = sum(self.lines[part] for part in LINES[1:]) == self.lines["lines"]
-        return sums and (not self.verdicts or sum(self.verdicts.values()) == self.lines["frames"])
 
 
 class Engine:
@@ -87,7 +83,8 @@ class Engine:
     ) -> None:  # fmt: skip
         self.registry = registry if registry is not None else dissectors.load()
         self._messages = Messages(self.registry, forced, ahead=ahead)
-        self._native = _native.Pipeline(self.registry.signatures)
+        self.core = Core(self.registry)
+        self._account = self.core.account
         self._frames = self._transfers = 0
         self._ahead = ahead
         self._held: list[tuple[Batch, ReadMessages]] = []
@@ -97,11 +94,9 @@ class Engine:
 
         A capture is either text or rows.
         """
-        at: int | None = 0
-        while at is not None:
-            at = self._native.feed(chunk, at)
-            if self._native.waiting >= BATCH_ROWS:
-                yield from self._step(waits=self._ahead)
+        for piece in self.core.feed(chunk):
+            yield from self.decoded(piece)
+        self._account = self.core.account
 
     def flush(self) -> Batch:
         """Return everything that is known now; open transfers stay open. Not for batches that wait."""
@@ -110,7 +105,7 @@ class Engine:
 
     def flushed(self) -> Iterator[Batch]:
         """Yield what waits, and everything that is known now; open transfers stay open."""
-        yield from self._step(waits=False)
+        yield from self.decoded(self.core.flush())
 
     def finish(self) -> Batch:
         """End the capture: close what is still open. Not for batches that wait."""
@@ -119,13 +114,22 @@ class Engine:
 
     def end(self) -> Iterator[Batch]:
         """End the capture: yield what waits, and what is still open."""
-        self._native.finish()
-        yield from self._step(waits=False, last=True)
+        yield from self.decoded(self.core.end())
 
-    def _step(self, *, waits: bool, last: bool = False) -> Iterator[Batch]:
-        """Take what the core has; yield what does not have to wait, all of it unless `waits`."""
-        (frames, transfers, events, settled), groups = self._native.take()
-        read = self._messages.read(groups, self._transfers, last=last)
+    def decoded(self, piece: Piece) -> Iterator[Batch]:
+        """Take the next piece of `core`, which another thread may run; yield what does not have to wait any longer."""
+        read = self._messages.read(piece.groups, self._transfers, last=piece.last)
+        self._held.append((self.bare(piece), read))
+        full = sum(len(one.frames) for one, _ in self._held) >= HELD_ROWS
+        if full or not (piece.waits and self._ahead and self._messages.waiting):
+            held, self._held = self._held, []
+            for one, its in held:
+                yield replace(one, messages=self._messages.told(its), readings=self._messages.statements())
+
+    def bare(self, piece: Piece) -> Batch:
+        """Return the next piece of `core` without its messages, where nobody asks for any of the capture."""
+        frames, transfers, events, settled = piece.tables
+        bits = frames.get("bit_times")
         batch = Batch(
             frames=wrap(FRAMES, frames),
             transfers=wrap(TRANSFERS, transfers),
@@ -134,16 +138,13 @@ class Engine:
             settled=wrap(SETTLED, settled),
             first_frame=self._frames,
             first_transfer=self._transfers,
-            buses=tuple(self._native.buses),
+            buses=piece.account.buses,
+            bit_times=None if bits is None else cells(bits, np.uint16),
         )
+        self._account = piece.account
         self._frames += len(batch.frames)
         self._transfers += len(batch.transfers)
-        self._held.append((batch, read))
-        full = sum(len(one.frames) for one, _ in self._held) >= HELD_ROWS
-        if full or not (waits and self._messages.waiting):
-            held, self._held = self._held, []
-            for one, its in held:
-                yield replace(one, messages=self._messages.told(its), readings=self._messages.statements())
+        return batch
 
     def know(self, other: Engine) -> None:
         """Read nodes from the start as another engine, which has seen them before, has decided."""
@@ -158,15 +159,14 @@ class Engine:
     @property
     def totals(self) -> Totals:
         """Counts of what became of every line and frame so far."""
-        lines: dict[str, Any] = dict(self._native.lines)
-        return Totals(lines, dict(zip(VERDICTS, self._native.verdicts, strict=True)))
+        return self._account.totals
 
     @property
     def stamps(self) -> int:
         """Kinds of time stamps seen, as bits of `tables.STAMPS`."""
-        return self._native.stamps
+        return self._account.stamps
 
     @property
     def buses(self) -> tuple[str, ...]:
         """Interface names by index."""
-        return tuple(self._native.buses)
+        return self._account.buses

@@ -13,7 +13,7 @@ from dissectors.records import dataclass
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from analyzer.decode.engine import Batch
     from dissectors.kit import Array
@@ -62,10 +62,16 @@ class Pace:
 
 
 class Periods:
-    """Adds up batches: messages of at most `MOST_TALKS` nodes and types, others are left out."""
+    """Adds up batches: messages of at most `MOST_TALKS` nodes and types, others are left out.
 
-    def __init__(self) -> None:
+    Args:
+        told: takes what is found: of whom, the times from one transfer to the next in seconds, and when each such time
+            was over.
+    """
+
+    def __init__(self, told: Callable[[Key, Array, Array], None] | None = None) -> None:
         self.all: dict[Key, Pace] = {}
+        self._told = told
 
     def over(self, batches: Iterable[Batch]) -> Iterator[Batch]:
         """Yield the batches, and add each."""
@@ -100,4 +106,7 @@ class Periods:
             gaps = np.diff(t)
         else:
             gaps = np.diff(t, prepend=pace.last)
-        pace.feed(np.maximum(gaps, 0) / SECOND, max(int(t[-1]), pace.last))
+        gaps = np.maximum(gaps, 0) / SECOND
+        pace.feed(gaps, max(int(t[-1]), pace.last))
+        if self._told is not None and len(gaps):
+            self._told(key, gaps, t[len(t) - len(gaps) :])

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from analyzer.decode.engine import Batch, Totals
+    from analyzer.decode.core import Totals
+    from analyzer.decode.engine import Batch
 
 _DROP, _ERROR_FRAME = EVENTS.index("drop"), EVENTS.index("error frame")
 _ORIGINS = STAMPS[:5]  # what times count from; the others are how finely they do

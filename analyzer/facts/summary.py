@@ -136,6 +136,7 @@ class Summary:
         self._buses: dict[int, BusCount] = {}
         self._names: tuple[str, ...] = ()
         self._talks = Talks()
+        self._without_channels: set[TypeKey] = set()  # nobody needs their tables made
         self._foreign = ForeignIds()
         self._readings: tuple[Statement, ...] = ()
         self._senders = Senders()
@@ -147,10 +148,10 @@ class Summary:
         self._count_frames(batch)
         self._foreign.feed(batch)
         self._recording.feed(batch)
-        for sent in self._talks.feed(batch.transfers):
+        for sent in self._talks.feed(batch.transfers) - self._without_channels:
             message = self._registry.message(*sent)
             table = batch.messages.get(message.table) if message is not None else None
-            if message is not None and table is not None:
+            if table is not None:
                 self._note_channels(sent, table)
         self._senders.feed(batch)
 
@@ -209,6 +210,7 @@ class Summary:
     def _note_channels(self, sent: TypeKey, table: pa.RecordBatch) -> None:
         """Note people's numbers of the ESCs that a node speaks for: the profile calls that column `channel`."""
         if "channel" not in table.schema.names:
+            self._without_channels.add(sent)
             return
         column = table.column("channel")
         good = numbers(table.column("trusted")) & valid(column)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 BIT_RATE = 1_000_000
 MOST_TALKS = 8192
 MOST_IDS = 65536
+FEWEST_OF_RATE = 4  # transfers: the times between two or three say nothing of how many come in a second
 _BATCHES_KEPT = 8
 # Nominal bits of a classic frame without data or stuffing, interframe space included.
 _EXTENDED_BITS, _STANDARD_BITS = 67, 47
@@ -37,6 +39,16 @@ def times(table: pa.RecordBatch, column: str = "t") -> tuple[Array, Array]:
     """Return a time column as nanoseconds, and which of them there are."""
     array = table.column(column)
     return numbers(array), valid(array)
+
+
+def rate(count: int, first: int | None, last: int | None) -> float | None:
+    """Return the mean rate of transfers, in a second, from the first to the last.
+
+    None for fewer than `FEWEST_OF_RATE`, and without times.
+    """
+    if first is None or last is None or count < FEWEST_OF_RATE or last <= first:
+        return None
+    return (count - 1) * SECOND / (last - first)
 
 
 @dataclass(slots=True)
@@ -65,10 +77,20 @@ class BusCount:
         first, last = int(t.min()), int(t.max())
         self.first = first if self.first is None else min(self.first, first)
         self.last = last if self.last is None else max(self.last, last)
-        for second, count in zip(*counted((t - self.first) // SECOND), strict=True):
+        for second, count in _seconds(t, self.first):
             self._count = count + (self._count if second == self._second else 0)
             self._second = second
             self.peak = max(self.peak, self._count)
+
+
+def _seconds(t: Array, start: int) -> Iterator[tuple[int, int]]:
+    """Yield the seconds from a start on in which frames came, in order, and how many each."""
+    first, last = (int(t[0]) - start) // SECOND, (int(t[-1]) - start) // SECOND
+    if last - first < len(t) and bool((t[1:] >= t[:-1]).all()):
+        ends = np.searchsorted(t, start + np.arange(first, last + 2) * SECOND).tolist()
+        yield from ((first + k, b - a) for k, (a, b) in enumerate(pairwise(ends)) if b > a)
+    else:
+        yield from zip(*counted((t - start) // SECOND), strict=True)
 
 
 @dataclass(slots=True)
@@ -83,10 +105,8 @@ class Talk:
 
     @property
     def hz(self) -> float | None:
-        """Mean rate, first to last; None for fewer than two or without times."""
-        if self.first is None or self.last is None or self.count < 2 or self.last <= self.first:
-            return None
-        return (self.count - 1) * SECOND / (self.last - self.first)
+        """Mean rate, see `rate`."""
+        return rate(self.count, self.first, self.last)
 
 
 TypeKey = tuple[int, int, int]  # kind, type ID, variant
@@ -138,6 +158,12 @@ def _type(code: int) -> TypeKey:
     return code >> 16 & 0xFF, code & 0xFFFF, code >> 24 & 0xFF
 
 
+def _codes(ids: Array, flags: Array) -> Array:
+    """Return identifiers, each with a bit that says whether it has 29 bits."""
+    codes: Array = ids.astype(np.int64) << 1 | (flags & EXTENDED != 0)
+    return codes
+
+
 class ForeignIds:
     """Identifiers of frames that are not DroneCAN, with how often each occurs.
 
@@ -147,25 +173,33 @@ class ForeignIds:
 
     def __init__(self) -> None:
         self.counts: dict[tuple[int, bool], int] = {}
-        self._kept: deque[tuple[int, Array, Array]] = deque(maxlen=_BATCHES_KEPT)
+        self._kept: deque[tuple[int, Array, Array, Array]] = deque(maxlen=_BATCHES_KEPT)
 
     def feed(self, batch: Batch) -> None:
         """Count a batch, and correct earlier ones by what settled."""
         frames = batch.frames
         ids, flags = numbers(frames.column("id")), numbers(frames.column("flags"))
-        verdicts = numbers(frames.column("verdict")).copy()
-        codes = ids.astype(np.int64) << 1 | (flags & EXTENDED != 0)
-        for code, count in zip(*counted(codes[verdicts == _FOREIGN]), strict=True):
-            self._change(code, count)
+        verdicts = numbers(frames.column("verdict"))
+        foreign = np.flatnonzero(verdicts == _FOREIGN)
+        if len(foreign):
+            for code, count in zip(*counted(_codes(ids[foreign], flags[foreign])), strict=True):
+                self._change(code, count)
         if len(frames):
-            self._kept.append((batch.first_frame, codes, verdicts))
-        settled = (numbers(batch.settled.column(c)).tolist() for c in ("frame", "verdict"))
-        for number, verdict in zip(*settled, strict=True):
-            for first, of, known in self._kept:
-                at = number - first
-                if 0 <= at < len(of) and known[at] != verdict:
-                    self._change(int(of[at]), int(verdict == _FOREIGN) - int(known[at] == _FOREIGN))
-                    known[at] = verdict
+            self._kept.append((batch.first_frame, ids, flags, verdicts.copy()))
+        if not len(batch.settled):
+            return
+        number, verdict = (numbers(batch.settled.column(c)).astype(np.int64) for c in ("frame", "verdict"))
+        for first, ids, flags, known in self._kept:
+            here = (number >= first) & (number < first + len(known))
+            if not here.any():
+                continue
+            at = np.unique(number[here]) - first
+            before = known[at] == _FOREIGN
+            known[number[here] - first] = verdict[here]
+            after = known[at] == _FOREIGN
+            for rows, by in ((at[after & ~before], 1), (at[before & ~after], -1)):
+                for code, count in zip(*counted(_codes(ids[rows], flags[rows])), strict=True):
+                    self._change(code, by * count)
 
     def _change(self, code: int, by: int) -> None:
         key = (code >> 1, bool(code & 1))

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.plot import broken, findings, summary
+from analyzer.plot import broken, findings, happened, summary
 from analyzer.plot.bus import BusPlots
 from analyzer.plot.canvas import Canvas
 from analyzer.plot.chunks import path
 from analyzer.plot.inventory import Series
-from analyzer.plot.layout import layout
+from analyzer.plot.layout.whole import layout
 from analyzer.plot.messages import MessagePlots
 from analyzer.plot.moments import NO_FRAME, PlotClock, times
 from analyzer.report import wording
@@ -109,6 +109,12 @@ class Picture:
         self._told |= new.keys()
         findings.draw(self._canvas, new.values(), several=several)
         self._canvas.flush()
+
+    def take_happened(self, flights: pa.Table, events: pa.Table, buses: Sequence[str]) -> None:
+        """Draw what is shown of flights and their events: `FLIGHTS`, `FLIGHT_EVENTS`; before it is closed."""
+        if self._from != NO_TIME:
+            self._messages.finish()
+            happened.draw(self._canvas, flights, events, buses, (self._from, self._to))
 
     def close(self, limits: Mapping[str, float]) -> None:
         """End the capture: draw what was held back. `limits` are frames a second by what they hold for."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.decode.engine import LINES
+from analyzer.decode.core import LINES
 from analyzer.facts.names import short
 from analyzer.report.model import BusUse, CaptureSummary, NodeUse
 from dissectors.kit import SECOND

@@ -21,8 +21,8 @@ _ORIGINS = {
     "implied": "follows from the document",
     "dronecan": "the DroneCAN specification says so",
     "heuristic": "our judgement, no document says so",
+    "vehicle": "the vehicle file says so",
 }
-_STYLES = {"error": "bad", "warning": "note", "note": "dim"}
 _PARTS = {"checks": "Checks", "matters": "Matters", "example": "Example", "next": "Next"}
 _ACTIVE = re.compile(r"[\\`*_\[\]<>#|&~@$]|(?<=:)/|(?<=www)\.", re.IGNORECASE)
 
@@ -82,7 +82,7 @@ def _anchor(rule: str) -> str:
 
 def _painted(line: str, severity: str, palette: Palette) -> str:
     start = line[: len(line) - len(severity)]
-    return palette.paint("head", start) + palette.paint(_STYLES.get(severity, "note"), severity)
+    return palette.paint("head", start) + palette.paint(wording.STYLES.get(severity, "note"), severity)
 
 
 def _facts(page: Page) -> Iterator[tuple[str, str]]:
@@ -121,6 +121,8 @@ def _need(word: str) -> str:
     kind, _, name = word.strip().rpartition(":")
     if kind == "pair":
         return " answered by ".join(name.split(">"))
+    if kind == "demand":
+        return f"what {name} waits for"
     return f"{kind} {name}" if kind not in ("", "type") else name
 
 

@@ -7,23 +7,25 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from analyzer.report.model import Report
+    from collections.abc import Callable, Iterable
 
 
 @dataclass(frozen=True, slots=True)
 class ReportFormat:
-    """A format: its module here, the suffixes that ask for it, and the help of its option (empty: it has none)."""
+    """A format: its module in a room, the suffixes that ask for it, and the help of its option (empty: it has none)."""
 
     name: str
     module: str
     suffixes: tuple[str, ...]
     help: str = ""
+    room: str = __package__
 
-    def render(self, report: Report, *, everything: bool = False) -> str:
-        """Return the whole report in this format; `everything` is for the text, where `--all` leaves nothing out."""
-        module: Any = import_module(f"analyzer.report.{self.module}")
+    def render(self, report: Any, *, everything: bool = False) -> str:
+        """Return the whole report, or what else its room shows, in this format.
+
+        `everything` is for the text, where `--all` leaves nothing out.
+        """
+        module: Any = import_module(f"{self.room}.{self.module}")
         render: Callable[..., str] = module.render
         return render(report, everything=everything, utc=True) if self.name == "text" else render(report)
 
@@ -35,5 +37,8 @@ FORMATS = (
     ReportFormat("markdown", "markdown", (".md",), "for comments and job summaries"),
     ReportFormat("text", "text", (".txt",)),
 )
-BY_NAME = {form.name: form for form in FORMATS}
-BY_SUFFIX = {suffix: form.name for form in FORMATS for suffix in form.suffixes}
+
+
+def by_suffix(forms: Iterable[ReportFormat]) -> dict[str, str]:
+    """Return the names of formats by the suffixes that ask for them."""
+    return {suffix: form.name for form in forms for suffix in form.suffixes}

@@ -139,6 +139,20 @@ def _ungated(report: Report, shown: Sequence[Problem]) -> str:
     return f"--fail-on {','.join(report.gate.fail_on)}: {plural(len(passed), 'error')} not counted"
 
 
+def sections(found: Sequence[Problem]) -> list[tuple[Category, list[Problem]]]:
+    """Return problems by category, errors before warnings before notes; neighbours of one category are joined."""
+    made: list[tuple[Category, list[Problem]]] = []
+    for severity in SEVERITIES:
+        before = made[-1][0] if made else None
+        for category in sorted(RANKS, key=lambda one: one != before):
+            some = [one for one in found if (one.severity, one.head.category) == (severity, category)]
+            if some and made and made[-1][0] == category:
+                made[-1][1].extend(some)
+            elif some:
+                made.append((category, some))
+    return made
+
+
 def worst(found: Sequence[Problem]) -> Problem:
     """Return the problem to look at first, of at least one: what fails, then by severity and category, then by time."""
     return min(

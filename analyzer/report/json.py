@@ -17,11 +17,16 @@ _SURROGATE = "\\ud"  # as JSON writes one in ASCII
 
 
 def render(report: Report) -> str:
-    r"""Write one JSON object in ASCII; each capture, finding and rule is one line, to be compared by line.
+    """Write one JSON object; each capture, finding and rule is one line, to be compared by line."""
+    return written(report.schema, report)
+
+
+def written(form: str, record: Any) -> str:
+    r"""Write a record as a JSON object of the schema `form`, in ASCII; each item of its lists is one line.
 
     Numbers that are not finite become null, bytes of names that are not UTF-8 become `\xNN`.
     """
-    return "\n".join(_lines({"schema": report.schema} | _fields(report))) + "\n"
+    return "\n".join(_lines({"schema": form} | _fields(record))) + "\n"
 
 
 def render_finding(finding: Finding) -> str:

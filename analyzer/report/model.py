@@ -7,11 +7,10 @@ format escapes it in its own way.
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal
 
 from analyzer.rules import verdicts
-from dissectors.records import dataclass, field
+from dissectors.records import as_dict, dataclass, field
 
 if TYPE_CHECKING:
     from analyzer.rules.verdicts import Excused
@@ -20,7 +19,7 @@ SCHEMA = "tailbyte.check/1"
 
 Severity = Literal["error", "warning", "note"]
 Category = Literal["protocol", "device", "capture"]
-Origin = Literal["document", "implied", "dronecan", "heuristic"]
+Origin = Literal["document", "implied", "dronecan", "heuristic", "vehicle"]
 Verdict = verdicts.Verdict
 Judgeable = Literal["yes", "no", "unknown", "coarse"]
 
@@ -270,4 +269,4 @@ class Report:
 
     def as_json(self) -> dict[str, Any]:
         """Return plain dictionaries and lists, `schema` first."""
-        return {"schema": self.schema} | {name: value for name, value in asdict(self).items() if name != "schema"}
+        return {"schema": self.schema} | {name: value for name, value in as_dict(self).items() if name != "schema"}

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from analyzer.report import headline, wording
 from analyzer.report.inventory import inventory
 from analyzer.report.lines import GAP, NARROWEST, columns, pack, right, wrap
-from analyzer.report.model import SEVERITIES
 from analyzer.report.problems import Problem
 from analyzer.views.terminal import PLAIN, Palette, display_width, fit
 from dissectors.records import dataclass
@@ -33,8 +32,6 @@ _TITLES: dict[Category, str] = {
     "protocol": "what breaks the protocol",
     "capture": "what this recording cannot prove",
 }
-_STYLES = {"error": "bad", "warning": "note", "note": "dim"}
-_TONES = {"good": "good", "caution": "note", "bad": "bad", "idle": "dim"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +73,7 @@ def _head(report: Report, head: Headline, page: _Page) -> Iterator[str]:
     word, gate = head.verdict, report.gate
     lines = wrap(head.summary, page.width, first=f"{word}  ", indent=_INDENT)
     first, *more = right(lines, f"exit {gate.exit_status}", page.width)
-    yield page.palette.paint(_TONES[head.tone], word) + first[len(word) :]
+    yield page.palette.paint(wording.TONES[head.tone], word) + first[len(word) :]
     yield from more
     below = [head.worst]
     below += [wording.safe(gate.reason)] if gate.exit_status not in (0, 1) else []
@@ -117,19 +114,9 @@ def _facts(capture: CaptureSummary, page: _Page) -> Iterator[str]:
 
 
 def _sections(report: Report, head: Headline, page: _Page) -> list[tuple[Category, list[Problem]]]:
-    """Return what is found by category, errors before warnings before notes; neighbours of one category are joined."""
+    """Return what is found by category; all runs if everything is wanted, else what is open."""
     runs = [Problem((run,)) for run in report.findings]
-    found = runs if page.everything else [one for one in head.problems if one.open]
-    sections: list[tuple[Category, list[Problem]]] = []
-    for severity in SEVERITIES:
-        before = sections[-1][0] if sections else None
-        for category in sorted(headline.RANKS, key=lambda one: one != before):
-            some = [one for one in found if (one.severity, one.head.category) == (severity, category)]
-            if some and sections and sections[-1][0] == category:
-                sections[-1][1].extend(some)
-            elif some:
-                sections.append((category, some))
-    return sections
+    return headline.sections(runs if page.everything else [one for one in head.problems if one.open])
 
 
 def _heading(category: Category, page: _Page) -> str:
@@ -220,7 +207,7 @@ class _Table:
         tail = f"{wording.counted(one):>{self.count}}{GAP}{self._span(one)}"
         start = f"{one.severity:<8} {wording.safe(head.rule):<{self.rule}}{GAP}{where}{GAP}"
         line = f"{start}{columns(title, self.title)}{GAP}{tail}"
-        yield page.palette.paint(_STYLES[one.severity], one.severity) + line[len(one.severity) :]
+        yield page.palette.paint(wording.STYLES[one.severity], one.severity) + line[len(one.severity) :]
         for rest in more:
             yield " " * display_width(start) + rest
         yield from self._below(one, self._details(one))
@@ -229,7 +216,7 @@ class _Table:
         """Put title, count and time below, so that nobody's number is cut."""
         start = f"{one.severity:<8} {wording.safe(one.head.rule)}{GAP}"
         line = start + fit(self._place(one), max(self.page.width - display_width(start), 8))
-        yield self.page.palette.paint(_STYLES[one.severity], one.severity) + line[len(one.severity) :]
+        yield self.page.palette.paint(wording.STYLES[one.severity], one.severity) + line[len(one.severity) :]
         facts = (wording.safe(one.head.title), wording.counted(one), self._span(one))
         yield from self._below(one, (*facts, *self._details(one)))
 

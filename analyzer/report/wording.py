@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from analyzer.report.model import CaptureSummary, DeviceEvent, Finding, Report, Requirement, WaiverUse
     from analyzer.report.problems import Problem
 
+# Styles of a palette, by severity and by the tone of a headline.
+STYLES = {"error": "bad", "warning": "note", "note": "dim"}
+TONES = {"good": "good", "caution": "note", "bad": "bad", "idle": "dim"}
 _NEAR = 5  # frames to each side, where no time says what is near
 _MARGIN = "+-50ms"
 _NAMED = 4
@@ -141,15 +144,19 @@ def command(problem: Problem, capture: CaptureSummary | None) -> str:
     words = ["tailbyte", "decode", argument(path)]
     words += [quoted(word) for word in (() if capture is None else capture.arguments)]
     frame, t = problem.head.first.frame, problem.head.first.t_ns
-    if frame is not None and t is not None:
-        words += ["--around", f"{frame}{_MARGIN}"]
-    elif frame is not None:
-        words += ["--frames", f"{max(frame - _NEAR, 1)}-{frame + _NEAR}"]
-    elif t is not None and t >= 0:
-        words += ["--around", f"{t // SECOND}.{t % SECOND:09d}{_MARGIN}"]
-    else:
+    shown = window(t, frame, f"{t // SECOND}.{t % SECOND:09d}{_MARGIN}" if t is not None else "")
+    if not shown:
         words[1] = "info"
-    return " ".join(words)
+    return " ".join([*words, *shown])
+
+
+def window(t: int | None, frame: int | None, around: str) -> list[str]:
+    """Return the options that show a place: near a frame, or a time in words, or nothing where neither is known."""
+    if frame is not None and t is not None:
+        return ["--around", f"{frame}{_MARGIN}"]
+    if frame is not None:
+        return ["--frames", f"{max(frame - _NEAR, 1)}-{frame + _NEAR}"]
+    return ["--around", around] if t is not None and t >= 0 else []
 
 
 def argument(path: str) -> str:

@@ -32,6 +32,8 @@ LAYERS = {
     "CAN": "frames", "TRF": "transfers", "TYP": "values", "PUSH": "packets", "BUS": "bus", "CAP": "capture",
 }  # fmt: skip
 
+OWN = "vehicle"  # the origin of rules that a vehicle file brings
+
 _TEXTS = ("title", "checks", "matters", "example", "next", "text")
 _FORMAT = string.Formatter()
 _OF_EPISODE = re.compile("lasted|worst_.*").fullmatch

@@ -63,7 +63,8 @@ class Check:
         for batch in batches:
             self._summary.feed(batch)
             self._clock.feed(batch)
-            yield Measured(batch.make_tables(), bit_times(FrameTable(batch.frames)))
+            bits = batch.bit_times
+            yield Measured(batch, bit_times(FrameTable(batch.frames)) if bits is None else bits)
 
     def feed(self, measured: Measured) -> None:
         """Add the next batch."""

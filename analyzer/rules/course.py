@@ -35,27 +35,22 @@ class Course:
             if not known.any():
                 return
             self.start = int(view.frames.t[int(np.argmax(known))])
-        for second in view.seconds:
-            at = self._index(second.start)
-            for series, much in ((self._frames, second.frames), (self._bits, second.bits)):
-                counts = self._of(series, second.bus)
-                if counts is not None:
-                    counts[at] += much
+        if view.seconds:
+            rows = np.array([(one.bus, one.start, one.frames, one.bits) for one in view.seconds], np.int64)
+            bus, start, frames, bits = rows.T
+            at = self._steps(start)
+            for one, places in groups(bus):
+                self._add(self._frames, one, at[places], frames[places])
+                self._add(self._bits, one, at[places], bits[places])
         transfers = view.transfers
         known = transfers.t != NO_TIME
         t, key = transfers.t, transfers.bus.astype(np.int64) * _NODES + (transfers.src & 0x7F)
         if not known.all():
             t, key = t[known], key[known]
         if len(t):
-            self._index(int(t.max()))
-            at = np.maximum((t - self.start) // self.step, 0)
+            at = self._steps(t)
             for one, places in groups(key):
-                counts = self._of(self._transfers, one)
-                if counts is not None:
-                    mine = at[places]
-                    low = int(mine.min())
-                    more = np.bincount(mine - low)
-                    counts[low : low + len(more)] += more
+                self._add(self._transfers, one, at[places])
 
     def frames(self, bus: int) -> tuple[int, ...]:
         """Return frames of an interface in each step."""
@@ -69,19 +64,23 @@ class Course:
         """Return transfers of a node in each step."""
         return self._series(self._transfers, bus * _NODES + node)
 
-    def _index(self, t: int) -> int:
-        """Return the step of a time; steps are widened until it is inside."""
-        start = self.start or 0
-        while (t - start) // self.step >= MOST_STEPS:
+    def _steps(self, t: Array) -> Array:
+        """Return the steps of times; steps are widened until all are inside."""
+        start, latest = self.start or 0, int(t.max())
+        while (latest - start) // self.step >= MOST_STEPS:
             self._double()
-        at = max((t - start) // self.step, 0)
-        self._last = max(self._last, at)
-        return at
+        self._last = max(self._last, (latest - start) // self.step)
+        found: Array = np.maximum((t - start) // self.step, 0)
+        return found
 
-    def _of(self, series: dict[int, Array], key: int) -> Array | None:
+    def _add(self, series: dict[int, Array], key: int, at: Array, much: Array | None = None) -> None:
+        """Add to some steps, 1 each unless it is said how much."""
         if key not in series and len(series) < MOST_KEYS:
             series[key] = np.zeros(MOST_STEPS, np.int64)
-        return series.get(key)
+        if key in series:
+            low = int(at.min())
+            more = np.bincount(at - low, much).astype(np.int64)
+            series[key][low : low + len(more)] += more
 
     def _series(self, series: dict[int, Array], key: int) -> tuple[int, ...]:
         return tuple(series[key][: self._last + 1].tolist()) if key in series else ()

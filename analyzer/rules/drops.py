@@ -5,18 +5,18 @@ It says so, or several senders lack some at the same time.
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer.rules.events import EventTimes, drops_in
 from analyzer.rules.joint.times import LONGEST, SETTLED, WIDEST
+from analyzer.rules.joint.united import united
 from analyzer.tables import distinct
 from dissectors.kit import NO_TIME, Occurrences
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Container, Iterable, Iterator
 
     from dissectors.kit import Array, JointLoss, Occurrence, View
 
@@ -30,14 +30,15 @@ class Drops:
     Args:
         around: how close to what the recorder says counts, in nanoseconds.
         beside: how close to what it does not say.
+        keyed: rules whose findings are kept apart by values.
     """
 
-    def __init__(self, around: int, beside: int) -> None:
+    def __init__(self, around: int, beside: int, keyed: Container[str] = ()) -> None:
+        self._keyed = keyed
         self._around = around
         self._beside = beside
         self._times = EventTimes()  # of what the recorder says
-        self._joint: dict[int, list[tuple[int, int]]] = {}  # since when, and until when, without overlaps
-        self._columns: dict[int, Array] = {}  # the same
+        self._joint: dict[int, Array] = {}  # since when, and until when, without overlaps: a row each
         self._held: list[tuple[int, Occurrences | Occurrence]] = []
 
     def feed(self, view: View) -> None:
@@ -48,16 +49,10 @@ class Drops:
 
     def add(self, joint: Iterable[JointLoss]) -> None:
         """Note losses that are inferred."""
-        for one in joint:
-            self._columns.pop(one.bus, None)
-            known = self._joint.setdefault(one.bus, [])
-            since, until = one.since - one.reach, one.until + one.reach
-            at = bisect_left(known, since, key=lambda loss: loss[1])
-            end = bisect_right(known, until, key=lambda loss: loss[0])
-            if at < end:
-                since, until = min(since, known[at][0]), max(until, known[end - 1][1])
-            known[at:end] = [(since, until)]
-            del known[:-MOST_JOINT]
+        rows = np.array([(one.bus, one.since - one.reach, one.until + one.reach) for one in joint], np.int64)
+        for bus in distinct(rows[:, 0]) if len(rows) else ():
+            new = rows[rows[:, 0] == bus, 1:]
+            self._joint[bus] = _without_overlaps(np.concatenate((self._joint.get(bus, new[:0]), new)))[-MOST_JOINT:]
 
     def hold(self, found: Occurrences | Occurrence) -> None:
         """Keep occurrences until `ready` gives them back."""
@@ -73,9 +68,9 @@ class Drops:
         late = [k for k, (last, _) in enumerate(self._held) if end is None or last < end - after]
         spare = len(self._held) - len(late) - MOST_HELD
         chosen = set(late) if spare <= 0 else set(late) | set(range(spare + len(late)))
-        done = [entry for k, entry in enumerate(self._held) if k in chosen]
+        done = [found for k, (_, found) in enumerate(self._held) if k in chosen]
         self._held = [entry for k, entry in enumerate(self._held) if k not in chosen]
-        for _, found in done:
+        for found in united(done, self._keyed):
             yield found, self._near(found)
 
     def _near(self, found: Occurrences | Occurrence) -> list[bool]:
@@ -93,9 +88,7 @@ class Drops:
                 said = zip((first - self._around).tolist(), (last + self._around).tolist(), strict=True)
                 near[rows] = [self._times.near(bus, *each) for each in said]
             if bus in self._joint:
-                if bus not in self._columns:
-                    self._columns[bus] = np.array(self._joint[bus], np.int64).T
-                begins, ends = self._columns[bus]
+                begins, ends = self._joint[bus].T
                 at = np.searchsorted(ends, first - self._beside)
                 inside = at < len(ends)
                 near[rows] |= inside & (begins[np.where(inside, at, 0)] <= last + self._beside)
@@ -104,6 +97,16 @@ class Drops:
     def _explains(self, bus: int, since: int, until: int) -> bool:
         if self._times.near(bus, since - self._around, until + self._around):
             return True
-        joint = self._joint.get(bus, [])
-        at = bisect_left(joint, since - self._beside, key=lambda loss: loss[1])
-        return at < len(joint) and joint[at][0] <= until + self._beside
+        if bus not in self._joint:
+            return False
+        begins, ends = self._joint[bus].T
+        at = int(np.searchsorted(ends, since - self._beside))
+        return at < len(ends) and begins.item(at) <= until + self._beside
+
+
+def _without_overlaps(times: Array) -> Array:
+    """Return times with a beginning and an end as those that are left once all that meet are one."""
+    times = times[np.argsort(times[:, 0], kind="stable")]
+    ends = np.maximum.accumulate(times[:, 1])
+    first = np.flatnonzero(np.append(True, times[1:, 0] > ends[:-1]))
+    return np.stack((times[first, 0], ends[np.append(first[1:], len(ends)) - 1]), axis=1)

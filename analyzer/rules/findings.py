@@ -5,6 +5,8 @@ The result does not depend on the order in which occurrences come in, as long as
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -17,7 +19,7 @@ from analyzer.rules.runs import (
     PIECE,
     OccurrenceRun,
     Shown,
-    continued,
+    is_full,
     joined,
     meets,
     merge,
@@ -66,6 +68,7 @@ class Findings:
         self._pages = pages
         self._severities = severities
         self._runs: dict[Key, list[OccurrenceRun]] = {}
+        self._keys: dict[tuple[str, int, int], list[Key]] = {}  # those of a rule, bus and node
         self._total = 0
         self.changes = 0  # how often something was added
 
@@ -165,7 +168,10 @@ class Findings:
             one.rule, self._severity(one.rule, one.severity, near_drops), one.bus, -1 if one.node is None else one.node,
             one.type, page.key_of(one.values), tuple(one.dialects.items()),
         )  # fmt: skip
+        key = self._kept(key)
         place = (one.t, one.frames[0] if one.frames else -1)
+        if self._is_inside(key, place):
+            return
         run = OccurrenceRun(place, place, 1)
         if not self._continues(key, run):
             cause = str(one.values.get("cause", ""))
@@ -174,45 +180,68 @@ class Findings:
         self._put(key, run)
 
     def _add_many(self, found: Occurrences, view: View, near_drops: Sequence[bool] | None) -> None:
+        page = self._pages[found.rule]
+        further: dict[Key, list[Any]] = {}
         for rows, noted in _groups(found, near_drops):
-            page = self._pages[found.rule]
-            first = int(rows[0])
+            first = rows.item(0)
             turned = TURNED if found.doubtful is not None and found.doubtful[first] else {}
             key = Key(
-                found.rule, self._severity(found.rule, found.severity, noted), int(found.bus[first]),
-                int(found.node[first]), view.type_name(int(found.type[first])),
+                found.rule, self._severity(found.rule, found.severity, noted), found.bus.item(first),
+                found.node.item(first), view.type_name(found.type.item(first)),
                 page.key_of(found.values(first)) if page.key else "", (*found.dialects.items(), *turned.items()),
             )  # fmt: skip
-            t = found.t[rows]
-            apart = np.diff(t) > PAUSE
-            if page.explained:
-                apart |= np.diff(t // PIECE) != 0
-            for piece in np.split(rows, np.flatnonzero(apart) + 1):
-                self._put(key, self._run(found, piece, key, view))
+            kept = self._kept(key)
+            if kept.key == FURTHER:
+                further.setdefault(kept, []).append(rows)
+            else:
+                self._put_all(found, rows, kept, view)
+        for key, parts in further.items():
+            self._put_all(found, _by_place(found, parts), key, view)
+
+    def _put_all(self, found: Occurrences, rows: Any, key: Key, view: View) -> None:
+        for piece in _pieces(found.t, rows, explained=bool(self._pages[key.rule].explained)):
+            self._put(key, self._run(found, piece, key, view))
 
     def _run(self, found: Occurrences, rows: Any, key: Key, view: View) -> OccurrenceRun:
         page = self._pages[key.rule]
 
         def place(row: int) -> tuple[int, int]:
-            return int(found.t[row]), int(found.frame[row])
+            return int(found.t.item(row)), int(found.frame.item(row))
 
         def example(row: int) -> Shown:
             values, frames = found.values(row), tuple(found.frames(row))
             return Shown(*place(row), page.say(values), str(values.get("cause", "")), frames, view.lines(frames))
 
-        run = OccurrenceRun(place(int(rows[0])), place(int(rows[-1])), len(rows))
+        run = OccurrenceRun(place(rows.item(0)), place(rows.item(-1)), len(rows))
         run.episode = episode_of(found, rows)
         if not self._continues(key, run):
             if run.episode is not None:
                 run.episode.onset = found.values(int(rows[0]))
-            most = self._room(key, run) if self._total < KEPT else 1
+            most = self._room(key, run) if self._total < KEPT or key.key == FURTHER else 1
             run.examples = [example(int(row)) for row in rows[:most]]
         return run
 
+    def _is_inside(self, key: Key, place: tuple[int, int]) -> bool:
+        """Return whether an occurrence lies inside a run that has all its examples, and count it there then."""
+        run = self._before(key, place)
+        if run is None or place > run.last or run.episode is not None or not is_full(run, place):
+            return False
+        run.count += 1
+        self.changes += 1
+        return True
+
     def _continues(self, key: Key, run: OccurrenceRun) -> bool:
         """Return whether it only goes on with a run that has all the examples it may have."""
+        before = self._before(key, run.first)
+        return before is not None and is_full(before, run.first) and self._close(key)(before, run)
+
+    def _before(self, key: Key, place: tuple[int, int]) -> OccurrenceRun | None:
+        """Return the last run of a key that began before a place."""
         runs = self._runs.get(key)
-        return runs is not None and continued(runs[-1], run, self._close(key))
+        if runs is None:
+            return None
+        at = len(runs) if runs[-1].first < place else bisect_left(runs, place, key=lambda one: one.first)
+        return runs[at - 1] if at else None
 
     def _room(self, key: Key, run: OccurrenceRun) -> int:
         """Return how many examples of a run may be shown: it may go on with one that has some."""
@@ -229,16 +258,24 @@ class Findings:
             return self._severities[rule]
         return "note" if near_drops else said or self._pages[rule].severity
 
+    def _kept(self, key: Key) -> Key:
+        """Return the key by which occurrences are kept: those beyond `MOST_GROUPS` share one."""
+        if key in self._runs or len(self._runs) < MOST_GROUPS:
+            return key
+        return key._replace(bus=-1, node=-1, type="", key=FURTHER)
+
     def _put(self, key: Key, run: OccurrenceRun) -> None:
-        if key not in self._runs and len(self._runs) >= MOST_GROUPS:
-            key = key._replace(bus=-1, node=-1, type="", key=FURTHER)
         self.changes += 1
-        runs = self._runs.setdefault(key, [])
+        if key not in self._runs:
+            self._runs[key] = []
+            self._keys.setdefault((key.rule, key.bus, key.node), []).append(key)
+        runs = self._runs[key]
         self._total -= len(runs)
         merge(runs, run, self._close(key))
         explained = self._pages[key.rule].explained
         if explained and len(runs) > MOST_PIECES:
-            runs[:] = joined(runs, [other for rule in explained for other in _of(self._runs, rule, key)])
+            others = (one for rule in explained for one in self._keys.get((rule, key.bus, key.node), ()))
+            runs[:] = joined(runs, [run for one in others for run in self._runs[one]])
         self._total += len(runs)
 
 
@@ -262,5 +299,29 @@ def _groups(found: Occurrences, near_drops: Sequence[bool] | None) -> Iterator[t
     changed = np.zeros(len(order) - 1, bool)
     for part in parts[2:]:
         changed |= np.diff(part[order]) != 0
-    for rows in np.split(order, np.flatnonzero(changed) + 1):
-        yield rows, bool(near_drops is not None and near_drops[int(rows[0])])
+    for rows in _split(order, changed):
+        yield rows, bool(near_drops is not None and near_drops[rows.item(0)])
+
+
+def _by_place(found: Occurrences, parts: Sequence[Any]) -> Any:
+    """Return the rows of some groups together, in order of place."""
+    rows = np.concatenate(parts)
+    return rows[np.lexsort((found.frame[rows], found.t[rows]))]
+
+
+def _pieces(t: Any, rows: Any, *, explained: bool) -> Iterator[Any]:
+    """Yield rows of one key, in order, that belong to one run each, or to one piece of what may be explained."""
+    if len(rows) == 1:
+        yield rows
+        return
+    t = t[rows]
+    apart = np.diff(t) > PAUSE
+    if explained:
+        apart |= np.diff(t // PIECE) != 0
+    yield from _split(rows, apart)
+
+
+def _split(rows: Any, apart: Any) -> Iterator[Any]:
+    """Yield rows in parts; each one but the first says whether it is apart from the one before."""
+    for start, stop in pairwise([0, *(np.flatnonzero(apart) + 1).tolist(), len(rows)]):
+        yield rows[start:stop]

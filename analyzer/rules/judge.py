@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from analyzer.rules.findings import Key
     from analyzer.rules.named_frames import NamedFrames
     from analyzer.rules.runs import OccurrenceRun
+    from analyzer.rules.vehicle.own import OwnRules
+    from analyzer.rules.vehicle.own_judge import OwnJudge
     from dissectors import Registry
     from dissectors.kit import Array, Occurrence, Occurrences, View
 
@@ -58,12 +60,15 @@ class Judge:
     def __init__(self, registry: Registry, settings: Settings | None = None, named: NamedFrames | None = None) -> None:
         self._named = named
         settings = settings or Settings()
-        self.pages: Mapping[str, Page] = load(registry)
+        own = settings.own
+        self.pages: Mapping[str, Page] = load(registry) if own is None else {**load(registry), **own.pages}
         self.enabled = settings.enabled(self.pages)
         self.numbers = settings.all_numbers(self.pages)
         self._past = Past(registry, self.numbers, settings.bit_rate)
+        self._past.cut_in = settings.cut_in
         self._findings = Findings(self.enabled, settings.severities)
-        self._drops = Drops(*(round(self.numbers[rule]["around_s"] * SECOND) for rule in ("CAP-004", "CAP-006")))
+        around, beside = (round(self.numbers[rule]["around_s"] * SECOND) for rule in ("CAP-004", "CAP-006"))
+        self._drops = Drops(around, beside, {rule for rule, page in self.pages.items() if page.key})
         conformances = discovery.conformances_of(registry)
         self._exercises = Exercises(registry, [kind for one in conformances for kind in one.exercises])
         vendors = [one.labels for one in conformances if one.labels is not None]
@@ -71,6 +76,7 @@ class Judge:
         self._labels: dict[tuple[int, int], str] = {}
         made = discovery.new_rules(registry, self.enabled, conformances)
         self._rules = [one for one in made if not self.enabled.keys().isdisjoint(one.rules)]
+        self._own = None if own is None else _own_judge(own, self.enabled, registry)
 
     def feed(self, batch: Batch, bits: Array | None = None) -> View:
         """Judge the next batch.
@@ -85,6 +91,8 @@ class Judge:
         with np.errstate(all="ignore"):  # a bus may carry any bits, those of numbers that are none among them
             for rule in self._rules:
                 self._take(rule.feed(view), view)
+            if self._own is not None:
+                self._take(self._own.feed(view), view)
             self._release(view, view.end)
         return view
 
@@ -113,11 +121,13 @@ class Judge:
         with np.errstate(all="ignore"):
             for rule in self._rules:
                 self._take(rule.finish(view), view)
+            if self._own is not None:
+                self._take(self._own.finish(view), view)
             self._release(view, None)
         readings = self._past.dialects.statements
         return Outcome(
             runs=tuple(self._findings.results(readings, self._past.end)),
-            words=self._exercises.words(),
+            words=self._exercises.words() | (frozenset() if self._own is None else self._own.words),
             labels=self._labels,
             readings=readings,
             facts=self._exercises.facts(),
@@ -140,3 +150,9 @@ class Judge:
     def _release(self, view: View, end: int | None) -> None:
         for one, near in self._drops.ready(end):
             self._add(one, view, near)
+
+
+def _own_judge(own: OwnRules, enabled: Iterable[str], registry: Registry) -> OwnJudge:
+    from analyzer.rules.vehicle.own_judge import OwnJudge  # noqa: PLC0415 - filters are for those who write some
+
+    return OwnJudge(own, enabled, registry)

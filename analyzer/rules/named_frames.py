@@ -36,8 +36,12 @@ class NamedFrames:
             )
             return
         frame, bus, nodes = (np.asarray(one, np.int64) for one in (found.frame, found.bus, found.node))
-        named = frame >= 0
         who = bus * 256 + nodes + 1
+        if found.each_named:
+            lists = [found.frames(row) for row in range(len(frame))]
+            frame = np.array([number for some in lists for number in some], np.int64)
+            who = np.repeat(who, [len(some) for some in lists])
+        named = frame >= 0
         for one in np.unique(who[named]).tolist():
             self._add((found.rule, one // 256, one % 256 - 1), frame[named & (who == one)])
 
@@ -62,6 +66,11 @@ class NamedFrames:
         for frame, which in zip(self._frames[low:high].tolist(), self._which[low:high].tolist(), strict=True):
             found.setdefault(frame, []).append(self._rules[which])
         return found
+
+    def frames_of(self, rule: str, bus: int, node: int | None) -> Array:
+        """Return the places that occurrences of a rule name on a bus, of a node, from 0; before `finish`."""
+        parts = self._parts.get((rule, bus, -1 if node is None else node), ())
+        return np.unique(np.concatenate(parts)) if parts else np.zeros(0, np.int64)
 
     def _add(self, key: tuple[str, int, int], frames: Array) -> None:
         if len(frames):

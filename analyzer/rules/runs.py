@@ -102,9 +102,9 @@ def joined(pieces: Sequence[OccurrenceRun], causes: Iterable[OccurrenceRun]) -> 
     return [piece for piece, _ in found]
 
 
-def continued(run: OccurrenceRun, by: OccurrenceRun, close: Callable[[OccurrenceRun, OccurrenceRun], bool]) -> bool:
-    """Return whether one that has all the examples it may have only goes on with another one."""
-    return len(run.examples) == MOST_EXAMPLES and run.last <= by.first and close(run, by)
+def is_full(run: OccurrenceRun, place: tuple[int, int]) -> bool:
+    """Return whether a run has all the examples it may have, and these before a place."""
+    return len(run.examples) == MOST_EXAMPLES and run.examples[-1][:2] < place
 
 
 def meets(one: OccurrenceRun, other: OccurrenceRun) -> bool:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
     from analyzer.rules.catalogue import Page
+    from analyzer.rules.vehicle.own import OwnRules
     from dissectors.kit import Severity
 
 
@@ -19,7 +20,8 @@ class Settings:
 
     `select` and `ignore` are rules (None: those that are on by default), `numbers` stand instead of those of pages by
     rule and name, `severities` instead of all severities of a rule. `bit_rate` is in bits per second, `dialects` are
-    readings of doubtful fields by node ID.
+    readings of doubtful fields by node ID. `own` are the rules of a vehicle file. A capture that is `cut_in` begins
+    where a window does.
     """
 
     select: Collection[str] | None = None
@@ -28,6 +30,8 @@ class Settings:
     severities: Mapping[str, Severity] = field(default_factory=dict)
     bit_rate: int | None = None
     dialects: Mapping[int, Collection[str]] = field(default_factory=dict)
+    own: OwnRules | None = None
+    cut_in: bool = False
 
     def enabled(self, pages: Mapping[str, Page]) -> dict[str, Page]:
         """Return the pages of the rules that are looked for."""

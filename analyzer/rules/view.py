@@ -15,7 +15,7 @@ from analyzer.facts.names import type_name
 from analyzer.rules.joint.losses import JointLosses
 from analyzer.rules.load import bit_times, split
 from analyzer.rules.recent import Recent
-from analyzer.tables import EVENT_ROWS, FRAMES, KINDS, TRANSFERS, empty
+from analyzer.tables import EVENT_ROWS, FRAMES, KINDS, SETTLED, TRANSFERS, empty
 from dissectors.kit import (
     NO_TIME,
     SECOND,
@@ -29,11 +29,14 @@ from dissectors.kit import (
     doubtful,
     times_by_bus,
 )
+from dissectors.kit.cells import numbers
+from dissectors.kit.view import Settled
 from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+    from analyzer._native import FrameIndex
     from analyzer.decode.engine import Batch
     from dissectors import Registry
     from dissectors.kit import Array, JointLoss, Kept, Second, Values
@@ -58,9 +61,7 @@ class Past:
     def __init__(
         self, registry: Registry, numbers: Mapping[str, Mapping[str, float]], bit_rate: int | None = None
     ) -> None:
-        self.registry = registry
-        self.numbers = numbers
-        self.bit_rate = bit_rate
+        self.registry, self.numbers, self.bit_rate, self.cut_in = registry, numbers, bit_rate, False
         self.dialects = Dialects()
         self.recent = Recent()
         self.types = Types(registry)
@@ -68,6 +69,7 @@ class Past:
         self.start = self.end = self.last = self.origin = NO_TIME
         self.starts: dict[int, int] = {}
         self.gaps: list[tuple[int, int, bool]] = []
+        self._ends: list[int] = []  # of gaps
         self._hiding: list[int] = []  # when the first of a gap and those behind it began that hide something
         self.resolution = SECOND
         self._joint = JointLosses()
@@ -154,21 +156,19 @@ class Past:
                 continue
             busy = len(usual) == BUSY and int(apart[at]) > SILENT * (int(usual[-1]) - int(usual[0]))
             self.gaps.append((int(whole[end - 1]), int(whole[end]), busy))
-        self._hiding = []
         del self.gaps[:-MOST_GAPS]
+        self._hiding, self._ends = [], [end for _, end, _ in self.gaps]
 
     def resumed(self, t: int) -> int:
         """Return the end of the last gap before a time, else the first time of the capture."""
-        at = bisect_right(self.gaps, t, key=lambda gap: gap[1])
-        return self.gaps[at - 1][1] if at else self.start
+        at = bisect_right(self._ends, t)
+        return self._ends[at - 1] if at else self.start
 
     def paused(self, since: int, until: int) -> bool:
         """Return whether there is a gap somewhere between two times that hides something."""
-        if not self.gaps:
-            return False
-        if not self._hiding:
+        if len(self._hiding) < len(self.gaps):
             self._hiding = [*accumulate((t if busy else _NEVER for t, _, busy in reversed(self.gaps)), min)][::-1]
-        at = bisect_right(self.gaps, since, key=lambda gap: gap[1])
+        at = bisect_right(self._ends, since)
         return at < len(self.gaps) and self._hiding[at] < until
 
 
@@ -178,6 +178,7 @@ class BatchView:
     def __init__(self, past: Past, batch: Batch | None, bits: Array | None = None) -> None:
         self._past = past
         self._bits = bits
+        self.batch = batch
         self._messages = {} if batch is None else batch.messages
         first_transfer = 0 if batch is None else batch.first_transfer
         self.frames = FrameTable(empty(FRAMES), 0) if batch is None else FrameTable(batch.frames, batch.first_frame)
@@ -186,6 +187,7 @@ class BatchView:
         self._settled = None if batch is None else batch.settled
         self._tables: dict[str, DecodedTable] = {}
         self.before = past.last
+        self.cut_in = past.cut_in
         self.joint_losses: Sequence[JointLoss] = ()  # what is known now of frames that several senders lack at once
 
     def __deepcopy__(self, _memo: object) -> Self:
@@ -203,12 +205,11 @@ class BatchView:
         return split(self.frames, self.bit_times, self._past.origin)
 
     @cached_property
-    def settled(self) -> list[tuple[int, int, int]]:
-        """Frames of earlier batches, with their final verdict and the anomalies to add."""
-        if self._settled is None or not len(self._settled):
-            return []
-        columns = (self._settled.column(name).to_pylist() for name in ("frame", "verdict", "anomaly"))
-        return list(zip(*columns, strict=True))
+    def settled(self) -> Settled:
+        """Frames of earlier batches whose verdict is final now."""
+        rows = empty(SETTLED) if self._settled is None else self._settled
+        number, *more = (numbers(rows.column(name)).astype(np.int64) for name in ("frame", "verdict", "anomaly"))
+        return Settled(number, *more, *self._past.recent.columns(number))
 
     @property
     def buses(self) -> Sequence[str]:
@@ -293,6 +294,10 @@ class BatchView:
     def numbers_before(self, number: int, most: int, bus: int, bits: int, mask: int = SESSION) -> Iterator[int]:
         """Yield the same of the `most` frames before one, the last one first."""
         return self._past.recent.before(number, most, bus, bits, mask)
+
+    def indexes(self, low: int, high: int) -> Sequence[FrameIndex]:
+        """Return batches of the recent past with frames from `low` to before `high`, by session, for the core."""
+        return self._past.recent.indexes(low, high)
 
     def lines(self, frames: Iterable[int]) -> tuple[str, ...]:
         """Return frames of the recent past as candump writes them."""

@@ -20,11 +20,13 @@ _THINKING = 300_000  # ns until a device answers
 class Device:
     """One node ID and what it says of itself; `health` and `mode` are those of uavcan.protocol.NodeStatus.
 
-    While it is `silent` it sends nothing at all. BusNode ID 0 is an anonymous node, which may only send messages.
+    While it is `silent` it sends nothing at all; while it is `cut` off, what it sends reaches nobody. BusNode ID 0 is
+    an anonymous node, which may only send messages.
     """
 
     def __init__(self, world: World, number: int, name: str, dice: Random, *, silent: bool = False) -> None:
         self.number, self.name, self.silent = number, name, silent
+        self.cut = False
         self.health = self.mode = 0
         self.unique_id = dice.randbytes(16)
         self.transfer_ids: dict[tuple[str, int | None], int] = {}
@@ -57,7 +59,7 @@ class Device:
             message.signature,
             anonymous=not self.number,
         )
-        if not self.silent:
+        if not self.silent and not self.cut:
             self._world.send(sending)
         return sending
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from analyzer.simulate.settings import SimulationSettings
     from analyzer.simulate.story import RecordedStory
     from dissectors.tmotor.traffic import SimulatedVehicle
-    from dissectors.traffic import Answer, Scenario
+    from dissectors.traffic import Answer, Scenario, Truth
 
 SCHEMA = "tailbyte.simulate.key/1"
 
@@ -66,7 +66,21 @@ def build_key(
 def describe_story(scenario: Scenario, story: RecordedStory, start: int) -> dict[str, Any]:
     """Return what a scenario is, and when each part of it happened; `start` is in ns since 1970."""
     events = [{"t_ns": start + t, "time": t / SECOND, "what": what} for t, what in story.events]
-    return {"name": scenario.name, "title": scenario.title, "story": scenario.story, "events": events}
+    found: dict[str, Any] = {"name": scenario.name, "title": scenario.title, "story": scenario.story, "events": events}
+    if story.truth is not None:
+        found["truth"] = _truth(story.truth, start)
+    return found
+
+
+def _truth(truth: Truth, start: int) -> dict[str, Any]:
+    return {
+        "kind": truth.kind,
+        "t_ns": start + truth.t,
+        "time": truth.t / SECOND,
+        "node": truth.node,
+        "ch": truth.channel,
+        "knowable": list(truth.knowable),
+    }
 
 
 def text(found: Mapping[str, Any]) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.times import MILLISECOND
+from analyzer.simulate import gps
+from dissectors.times import MILLISECOND, SECOND
 from dissectors.traffic import Scenario, SimulatedFrame, Step
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ _AFTERMATH = (
 )
 
 _NOISE, _SILENCE = 150 * MILLISECOND, 1600 * MILLISECOND
+_STEPPED = 7213 * SECOND
 # Receivers count one error up for each frame that is destroyed, eight if they saw it first (ISO 11898-1).
 _STEP = 8
 
@@ -105,6 +107,22 @@ def _watch_the_end(story: Story) -> None:
     end.touch("frames", last)
 
 
+def _clock_step(story: Story) -> None:
+    world, random = story.world, story.random
+    by = random.choice((_STEPPED, -_STEPPED))
+
+    def settle() -> None:
+        story.tell("a healthy flight")
+        story.settle("none", ())
+
+    def step() -> None:
+        story.tell(f"the recorder's clock is set by {by / SECOND:+g} s")
+        world.step_clock(by)
+
+    world.at(0, settle)
+    world.at(round(world.end * random.uniform(0.2, 0.4)), step)
+
+
 SCENARIOS = (
     Scenario(
         "bus-break",
@@ -123,4 +141,13 @@ SCENARIOS = (
         _recording_ends,
         rules=("TRF-008",),
     ),
+    Scenario(
+        "clock-step",
+        "the recorder's clock is set in flight",
+        "The recorder gets its time from a GPS receiver that finds its satellites only in flight. All stamps from then "
+        "on are two hours and 13 s later, or earlier; the flight itself is one, and healthy.",
+        _clock_step,
+        seconds=24.0,
+    ),
+    gps.SCENARIO,
 )

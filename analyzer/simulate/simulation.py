@@ -39,7 +39,8 @@ class Simulation:
         for number, order in enumerate(settings.orders):
             self.world.context.take(order, SimulatedWorld.dice(f"fault {number}", settings.seed))
         self.scenario = catalogue.scenario(settings.scenario) if settings.scenario else None
-        self.story = RecordedStory(self.world.context, SimulatedWorld.dice("scenario", settings.seed))
+        options = catalogue.story_options(settings.scenario) if settings.scenario else {}
+        self.story = RecordedStory(self.world.context, SimulatedWorld.dice("scenario", settings.seed), options)
         if self.scenario is not None:
             self.scenario.start(self.story)
 

@@ -5,25 +5,39 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analyzer.simulate.faults.context import ActiveFault
-from dissectors.traffic import Fault
+from dissectors.traffic import Fault, Truth
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from random import Random
 
     from analyzer.simulate.faults.context import FaultContext
 
 
 class RecordedStory:
-    """The `Story` that a scenario sees; `events` are (time in ns, what happened)."""
+    """The `Story` that a scenario sees; `events` are (time in ns, what happened), `options` what was asked for."""
 
-    def __init__(self, context: FaultContext, random: Random) -> None:
+    def __init__(self, context: FaultContext, random: Random, options: Mapping[str, bool]) -> None:
         self.world, self.vehicle, self.random = context.world, context.vehicle, random
         self.events: list[tuple[int, str]] = []
+        self.truth: Truth | None = None
+        self._options = options
         self._context = context
 
     def tell(self, what: str) -> None:
         """Note that `what` happens now."""
         self.events.append((self.world.now, what))
+
+    def choose(self, option: str, likely: float) -> bool:
+        """Return what was asked for by an option, else what the dice say; these are thrown in any case."""
+        thrown = self.random.random() < likely
+        return self._options.get(option, thrown)
+
+    def settle(
+        self, kind: str, knowable: tuple[str, ...], *, node: int | None = None, channel: int | None = None
+    ) -> None:
+        """Note the true cause, from now on."""
+        self.truth = Truth(kind, self.world.now, knowable, node, channel)
 
     def case(self, rule: str, done: str, also: tuple[str, ...] = ()) -> ActiveFault:
         """Return a breach of `rule` that the story brings: an answer of its own in the key, from now on."""

@@ -50,6 +50,7 @@ class SimulatedWorld:
         self._latest = 0
         self._final: SimulatedFrame | None = None
         self._deaf = 0
+        self._clock = 0
 
     @staticmethod
     def dice(of: str, seed: int) -> Random:
@@ -142,6 +143,14 @@ class SimulatedWorld:
         """Record nothing that ends before `until`; the bus goes on."""
         self._deaf = until
 
+    def step_clock(self, by: int) -> None:
+        """Set the recorder's clock by so many ns, ahead or back, for all that comes."""
+        self._clock -= by
+
+    def stop(self) -> None:
+        """End the recording now."""
+        self.end = min(self.end, self.now)
+
     def block(self, until: int, *, keep: bool = False) -> None:
         """Let nothing be sent before `until`; what waits now is given up, or waits on to `keep` it."""
         if not keep:
@@ -166,6 +175,7 @@ class SimulatedWorld:
                 self._latest = frame.t
                 self._deliver(frame)
                 frame.lost = frame.lost or frame.t < self._deaf
+                frame.shift += self._clock
                 yield frame
                 copied = self._copy(frame) if self._copy is not None else None
                 if copied is not None:
@@ -179,6 +189,8 @@ class SimulatedWorld:
             self.now, _, call = heappop(self._todo)
             call()
             if self._aside:
+                for frame in self._aside:
+                    frame.shift += self._clock
                 yield from self._aside
                 self._aside = []
 

@@ -24,12 +24,13 @@ if TYPE_CHECKING:
 
 BASIC = ("frames", "transfers", "events")
 FINDINGS = "findings"  # what rules find: written only if it is asked for
+HAPPENED = ("flights", "flight_events")  # likewise
 ESCS = "esc"  # reports of ESCs beside their commands: likewise
 
 
 def resolve(registry: Registry, name: str) -> str:
     """Return the table that a person means, or `ALL`. Raises `LookupError`."""
-    return name if name in (*BASIC, FINDINGS, ESCS, ALL) else find_table(registry, name)[1]
+    return name if name in (*BASIC, FINDINGS, *HAPPENED, ESCS, ALL) else find_table(registry, name)[1]
 
 
 class TableExport:
@@ -44,13 +45,14 @@ class TableExport:
         wanted: names of tables as `resolve` gives them; `ALL` if empty.
         folder: where frames wait for their verdicts.
         about: what is known of the capture, for the metadata of the files.
+        threaded: encode in threads of its own what has gathered.
     """
 
     def __init__(
         self, form: str, make: Callable[[str], BinaryIO], registry: Registry, wanted: Collection[str],
-        folder: str | None, about: Mapping[str, str],
+        folder: str | None, about: Mapping[str, str], *, threaded: bool,
     ) -> None:  # fmt: skip
-        self._tables = Tables(form, make, about)
+        self._tables = Tables(form, make, about, threaded=threaded)
         self._registry = registry
         self._wanted = wanted
         self._frames = LateFrames(folder) if self._wants("frames") else None
@@ -71,9 +73,9 @@ class TableExport:
             if self._wants(name):
                 self._tables.feed(name, portable.messages(table, part.buses))
 
-    def feed_findings(self, found: pa.RecordBatch) -> None:
-        """Take the findings, after the last part."""
-        self._tables.feed(FINDINGS, portable.findings(found, self._buses))
+    def feed_found(self, name: str, found: pa.RecordBatch) -> None:
+        """Take findings, flights or events of these, after the last part."""
+        self._tables.feed(name, portable.found(found, self._buses))
 
     def finish(self) -> Iterator[None]:
         """Write what had to wait for the end, in steps."""

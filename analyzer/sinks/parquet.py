@@ -1,4 +1,4 @@
-"""Parquet files: zstd, one row group a call, numbers that grow stored as differences."""
+"""Parquet files: zstd, one row group a call; each column is stored as what its values are like needs it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 SUFFIX = ".parquet"
-_GROWING = ("t", "t_end", "frame", "frames", "line", "transfer")
-_DIFFERENCES = "DELTA_BINARY_PACKED"
+# How columns are stored whose values hardly ever come twice: no dictionary is tried.
+_GROWING, _RANDOM = ("t", "t_end", "frame", "frames", "line", "transfer"), ("crc_wire", "crc_here")
+_BYTES = ("data", "payload")
+_STORED = dict.fromkeys(_GROWING + _RANDOM, "DELTA_BINARY_PACKED") | dict.fromkeys(_BYTES, "DELTA_LENGTH_BYTE_ARRAY")
 
 
 class ParquetFile:
@@ -20,10 +22,10 @@ class ParquetFile:
 
     def __init__(self, file: BinaryIO, schema: pa.Schema) -> None:
         leaves = [(name, path) for name, field in zip(schema.names, schema, strict=True) for path in _leaves(field)]
-        growing = [path for name, path in leaves if name in _GROWING]
+        stored = {path: _STORED[name] for name, path in leaves if _fits(schema.field(name).type, _STORED.get(name))}
         self._writer = pq.ParquetWriter(
-            file, schema, compression="zstd", use_dictionary=[path for _, path in leaves if path not in growing],
-            column_encoding=dict.fromkeys(growing, _DIFFERENCES),
+            file, schema, compression="zstd", use_dictionary=[path for _, path in leaves if path not in stored],
+            column_encoding=stored,
         )  # fmt: skip
 
     def write(self, table: pa.Table) -> None:
@@ -38,6 +40,14 @@ class ParquetFile:
         """Write the footer."""
         self._writer.add_key_value_metadata(dict(about))
         self._writer.close()
+
+
+def _fits(kind: pa.DataType, encoding: str | None) -> bool:
+    """Return whether a column can be stored so: a field of a message may be called like one of those."""
+    value = kind.value_type if pa.types.is_list(kind) else kind
+    if encoding == _STORED["data"]:
+        return bool(pa.types.is_binary(value))
+    return encoding is not None and (pa.types.is_integer(value) or pa.types.is_timestamp(value))
 
 
 def _leaves(field: pa.Field, path: str = "") -> Iterator[str]:

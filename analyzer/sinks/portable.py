@@ -76,8 +76,8 @@ def events(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
     return _batch(_in_words(_columns(table, buses), {"kind": EVENTS}, {}), table.schema.metadata)
 
 
-def findings(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
-    """Return findings; frames count from 1."""
+def found(table: pa.RecordBatch, buses: Sequence[str]) -> pa.RecordBatch:
+    """Return findings, flights or their events; frames count from 1."""
     out: list[Column] = []
     for field, array in _columns(table, buses):
         if field.name in ("frame", "frame_end"):
@@ -120,8 +120,9 @@ def _from_1(field: pa.Field) -> str:
 
 def _columns(table: pa.RecordBatch, buses: Sequence[str]) -> list[Column]:
     out = list(zip(table.schema, table.columns, strict=True))
-    at = table.schema.names.index("bus")
-    out[at] = _column("bus", _texts(out[at][1], buses), "interface name")
+    if "bus" in table.schema.names:  # flights are of all of them
+        at = table.schema.names.index("bus")
+        out[at] = _column("bus", _texts(out[at][1], buses), "interface name")
     return out
 
 

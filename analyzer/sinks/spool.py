@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import IO
 
-_IN_MEMORY = 1 << 25
+_IN_MEMORY = 1 << 22
 
 
 class Spool:

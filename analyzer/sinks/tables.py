@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, BinaryIO, Protocol
 
 import pyarrow as pa
 
 from analyzer.sinks import arrow, csv, parquet
 from analyzer.sinks.arrow import ArrowFile
+from analyzer.sinks.behind import Behind
 from analyzer.sinks.csv import CsvFile
 from analyzer.sinks.parquet import ParquetFile
 
@@ -37,10 +39,12 @@ class Tables:
         form: a key of `SUFFIXES`.
         make: makes the file of a table.
         about: what is known of the capture beforehand, for the metadata of the files.
+        threaded: encode in threads of its own what has gathered.
     """
 
-    def __init__(self, form: str, make: Callable[[str], BinaryIO], about: Mapping[str, str]) -> None:
+    def __init__(self, form: str, make: Callable[[str], BinaryIO], about: Mapping[str, str], *, threaded: bool) -> None:
         self._form, self._make, self._about = form, make, about
+        self._writing = Behind(threaded=threaded)
         self._files: dict[str, TableFile] = {}
         self._waiting: dict[str, list[pa.RecordBatch]] = {}
         self._bytes: dict[str, int] = {}
@@ -63,12 +67,15 @@ class Tables:
 
     def close(self, about: Mapping[str, str]) -> None:
         """Write what has gathered and end every file; `about` is known only now."""
-        for name, file in self._files.items():
+        for name in self._files:
             self._write(name)
+        self._writing.finish()
+        for file in self._files.values():
             file.close({**self._about, **about})
 
     def abandon(self) -> None:
         """Leave unfinished files as they are."""
+        self._writing.close()
         for file in self._files.values():
             if isinstance(file, ParquetFile):
                 file.abandon()
@@ -79,9 +86,8 @@ class Tables:
         return dict(self._rows)
 
     def _write(self, name: str) -> None:
-        batches = self._waiting[name]
-        if batches:
-            self._files[name].write(pa.Table.from_batches(batches).unify_dictionaries().combine_chunks())
+        if self._waiting[name]:
+            self._writing.do(name, partial(_write, self._files[name], self._waiting[name]))
         self._waiting[name], self._bytes[name] = [], 0
 
     def _open(self, file: BinaryIO, schema: pa.Schema) -> TableFile:
@@ -90,3 +96,7 @@ class Tables:
         if self._form == "arrow":
             return ArrowFile(file, schema, self._about)
         return CsvFile(file, schema)
+
+
+def _write(file: TableFile, batches: list[pa.RecordBatch]) -> None:
+    file.write(pa.Table.from_batches(batches).unify_dictionaries().combine_chunks())

@@ -44,6 +44,11 @@ def rows(chunks: Iterable[bytes | FrameBatch]) -> Iterator[bytes | FrameBatch]:
         yield chunk
 
 
+def frame_batches(chunks: Iterable[bytes | FrameBatch]) -> Iterator[FrameBatch]:
+    """Return only the rows of what a source gives."""
+    return (batch for batch in rows(chunks) if not isinstance(batch, bytes))
+
+
 def gathered(reader: Reader, chunks: Iterator[bytes]) -> Iterator[bytes | FrameBatch]:
     """Feed the reader; a pipe gives little at a time, so rows wait until a batch is worth handing over.
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from analyzer.sources.origin import FileObject, Opened, Origin
 
-CHUNK = 1 << 20
+CHUNK = 4 << 20
 FOLLOW_PAUSE = 0.1
 # A pipe that gave this much at once has more to give.
 _FULL_PIPE = 1 << 16

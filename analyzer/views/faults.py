@@ -30,12 +30,15 @@ def _lines(faults: tuple[Fault, ...], scenarios: tuple[Scenario, ...], common: t
             settings = " ".join(f"{name}={_value(value)}" for name, value in fault.options.items())
             yield from _entry("", settings, indent)
     yield ""
-    yield "Scenarios: --scenario NAME"
+    yield "Scenarios: --scenario NAME[:OPTION=yes|no...]"
+    yield from wrap("What an option does not say the seed decides.", _WIDTH)
     indent = max((len(scenario.name) for scenario in scenarios), default=0) + 2
     for scenario in scenarios:
         yield ""
         yield from _entry(scenario.name, f"{scenario.title} ({scenario.flight}, {scenario.seconds:g} s)", indent)
         yield from _entry("", scenario.story, indent)
+        if scenario.options:
+            yield from _entry("", " ".join(f"{option}=" for option in scenario.options), indent)
 
 
 def _entry(name: str, text: str, indent: int) -> list[str]:

@@ -9,10 +9,10 @@ import pyarrow as pa
 
 from analyzer.decode.told import reading_column
 from analyzer.tables import KINDS, STATUSES
-from analyzer.views.json_fields import ALL, structure_template
-from analyzer.views.members import PLAIN, CellTemplates
+from analyzer.views.json_fields import structure_template
+from analyzer.views.members import ALL, PLAIN, CellTemplates
 from analyzer.views.rows import first_frames
-from analyzer.views.sheets import Sheets, type_column
+from analyzer.views.sheets import Sheets, type_column, types_of
 from analyzer.views.terminal import escape
 from analyzer.views.times import TimeFormat
 from analyzer.window.numbering import Numbering
@@ -102,10 +102,8 @@ class Fields:
         types, places = type_column(batch, self._registry)
         beside = {name: self._beside(batch, name) for name in self._names if name in _BESIDE}
         words = [[escape(bus) for bus in batch.buses], ["" if m is None else m.name for m in types]]
-        known = {m.table: m for m in types if m is not None}
-        return self._sheets.texts(
-            batch, picked and picked.transfers, list(known.values()), beside | {_TYPE: places}, words
-        )
+        rows = picked and picked.transfers
+        return self._sheets.texts(batch, rows, types_of(types, places, rows), beside | {_TYPE: places}, words)
 
     def end(self) -> str:
         """Write nothing: nothing stands behind the last line."""

@@ -2,112 +2,135 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from analyzer.tables import FD
-from analyzer.views.phrases import octets
+import numpy as np
+import pyarrow as pa
+
+from analyzer.tables import EXTENDED, FD, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
+from analyzer.views.members import ALL, NOTHING
+from analyzer.views.members import PLAIN as AS_IT_IS
+from analyzer.views.rows import TransferRows
+from analyzer.views.sheets import Sheets
 from analyzer.views.terminal import PLAIN, Palette
 from analyzer.window.numbering import Numbering
+from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
-    from analyzer.views.frames.window import FrameData, RawFrame
+    from analyzer.decode.engine import Batch
+    from analyzer.views.frames.window import FrameWindow
+    from analyzer.views.sheets import Columns, Template
+    from dissectors import Registry
+    from dissectors.kit import Array
 
 PER_LINE = 16
 _CRC_BYTES = 2
 _INDENT = " " * 4
-
-
-class Cut(NamedTuple):
-    """A frame's bytes by role."""
-
-    crc: bytes
-    payload: bytes
-    padding: bytes
-    tail: bytes
-
-
-def cut(frames: Sequence[RawFrame | None], padding: int = 0) -> list[Cut | None]:
-    """Return the bytes of a transfer's frames by role, None where a frame is gone.
-
-    `padding` is the number of bytes at the end of the last frame that only fill up a CAN FD frame.
-    """
-    multi = len(frames) > 1 or any(f is not None and f.data and f.data[-1] & 0xC0 != 0xC0 for f in frames)
-    out: list[Cut | None] = []
-    for k, frame in enumerate(frames):
-        if frame is None:
-            out.append(None)
-            continue
-        body, tail = frame.data[:-1], frame.data[-1:]
-        first = multi and bool(tail and tail[0] & 0x80)
-        crc = body[:_CRC_BYTES] if first else b""
-        rest = body[len(crc) :]
-        fill = min(padding, len(rest)) if k == len(frames) - 1 else 0
-        out.append(Cut(crc, rest[: len(rest) - fill], rest[len(rest) - fill :], tail))
-    return out
+_ROLES = {"crc": "crc ", "payload": "", "padding": "padding ", "tail": "tail "}  # of bytes, in order, and their labels
+# Columns about a frame: how many of its bytes have which role, too, and its tail byte.
+_FRAME = ("number", "id", "extended", "fd", "data", *_ROLES, "tail byte")
+_BESIDE = {"frames": pa.list_(pa.null())}
 
 
 def tail_words(tail: int) -> str:
     """Return a tail byte, decoded (4.1.3)."""
-    ends = [word for bit, word in ((0x80, "start"), (0x40, "end")) if tail & bit]
-    return " ".join([*ends, f"toggle {tail >> 5 & 1}", f"ID {tail & 0x1F}"])
+    ends = [word for bit, word in ((TAIL_START, "start"), (TAIL_END, "end")) if tail & bit]
+    return " ".join([*ends, f"toggle {int(tail & TAIL_TOGGLE != 0)}", f"ID {tail & TAIL_ID}"])
 
 
-def hexdump(
-    places: Sequence[int],
-    frame_data: FrameData,
-    padding: int = 0,
-    palette: Palette = PLAIN,
-    numbering: Numbering | None = None,
-) -> Iterator[str]:
-    """Give lines about the frames of one transfer, given by their places in the capture, from 0.
+class HexDumps:
+    """Writes the bytes of transfers.
 
     Args:
-        places: the frames.
-        frame_data: gives a frame by its number, None when it is no longer kept.
-        padding: bytes of CAN FD padding at the end of the transfer.
+        registry: the types that the batches were decoded with.
+        frames: keeps the frames; it has to be fed first.
         palette: colours; without them the roles are told by labels alone.
         numbering: of the frames; those of the capture if not given.
     """
-    frames, numbering = [frame_data(place) for place in places], numbering or Numbering()
-    for place, frame, parts in zip(places, frames, cut(frames, padding), strict=True):
-        name = f"frame {numbering.of(place)}"
-        if frame is None or parts is None:
-            yield f"{_INDENT}{name}: its bytes are no longer kept"
-            continue
-        fd = " FD" if frame.flags & FD else ""
-        pieces = [
-            (f"{label} " if label else "", role, text)
-            for label, role, data in (
-                ("crc", "crc", parts.crc),
-                ("", "payload", parts.payload),
-                ("padding", "padding", parts.padding),
-                ("tail", "tail", parts.tail),
-            )
-            for text in ([octets(data, len(data))] if data else [])
-        ]
-        if not pieces:
-            yield f"{_INDENT}{name}  {frame.id_text}{fd}  no data"
-            continue
-        words = f"  {tail_words(parts.tail[0])}" if parts.tail else ""
-        head = f"{_INDENT}{name}  {frame.id_text}{fd}  "
-        yield from _wrapped(head, pieces, words, palette)
+
+    def __init__(
+        self, registry: Registry, frames: FrameWindow, palette: Palette = PLAIN, numbering: Numbering | None = None
+    ) -> None:
+        self._registry, self._frames, self._palette = registry, frames, palette
+        self._numbering = numbering or Numbering()
+        self._sheets = Sheets(registry, self._row, lambda *_: [], _BESIDE)
+
+    def texts(self, batch: Batch, picked: Array) -> Iterator[str]:
+        """Yield the lines about the frames of each picked transfer."""
+        if not len(picked):
+            return iter(())
+        frames = batch.transfers.column("frame")
+        ends = np.asarray(frames.offsets)
+        places = numbers(frames.values)[ends[0] : ends[-1]].astype(np.int64)
+        found, ends = self._frames.rows(places), ends - ends[0]
+        size, tail = _sizes_and_ends(found["data"])
+        flags = numbers(found["flags"])
+        columns = {
+            "number": self._numbering.of_all(places), "extended": flags & EXTENDED != 0, "fd": flags & FD != 0,
+            **_roles(size, tail, ends, _padding(batch, self._registry)),
+        }  # fmt: skip
+        made = found | {name: pa.array(column) for name, column in columns.items()}
+        made["tail byte"] = pa.array(tail, mask=size == 0)
+        rows = pa.StructArray.from_arrays([made[name] for name in _FRAME], _FRAME)
+        lists = pa.ListArray.from_arrays(pa.array(ends, pa.int32()), rows)
+        return self._sheets.texts(batch, picked, [], {"frames": lists}, [])
+
+    def _row(self, columns: Columns) -> Template:
+        """Return the template of the lines about the frames of a transfer."""
+        digits = [_of("id", ("number", AS_IT_IS, ("format", "", "-", True, count, None, "X"))) for count in (8, 3)]
+        words = [(tail, ("text", f"  {tail_words(tail)}")) for tail in range(256)]
+        pieces = [(_FRAME.index(role), label, *self._palette.around(role)) for role, label in _ROLES.items()]
+        shown: Template = ("all", [
+            ("text", "  "), ("by", _FRAME.index("extended"), [(1, digits[0])], digits[1]),
+            _of("fd", ("switch", AS_IT_IS, [(1, ("text", " FD"))], NOTHING)), ("text", "  "),
+            ("dump", _FRAME.index("data"), " | ", PER_LINE, pieces),
+            _of("tail byte", ("switch", AS_IT_IS, words, ("text", "no data"))),
+        ])  # fmt: skip
+        number = _of("number", ("number", AS_IT_IS, ("plain",)))
+        line = ("given", _FRAME.index("id"), shown, ("text", ": its bytes are no longer kept"))
+        return columns.of(
+            "frames",
+            ("each", "", ALL, "", ("all", [("text", f"{_INDENT}frame "), number, line, ("text", "\n")])),
+        )
 
 
-def _wrapped(head: str, pieces: list[tuple[str, str, str]], words: str, palette: Palette) -> Iterator[str]:
-    """Give one line, or several for the long payloads of CAN FD."""
-    line, filled = head, 0
-    for k, (label, role, text) in enumerate(pieces):
-        line += " | " if k else ""
-        line += label
-        rest = text.split(" ")
-        while rest:
-            room = PER_LINE - filled
-            if room <= 0:
-                yield line.rstrip()
-                line, filled, room = " " * len(head), 0, PER_LINE
-            now, rest = rest[:room], rest[room:]
-            line += palette.paint(role, " ".join(now))
-            filled += len(now)
-    yield line + words
+def _of(name: str, template: Template) -> Template:
+    return ("of", _FRAME.index(name), template)
+
+
+def _sizes_and_ends(data: pa.Array) -> tuple[Array, Array]:
+    """Return how many bytes each cell has, and the last of them, 0 for none."""
+    _, ends, letters = data.buffers()
+    ends = np.frombuffer(ends, np.int32, len(data) + 1, data.offset * 4)
+    size = np.where(valid(data), np.diff(ends), 0)
+    if letters is None or not size.any():
+        return size, np.zeros(len(size), np.uint8)
+    return size, np.where(size > 0, np.frombuffer(letters, np.uint8)[np.maximum(ends[1:] - 1, 0)], 0).astype(np.uint8)
+
+
+def _roles(size: Array, tail: Array, ends: Array, padding: Array) -> dict[str, Array]:
+    """Return for each frame how many of its bytes have which role.
+
+    Args:
+        size: the bytes of each frame.
+        tail: its last byte.
+        ends: where the frames of each transfer begin and end.
+        padding: bytes at the end of the last frame of each transfer that only fill up a CAN FD frame.
+    """
+    count, whole = np.diff(ends), TAIL_START | TAIL_END
+    odd = np.concatenate(([0], np.cumsum((size > 0) & (tail & whole != whole))))
+    several = np.repeat((count > 1) | (odd[ends[1:]] > odd[ends[:-1]]), count)
+    fill = np.zeros(len(size), np.int64)
+    fill[ends[1:][count > 0] - 1] = padding[count > 0]
+    body = np.maximum(size - 1, 0)
+    crc = np.where(several & (tail & TAIL_START != 0), np.minimum(body, _CRC_BYTES), 0)
+    fill = np.minimum(fill, body - crc)
+    return {"crc": crc, "payload": body - crc - fill, "padding": fill, "tail": np.minimum(size, 1)}
+
+
+def _padding(batch: Batch, registry: Registry) -> Array:
+    if not numbers(batch.transfers.column("fd")).any():
+        return np.zeros(len(batch.transfers), np.int64)
+    return np.array(TransferRows(batch, registry).padding(), np.int64)

@@ -14,21 +14,19 @@ import pyarrow as pa
 
 from analyzer.decode.told import reading_column
 from analyzer.facts.meaning import meaning
-from analyzer.views.members import PLAIN, CellTemplates, Take, part_of
+from analyzer.views.members import ALL, NOTHING, PLAIN, CellTemplates, Take, part_of, unscaled, whole
+from analyzer.views.wording import UNSPECIFIED
 from dissectors.records import dataclass
 from dissectors.schema import ArrayType, CompoundType, Message, PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
-    from fractions import Fraction
 
     from analyzer.views.sheets import Columns, Template
     from dissectors.schema import Bits, Note, Packet, Type
 
-NOTHING: Template = ("text", "")
 NULL: Template = ("text", "null")
 TEXT: Template = ("or", "null", ("json",))
-ALL = 1 << 31  # as many as there are
 HEX: Template = ("hex", "", ALL, "", "", "")
 
 
@@ -125,7 +123,7 @@ def derived_templates(of: Message | Packet | None, columns: Columns, *, physical
 
 
 def _units(units: Mapping[str, str]) -> dict[str, Template]:
-    return {name: ("text", text_of(unit)) for name, unit in units.items() if unit not in ("", "unspecified")}
+    return {name: ("text", text_of(unit)) for name, unit in units.items() if unit not in ("", UNSPECIFIED)}
 
 
 def _named(columns: Columns, name: str, column: str, texts: Mapping[Any, str]) -> Template:
@@ -137,11 +135,6 @@ def _named(columns: Columns, name: str, column: str, texts: Mapping[Any, str]) -
         return NOTHING
     cases = [(whole(value), member(name, ("text", text_of(text)))) for value, text in texts.items()]
     return columns.of(columns.own(column), ("switch", PLAIN, cases, NOTHING))
-
-
-def whole(value: float) -> float:
-    """Return a number without a fraction as an integer, as cases of templates have it."""
-    return int(value) if value == int(value) else value
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +153,7 @@ class _Fields:
         note = self.of.notes.get(name)
         if note is not None and self.physical and note.text:
             return self.columns.of(f"{name}.text", TEXT)
-        raw = PLAIN if note is None or note.scale is None else _unscaled(kind, note.scale)
+        raw = unscaled(kind, note)
         if note is not None and self.physical and note.unit_by is not None:
             parts = [member("raw", self.columns.of(own, number_template(raw)))]
             parts += [member(k, _VALUES.column(self.of, self.columns, f"{name}.{k}")) for k in ("value", "unit")]
@@ -208,7 +201,7 @@ class _Fields:
 
     def _member(self, place: int, path: str, kind: Type) -> Template:
         note = self.of.notes.get(path)
-        take = PLAIN if note is None or note.scale is None else _unscaled(kind, note.scale)
+        take = unscaled(kind, note)
         return member(path.rpartition(".")[2], ("of", place, self._cell(kind, path, take, take)))
 
 
@@ -231,9 +224,3 @@ def _part(bits: Bits, word: Take) -> Template:
         return number_template(take)
     names = [(value, ("text", text_of(text))) for value, text in bits.enum.items()]
     return object_template([member("raw", number_template(take)), member("text", ("switch", take, names, NULL))])
-
-
-def _unscaled(kind: Type, scale: Fraction) -> Take:
-    """Return how the raw number is taken from a column that holds raw * scale."""
-    rounded = not (isinstance(kind, PrimitiveType) and kind.kind == "float")
-    return (float(scale.numerator), float(scale.denominator), rounded), None, None, False

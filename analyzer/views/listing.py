@@ -2,49 +2,59 @@
 
 from __future__ import annotations
 
+from itertools import repeat
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pyarrow as pa
 
-from analyzer.devices.remarks import Remarks
-from analyzer.facts.names import type_name
-from analyzer.tables import KINDS, STATUSES, TRANSFER_ANOMALIES
+from analyzer.tables import KINDS, distinct
 from analyzer.views.frames.loose import LooseFrames
 from analyzer.views.frames.window import FrameWindow
 from analyzer.views.marks import Marks
+from analyzer.views.members import NOTHING
+from analyzer.views.members import PLAIN as AS_IT_IS
 from analyzer.views.named import rules_of, tag
-from analyzer.views.phrases import REMARK, octets, shortened, with_remarks
-from analyzer.views.rows import TransferRows
+from analyzer.views.phrases import OCTETS, REMARK, Phrases, shortened
+from analyzer.views.rows import first_frames
+from analyzer.views.sheets import Sheets, type_column, type_names, types_of
 from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
-from analyzer.views.wording import LISTED, anomalies
+from analyzer.views.troubles import oddities, troubles
+from analyzer.views.wording import LISTED
 from analyzer.window.listed import ListedRows
 from analyzer.window.numbering import Numbering
-from dissectors.kit.cells import numbers
+from dissectors.kit.cells import numbers, pylist
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from analyzer.decode.engine import Batch
-    from analyzer.devices.remarks import Remarked
     from analyzer.rules.named_frames import NamedFrames
+    from analyzer.views.colours.painter import Painter
     from analyzer.views.marks import ListMark
+    from analyzer.views.sheets import Columns, Template
     from analyzer.views.times import TimeFormat
     from dissectors import Registry
-    from dissectors.schema import Message
+    from dissectors.kit import Array
 
-_OK, _UNCHECKED, _BAD_CRC, _, _TIMED_OUT, _TOO_SHORT, _OPEN = range(len(STATUSES))
-_REQUEST = KINDS.index("request")
-_TOGGLE = 1 << TRANSFER_ANOMALIES.index("toggle")
+_OK, _UNCHECKED, _BAD_CRC = range(3)  # places in STATUSES
 _TIME_AND_SOURCE = 15
 _MAX_TYPE = 24
 _MAX_BUS = 16
 _INDENT = " " * 11
 _NARROWEST = (9, 12, 0)  # of time, type and bus
 _STYLES = {"!": "bad", "x": "bad", "~": "dim", " ": "dim"}  # by the sign of a mark
+_INFO = "\x00"  # between the columns and what a transfer says, where a line may have to be cut
+_BUS, _TYPE, _DAY, _TROUBLE, _NOTE = range(5)  # lists of words
+_BESIDE = {
+    "number": pa.int64(), "elapsed": pa.int64(), "days": pa.uint32(), "type": pa.uint32(), "trouble": pa.uint32(),
+    "note": pa.uint32(), "tag": pa.string(),
+}  # fmt: skip
+_NUMBER: Template = ("number", AS_IT_IS, ("plain",))
 
 
 class Listing:
-    """Writes the list batch by batch: `feed(batch, picked)`, then `entries` with what stands `between` them.
+    """Writes the list batch by batch: `feed(batch, picked)`, then `entries` with what stands `before` each.
 
     The widths of its columns are settled by the first batch.
 
@@ -57,6 +67,7 @@ class Listing:
         numbering: of frames; those of the capture if not given.
         foreign: list every frame that is not DroneCAN.
         named: the rules that name frames, to mark the rows with.
+        painter: finds the colours of rows; without one broken ones are red.
     """
 
     def __init__(
@@ -70,6 +81,7 @@ class Listing:
         numbering: Numbering | None = None,
         foreign: bool = False,
         named: NamedFrames | None = None,
+        painter: Painter | None = None,
     ) -> None:
         self._registry = registry
         self._clock = clock
@@ -78,25 +90,27 @@ class Listing:
         self._numbering = numbering or Numbering()
         self._own = FrameWindow() if frames is None else None
         self._named = named
+        self._painter = painter
+        self._colours: list[str | None] = []  # of the entries
         kept = self._own or frames or FrameWindow()
         self._loose = LooseFrames(registry, kept, self._numbering, foreign=foreign, named=named)
         self._marks = Marks(self._numbering)
-        self._remarks = Remarks()
+        self._phrases = Phrases(registry, " " if width is None else REMARK)
         self._names: tuple[str, ...] = ()
-        self._rows: TransferRows | None = None
-        self._times: list[str] = []
-        self._types: list[str] = []
-        self._head: list[str] = []
+        self._head = ""
         self._buses = -1
         self._time, self._type, self._bus = _NARROWEST
+        self._shape: tuple[int | None, ...] = ()
+        self._places: list[int] = []
+        self._entries: Iterator[str] = iter(())
+        self._sheets = Sheets(registry, self._row, self._phrases.part, _BESIDE, escaped=True)
 
     def lines(self, batch: Batch, picked: ListedRows | None = None) -> Iterator[str]:
-        """Give all lines about a batch, of all its rows if not told which."""
+        """Give all lines about a batch, of all its rows if not told which, without line ends."""
         self.feed(batch, picked)
         for place, entry in zip(self.places(), self.entries(), strict=True):
-            yield from self.between(place)
-            yield from entry
-        yield from self.between(None)
+            yield from (self.before(place) + entry).splitlines()
+        yield from self.before(None).splitlines()
 
     def feed(self, batch: Batch, picked: ListedRows | None = None) -> None:
         """Take the next batch, and which of its rows to list: all if not given."""
@@ -104,43 +118,46 @@ class Listing:
         self._clock.start(batch.frames)
         if self._own is not None:
             self._own.feed(batch)
-        self._marks.feed(batch, picked, self._loose.feed(batch, picked))
+        colours = None if self._painter is None else self._painter.feed(batch, picked)
+        self._colours = [] if colours is None else colours.transfers
+        self._marks.feed(batch, picked, self._loose.feed(batch, picked), colours)
         self._names = batch.buses
-        rows = self._rows = TransferRows(batch, self._registry, picked.transfers)
-        self._times = self._clock.column(rows.all_times(), rows.picked.tolist())
-        identities = zip(rows.messages, rows.column("kind"), rows.column("type_id"), strict=True)
-        self._types = [type_name(message, kind, type_id) for message, kind, type_id in identities]
-        if len(rows) and (self._buses < 0 or self._buses < 2 <= len(batch.buses)):
-            self._head = [self._header(self._times, self._types)]
+        first = first_frames(batch.transfers)
+        self._places = first[picked.transfers].tolist()
+        self._entries = self._texts(batch, np.asarray(picked.transfers, np.int64), first) if self._places else iter(())
 
     def places(self) -> list[int]:
         """Return the places of the first frames of the transfers, from 0."""
-        return [] if self._rows is None else [number - 1 for number in self._rows.first_frames()]
+        return self._places
 
-    def between(self, place: int | None, *, titled: bool = True) -> list[str]:
-        """Give what stands before the transfer whose first frame has a place, for None behind all of them so far.
+    def before(self, place: int | None, *, titled: bool = True) -> str:
+        """Give the lines before the transfer whose first frame has a place, for None those behind all of them so far.
 
         The header comes with the first line, and again when a second interface turns up, since its column is shown from
         then on; `titled` asks for it.
         """
-        waiting = list(self._marks.due(place))
-        if waiting and self._buses < 0:
-            self._head = [self._header([self._clock.text(waiting[0].t)], [mark.kind for mark in waiting])]
-        head = self._head if titled and (waiting or place is not None) else []
-        self._head = [] if head else self._head
-        return [*head, *map(self._mark, waiting)]
+        if not self._head and not self._marks.waiting:
+            return ""
+        due = list(self._marks.due(place))
+        if due and self._buses < 0:
+            self._head = self._header([self._clock.text(due[0].t)], [mark.kind for mark in due])
+        head = self._head if titled and (due or place is not None) else ""
+        self._head = "" if head else self._head
+        return head + "".join(map(self._mark, due))
 
-    def end(self, *, titled: bool = True) -> list[str]:
-        """Give what stands behind everything: the sums of foreign frames. `titled` as in `between`."""
+    def end(self, *, titled: bool = True) -> str:
+        """Give what stands behind everything: the sums of foreign frames. `titled` as in `before`."""
         sums = list(self._loose.sums())
         if sums and self._buses < 0:
-            self._head = [self._header([self._clock.text(sums[0].t)], [])]
-        head, self._head = self._head, []
-        return [*(head if titled else ()), *map(self._mark, sums)] if sums else []
+            self._head = self._header([self._clock.text(sums[0].t)], [])
+        head, self._head = self._head, ""
+        return (head if titled and sums else "") + "".join(map(self._mark, sums))
 
-    def entries(self) -> Iterator[list[str]]:
-        """Give the lines of each picked transfer, without line ends."""
-        return iter(()) if self._rows is None else self._body(self._rows, self._times, self._types)
+    def entries(self) -> Iterator[str]:
+        """Give the lines of each picked transfer."""
+        if self._width is None and not self._palette.on:
+            return self._entries
+        return map(self._finish, self._entries, self._colours or repeat(None))
 
     def _mark(self, mark: ListMark) -> str:
         names = list(map(escape, self._names))
@@ -153,9 +170,12 @@ class Listing:
         number = "-" if mark.number is None else mark.number
         tid = "" if mark.transfer_id is None else mark.transfer_id
         line = f"{mark.sign}{number:>8}  {where}{way}{bus}{kind:<{self._type}} {tid:>2}  {escape(mark.text)}"
-        return self._palette.paint(_STYLES[mark.sign], self._cut(line))
+        line = self._cut(line)
+        if mark.colour is not None:
+            return self._palette.colour(mark.colour, line) + "\n"
+        return self._palette.paint(_STYLES[mark.sign], line) + "\n"
 
-    def _header(self, times: list[str], types: list[str]) -> str:
+    def _header(self, times: Sequence[str], types: Sequence[str]) -> str:
         self._buses = len(self._names)
         self._time = max(9, len(times[0]), len(times[-1]))
         self._type = min(
@@ -166,124 +186,92 @@ class Listing:
         source = "Src".rjust(max(4, _TIME_AND_SOURCE - self._time))
         bus = "Bus".ljust(self._bus) if self._bus else ""
         text = f"    Frame  {self._clock.head:<{self._time}}{source}>Dst {bus}{'Type':<{self._type}} ID  Info"
-        return self._palette.paint("head", self._cut(text))
+        return self._palette.paint("head", self._cut(text)) + "\n"
 
-    def _body(self, rows: TransferRows, times: list[str], types: list[str]) -> Iterator[list[str]]:
-        width, palette, shown = self._type, self._palette, max(_TIME_AND_SOURCE, self._time + 4)
-        status, odd = rows.column("status"), rows.column("anomaly")
-        buses = self._bus_texts(rows)
+    def _texts(self, batch: Batch, rows: Array, first: Array) -> Iterator[str]:
+        transfers = batch.transfers
+        types, column = type_column(batch, self._registry)
+        names, places = type_names(batch, types, column), numbers(column)
+        elapsed = self._clock.elapsed(transfers.column("t"), rows)
+        days, seconds = self._clock.days(transfers.column("t"))
+        if self._buses < 0 or self._buses < 2 <= len(batch.buses):
+            ends = [self._clock.written(elapsed, days, seconds, int(rows[k])) for k in (0, -1)]
+            self._head = self._header(ends, [names[place] for place in distinct(places[rows])])
+        trouble, troubled = troubles(batch, types, places, rows)
+        note, noted = oddities(batch, rows, LISTED, _note)
+        beside = {
+            "number": pa.array(self._numbering.of_all(first)), "elapsed": elapsed, "days": days, "type": column,
+            "trouble": trouble, "note": note,
+        }  # fmt: skip
+        if self._named is not None:
+            rules = rules_of(self._named, pylist(transfers.column("frame")))
+            beside["tag"] = pa.array(map(tag, rules), pa.string())
+        shape = self._time, self._type, self._bus, self._clock.digits
+        if shape != self._shape:
+            self._shape = shape
+            self._sheets.compile()
         narrow = self._width is not None
-        frames = self._numbering.of_all(np.array(self.places(), np.int64)).tolist()
-        cells = zip(
-            frames, times, rows.column("src"), rows.column("dst"), buses, types,
-            rows.column("transfer_id"), self._infos(rows), status, odd, rows.column("step"), strict=True,
-        )  # fmt: skip
-        for frame, time, src, dst, bus, kind, tid, info, code, bits, step in cells:
-            broken = code > _UNCHECKED
-            name = fit(kind, width) if narrow else kind
-            where = f"{time:>{self._time}}"
-            line = (
-                f"{'x' if broken else ' '}{frame:>8}  {where}{src:>{shown - len(where)}}>"
-                f"{'*' if dst is None else dst:<3} {bus}{name:<{width}} {tid:>2}  "
-            )
-            room = None if self._width is None else self._width - display_width(line)
-            line = self._cut(line + (info.replace(REMARK, " ") if room is None else shortened(info, max(room, 0))))
-            entry = [palette.paint("bad", line) if broken else line]
-            if bits & LISTED:
-                note = f"{_INDENT}! {'; '.join(anomalies(bits & LISTED, step))}"
-                entry.append(palette.paint("note", self._cut(note)))
-            yield entry
+        words = [f"{fit(name, self._type) if narrow else name:<{self._type}}" for name in names]
+        messages = types_of(types, column, rows)
+        self._phrases.feed(batch, messages, rows)
+        lists = [self._bus_words(), words, seconds, troubled, noted]
+        return self._sheets.texts(batch, rows, messages, beside, lists)
 
-    def _infos(self, rows: TransferRows) -> list[str]:
-        infos = _infos(rows, self._remarks)
-        if self._named is None:
-            return infos
-        named = rules_of(self._named, rows.column("frame"))
-        return [tag(rules) + info for rules, info in zip(named, infos, strict=True)]
+    def _row(self, columns: Columns) -> Template:
+        """Return the template of the lines of a transfer."""
+        time: Template = ("pad", self._time, False, self._clock.template(columns, _DAY))
+        source = columns.of("src", _NUMBER)
+        signs = [(code, ("text", " ")) for code in (_OK, _UNCHECKED)]
+        return ("all", [
+            columns.of("status", ("switch", AS_IT_IS, signs, ("text", "x"))),
+            ("pad", 8, False, columns.of("number", _NUMBER)), ("text", "  "),
+            ("apart", max(_TIME_AND_SOURCE, self._time + 4), time, source), ("text", ">"),
+            ("pad", 3, True, columns.of("dst", ("or", "*", _NUMBER))), ("text", " "),
+            *([columns.of("bus", ("word", _BUS))] if self._bus else []), columns.of("type", ("word", _TYPE)),
+            ("text", " "), ("pad", 2, False, columns.of("transfer_id", _NUMBER)),
+            ("text", "  " if self._width is None else f"  {_INFO}"),
+            *([] if self._named is None else [columns.of("tag", ("copy",))]), _info(columns),
+            ("text", "\n"), columns.of("note", ("word", _NOTE)),
+        ])  # fmt: skip
 
-    def _bus_texts(self, rows: TransferRows) -> Iterable[str]:
+    def _finish(self, text: str, colour: str | None) -> str:
+        """Cut the lines of a transfer for a terminal, and paint them; `colour` is that of a rule, if one holds."""
+        line, *below = text.splitlines()
+        if self._width is not None:
+            where, _, info = line.partition(_INFO)
+            line = self._cut(where + shortened(info, max(self._width - display_width(where), 0)))
+        if colour is not None:
+            line = self._palette.colour(colour, line)
+        elif line.startswith("x"):
+            line = self._palette.paint("bad", line)
+        return "\n".join([line, *(self._palette.paint("note", self._cut(one)) for one in below), ""])
+
+    def _bus_words(self) -> list[str]:
         if not self._bus:
-            return [""] * len(rows)
-        names = [escape(name) for name in rows.batch.buses]
+            return []
+        names = [escape(name) for name in self._names]
         if self._width is not None:
             names = [fit(name, self._bus - 1) for name in names]
-        names = [name + " " * max(1, self._bus - display_width(name)) for name in names]
-        return [names[bus] for bus in rows.column("bus")]
+        return [name + " " * max(1, self._bus - display_width(name)) for name in names]
 
     def _cut(self, line: str) -> str:
         return line if self._width is None else fit(line, self._width)
 
 
-def _infos(rows: TransferRows, remarks: Remarks) -> list[str]:
-    """Return what each transfer says."""
-    infos: list[str] = [""] * len(rows)
-    tables = ((part.name, part.of, part.table) for part in (*rows.typed, *rows.packets) if part.of is not None)
-    remarked = remarks.feed(tables)
-    for part in rows.typed:
-        for at, text in zip(part.at, with_remarks(part, remarked[part.name]), strict=True):
-            infos[at] = text
-    _add_packets(rows, infos, remarked)
-    for part in rows.typed:
-        left = numbers(part.table.column("bits_left"))
-        for row in np.flatnonzero(left < 0).tolist():
-            missing = -(int(left[row]) // 8)
-            infos[part.at[row]] += f" ({missing} byte{'s' * (missing != 1)} missing)"
-    for at in np.flatnonzero(rows.array("kind") >= _REQUEST).tolist():
-        kind = KINDS[rows.column("kind")[at]]
-        infos[at] = f"{kind}: {infos[at]}" if infos[at] else kind
-    for at in np.flatnonzero(rows.array("status") != _OK).tolist():
-        infos[at] = _troubled(rows, at, infos[at])
-    return infos
+def _note(said: Sequence[str]) -> str:
+    return f"{_INDENT}! {'; '.join(said)}\n"
 
 
-def _add_packets(rows: TransferRows, infos: list[str], remarked: Mapping[str, Sequence[Remarked]]) -> None:
-    texts = {id(part): with_remarks(part, remarked.get(part.name, ())) for part in rows.packets}
-    sound = {id(part): part.table.column("packet_ok").to_pylist() for part in rows.packets if part.of is not None}
-    for at, packets in rows.inner().items():
-        said = []
-        for _, part, row in packets:
-            text = texts[id(part)][row]
-            if part.of is not None:
-                text = f"{part.of.name} {text}" + ("" if sound[id(part)][row] else " (packet damaged)")
-            said.append(text)
-        infos[at] = " | ".join(filter(None, [*said, infos[at]]))
-
-
-def _troubled(rows: TransferRows, at: int, info: str) -> str:
-    code = rows.column("status")[at]
-    if code == _UNCHECKED:
-        return octets(rows.column("payload")[at])
-    if code == _BAD_CRC:
-        wire, here = rows.column("crc_wire")[at], rows.column("crc_here")[at]
-        verdict = f"bad CRC {wire:04X}" if wire is not None else "bad CRC"
-        return " ".join(filter(None, [info, verdict + (f", computed {here:04X}" if here is not None else "")]))
-    return broken_words(
-        code,
-        len(rows.column("frame")[at]),
-        len(rows.column("payload")[at]),
-        None if rows.column("fd")[at] else rows.messages[at],
-        gap=bool(rows.column("anomaly")[at] & _TOGGLE),
+def _info(columns: Columns) -> Template:
+    """Return the template of what a transfer says."""
+    message: Template = ("message", 0, "")
+    halves = [(KINDS.index(name), ("headed", name, ": ", message)) for name in ("request", "response")]
+    said: Template = ("by", columns.place("kind"), halves, message)
+    digits: Template = ("number", AS_IT_IS, ("format", "", "-", True, 4, None, "X"))
+    wire, here = (
+        ("given", columns.place(name), ("all", [("text", text), columns.of(name, digits)]), NOTHING)
+        for name, text in (("crc_wire", " "), ("crc_here", ", computed "))
     )
-
-
-def broken_words(status: int, frames: int, size: int, message: Message | None, *, gap: bool) -> str:
-    """Say how far a broken transfer came, of how many frames if its type has one length; `gap`: some are missing."""
-    total = _frames_of(message)
-    if total is not None and frames < total:
-        progress = f"{frames} of {total} frames"
-    else:
-        progress = f"{frames} frame{'s' * (frames != 1)}, {size} byte{'s' * (size != 1)}"
-    if status == _TIMED_OUT:
-        return f"timed out after {progress}"
-    if status == _OPEN:
-        return f"capture ends after {progress}"
-    if status == _TOO_SHORT:
-        return f"too short for a CRC: {progress}"
-    return f"broken, {progress}" if gap else f"cut after {progress}"
-
-
-def _frames_of(message: Message | None) -> int | None:
-    """Return the frames of a classic CAN transfer, if the type has one length."""
-    if message is None or message.min_bytes != message.max_bytes:
-        return None
-    return 1 if message.max_bytes <= 7 else -(-(message.max_bytes + 2) // 7)
+    damaged: Template = ("joined", " ", [said, ("all", [("text", "bad CRC"), wire, here])])
+    cases = [(_OK, said), (_UNCHECKED, columns.of("payload", OCTETS)), (_BAD_CRC, damaged)]
+    return ("by", columns.place("status"), cases, columns.of("trouble", ("word", _TROUBLE)))

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
+    from analyzer.views.colours.painter import RowColours
     from analyzer.window.listed import ListedRows
     from analyzer.window.numbering import Numbering
     from dissectors.kit import Array
@@ -29,7 +30,8 @@ class ListMark(NamedTuple):
     """An event, or a frame without a transfer.
 
     `before` is the place of the frame that it stands before, or its own, from 0; `bus` an index or None. `number` is
-    what it is shown with, None for what has none. `src`, `dst` and `transfer_id` are those of a frame that names them.
+    what it is shown with, None for what has none. `colour` is
+    that of a rule, None without one. `src`, `dst` and `transfer_id` are those of a frame that names them.
     """
 
     before: int
@@ -42,6 +44,7 @@ class ListMark(NamedTuple):
     dst: str = ""
     transfer_id: int | None = None
     sign: str = "!"
+    colour: str | None = None
 
 
 class Marks:
@@ -55,16 +58,28 @@ class Marks:
         self._numbering = numbering
         self._waiting: deque[ListMark] = deque()
 
-    def feed(self, batch: Batch, picked: ListedRows, loose: Iterable[ListMark] = ()) -> None:
+    def feed(
+        self, batch: Batch, picked: ListedRows, loose: Iterable[ListMark] = (), colours: RowColours | None = None
+    ) -> None:
         """Take the picked events of the next batch, and its frames without a transfer."""
-        self._waiting.extend(sorted([*self._events(batch, picked.events), *loose], key=lambda mark: mark.before))
+        told = self._events(batch, picked.events)
+        events = (mark for _, mark in told)
+        if colours is not None:
+            loose = [mark._replace(colour=colours.frames.get(mark.before)) for mark in loose]
+            events = (mark._replace(colour=colours.events.get(row)) for row, mark in told)
+        self._waiting.extend(sorted([*events, *loose], key=lambda mark: mark.before))
+
+    @property
+    def waiting(self) -> bool:
+        """True while some have not been given."""
+        return bool(self._waiting)
 
     def due(self, place: int | None) -> Iterator[ListMark]:
         """Return those that stand before a frame; all of them for None."""
         while self._waiting and (place is None or self._waiting[0].before <= place):
             yield self._waiting.popleft()
 
-    def _events(self, batch: Batch, picked: Array) -> Iterator[ListMark]:
+    def _events(self, batch: Batch, picked: Array) -> Iterator[tuple[int, ListMark]]:
         events = batch.events
         if not len(picked):
             return
@@ -77,7 +92,7 @@ class Marks:
         for row, frame in zip(rows.tolist(), before.tolist(), strict=True):
             where = int(bus[row]) if has_bus[row] else None
             text, place = _text(events, row), batch.first_frame + frame
-            yield ListMark(place, times[row], where, EVENTS[kinds[row]], text, number[row])
+            yield row, ListMark(place, times[row], where, EVENTS[kinds[row]], text, number[row])
 
 
 def _text(events: pa.RecordBatch, row: int) -> str:

@@ -9,17 +9,33 @@ import pyarrow as pa
 from analyzer.facts.meaning import meaning
 from dissectors.kit.cells import pylist, step_into
 from dissectors.records import dataclass
+from dissectors.schema import PrimitiveType
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
 
     from analyzer.views.rows import MessagePart
     from analyzer.views.sheets import Columns, Template
-    from dissectors.schema import Bits, Message, Packet
+    from dissectors.schema import Bits, Message, Note, Packet, Type
 
 # Of a number in a template: how its scale is undone, the lowest of how many bits, their scale, whether it is a flag.
 Take = tuple[tuple[float, float, bool] | None, tuple[int, int] | None, tuple[float, float] | None, bool]
 PLAIN: Take = (None, None, None, False)
+ALL = 1 << 31  # as many as there are
+NOTHING: Template = ("text", "")
+
+
+def whole(value: float) -> float:
+    """Return a number without a fraction as an integer, as cases of templates have it."""
+    return int(value) if value == int(value) else value
+
+
+def unscaled(kind: Type, note: Note | None) -> Take:
+    """Return how the raw number of a field is taken from its column, which holds raw * scale."""
+    if note is None or note.scale is None:
+        return PLAIN
+    rounded = not (isinstance(kind, PrimitiveType) and kind.kind == "float")
+    return (float(note.scale.numerator), float(note.scale.denominator), rounded), None, None, False
 
 
 def part_of(bits: Bits, word: Take = PLAIN) -> Take:

@@ -13,9 +13,7 @@ import pyarrow as pa
 
 from analyzer.tables import KINDS, STATUSES
 from analyzer.views.json_fields import (
-    ALL,
     HEX,
-    NOTHING,
     array_template,
     derived_templates,
     fields_template,
@@ -25,10 +23,10 @@ from analyzer.views.json_fields import (
     quotes,
     text_of,
 )  # fmt: skip
-from analyzer.views.members import PLAIN
+from analyzer.views.members import ALL, NOTHING, PLAIN
 from analyzer.views.named import rules_of
 from analyzer.views.rows import TransferRows
-from analyzer.views.sheets import Sheets, type_column
+from analyzer.views.sheets import Sheets, type_column, types_of
 from dissectors.kit.cells import numbers, pylist
 from dissectors.schema import Message
 
@@ -76,7 +74,7 @@ class _Records:
         self, registry: Registry, named: NamedFrames | None, *, derived: bool, spread: bool = False, end: str = ""
     ) -> None:
         self._registry, self._named, self._derived = registry, named, derived
-        self._word = _csv_word if spread else text_of
+        self._word = csv_word if spread else text_of
         keys = _keys(named, derived=derived)
 
         def row(columns: Columns) -> Template:
@@ -99,8 +97,8 @@ class _Records:
             beside[FINDINGS] = pa.array(rules, _BESIDE[FINDINGS])
         names = [None if m is None else m.name for m in types]
         words = [[self._word(word) for word in some] for some in (batch.buses, names)]
-        known = list({m.table: m for m in types if m is not None}.values())
-        return self._sheets.texts(batch, picked and picked.transfers, known, beside, words)
+        rows = picked and picked.transfers
+        return self._sheets.texts(batch, rows, types_of(types, places, rows), beside, words)
 
     def _part(self, _: str, of: Message | Packet | None, columns: Columns) -> list[Template | None]:
         if not isinstance(of, Message):
@@ -233,7 +231,8 @@ class Csv:
         return ""
 
 
-def _csv_word(word: str | None) -> str:
+def csv_word(word: str | None) -> str:
+    """Return a text as a cell of a CSV file."""
     out = io.StringIO()
     csv.writer(out, lineterminator="").writerow([harmless(word), ""])
     return out.getvalue()[:-1]

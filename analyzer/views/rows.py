@@ -1,4 +1,4 @@
-"""Transfers with what they carry: the rows of a batch, each with its type, its message row and its packets."""
+"""Transfers with what they carry: the rows of a batch, each with its type and its message row."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array
     from dissectors.schema import Message, Packet
 
+_MOST_MARKED = 1 << 20  # codes of types, rather than to sort those of a batch
 UNRECOGNIZED = "unrecognized"
 _MOST_PADDING = 15  # the largest step between two lengths that CAN FD has: 48 to 64
 
@@ -47,8 +48,8 @@ class TransferRows:
         registry: the types it was decoded with.
         picked: rows of `batch.transfers`, in the order to show; all if not given.
 
-    `messages` has each transfer's type, None when unknown. `typed` and `packets` are the tables of the types that
-    occur, cut to the picked transfers; a broken transfer has a type, but no row in them.
+    `messages` has each transfer's type, None when unknown. `typed` are the tables of the types that occur, cut to the
+    picked transfers; a broken transfer has a type, but no row in them.
     """
 
     def __init__(self, batch: Batch, registry: Registry, picked: Array | None = None) -> None:
@@ -64,7 +65,6 @@ class TransferRows:
         self._where = np.full(total, -1)
         self._where[self.picked] = np.arange(len(self.picked))
         self.typed = [part for m in found for part in self._part(m.table, m)]
-        self.packets = [part for m in found if m.packets is not None for part in self._inside(m, registry)]
 
     def __len__(self) -> int:
         """Return how many transfers were picked."""
@@ -79,14 +79,6 @@ class TransferRows:
     def array(self, name: str) -> Array:
         """Return a column of numbers as numpy, null cells with an arbitrary value."""
         return numbers(self._transfers.column(name))
-
-    def all_times(self) -> list[int | None]:
-        """Return times of every transfer of the batch, picked or not."""
-        return self.column("t") if self._whole else pylist(self.batch.transfers.column("t"))
-
-    def first_frames(self) -> list[int]:
-        """Return the number of each transfer's first frame, from 1."""
-        return [frames[0] + 1 if frames else 0 for frames in self.column("frame")]
 
     def padding(self) -> list[int]:
         """Count bytes at the end of each payload that only fill up a CAN FD frame: zero, and behind the last field."""
@@ -104,16 +96,6 @@ class TransferRows:
         """Return the payloads without their CAN FD padding."""
         return [data[: len(data) - count] for data, count in zip(self.column("payload"), self.padding(), strict=True)]
 
-    def inner(self) -> dict[int, list[tuple[int, MessagePart, int]]]:
-        """Return the packets of each transfer that has some: (offset, part, row in it) in the order of their bytes."""
-        found: dict[int, list[tuple[int, MessagePart, int]]] = {}
-        for part in self.packets:
-            for row, (at, offset) in enumerate(zip(part.at, pylist(part.table.column("offset")), strict=True)):
-                found.setdefault(at, []).append((offset, part, row))
-        for packets in found.values():
-            packets.sort(key=lambda packet: packet[0])
-        return found
-
     def _part(self, name: str, of: Message | Packet | None) -> list[MessagePart]:
         table = self.batch.messages.get(name)
         if table is None or not len(table):
@@ -124,20 +106,19 @@ class TransferRows:
         rows = np.flatnonzero(at >= 0)
         return [MessagePart(name, of, table.take(pa.array(rows)), at[rows].tolist())] if rows.size else []
 
-    def _inside(self, message: Message, registry: Registry) -> list[MessagePart]:
-        """Give packets of the message's own kinds, then those that belong in another message, then unclaimed bytes."""
-        families = [one for one in (message.packets, *registry.families()) if one is not None]
-        kinds = {packet.name: packet for family in reversed(families) for packet in family.packets}
-        parts = [self._part(f"{message.table}.{name}", packet) for name, packet in kinds.items()]
-        parts.append(self._part(f"{message.table}.{UNRECOGNIZED}", None))
-        return [part for some in parts for part in some]
-
 
 def known_types(registry: Registry, variant: Array, kind: Array, type_id: Array) -> tuple[list[Message | None], Array]:
     """Return the types of transfers, None for unknown ones, and for each transfer the place of its type."""
-    codes = variant.astype(np.int64) << 24 | kind.astype(np.int64) << 16 | type_id
-    unique, inverse = np.unique(codes, return_inverse=True)
-    return [registry.message(code >> 16 & 0xFF, code & 0xFFFF, code >> 24) for code in unique.tolist()], inverse
+    codes = variant.astype(np.int64) << 18 | kind.astype(np.int64) << 16 | type_id
+    room = int(codes.max(initial=0)) + 1
+    if room > _MOST_MARKED:
+        occurring, inverse = np.unique(codes, return_inverse=True)
+    else:  # no need to sort
+        marked = np.zeros(room, bool)
+        marked[codes] = True
+        occurring = np.flatnonzero(marked)
+        inverse = np.cumsum(marked)[codes] - 1
+    return [registry.message(code >> 16 & 3, code & 0xFFFF, code >> 18) for code in occurring.tolist()], inverse
 
 
 def first_frames(transfers: pa.RecordBatch) -> Array:

@@ -76,9 +76,17 @@ class Palette:
 
     on: bool = False
 
+    def around(self, style: str) -> tuple[str, str]:
+        """Return what stands before a text in a style, and what behind it."""
+        return (f"\x1b[{_STYLES[style]}m", "\x1b[0m") if self.on else ("", "")
+
+    def colour(self, codes: str, text: str) -> str:
+        """Paint `text` with the parameters of an escape sequence, if there are some."""
+        return f"\x1b[{codes}m{text}\x1b[0m" if self.on and codes and text else text
+
     def paint(self, style: str, text: str) -> str:
         """Paint `text` in one of the styles head, good, code, bad, note, dim, crc, payload, padding, tail."""
-        return f"\x1b[{_STYLES[style]}m{text}\x1b[0m" if self.on and text else text
+        return text.join(self.around(style)) if text else text
 
 
 PLAIN = Palette()

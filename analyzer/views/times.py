@@ -10,15 +10,18 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.tables import raw_times
+from analyzer.views.members import PLAIN
 from dissectors.kit.cells import numbers, valid
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from analyzer.views.sheets import Columns, Template
+    from dissectors.kit import Array
 
     Time = int | None
 
 
+_NINE = 9  # digits of nanoseconds
 MODES = {
     "a": "time of day, local",
     "ad": "date and time of day, local",
@@ -50,12 +53,16 @@ class TimeFormat:
         self.digits = digits
         self.signed = zero is not None
         self._before: Time = None
-        self._shown: Time = None
 
     @property
     def head(self) -> str:
         """Title of the column."""
         return _HEADS.get(self.mode, "Time [s]")
+
+    @property
+    def nine(self) -> bool:
+        """Whole nanoseconds are written."""
+        return self.digits == _NINE
 
     def start(self, frames: pa.RecordBatch) -> None:
         """Settle the zero and the decimals by the first frames of a capture; later calls change nothing."""
@@ -69,14 +76,14 @@ class TimeFormat:
         if self.digits is None:
             self.digits = 9 if any(t % 1000 for t in times) else 6
 
-    def column(self, times: Sequence[Time], picked: Sequence[int] | None = None) -> list[str]:
-        """Return texts of the `picked` rows (all if not given) among the `times` of a batch's rows; "" if unknown."""
-        rows = range(len(times)) if picked is None else picked
-        if self.mode == "d":
-            return self._since_previous(times, rows)
-        if self.mode == "dd":
-            return [self._since_shown(times[row]) for row in rows]
-        return [self.text(times[row]) for row in rows]
+    def next(self, t: Time) -> str:
+        """Write the time of the next row, all rows told one after the other; "" if unknown."""
+        if self.mode not in ("d", "dd"):
+            return self.text(t)
+        if t is None:
+            return ""
+        before, self._before = self._before, t
+        return self.seconds(0 if before is None else t - before)
 
     def text(self, t: Time) -> str:
         """Write one time; a delta mode gives the seconds of `t` itself."""
@@ -89,20 +96,49 @@ class TimeFormat:
             return self.seconds(t - (self.zero or 0), signed=self.signed)
         return self.seconds(t)
 
-    def elapsed(self, times: pa.Array) -> pa.Array:
-        """Return nanoseconds that `seconds` writes, in a mode of seconds since something, of all rows of a batch."""
+    def elapsed(self, times: pa.Array, picked: Array | None = None) -> pa.Array:
+        """Return nanoseconds that `seconds` writes of all rows of a batch; of a time of day those of its second.
+
+        `picked` are the rows that are shown, in their order: all if not given.
+        """
         known, ns = valid(times), numbers(times)
-        if self.mode == "d":
-            ns = np.zeros(len(times), np.int64)
-            ns[known] = np.diff(numbers(times)[known], prepend=self._before or 0)
-            first = np.flatnonzero(known)[:1]
-            if self._before is None:
-                ns[first] = 0
-            if first.size:
-                self._before = int(numbers(times)[known][-1])
+        if self.mode == "d" or (self.mode == "dd" and picked is None):
+            ns = self._since(ns, np.flatnonzero(known))
+        elif self.mode == "dd" and picked is not None:
+            ns = self._since(ns, picked[known[picked]])
         elif self.mode == "r":
             ns = ns - (self.zero or 0)
+        elif self.mode in _DAY:
+            ns = ns % SECOND
         return pa.array(ns, pa.int64(), mask=None if known.all() else ~known)
+
+    def days(self, times: pa.Array) -> tuple[pa.Array, list[str]]:
+        """Return for each row the place of its second among the texts of seconds; none but for times of day."""
+        if self.mode not in _DAY:
+            return pa.array(np.zeros(len(times), np.uint32)), []
+        seconds, places = np.unique(numbers(times)[valid(times)] // SECOND, return_inverse=True)
+        found = np.zeros(len(times), np.uint32)
+        found[valid(times)] = places
+        form, utc = _DAY[self.mode], self.mode[0] == "u"
+        return pa.array(found), [_day(second, form, utc) for second in seconds.tolist()]
+
+    def written(self, elapsed: pa.Array, days: pa.Array, seconds: list[str], row: int) -> str:
+        """Return what `template` writes of a row, from what `elapsed` and `days` gave."""
+        ns = elapsed[row].as_py()
+        if ns is None:
+            return ""
+        if self.mode in _DAY:
+            return f"{seconds[days[row].as_py()]}.{self._decimals(ns)}"
+        return self.seconds(ns, signed=self.signed and self.mode == "r")
+
+    def template(self, columns: Columns, words: int) -> Template:
+        """Return the template of a time, from the columns `elapsed` and `days`; `words` is the list of seconds."""
+        if self.mode not in _DAY:
+            signed = self.signed and self.mode == "r"
+            return columns.of("elapsed", ("number", PLAIN, ("seconds", signed, self.nine)))
+        decimals = columns.of("elapsed", ("number", PLAIN, ("decimals", self.nine)))
+        day: Template = ("all", [columns.of("days", ("word", words)), ("text", "."), decimals])
+        return ("given", columns.place("elapsed"), day, ("text", ""))
 
     def between(self, t: Time) -> str:
         """Write the time of what stands between the rows: nothing in a delta mode, whose deltas are those of rows."""
@@ -115,21 +151,15 @@ class TimeFormat:
         return f"{sign}{second}.{self._decimals(rest)}"
 
     def _decimals(self, ns: int) -> str:
-        return f"{ns:09d}" if self.digits == 9 else f"{ns // 1000:06d}"
+        return f"{ns:09d}" if self.nine else f"{ns // 1000:06d}"
 
-    def _since_previous(self, times: Sequence[Time], rows: Sequence[int]) -> list[str]:
-        gaps = list[int | None]()
-        for t in times:
-            gaps.append(None if t is None else 0 if self._before is None else t - self._before)
-            if t is not None:
-                self._before = t
-        return ["" if (gap := gaps[row]) is None else self.seconds(gap) for row in rows]
-
-    def _since_shown(self, t: Time) -> str:
-        if t is None:
-            return ""
-        before, self._shown = self._shown, t
-        return self.seconds(0 if before is None else t - before)
+    def _since(self, times: Array, rows: Array) -> Array:
+        """Return for these rows the nanoseconds since the one before, 0 for the first and for other rows."""
+        ns = np.zeros(len(times), np.int64)
+        if len(rows):
+            ns[rows] = np.diff(times[rows], prepend=times[rows[0]] if self._before is None else self._before)
+            self._before = int(times[rows[-1]])
+        return ns
 
 
 @lru_cache(maxsize=256)

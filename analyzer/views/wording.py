@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 MISSING = "-"
+UNSPECIFIED = "unspecified"  # what a unit is called that nobody knows
 _ANOMALIES = {
     "single toggle": "single frame with toggle 1",
     "toggle": "frame missing or out of order (toggle)",
@@ -94,8 +95,3 @@ def formatter(spec: str, texts: Mapping[float, str]) -> Callable[[Any], str]:
         return " ".join([one(inner) for inner in value]) if isinstance(value, list) else one(value)
 
     return cell
-
-
-def quantity(value: str, unit: str) -> str:
-    """Write a value and its unit."""
-    return f"{value} {unit}" if unit and unit != "unspecified" and value != MISSING else value

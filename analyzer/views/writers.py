@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 from analyzer.views.fields import Fields
 from analyzer.views.formats import BY_NAME
 from analyzer.views.frames.window import FrameWindow
-from analyzer.views.hexdump import hexdump
+from analyzer.views.hexdump import HexDumps
 from analyzer.views.listing import Listing
-from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import PLAIN, Palette
 from analyzer.views.times import TimeFormat
 from analyzer.views.tree import Tree
@@ -23,10 +22,11 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.rules.named_frames import NamedFrames
+    from analyzer.views.colours.painter import Painter
     from analyzer.views.formats import Writer
+    from analyzer.views.frames.rows import FrameMatcher
     from analyzer.window.listed import ListedRows
     from dissectors import Registry
-    from dissectors.kit import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +36,9 @@ class WriterOptions:
     `form` is text, fields, json, jsonl or csv. Of a text: `time` is the form of times as tshark has it, `signed` says
     that some are before zero, `only` names the types that are shown in detail, `dumps` asks for the bytes, `foreign`
     for every frame that is not DroneCAN. `frame_list` asks for frames instead of transfers, `follow` for each at once,
-    `count` for so many of them. `wireshark` numbers frames as Wireshark does. Of a view for
-    programs `derived` asks for units and computed values.
+    `count` for so many of them. `wireshark` numbers frames as Wireshark does. With `colour`, `colours` is a file of
+    colour rules in place of the user's own, or `off`. Of a view for programs `derived` asks for
+    units and computed values.
     """
 
     form: str = "text"
@@ -49,6 +50,7 @@ class WriterOptions:
     dumps: bool = False
     signed: bool = False
     colour: bool = False
+    colours: str | None = None
     foreign: bool = False
     frame_list: bool = False
     follow: bool = False
@@ -72,7 +74,7 @@ class Text:
         self._summary = options.summary or not self._details
         self._palette = Palette(True) if options.colour else PLAIN
         only = [registry.resolve(name).table for name in options.only or ()]
-        self._registry, self._numbering, self._frames = registry, numbering, FrameWindow()
+        self._frames = FrameWindow()
         self._listing = Listing(
             registry,
             clock,
@@ -82,7 +84,9 @@ class Text:
             numbering=numbering,
             foreign=options.foreign,
             named=named,
+            painter=_painter(options, registry),
         )
+        self._dumps = HexDumps(registry, self._frames, self._palette, numbering)
         self._tree = Tree(registry, clock, self._palette, only, numbering, named)
 
     def begin(self) -> str:
@@ -93,27 +97,23 @@ class Text:
         """Give the lines of each transfer together, before them those of what happened until it began."""
         self._frames.feed(batch)
         self._listing.feed(batch, picked)
-        parts: list[Iterator[list[str]]] = []
+        parts: list[Iterator[str]] = []
         if self._summary:
             parts.append(self._listing.entries())
         if self._details:
-            parts.append(self._tree.details(batch, picked.transfers))
+            parts.append(self._tree.texts(batch, picked.transfers))
         if self._bytes:
-            parts.append(self._dumps(batch, picked.transfers))
-        for place, *entry in zip(self._listing.places(), *parts, strict=True):
-            between = self._listing.between(place, titled=self._summary)
-            yield "".join(f"{line}\n" for lines in (between, *entry) for line in lines)
-        if rest := self._listing.between(None, titled=self._summary):
-            yield "".join(f"{line}\n" for line in rest)
+            parts.append(self._dumps.texts(batch, picked.transfers))
+        entries = parts[0] if len(parts) == 1 else map("".join, zip(*parts, strict=True))
+        before, titled = self._listing.before, self._summary
+        for place, entry in zip(self._listing.places(), entries, strict=True):
+            yield before(place, titled=titled) + entry
+        if rest := before(None, titled=titled):
+            yield rest
 
     def end(self) -> str:
         """Give the sums of foreign frames."""
-        return "".join(f"{line}\n" for line in self._listing.end(titled=self._summary))
-
-    def _dumps(self, batch: Batch, picked: Array) -> Iterator[list[str]]:
-        rows = TransferRows(batch, self._registry, picked)
-        for frames, whole, bare in zip(rows.column("frame"), rows.column("payload"), rows.unpadded(), strict=True):
-            yield list(hexdump(frames, self._frames, len(whole) - len(bare), self._palette, self._numbering))
+        return self._listing.end(titled=self._summary)
 
 
 class FieldLines:
@@ -136,17 +136,18 @@ def writer(
     zero: int | None,
     numbering: Numbering | None = None,
     named: NamedFrames | None = None,
+    matcher: FrameMatcher | None = None,
 ) -> Writer:
     """Return the view that is asked for; `zero` is the time that counts as 0.
 
     `numbering` has to know the frames of a batch before the view is given it. Rows are marked with the rules that are
-    `named`.
+    `named`; of a list of frames `matcher` chooses some.
 
-    Raises `LookupError` for unknown names, `ValueError` for a form that does not mark rows.
+    Raises `LookupError` for unknown names, `ValueError` for a form that does not mark rows and for wrong colour rules.
     """
     numbering = numbering or Numbering()
     if options.frame_list:
-        return _frame_list(options, registry, zero, numbering, named)
+        return _frame_list(options, registry, zero, numbering, named, matcher)
     if options.form in BY_NAME:
         return BY_NAME[options.form].writer(registry, named, derived=options.derived)
     if options.form == "fields":
@@ -157,17 +158,34 @@ def writer(
 
 
 def _frame_list(
-    options: WriterOptions, registry: Registry, zero: int | None, numbering: Numbering, named: NamedFrames | None
-) -> Writer:
+    options: WriterOptions, registry: Registry, zero: int | None, numbering: Numbering, named: NamedFrames | None,
+    matcher: FrameMatcher | None,
+) -> Writer:  # fmt: skip
+    from analyzer.views.frames.fields import FrameFields  # noqa: PLC0415 - few lists are of frames
     from analyzer.views.frames.rows import FrameRows  # noqa: PLC0415
-    from analyzer.views.frames.writers import FrameFields, FrameRecords, FrameText  # noqa: PLC0415 - few lists are of frames
+    from analyzer.views.frames.writers import FrameRecords, FrameText  # noqa: PLC0415
 
-    rows = FrameRows(registry, numbering, wait=not options.follow, most=options.count, named=named)
+    painter = _painter(options, registry) if options.form == "text" else None
+    rows = FrameRows(
+        registry, numbering, wait=not options.follow, most=options.count, named=named, matcher=matcher, painter=painter
+    )  # fmt: skip
     if options.form == "fields":
         return FrameFields(rows, options.fields, zero)
     if options.form in BY_NAME:
         return FrameRecords(rows, options.form)
-    return FrameText(rows, _clock(options, zero), Palette(True) if options.colour else PLAIN, _width())
+    palette, codes = Palette(True) if options.colour else PLAIN, () if painter is None else painter.codes
+    return FrameText(rows, _clock(options, zero), palette, _width(), codes=codes)
+
+
+def _painter(options: WriterOptions, registry: Registry) -> Painter | None:
+    """Return what finds the colours of rows; a file that is asked for is checked in any case."""
+    if not options.colour and options.colours is None:
+        return None
+    from analyzer.views.colours.painter import Painter  # noqa: PLC0415 - most lists go into files and pipes
+    from analyzer.views.colours.rules import colour_rules  # noqa: PLC0415
+
+    rules = colour_rules(options.colours, registry)
+    return Painter(rules) if rules and options.colour else None
 
 
 def _clock(options: WriterOptions, zero: int | None) -> TimeFormat:

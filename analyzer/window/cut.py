@@ -43,10 +43,17 @@ class FrameSelection(Selection[FrameTables]):
     Args:
         window: the limits.
         again: gives the batches once more, or None where that is impossible.
+        chosen: gives masks of the frames and events that are wanted among them; all are without it.
     """
 
-    def __init__(self, window: Window, again: Callable[[], Iterable[FrameBatch] | None] = lambda: None) -> None:
+    def __init__(
+        self,
+        window: Window,
+        again: Callable[[], Iterable[FrameBatch] | None] = lambda: None,
+        chosen: Callable[[FrameTables], tuple[Array, Array]] | None = None,
+    ) -> None:
         super().__init__(window, lambda: None if (batches := again()) is None else frame_tables(batches))
+        self._chosen = chosen
 
     def cut(self, batches: Iterable[FrameBatch]) -> Iterator[FrameBatch]:
         """Yield the frame batches, cut to the window."""
@@ -59,8 +66,11 @@ class FrameSelection(Selection[FrameTables]):
         return (numbers(batch.frames.column("t")),)
 
     def _pick(self, batch: FrameTables) -> tuple[FrameTables, Any, int | None]:
-        picked = rows_inside(batch, self.window, self._limits(), self.numbering)
-        return batch, picked, self._zero()
+        frames, events = rows_inside(batch, self.window, self._limits(), self.numbering)
+        if self._chosen is not None:
+            wanted, beside = self._chosen(batch)
+            frames, events = frames[wanted[frames]], events[beside[events]]
+        return batch, (frames, events), self._zero()
 
 
 def rows_inside(

@@ -24,11 +24,13 @@ if TYPE_CHECKING:
 class WindowDecoder:
     """An engine that is fed with the inside of a window; `rows` counts the frames and events that were in it.
 
-    Frames of a window of time follow each other, but where a clock was set back: there a new batch begins.
+    Frames of a window of time follow each other, but where a clock was set back: there a new batch begins. With
+    `alone` they are numbered as in a capture that holds nothing else, and no batch ends before it is full.
     """
 
-    def __init__(self, engine: Engine, selection: FrameSelection) -> None:
+    def __init__(self, engine: Engine, selection: FrameSelection, *, alone: bool = False) -> None:
         self.rows = 0
+        self._alone = alone
         self._frames = 0
         self._engine = engine
         self._selection = selection
@@ -38,11 +40,14 @@ class WindowDecoder:
     def batches(self, recorded: Iterable[FrameBatch]) -> Iterator[Batch]:
         """Yield every batch, the last one when the recorded ones end."""
         for part, (frames, events), _ in self._selection.apply(frame_tables(recorded)):
-            for own, beside in _runs(part, frames, events):
-                if len(own) and self._begins(part.first_frame + int(own[0])) and self._frames:
-                    for batch in self._engine.flushed():
-                        yield self._numbered(batch)
-                if len(own):
+            runs = [(frames, events)] if self._alone else _runs(part, frames, events)
+            for own, beside in runs:
+                if not len(own) and not len(beside):
+                    continue
+                if len(own) and not self._alone:
+                    if self._begins(part.first_frame + int(own[0])) and self._frames:
+                        for batch in self._engine.flushed():
+                            yield self._numbered(batch)
                     self._note(part.first_frame + int(own[0]))
                 self._frames += len(own)
                 self.rows += len(own) + len(beside)

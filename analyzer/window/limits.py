@@ -108,6 +108,12 @@ class Window:
         return any(limit is not None for limit in (self.stop, self.around, self.frames))
 
     @property
+    def cuts_in(self) -> bool:
+        """True if the beginning of the capture may be outside."""
+        later = any(limit is not None for limit in (self.start, self.last, self.around))
+        return later or (self.frames is not None and self.frames[0] > 1)
+
+    @property
     def timed(self) -> bool:
         """True if times are asked for, which not every capture has."""
         return any(isinstance(limit, Moment) for limit in (self.start, self.stop, self.around)) or self.last is not None

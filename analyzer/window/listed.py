@@ -15,7 +15,7 @@ from dissectors.kit.cells import numbers
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from analyzer.decode.engine import Batch
+    from analyzer.decode.engine import Batch, SelectedRows
     from analyzer.window.limits import Window
     from analyzer.window.numbering import Numbering
     from dissectors.kit import Array
@@ -44,6 +44,12 @@ class ListedRows(NamedTuple):
         settled, events = np.arange(len(batch.settled)), np.arange(len(batch.events))
         return cls(np.arange(len(batch.transfers)), loose, settled, events)
 
+    def of(self, selected: SelectedRows | None) -> ListedRows:
+        """Return those that a filter has chosen, all without one."""
+        if selected is None:
+            return self
+        return ListedRows(*(rows[mask[rows]] for rows, mask in zip(self, selected, strict=True)))
+
 
 class ListSelection(TransferSelection):
     """A window over decoded batches that holds their frames and events to it, too."""
@@ -67,14 +73,15 @@ class ListSelection(TransferSelection):
         """Yield batches with their rows inside the window, and the time that is 0."""
         for batch, transfers, zero in self.apply(batches):
             if not self.window:
-                yield batch, ListedRows.all_of(batch)._replace(transfers=transfers), zero
+                yield batch, ListedRows.all_of(batch)._replace(transfers=transfers).of(batch.selected), zero
                 continue
             frames, events = rows_inside(batch, self.window, self._limits(), self.numbering)
             self._kept.append((batch.first_frame, numbers(batch.frames.column("t"))))
             loose = frames[numbers(batch.frames.column("verdict"))[frames] != _USED]
             late = numbers(batch.settled.column("frame")).tolist()
             settled = [row for row, frame in enumerate(late) if self._has(frame)]
-            yield batch, ListedRows(transfers, loose, np.array(settled, np.int64), events), zero
+            rows = ListedRows(transfers, loose, np.array(settled, np.int64), events)
+            yield batch, rows.of(batch.selected), zero
 
     def _has(self, frame: int) -> bool:
         """Return whether a frame of an earlier batch is inside; one that is long gone is not."""

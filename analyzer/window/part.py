@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +44,9 @@ class TableSelection(TransferSelection):
         for batch, rows, _ in self.apply(batches):
             frames, events = rows_inside(batch, self.window, self._limits(), self.numbering)
             transfers = np.sort(rows)
+            if batch.selected is not None:
+                transfers = transfers[batch.selected.transfers[transfers]]
+                frames, events = frames[batch.selected.frames[frames]], events[batch.selected.events[events]]
             yield BatchPart(
                 frames=_take_rows(batch.frames, frames),
                 frame_rows=frames.astype(np.uint64) + np.uint64(batch.first_frame),
@@ -54,6 +57,26 @@ class TableSelection(TransferSelection):
                 settled=batch.settled,
                 buses=batch.buses,
             )
+
+
+def narrowed(batch: Batch) -> Batch:
+    """Return a batch with only the rows that are marked; they keep the numbers that they have in the capture."""
+    selected = batch.selected
+    if selected is None:
+        return batch
+    transfers, frames, events, settled = (
+        np.flatnonzero(mask) for mask in (selected.transfers, selected.frames, selected.events, selected.settled)
+    )
+    return replace(
+        batch,
+        frames=_take_rows(batch.frames, frames),
+        transfers=_take_rows(batch.transfers, transfers),
+        events=_take_rows(batch.events, events),
+        settled=_take_rows(batch.settled, settled),
+        messages=dict(_messages(batch, transfers)),
+        bit_times=None,
+        selected=None,
+    )
 
 
 def _messages(batch: Batch, transfers: Array) -> Iterator[tuple[str, pa.RecordBatch]]:

@@ -233,5 +233,7 @@ class TransferSelection(Selection["Batch"]):
         if window.frames is not None:
             number = self.numbering.of_all
             keep &= (number(last) >= window.frames[0]) & (number(first) <= window.frames[1])
+        if batch.selected is not None:
+            keep &= batch.selected.transfers
         rows = np.flatnonzero(keep)
         return batch, rows[np.argsort(first[rows], kind="stable")], zero

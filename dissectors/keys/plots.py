@@ -6,6 +6,7 @@ from dissectors.keys.fields import ONLY
 from dissectors.keys.key import Key, Keys, by_name
 
 _MOST_FIRST = 1000
+_MOST_IDLE = 10_000
 
 QUANTITY = Keys("quantity.NAME", "Something that is measured or commanded: one plot, with a line for each device.", (
     Key("title", "text", "Its title.", '"Voltage"', required=True),
@@ -54,6 +55,7 @@ ESC = Keys("esc", "Columns for the table `esc`: of commands to ESCs the first on
 
 TABLE = Keys("table.NAME", "What is shown of one table: a message, or MESSAGE.PACKET.", (
     Key("who", "table", WHO.about, '{ path = "esc", column = "esc_index", first = 1 }', "the sender", keys=WHO),
+    Key("idle_rpm", "whole", "A motor that is faster is driven.", "500", "0", low=0, high=_MOST_IDLE),
     by_name("line", LINE.about, LINE, 'line.voltage = { column = "voltage" }'),
     by_name("states", STATES.about, STATES, "states.state = {}"),
     by_name("product", PRODUCT.about, PRODUCT),
@@ -62,6 +64,8 @@ TABLE = Keys("table.NAME", "What is shown of one table: a message, or MESSAGE.PA
     Key("esc", "table", ESC.about, '{ rpm = "rpm", voltage = "voltage", mode = "status.mode" }', keys=ESC),
     Key("hidden", "texts", "Columns that say nothing that is not shown otherwise.", '["esc_index"]'),
     Key("parameters", "flag", "Its columns are settings, shown beside the commands.", "true", "false"),
+    Key("own", "texts", "Of parameters: what is of one device, like counters and dates: no settings.", '["starts"]'),
+    Key("identity", "text", "Of parameters: the column that tells one piece of hardware from all others.", '"serial"'),
 ))  # fmt: skip
 
 PLOTS = Keys("plots.toml", "What a picture shows of the folder's tables; others are shown field by field.", (

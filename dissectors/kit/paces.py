@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +10,7 @@ from dissectors.records import dataclass
 from dissectors.times import NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from dissectors.kit.array import Array
 
@@ -26,37 +25,50 @@ _ALIKE = 2.5  # times that another pace may be off
 _SLOWEST = 5 * SECOND // 2  # a longer time is no pace before it is seen twice
 # By then a node has said that it restarted, and transfers without an end are given up.
 _LATER = 5 * SECOND // 2
+_AHEAD = 32  # times of a sender that may be breaks and are looked at together: a break begins anew behind it
+_AT_ONCE = 1 << 13  # windows whose periods are looked for together
 
 
-def period_of(times: Sequence[int], lost: Sequence[int], fewest: int) -> float:
-    """Return the period of reports in ns, 0.0 if there are too few of them or they do not come at a steady pace.
+def _periods(t: Array, lost: Array, first: Array, last: Array, fewest: int) -> Array:
+    """Return the period of the reports of each window in ns, 0.0 if they are too few or not at a steady pace.
 
-    `lost` counts those that were lost up to each, which is why they may not. Several that come close together, such as
-    those of a sender with several indexes, are one round.
+    Window `k` is from `first[k]` to `last[k]`, of which the last `MEMORY` periods count. `lost` counts the reports that
+    were lost up to each, which is why they may not be steady. Several that come close together, such as those of a
+    sender with several indexes, are one round.
     """
-    if len(times) < max(fewest, 2):
-        return 0.0
-    took = [after - one for one, after in pairwise(times)]
-    far = max(took) / _ROUND
-    begin = [0, *(k for k, each in enumerate(took, 1) if each > far)]
-    if len(begin) < max(fewest, 2):
-        return 0.0
-    rounds: list[float] = [times[after] - times[one] for one, after in pairwise(begin)]
-    found = _steady(rounds)
-    if not found and lost[-1] > lost[0]:
-        gone = (1 + lost[after] - lost[one] for one, after in pairwise(begin))
-        found = _steady([each / many for each, many in zip(rounds, gone, strict=True)])
+    at = last[:, None] - np.arange(MEMORY, -1, -1)
+    inside = at[:, :-1] >= first[:, None]
+    at = np.maximum(at, first[:, None])
+    times = t[at]
+    took = np.where(inside, times[:, 1:] - times[:, :-1], -np.inf)
+    begins = took > took.max(axis=1, keepdims=True) / _ROUND
+    count = begins.sum(axis=1)
+    row, column = np.nonzero(begins)
+    rank = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    here, before = at[row, column + 1], at[row, 0]
+    before[1:] = np.where(rank[1:] > 0, here[:-1], before[1:])
+    rounds = np.full(took.shape, np.inf)
+    rounds[row, rank] = t[here] - t[before]
+    found = _steady(rounds, count)
+    missed = (found == 0) & (lost[at[:, -1]] > lost[at[:, 0]])
+    if missed.any():
+        rounds[row, rank] /= 1 + lost[here] - lost[before]
+        found[missed] = _steady(rounds[missed], count[missed])
+    found[count + 1 < max(fewest, 2)] = 0.0
     return found
 
 
-def _steady(rounds: Sequence[float]) -> float:
-    ranked, half = sorted(rounds), len(rounds) // 2
-    usual = (ranked[half] + ranked[-half - 1]) / 2
-    if len(rounds) < _MANY:
-        steady = all(abs(each - usual) <= _STRICT * usual for each in rounds)
-    else:
-        steady = sum(_SHORT * usual <= each <= _LONG * usual for each in rounds) / len(rounds) >= _MOSTLY
-    return usual if steady else 0.0
+def _steady(rounds: Array, count: Array) -> Array:
+    """Return the usual one of the first `count` in each row, 0.0 if they are not alike; behind them is infinity."""
+    ranked, rows, half = np.sort(rounds, axis=1), np.arange(len(rounds)), count // 2
+    usual: Array = (ranked[rows, half] + ranked[rows, count - half - 1]) / 2
+    usual[count == 0] = 0.0
+    off = _STRICT * usual
+    alike = (usual - ranked[:, 0] <= off) & (ranked[rows, count - 1] - usual <= off)
+    near = (ranked >= (_SHORT * usual)[:, None]) & (ranked <= (_LONG * usual)[:, None])
+    mostly = near.sum(axis=1) >= _MOSTLY * count
+    usual[~np.where(count < _MANY, alike, mostly)] = 0.0
+    return usual
 
 
 @dataclass(slots=True, eq=False)
@@ -103,84 +115,169 @@ class PacedReports:
     """
 
     def __init__(self, least: int, periods: float, fewest: int, span: int = 0) -> None:
-        self._least, self._periods, self._fewest, self._span = least, periods, fewest, span
-        self._first = NO_TIME  # the first report since the last break
-        self._t = np.empty(0, np.int64)  # since the pace changed last
-        self._lost = np.empty(0, np.int64)
-        self._usual = 0.0  # before that
+        self.least, self.periods, self.fewest, self.span = least, periods, fewest, span
+        self.first = NO_TIME  # the first report since the last break
+        self.t = np.empty(0, np.int64)  # since the pace changed last
+        self.lost = np.empty(0, np.int64)
+        self.usual = 0.0  # before that
         self._open: Break | None = None
 
     @property
     def last(self) -> int:
         """The time of the last report."""
-        return int(self._t[-1]) if len(self._t) else NO_TIME
+        return int(self.t[-1]) if len(self.t) else NO_TIME
 
     def feed(self, times: Array, lost: Array) -> list[Break]:
         """Add reports, and how many were lost up to each; return the breaks between them."""
-        old = len(self._t)
-        t, lost = np.concatenate((self._t, times)), np.concatenate((self._lost, lost))
-        took = np.diff(t)
-        found: list[Break] = []
-        begin, first = 0, max(old - 1, 0)
-        if self._first == NO_TIME and len(t):
-            self._first = int(t[0])
-        self._settle(t, lost, first)
-        far = len(took) > first and int(took[first:].max()) > self._least
-        for k, at, short in self._long(t, took / (1 + np.diff(lost)), first) if far else ():
-            if short and k - begin >= MEMORY and at - self._first >= self._span:
-                continue
-            here = slice(max(begin, k - MEMORY), k + 1)
-            usual = self._period(t[here], lost[here])
-            latest = int(t[max(k - 1, 0) : k + 1].max())  # one report may be stamped too early
-            if usual and t[k + 1] - latest > max(self._least, self._periods * usual):
-                kept = bool(lost[k + 1] == lost[k])
-                found.append(Break(int(t[k]), int(t[k + 1]), usual, max(k - old, -1), kept))
-                begin, self._usual, self._open = k + 1, usual, found[-1]
-                self._first = found[-1].stop
-                self._settle(t, lost, begin)
-        begin = max(begin, len(t) - MEMORY - 1)
-        self._t, self._lost = t[begin:].copy(), lost[begin:].copy()
+        return self.feed_all([self], [times], [lost])[0]
+
+    @staticmethod
+    def feed_all(senders: Sequence[PacedReports], times: Sequence[Array], lost: Sequence[Array]) -> list[list[Break]]:
+        """Add reports of some senders, made with the same numbers; return the breaks of each."""
+        some = [k for k, new in enumerate(times) if len(new)]
+        found: list[list[Break]] = [[] for _ in senders]
+        if some:
+            reports = _Reports([senders[k] for k in some], [times[k] for k in some], [lost[k] for k in some])
+            for k, breaks in zip(some, reports.breaks(), strict=True):
+                found[k] = breaks
         return found
 
     def silence(self, now: int) -> Break | None:
         """Return the break that lasts until now, if there is one."""
-        usual = self._period(self._t, self._lost)
+        return self.silences([self], [now])[0]
+
+    @staticmethod
+    def silences(senders: Sequence[PacedReports], until: Sequence[int]) -> list[Break | None]:
+        """Return the same of some senders, made with the same numbers, each up to its time."""
+        found: list[Break | None] = [None] * len(senders)
+        some = [k for k, now in enumerate(until) if now - senders[k].last > senders[k].least and len(senders[k].t)]
+        if some:
+            none = [np.empty(0, np.int64)] * len(some)
+            usual = _Reports([senders[k] for k in some], none, none).usual()
+            for k, period in zip(some, usual.tolist(), strict=True):
+                found[k] = senders[k].silent(until[k], period)
+        return found
+
+    def silent(self, now: int, usual: float) -> Break | None:
+        """Return the break that lasts until now if the period is the usual one, if there is one."""
         before = self._open
         slower = before.stop - before.start if before is not None and before.kept else 0
         longest = max(usual, slower) if slower <= _SLOWEST else usual
-        if not usual or now - self.last <= max(self._least, self._periods * longest):
+        if not usual or now - self.last <= max(self.least, self.periods * longest):
             return None
         return Break(self.last, now, usual, -1, lowered=False)
 
-    def _period(self, times: Array, lost: Array) -> float:
-        """Return the period of the last reports, while they are few that from before the last break; 0.0 without."""
-        lasted = len(times) >= self._fewest and int(times[-1]) - self._first >= self._span
-        return period_of(times.tolist(), lost.tolist(), self._fewest) if lasted else self._usual
+    def end(self, found: Break) -> None:
+        """Begin anew behind a break."""
+        self.first, self.usual, self._open = found.stop, found.period, found
 
-    def _long(self, t: Array, single: Array, first: int) -> Iterable[tuple[int, int, bool]]:
-        """Return what may be breaks: row, time, and whether it is too short to be one behind many reports at a pace.
-
-        `single` are the times from one report to the next, lost or not.
-        """
-        shortest = float(single.min())
-        floor = max(self._least, self._periods * min(shortest, self._usual or shortest))
-        took = np.diff(t)
-        rows = np.flatnonzero(took[first:] > floor) + first
-        if not len(rows):
-            return ()
-        short = np.zeros(len(rows), bool)
-        if len(took) >= MEMORY:
-            before = np.lib.stride_tricks.sliding_window_view(single, MEMORY)[np.maximum(rows - MEMORY, 0)]
-            short = took[rows] <= _FAR * np.partition(before, _COMMON, axis=1)[:, _COMMON]
-        return zip(rows.tolist(), t[rows].tolist(), short.tolist(), strict=True)
-
-    def _settle(self, t: Array, lost: Array, at: int) -> None:
-        """Tell by the report behind the one that ended a break whether the pace changed."""
+    def settle(self, t: Array, lost: Array) -> None:
+        """Tell by the report behind the one that ended a break whether the pace changed; these are the first."""
         one = self._open
-        if one is None or at + 1 >= len(t):
+        if one is None or len(t) < 2:
             return
-        took, after = one.stop - one.start, int(t[at + 1] - t[at])
-        one.lowered = one.kept and bool(lost[at + 1] == lost[at]) and took <= _ALIKE * after <= _ALIKE**2 * took
+        took, after = one.stop - one.start, int(t[1] - t[0])
+        one.lowered = one.kept and bool(lost[1] == lost[0]) and took <= _ALIKE * after <= _ALIKE**2 * took
         if one.lowered:
-            self._usual = float(took)
+            self.usual = float(took)
         self._open = None
+
+
+class _Reports:
+    """New reports of many senders, each with those before them that count: one sender after the other."""
+
+    t: Array
+    lost: Array
+    start: Array
+    stop: Array
+    new: Array
+
+    def __init__(self, senders: Sequence[PacedReports], times: Sequence[Array], lost: Sequence[Array]) -> None:
+        self._senders = senders
+        self.t = np.concatenate([part for one, new in zip(senders, times, strict=True) for part in (one.t, new)])
+        self.lost = np.concatenate([part for one, new in zip(senders, lost, strict=True) for part in (one.lost, new)])
+        old = np.array([len(one.t) for one in senders], np.int64)
+        size = old + np.array([len(new) for new in times], np.int64)
+        self.stop = np.cumsum(size)
+        self.start = self.stop - size
+        self.new = self.start + old
+        self._of = np.repeat(np.arange(len(senders)), size)
+
+    def breaks(self) -> list[list[Break]]:
+        """Return the breaks of each sender."""
+        found: list[list[Break]] = [[] for _ in self._senders]
+        last = zip(np.maximum(self.new - 1, self.start).tolist(), self.start.tolist(), self.stop.tolist(), strict=True)
+        for one, (at, start, stop) in zip(self._senders, last, strict=True):
+            one.first = int(self.t[start]) if one.first == NO_TIME else one.first
+            one.settle(self.t[at:stop], self.lost[at:stop])
+        begin = self.start.copy()
+        rows, short = self._long()
+        while len(rows):
+            of = self._of[rows]
+            next_ = np.arange(len(rows)) - np.searchsorted(of, of) < _AHEAD
+            broken, over = self._first_breaks(rows[next_], short[next_], begin), np.zeros(len(begin), bool)
+            for row, period in broken:
+                k = self._of.item(row)
+                since, until, stop = self.t.item(row), self.t.item(row + 1), self.stop.item(k)
+                kept = bool(self.lost[row + 1] == self.lost[row])
+                found[k].append(Break(since, until, period, max(row - self.new.item(k), -1), kept))
+                self._senders[k].end(found[k][-1])
+                self._senders[k].settle(self.t[row + 1 : stop], self.lost[row + 1 : stop])
+                begin[k], over[k] = row + 1, True
+            left = np.where(over[of], rows >= begin[of], ~next_)
+            rows, short = rows[left], short[left]
+        for one, *places in zip(self._senders, begin.tolist(), self.stop.tolist(), strict=True):
+            here = slice(max(places[0], places[1] - MEMORY - 1), places[1])
+            one.t, one.lost = self.t[here].copy(), self.lost[here].copy()
+        return found
+
+    def _first_breaks(self, rows: Array, short: Array, begin: Array) -> list[tuple[int, float]]:
+        """Return the first break of each sender among some rows, and the period before it."""
+        of, numbers = self._of[rows], self._senders[0]
+        usual = self._usual(rows, begin[of], short)
+        latest = np.maximum(self.t[rows], self.t[np.maximum(rows - 1, self.start[of])])  # one may be stamped too early
+        limit = np.maximum(numbers.least, numbers.periods * usual)
+        at = np.flatnonzero((usual != 0) & (self.t[rows + 1] - latest > limit))
+        at = at[np.unique(of[at], return_index=True)[1]]
+        return list(zip(rows[at].tolist(), usual[at].tolist(), strict=True))
+
+    def _long(self) -> tuple[Array, Array]:
+        """Return what may be breaks, and whether each is too short to be one behind many reports at a pace."""
+        took, of = np.diff(self.t, append=self.t[-1]), self._of
+        gone = np.diff(self.lost, append=self.lost[-1])
+        gone[self.stop - 1] = 0
+        single = took / (1 + gone)  # from one report to the next, lost or not
+        single[self.stop - 1] = np.inf
+        numbers = self._senders[0]
+        usual = np.array([one.usual for one in self._senders])
+        shortest = np.minimum.reduceat(single, self.start)
+        floor = np.maximum(numbers.least, numbers.periods * np.where(usual > 0, np.minimum(shortest, usual), shortest))
+        far = (took > floor[of]) & (np.arange(len(took)) >= self.new[of] - 1)
+        far[self.stop - 1] = False
+        rows = np.flatnonzero(far)
+        short = np.zeros(len(rows), bool)
+        many = np.flatnonzero(rows - self.start[of[rows]] >= MEMORY)
+        if len(many):
+            before = np.lib.stride_tricks.sliding_window_view(single, MEMORY)[rows[many] - MEMORY]
+            short[many] = took[rows[many]] <= _FAR * np.partition(before, _COMMON, axis=1)[:, _COMMON]
+        return rows, short
+
+    def usual(self) -> Array:
+        """Return the period of each sender up to its last report, 0.0 without one."""
+        return self._usual(self.stop - 1, self.start, np.zeros(len(self.stop), bool))
+
+    def _usual(self, rows: Array, begin: Array, short: Array) -> Array:
+        """Return the period before each row of the reports from `begin`, 0.0 without one.
+
+        While they are few it is that from before the break; none if many go before a time behind it that is `short`.
+        """
+        numbers, of = self._senders[0], self._of[rows]
+        first = np.array([one.first for one in self._senders], np.int64)[of]
+        lasted = self.t[rows] - first >= numbers.span
+        usual = np.array([one.usual for one in self._senders])[of]
+        usual[short & lasted & (rows - begin >= MEMORY)] = 0.0
+        asked = np.flatnonzero(lasted & ~(short & (rows - begin >= MEMORY)) & (rows - begin + 1 >= numbers.fewest))
+        for at in range(0, len(asked), _AT_ONCE):
+            some = asked[at : at + _AT_ONCE]
+            usual[some] = _periods(self.t, self.lost, begin[some], rows[some], numbers.fewest)
+        return usual

@@ -12,7 +12,7 @@ from dissectors.times import MILLISECOND
 if TYPE_CHECKING:
     from dissectors.kit.array import Array
 
-_PAGE = 15
+_PAGE = 12
 _REST = (1 << _PAGE) - 1
 _STEP = 10 * MILLISECOND  # by less, frames only came in another order
 
@@ -29,11 +29,14 @@ class Previous:
     """
 
     def __init__(self, *start: float) -> None:
-        self._last: list[Array] = [np.full(NODES, one, _kind(one)) for one in start]
+        self._start = start
+        # As long as the highest node so far needs: memory for all buses would be touched for nothing.
+        self._last: list[Array] = [np.empty(0, _kind(one)) for one in start]
 
     def all(self, value: float) -> bool:
         """Return whether the last values of all nodes are this."""
-        return all(bool((last == value).all()) for last in self._last)
+        unseen = len(self._last[0]) == NODES or all(one == value for one in self._start)
+        return unseen and all(bool((last == value).all()) for last in self._last)
 
     def feed(self, node: Array, *values: Array) -> tuple[tuple[Array, ...], Array]:
         """Add the rows of a batch; return the previous values of each, an array for each value, and the previous row.
@@ -45,9 +48,13 @@ class Previous:
         starts = np.ones(len(nodes), bool)
         np.not_equal(nodes[1:], nodes[:-1], out=starts[1:])
         ends = np.append(starts[1:], True)[: len(nodes)]
+        room = 1 << int(nodes[-1]).bit_length() if len(nodes) else 0
         before = []
         for k, column in enumerate(values):
-            last = self._last[k] = _wide_enough(self._last[k], column)
+            last = self._last[k]
+            if room > len(last):
+                last = np.append(last, np.full(room - len(last), self._start[k], last.dtype))
+            last = self._last[k] = _wide_enough(last, column)
             ordered = column[order].astype(last.dtype)
             previous = np.empty_like(ordered)
             previous[1:] = ordered[:-1]
@@ -82,7 +89,7 @@ class Latest(Generic[Number]):
     def feed(self, keys: Array, values: Array) -> None:
         """Keep the values of a batch in their order; the last one of a key stays.
 
-        A page of 32,768 numbers is kept for each `key >> 15`.
+        A page of 4,096 numbers is kept for each `key >> 12`.
         """
         if values.dtype.kind == "f" and not isinstance(self._start, float):
             raise TypeError("floats need a start that is a float")
@@ -90,7 +97,10 @@ class Latest(Generic[Number]):
         for number in np.flatnonzero(np.bincount(pages)).tolist():
             page = self._values.get(number)
             if page is None:
-                page = np.full(1 << _PAGE, self._start, _kind(self._start))
+                # Zeros that nobody wrote cost no memory.
+                page = np.zeros(1 << _PAGE, _kind(self._start))
+                if self._start:
+                    page.fill(self._start)
             page = self._values[number] = _wide_enough(page, values)
             here = pages == number
             page[keys[here] & _REST] = values[here]

@@ -93,6 +93,15 @@ class FrameTable(Columns):
         """Bytes of each data field."""
         return self._lengths("data")
 
+    @cached_property
+    def tail(self) -> Array:
+        """The last byte of each data field, 0 of an empty one: it says nothing."""
+        ends, data = self.raw
+        if not len(data):
+            return np.zeros(len(self), np.uint8)
+        last = np.frombuffer(data, np.uint8).take(ends[1:] - 1, mode="clip")
+        return np.where(self.length > 0, last, np.uint8(0))
+
     def data(self, row: int) -> bytes:
         """Return the data field of a row of this batch, tail byte included."""
         return self._bytes("data", row)
@@ -157,7 +166,8 @@ class TransferTable(Columns):
     def frames(self, row: int) -> Sequence[int]:
         """Return the numbers of all frames of a transfer of this batch."""
         offsets, numbers_ = self.frame_lists
-        return list(map(int, numbers_[offsets[row] : offsets[row + 1]]))
+        found: list[int] = numbers_[offsets.item(row) : offsets.item(row + 1)].tolist()
+        return found
 
     def payload(self, row: int) -> bytes:
         """Return the payload of a transfer of this batch, CRC left out."""

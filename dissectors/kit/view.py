@@ -28,6 +28,27 @@ class Kept(NamedTuple):
     verdict: int
 
 
+class Settled(NamedTuple):
+    """Frames of earlier batches that are settled with this one: numbers, final verdicts, anomaly bits to add.
+
+    Of those that are still `known`, the other columns are as in the table of frames; `tail` is the last byte, or 0.
+    """
+
+    number: Array
+    verdict: Array
+    anomaly: Array
+    known: Array
+    t: Array
+    bus: Array
+    id: Array
+    flags: Array
+    tail: Array
+
+    def of(self, rows: Array) -> Settled:
+        """Return some of them."""
+        return Settled(*(column[rows] for column in self))
+
+
 class Second(NamedTuple):
     """Frames of an interface one after the other in one second; `start` is where the second begins.
 
@@ -46,7 +67,8 @@ class JointLoss(NamedTuple):
     """A place at which a sender lacks frames while others do, too: the recorder lost them.
 
     They were sent between two times, and between the frames of these two numbers; `senders` lack some then. What is
-    within `reach` of that, in ns, has the same cause: more than nothing where little is sent.
+    within `reach` of that, in ns, has the same cause: more than nothing where little is sent. `place` is the last frame
+    before it of all that lack some: that of a slow sender is far away.
     """
 
     bus: int
@@ -55,6 +77,7 @@ class JointLoss(NamedTuple):
     frames: tuple[int, int]
     senders: int
     reach: int = 0
+    place: int = 0
 
 
 class View(Protocol):
@@ -81,8 +104,8 @@ class View(Protocol):
         """Where several senders lack frames at the same time, of a few seconds ago: what is settled with this batch."""
 
     @property
-    def settled(self) -> Sequence[tuple[int, int, int]]:
-        """Frames of earlier batches: number, final verdict, anomaly bits to add."""
+    def settled(self) -> Settled:
+        """Frames of earlier batches whose verdict is final now."""
 
     @property
     def buses(self) -> Sequence[str]:
@@ -124,6 +147,10 @@ class View(Protocol):
     def bit_rate(self) -> int | None:
         """Bits per second, if known."""
 
+    @property
+    def cut_in(self) -> bool:
+        """True if what came before was left out on purpose: what begins in the middle then says nothing."""
+
     def table(self, name: str) -> DecodedTable | None:
         """Return the rows of a message (`ESCStatus`) or packet (`PUSHCAN.MotorStatus`) in this batch, None without."""
 
@@ -154,6 +181,9 @@ class View(Protocol):
 
     def numbers_before(self, number: int, most: int, bus: int, bits: int, mask: int = SESSION) -> Iterator[int]:
         """Yield the same of the `most` frames before one, the last one first."""
+
+    def indexes(self, low: int, high: int) -> Sequence[Any]:
+        """Return batches of the recent past with frames from `low` to before `high`, by session, for the core."""
 
     def lines(self, frames: Iterable[int]) -> tuple[str, ...]:
         """Return frames of the recent past as candump writes them, the first 16."""

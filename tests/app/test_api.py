@@ -110,7 +110,7 @@ def test_names_that_nothing_has() -> None:
 def test_verdicts_are_the_final_ones(decode: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut into many batches, frames of one are settled by a later one."""
     expected = decode(FAULTS.read_bytes()).verdicts
-    monkeypatch.setattr("analyzer.decode.engine.BATCH_ROWS", 50)
+    monkeypatch.setattr("analyzer.decode.core.BATCH_ROWS", 50)
     monkeypatch.setattr("analyzer.sources.stored.CHUNK", 2000)
     capture = analyzer.open_capture(FAULTS)
     assert sum(len(batch.settled) for batch in capture) > 0

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 ROOT = Path(__file__).resolve().parents[2]
-MAIN = "import sys; from analyzer.cli import main; sys.exit(main())"
+_MAIN = "import sys; from analyzer.cli import main; sys.exit(main())"
 FINE = {0, 1, 4}  # 1: findings, 4: too little to judge
 
 # A child begins with the peak of the process that started it, so a small one starts the command.
@@ -39,14 +39,14 @@ class Cost(NamedTuple):
 
 
 def tailbyte(*words: object) -> list[str]:
-    """Return the command line of this checkout's command."""
-    return [sys.executable, "-c", MAIN, *map(str, words)]
+    """Return the command line of a checkout's command: that of the `tree` it is measured in."""
+    return [sys.executable, "-c", _MAIN, *map(str, words)]
 
 
-def of_process(command: Sequence[str]) -> Cost:
+def of_process(command: Sequence[str], tree: Path = ROOT) -> Cost:
     """Run a command to its end with its output thrown away; the peak is never below the 10 MB of the launcher."""
     whole = [sys.executable, "-SEc", _LAUNCHER, *command]
-    done = subprocess.run(whole, stdout=subprocess.PIPE, text=True, check=True, env=_environment())
+    done = subprocess.run(whole, stdout=subprocess.PIPE, text=True, check=True, env=_environment(tree))
     processor, wall, peak, status = done.stdout.split()
     if int(status) not in FINE:
         raise subprocess.CalledProcessError(int(status), list(command))
@@ -60,18 +60,18 @@ def of_call(call: Callable[[], object]) -> Cost:
     return Cost(time.process_time() - processor, time.perf_counter() - start)
 
 
-def instructions(command: Sequence[str]) -> int:
+def instructions(command: Sequence[str], tree: Path = ROOT) -> int:
     """Return how many a command executes, as callgrind counts them; it takes some 50 times as long."""
     counted = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", *command]
-    done = subprocess.run(counted, capture_output=True, text=True, check=False, env=_environment())
+    done = subprocess.run(counted, capture_output=True, text=True, check=False, env=_environment(tree))
     found = re.search(r"Collected : (\d+)", done.stderr)
     if done.returncode not in FINE or found is None:
         raise subprocess.CalledProcessError(done.returncode, counted, stderr=done.stderr)
     return int(found[1])
 
 
-def _environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONSAFEPATH": "1", "PYTHONHASHSEED": "0"}
+def _environment(tree: Path) -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(tree), "PYTHONSAFEPATH": "1", "PYTHONHASHSEED": "0"}
 
 
 @dataclass

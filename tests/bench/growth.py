@@ -83,9 +83,8 @@ def damaged(folder: Path, every: int, frames: int) -> Path:
     with flight.open("rb") as lines, log.open("w") as out:
         for k, line in enumerate(lines):
             t, identifier, data = make_faults.parts_of(line)
-            if k % every == 0:
-                data = (int.from_bytes(data, "big") ^ 1 << chance.randrange(8 * len(data))).to_bytes(len(data), "big")
-            out.write(make_faults.line(t, identifier, data))
+            found = make_faults.turned(data, chance) if k % every == 0 else data
+            out.write(make_faults.line(t, identifier, found))
     return log
 
 

@@ -10,17 +10,18 @@ is dearer by more than --limit.
 from __future__ import annotations
 
 import argparse
-import os
-import re
 import statistics
-import subprocess
 import sys
 import tempfile
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
-MAIN = "import sys; from analyzer.cli import main; sys.exit(main())"
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from bench import make_log
+from bench.cost import instructions, of_process, tailbyte
+
 COUNTED_FRAMES = 20_000
 START_LINES = 100
 
@@ -46,41 +47,6 @@ def cases(log: Path, start: Path) -> list[Case]:
     ]
 
 
-def processor_time(tree: Path, case: Case) -> float:
-    """Return the seconds that a command takes, of all its threads."""
-    process = subprocess.Popen([sys.executable, "-c", MAIN, *case.words], **_streams(tree))
-    _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    _expect(process.returncode, tree, case)
-    return used.ru_utime + used.ru_stime
-
-
-def instructions(tree: Path, case: Case) -> float:
-    """Return how many a command executes, as callgrind counts them."""
-    command = [
-        "valgrind",
-        "--tool=callgrind",
-        "--callgrind-out-file=/dev/null",
-        sys.executable,
-        "-c",
-        MAIN,
-        *case.words,
-    ]
-    done = subprocess.run(command, check=False, **_streams(tree) | {"stderr": subprocess.PIPE})
-    _expect(done.returncode, tree, case)
-    return float(re.search(rb"Collected : (\d+)", done.stderr)[1])
-
-
-def _streams(tree: Path) -> dict:
-    env = os.environ | {"PYTHONPATH": str(tree), "PYTHONSAFEPATH": "1", "PYTHONHASHSEED": "0"}
-    return {"env": env, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-
-
-def _expect(status: int, tree: Path, case: Case) -> None:
-    if status not in {0, 1, 4}:  # 1: findings, 4: too little to judge
-        raise SystemExit(f"{tree}: {case.name} ended with status {status}")
-
-
 def table(names: list[str], old: dict[str, float], new: dict[str, float], unit: str) -> str:
     """Return the lines of the report."""
     rows = [f"{'':18s} {'old':>10s} {'new':>10s}  new/old"]
@@ -99,30 +65,22 @@ def main() -> int:
     parser.add_argument("--counts", action="store_true", help="instructions in place of time")
     args = parser.parse_args()
     trees = [args.old.resolve(), args.new.resolve()]
-    measure, runs, unit = (instructions, 1, "M") if args.counts else (processor_time, args.runs, "s")
-    frames = COUNTED_FRAMES if args.counts else args.frames
+    runs, unit = (1, "M") if args.counts else (args.runs, "s")
     with tempfile.TemporaryDirectory() as folder:
         log, start = Path(folder, "flight.log"), Path(folder, "start.log")
-        made = [
-            sys.executable,
-            str(Path(__file__).with_name("make_log.py")),
-            "--frames",
-            str(frames),
-            "--out",
-            str(log),
-        ]
-        subprocess.run(made, check=True)
+        make_log.write(log, COUNTED_FRAMES if args.counts else args.frames)
         with log.open() as lines:
             start.write_text("".join(islice(lines, START_LINES)))
-        wanted = cases(log, start)
+        commands = {case.name: tailbyte(*case.words) for case in cases(log, start)}
         for tree in trees:  # bytecode is written, files are read
-            for case in wanted:
-                processor_time(tree, case)
-        seen = [{case.name: [] for case in wanted} for _ in trees]
+            for command in commands.values():
+                of_process(command, tree)
+        seen = [{name: [] for name in commands} for _ in trees]
         for _ in range(runs):
-            for case in wanted:
+            for name, command in commands.items():
                 for tree, found in zip(trees, seen, strict=True):
-                    found[case.name].append(measure(tree, case) / (1e6 if args.counts else 1))
+                    used = instructions(command, tree) / 1e6 if args.counts else of_process(command, tree).processor
+                    found[name].append(used)
     old, new = ({name: statistics.median(values) for name, values in found.items()} for found in seen)
     sys.stdout.write(table(list(old), old, new, unit))
     return int(any(new[name] > old[name] * (1 + args.limit / 100) for name in old))

@@ -8,6 +8,8 @@ On top of the flight of `make_log`, --kind is one of these:
 - random: every second frame has an identifier of a known type, a source and bytes by chance.
 - jumps: every node ID speaks, and the clock jumps to and fro before every third frame.
 - flood: nine of ten frames are no DroneCAN, half of them with 11 bits of identifier and half with 29.
+- mixed: one in three frames has a turned bit, comes after the one behind it, is missing, comes twice, has 11 bits of
+  identifier, or is followed by a request for a parameter that nobody answers, by chance.
 """
 
 from __future__ import annotations
@@ -36,6 +38,8 @@ NODES = 127
 FOREIGN = 64  # identifiers of 29 bits that flood
 PRIORITY = 0x1F000000
 SERVICES = 0.25  # of random frames
+FAULTS = ("turned", "late", "missing", "twice", "short", "asked")
+PARAMETERS, TOOL = 11, 126  # the type of requests for parameters, and who asks
 
 Parts = tuple[float, str, bytes]  # time, identifier, data
 
@@ -50,16 +54,17 @@ def line(t: float, identifier: str, data: bytes) -> str:
     return f"({t:.6f}) can0 {identifier}#{data.hex().upper()}\n"
 
 
+def turned(data: bytes, chance: random.Random) -> bytes:
+    """One of its bits turned."""
+    return (int.from_bytes(data, "big") ^ 1 << chance.randrange(8 * len(data))).to_bytes(len(data), "big")
+
+
 def damaged(lines: Iterable[Parts], chance: random.Random) -> Iterator[Parts]:
     hit = 0
     for k, (t, identifier, data) in enumerate(lines):
         if k % EVERY == 0:
             hit = k + chance.randrange(EVERY)
-        if k == hit:
-            turned = int.from_bytes(data, "big") ^ 1 << chance.randrange(8 * len(data))
-            yield t, identifier, turned.to_bytes(len(data), "big")
-        else:
-            yield t, identifier, data
+        yield t, identifier, turned(data, chance) if k == hit else data
 
 
 def random_frames(lines: Iterable[Parts], chance: random.Random) -> Iterator[Parts]:
@@ -94,12 +99,35 @@ def flood(lines: Iterable[Parts], chance: random.Random) -> Iterator[Parts]:
             yield t, flooding, chance.randbytes(chance.randrange(9))
 
 
+def mixed(lines: Iterable[Parts], chance: random.Random) -> Iterator[Parts]:
+    late: Parts | None = None
+    for k, (t, identifier, data) in enumerate(lines):
+        fault = chance.choice(FAULTS) if k % EVERY == 0 else ""
+        if fault == "late" and late is None:
+            late = t, identifier, data
+            continue
+        if fault != "missing":
+            yield (
+                t,
+                f"{chance.randrange(1 << 11):03X}" if fault == "short" else identifier,
+                (turned(data, chance) if fault == "turned" else data),
+            )
+        if fault == "twice":
+            yield t, identifier, data
+        if fault == "asked":
+            link = PARAMETERS << 16 | 1 << 15 | node(chance) << 8 | 0x80 | TOOL
+            yield t, f"{PRIORITY | link:08X}", bytes((k % 8, 0, 0xC0 | k % 32))
+        if late is not None:
+            yield t, *late[1:]
+            late = None
+
+
 def node(chance: random.Random) -> int:
     return chance.randrange(1, NODES + 1)
 
 
 KINDS: dict[str, Callable[[Iterable[Parts], random.Random], Iterator[Parts]]] = {
-    "damaged": damaged, "random": random_frames, "jumps": jumps, "flood": flood,
+    "damaged": damaged, "random": random_frames, "jumps": jumps, "flood": flood, "mixed": mixed,
 }  # fmt: skip
 
 

@@ -40,16 +40,19 @@ def core(log: Path) -> None:
 
     registry = dissectors.load()
     engine = _native.Pipeline(registry.signatures)
-    plans = {}
+    decoders = {}
     with log.open("rb", buffering=0) as source:
         while chunk := source.read(4 * CHUNK):
             engine.feed(chunk)
             _, groups = engine.take()
             for group in groups:
                 key = group.kind, group.type_id, group.variant
-                if key not in plans:
-                    plans[key] = _native.Plan(registry.message(*key).plan())
-                group.unpack(plans[key], bytes(len(group)))
+                if key not in decoders:
+                    message = registry.message(*key)
+                    decoders[key] = _native.Decoder(message.plan())
+                    for place in range(len(message.layout.fields)):
+                        decoders[key].show(place, [])
+                decoders[key].table(group, 0)
     engine.finish()
     engine.take()
 
@@ -114,7 +117,7 @@ def peers(log: Path, folder: Path) -> dict[str, list[str]]:
     out = {}
     if tshark := shutil.which("tshark"):
         pcap = folder / "peer.pcapng"
-        subprocess.run(tailbyte("convert", "--force", log, pcap), check=True, stderr=subprocess.DEVNULL)
+        subprocess.run(tailbyte("convert", log, pcap), check=True, stderr=subprocess.DEVNULL)
         out["tshark"] = [tshark, "-r", str(pcap)]
     if log2long := shutil.which("log2long"):
         out["log2long"] = ["sh", "-c", f'exec "{log2long}" < "{log}"']

@@ -20,7 +20,7 @@ import numpy as np
 import pyarrow as pa
 
 import dissectors
-from analyzer.decode import engine as pipeline
+from analyzer.decode import core as pipeline
 from analyzer.decode.engine import Engine
 from analyzer.sources.merge import Plan, open_captures
 from analyzer.sources.origin import given

@@ -185,13 +185,25 @@ def test_any_window_of_a_healthy_flight_passes(command: Command, window: list[st
     assert "start NO" in out
 
 
+@pytest.mark.parametrize("first", range(2400, 2408))
+def test_transfers_that_the_edges_of_a_window_cut_are_no_findings(first: int, command: Command) -> None:
+    """Whatever frame of a transfer it begins and ends with: the whole capture has none of that."""
+    there = {one["rule"] for one in report(command, HOVER)["findings"]}
+    found = report(command, HOVER, "--frames", f"{first}-{first + 1501}")["findings"]
+    assert {one["rule"] for one in found} <= there
+    last = report(command, HOVER, "--frames", f"-{first}")["findings"]
+    assert {one["rule"] for one in last} <= there
+
+
 @pytest.mark.parametrize("name", ["check", "info"])
 def test_windows_that_make_no_sense(command: Command, name: str) -> None:
     status, out, err = command(name, HOVER, "--from", "soon")
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert "--from: 'soon' is not a time" in err
     status, out, err = command(name, HOVER, "--from", "100")
-    assert (status, out, err) == (2, "", f"tailbyte: {HOVER}: nothing is inside the window\n")
+    assert (status, out, err) == (2, "", f"tailbyte: {HOVER}: nothing is inside the window: --from 100\n")
+    status, out, err = command(name, HOVER, "--from", "3", "--to", "2s")
+    assert (status, out, err.endswith(": --from 3 is after --to 2s\n")) == (2, "", True)
 
 
 def test_info_of_a_window(command: Command) -> None:

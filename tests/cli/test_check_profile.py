@@ -132,7 +132,7 @@ label = "spare"
         "5 ESCs": "4",
         "node 19 (spare)": "0 transfers",
         "ESCStatus of node 11 at 35/s": "30/s",
-        "ParamCfg of node 11 at 1/s": "no rate",
+        "ParamCfg of node 11 at 1/s": "0 transfers in 5 s",
         "power unit 0xA1 at node 12": "node 11",
         "power unit 0xA7 at node 11": "no status of it",
     }
@@ -261,9 +261,18 @@ def test_occasional_types_are_not_demanded(capture: str, capfd: pytest.CaptureFi
 def test_any_part_of_the_same_flight_passes_the_file(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "vehicle.toml"
     assert main(["check", "--init", str(HOVER), "-o", str(path)]) == 0
-    for window in ([], ["--from", "2"], ["--to", "3"], ["--last", "1500ms"]):
+    for window in ([], ["--from", "2"], ["--to", "3"], ["--last", "1100ms"], ["--last", "1500ms"]):
         assert main(["check", str(HOVER), "--vehicle", str(path), *window]) == 0, window
         assert "expects " in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("last", ["300ms", "700ms", "1500ms"])
+def test_few_transfers_are_counted_against_those_that_are_due(judged: Check, last: str) -> None:
+    """A rate of its own takes four: in a part of 700 ms one status is right for 2/s, and far too few for 20/s."""
+    _, right, _ = judged("[node.11]\nrates = { NodeStatus = 2 }\n", HOVER, "--last", last)
+    assert unmet(right) == {}
+    _, wrong, _ = judged("[node.11]\nrates = { NodeStatus = 20 }\n", HOVER, "--last", last)
+    assert list(unmet(wrong)) == ["NodeStatus of node 11 at 20/s"]
 
 
 def test_a_file_is_not_written_over(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ def test_late_verdicts_are_right(
 ) -> None:
     """Cut into many batches, frames of one are settled by a later one; row groups stay large."""
     wanted = decode(FAULTS.read_bytes())
-    monkeypatch.setattr("analyzer.decode.engine.BATCH_ROWS", 50)
+    monkeypatch.setattr("analyzer.decode.core.BATCH_ROWS", 50)
     monkeypatch.setattr("analyzer.sources.stored.CHUNK", 2000)
     assert sum(len(batch.settled) for batch in analyzer.open_capture(FAULTS)) > 0
     command("export", FAULTS, "-o", tmp_path)
@@ -140,7 +140,7 @@ def test_many_batches_make_the_same_tables(
     command: Main, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str
 ) -> None:
     command("export", FAULTS, "-o", tmp_path / "one", "-F", form)
-    monkeypatch.setattr("analyzer.decode.engine.BATCH_ROWS", 50)
+    monkeypatch.setattr("analyzer.decode.core.BATCH_ROWS", 50)
     monkeypatch.setattr("analyzer.sources.stored.CHUNK", 2000)
     monkeypatch.setattr("analyzer.sinks.tables.ROW_GROUP", 100)
     monkeypatch.setattr("analyzer.sinks.csv._AT_ONCE", 7)

@@ -211,7 +211,7 @@ def test_a_window_has_findings_without_a_frame_by_their_time(command: Main, tmp_
 def test_a_capture_read_twice_is_judged_once(command: Main, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The last seconds of it are more than what can wait for its end."""
     once = findings(command, tmp_path / "out.mcap", FAULTS, "--last", "3s")
-    monkeypatch.setattr("analyzer.decode.engine.BATCH_ROWS", 50)
+    monkeypatch.setattr("analyzer.decode.core.BATCH_ROWS", 50)
     monkeypatch.setattr("analyzer.sources.stored.CHUNK", 2000)
     monkeypatch.setattr("analyzer.window.selection.MOST_WAITING", 100)
     twice = findings(command, tmp_path / "out.mcap", FAULTS, "--last", "3s")

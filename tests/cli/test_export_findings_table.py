@@ -136,7 +136,7 @@ def test_from_python(command: Main, tmp_path: Path) -> None:
     capture = analyzer.open_capture(FAULTS)
     table = capture.table("findings")
     assert table.schema == FINDINGS
-    shown = portable.findings(table.combine_chunks().to_batches()[0], capture.buses)
+    shown = portable.found(table.combine_chunks().to_batches()[0], capture.buses)
     assert plain(pa.Table.from_batches([shown])) == rows
     assert plain(capture.table("findings")) == plain(table), "a second time"
     transfers = capture.table("transfers").column("frame").to_pylist()

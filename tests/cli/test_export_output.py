@@ -52,8 +52,8 @@ def long(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["-o", "out.csv", "-F", "parquet", "--table", "frames"], "contradict"),
         (["-o", "out.mcap", "--table", "transfers"], "no table of transfers"),
         (["-o", "-"], "-F parquet, arrow, csv or mcap"),
-        (["-o", "out", "--to", "csv"], "did you mean -F csv"),
-        (["-o", "out", "-F", "xlsx"], "invalid choice"),
+        (["-o", "out", "--to", "csv"], "did you mean -F csv?"),
+        (["-o", "out", "-F", "xlsx"], "xlsx is none of parquet"),
         (["-o", "out", "--frames", "9-1"], "ends before it starts"),
         (["-o", "out", "--around", "99999"], "no frame 99999"),
         ([], "-o"),
@@ -194,7 +194,7 @@ def test_memory_does_not_grow_with_the_capture(tmp_path: Path, long: Path, form:
 
 def test_what_waits_for_a_row_group_is_bounded(command: Main, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All tables together wait in so many bytes; the largest one is written first."""
-    monkeypatch.setattr("analyzer.decode.engine.BATCH_ROWS", 50)
+    monkeypatch.setattr("analyzer.decode.core.BATCH_ROWS", 50)
     monkeypatch.setattr("analyzer.sources.stored.CHUNK", 2000)
     monkeypatch.setattr("analyzer.sinks.tables.GATHERED", 30_000)
     command("export", FAULTS, "-o", tmp_path)

@@ -145,7 +145,7 @@ def test_chosen_tables_and_windows(command: Main, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_many_batches_make_the_same_messages(command: Main, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     command("export", FAULTS, "-o", tmp_path / "one.mcap")
-    monkeypatch.setattr("analyzer.decode.engine.BATCH_ROWS", 50)
+    monkeypatch.setattr("analyzer.decode.core.BATCH_ROWS", 50)
     monkeypatch.setattr("analyzer.sources.stored.CHUNK", 2000)
     monkeypatch.setattr("analyzer.sinks.telemetry.CHUNK", 500)
     command("export", FAULTS, "-o", tmp_path / "many.mcap")

@@ -114,6 +114,14 @@ def test_error_frames_are_rows_of_the_frame_list(capfd: pytest.CaptureFixture[st
     )
 
 
+def test_the_account_counts_error_frames_among_what_is_shown(capfd: pytest.CaptureFixture[str]) -> None:
+    assert main(["decode", str(BREAK), "--frame-list"]) == 0
+    err = capfd.readouterr().err
+    assert err.startswith("-- 4258 of 4258 frames and error frames shown; 4258 lines = 4232 frames + 26 error frames; ")
+    assert main(["decode", str(FD), "--frame-list"]) == 0
+    assert capfd.readouterr().err.startswith("-- 162 of 162 frames shown; ")
+
+
 def test_wireshark_counts_error_frames(capfd: pytest.CaptureFixture[str]) -> None:
     rows = frames(capfd, BREAK, "--number", "wireshark")
     assert [row["number"] for row in rows] == list(range(1, 4259))

@@ -52,6 +52,20 @@ def flown() -> list[Row]:
 
 
 FLOWN = flown()
+OWN = """
+[rule.ACME-1]
+title = "A state"
+when = "ESCStatus.voltage > 10 && RawCommand.cmd[0] >= 0"
+for = "50 ms"
+[rule.ACME-2]
+title = "A demand"
+when = "RawCommand.cmd[0] >= 0"
+then = "ESCStatus.esc_index == 0 && ESCStatus.rpm >= RawCommand.cmd[1]"
+within = "20 ms"
+[rule.ACME-3]
+title = "A step"
+when = "ESCStatus.voltage != lag(ESCStatus.voltage, 20 ms)"
+"""
 
 
 class Steps:
@@ -101,9 +115,9 @@ class Told:
     def look(self, session: LiveSession) -> None: ...
 
 
-def lived(pieces: Sequence[FrameBatch], path: Path) -> tuple[list[dict], Told]:
+def lived(pieces: Sequence[FrameBatch], path: Path, *more: str) -> tuple[list[dict], Told]:
     """The findings of a session that is given these pieces and records them."""
-    wanted = Wanted(parser().parse_args(["live", "virtual:here", "-q", "-w", str(path), "--force"]))
+    wanted = Wanted(parser().parse_args(["live", "virtual:here", "-q", "-w", str(path), "--force", *more]))
     told = Told()
     with ExitStack() as stack:
         recording = SessionRecording(wanted.request.plan, stack)
@@ -152,14 +166,17 @@ def test_any_cut_and_any_format(
 ) -> None:
     """Law: batches make no difference, nor does the way through the recording; what begins is told once."""
     folder = tmp_path_factory.mktemp("cut")
-    found, told = lived(cut(with_events(events), places), folder / f"x.{form}")
+    (folder / "vehicle.toml").write_text(OWN)
+    own = "--vehicle", str(folder / "vehicle.toml")
+    found, told = lived(cut(with_events(events), places), folder / f"x.{form}", *own)
     from analyzer.cli import main  # noqa: PLC0415
 
-    assert main(["check", str(folder / f"x.{form}"), "-o", str(folder / "check.json")]) in {0, 1, 4}
+    assert main(["check", str(folder / f"x.{form}"), "-o", str(folder / "check.json"), *own]) in {0, 1, 4}
     checked = json.loads((folder / "check.json").read_bytes())["findings"]
     assert json.dumps(found) == json.dumps(checked)
     assert len(told.begun) == len(set(told.begun))
     assert len(found) > 3
+    assert {one["rule"] for one in found} >= {"ACME-1", "ACME-2", "ACME-3"}
 
 
 def test_what_is_recorded_can_be_read_again(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ def nothing_opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         (f"{BUS} -i {BUS}", "virtual:here is named twice"),
         ("virt:a", "no interface type is called 'virt' (near: virtual)"),
         ("can0,zz", "'zz' is no filter"),
-        ("-c can0", "argument -c: takes a number; did you mean: tailbyte live can0"),
+        ("-c can0", "argument -c: takes a number; did you mean tailbyte live can0?"),
         (f"{BUS} -c 0", "argument -c: '0' is not a number of at least 1"),
         (f"{BUS} -q --list", "--list and -q contradict each other"),
         (f"{BUS} -q -V", "-V and -q contradict each other"),
@@ -77,8 +77,8 @@ def nothing_opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         (f"{BUS} -w a.log --trigger eror", "no such rule (did you mean error"),
         (f"{BUS} --select XYZ", "no rule is called 'XYZ'"),
         (f"{BUS} --fail-on foo", "'foo' is not CATEGORY:SEVERITY"),
-        (f"{BUS} --vehicle nope.toml", "nope.toml:1: No such file or directory"),
-        (f"{BUS} --dissector nope", "nope:1: no such folder"),
+        (f"{BUS} --vehicle nope.toml", "nope.toml: No such file or directory"),
+        (f"{BUS} --dissector nope", "nope: no such folder"),
     ],
 )
 def test_one_line(args: str, reason: str, command: Command, tmp_path: Path) -> None:

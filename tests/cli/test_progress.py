@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import threading
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import pytest
+from kit.command import HOVER
 
+from analyzer.cli import main, progress
 from analyzer.cli.progress import PATIENCE, Progress, labelled, line
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 @dataclass
@@ -117,3 +125,40 @@ def test_work_without_a_measure(monkeypatch: pytest.MonkeyPatch) -> None:
         for part in progress.over(range(3), "writing"):
             now = 10 * (part + 1.0)
     assert stderr.text == "\r\x1b[Kwriting  0:10\r\x1b[Kwriting  0:20\r\x1b[K"
+
+
+def run(monkeypatch: pytest.MonkeyPatch, stdout: Path | int, *args: object) -> str:
+    """What a command writes on a terminal while its results go to a file, or to the descriptor of a pipe."""
+    stderr = Terminal()
+    monkeypatch.setattr(sys, "stderr", stderr)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress, "PATIENCE", 0)
+    monkeypatch.setattr(progress, "PAUSE", 0)
+    with open(stdout, "w", encoding="utf-8") as out:  # noqa: PTH123 - a descriptor, too
+        monkeypatch.setattr(sys, "stdout", out)
+        assert main(list(map(str, args))) == 0
+    return stderr.text
+
+
+@pytest.mark.parametrize("args", [("decode",), ("decode", "--frame-list"), ("decode", "-q"), ("info",)])
+def test_commands_that_write_a_file_show_how_far_they_are(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, args: tuple[str, ...]
+) -> None:
+    drawn = run(monkeypatch, tmp_path / "out.txt", *args, HOVER).split("\r\x1b[K")
+    assert "B/s" in drawn[1]
+    assert drawn[-1] == "" or drawn[-1].startswith("-- ")  # gone before anything else is said
+    assert "\x1b" not in (tmp_path / "out.txt").read_text()
+
+
+@pytest.mark.parametrize("args", [("decode",), ("decode", "-V")])
+def test_nothing_is_drawn_beside_a_pipe(monkeypatch: pytest.MonkeyPatch, args: tuple[str, ...]) -> None:
+    ours, theirs = os.pipe()
+
+    def drain() -> None:
+        with os.fdopen(ours, "rb") as pipe:
+            pipe.read()
+
+    reader = threading.Thread(target=drain)
+    reader.start()
+    assert "\x1b" not in run(monkeypatch, theirs, *args, HOVER)
+    reader.join()

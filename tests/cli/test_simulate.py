@@ -185,8 +185,8 @@ def test_the_list(command: Command) -> None:
     ("args", "reason"),
     [
         ([], "where to? give -o FILE, or an interface such as vcan0; or --list"),
-        (["out.log"], "out.log is no interface: did you mean -o out.log"),
-        (["-i", "out.mcap.gz"], "out.mcap.gz is no interface: did you mean -o out.mcap.gz"),
+        (["out.log"], "out.log is no interface: did you mean -o out.log?"),
+        (["-i", "out.mcap.gz"], "out.mcap.gz is no interface: did you mean -o out.mcap.gz?"),
         (["-o", "out.log", "vcan0"], "to the file out.log or onto the bus vcan0: which one?"),
         (["-o", "out.log", "--channel", "x"], "to the file out.log or onto the bus x: which one?"),
         (["-o", "out"], "out: the name says no format: give -F candump, mcap or pcapng"),

@@ -46,6 +46,11 @@ def imported(*args: str) -> set[str]:
         (("explain", "TRF-003"), 0, LIBRARIES | CORE | PARSERS),
         (("decode", "-q", str(HOVER)), 0, LIBRARIES | UNUSED | PARSERS | {"analyzer.report", "analyzer.plot"}),
         (("check", str(HOVER)), 0, LIBRARIES | UNUSED | PARSERS | {"analyzer.plot"}),
+        (
+            ("live", "virtual:start", "-q", "-a", "duration:0.2"),
+            4,
+            LIBRARIES - {"can"} | UNUSED | {"analyzer.plot"},
+        ),
     ],
 )
 def test_what_a_command_does_not_import(args: tuple[str, ...], status: int, unwanted: set[str]) -> None:
@@ -146,13 +151,12 @@ def test_masked_arrays_are_there_for_those_who_import_them(how: tuple[str, ...])
 COLLECTED = """
 import gc
 from analyzer.app import start
-usual = gc.get_threshold()
 start.alone()
 before = gc.get_stats()[0]["collections"]
 kept = [[] for _ in range(100_000)]
 assert gc.get_stats()[0]["collections"] == before
 more = [[] for _ in range(150_000)]
-print(gc.get_threshold() == usual, gc.get_freeze_count() > 200_000)
+print(gc.get_threshold()[0] < 100_000, gc.get_freeze_count() > 200_000)
 """
 
 

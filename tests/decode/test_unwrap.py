@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 from kit import encode
+from kit.strategies import examples
 from kit.traffic import UNIT, Traffic, mixed
-
-from analyzer.decode.unwrap import Unwrapper
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -64,15 +62,20 @@ def slowly(counters: list[int], raw: list[int], bits: int) -> list[int]:
     return out
 
 
-ROWS = st.lists(st.tuples(st.integers(0, 3), st.sampled_from([0, 1, 7, 8, 9, 14, 15])), max_size=60)
+ROWS = st.lists(
+    st.tuples(st.integers(0, 3), st.sampled_from([0, 1, 0x7FFF, 0x8000, 0x8001, 0xFFFE, 0xFFFF])), max_size=20
+)
 
 
-@given(ROWS, st.integers(0, 60))
-@example([(0, 15), (0, 0), (0, 7), (0, 1)], 3)  # restarts where the batch is cut
-def test_unwrapping_many_counters_at_once(rows: list[tuple[int, int]], cut: int) -> None:
-    unwrapper = Unwrapper(4)
-    out: list[int] = []
-    for part in (rows[:cut], rows[cut:]):
-        columns = np.array(part, np.uint32).reshape(-1, 2).T
-        out += unwrapper.follow(columns[0], columns[1]).tolist()
-    assert out == slowly([name for name, _ in rows], [value for _, value in rows], 4)
+@examples(40)
+@given(ROWS, st.integers(0, 4000))
+@example([(0, 0xFFFF), (0, 0), (0, 0x7FFF), (0, 1)], 500)  # restarts where the batch is cut
+def test_unwrapping_many_counters_at_once(
+    decode: Callable[..., Any], flush: object, rows: list[tuple[int, int]], cut: int
+) -> None:
+    traffic = Traffic()
+    for unit, runtime in rows:
+        traffic.motor(10, unit=UNIT + unit, runtime=runtime)
+    got = decode(traffic.log[:cut], flush, traffic.log[cut:]).messages.get(MOTORS, [])
+    expected = slowly([unit for unit, _ in rows], [value for _, value in rows], 16)
+    assert [row["runtime.unwrapped"] for row in got] == expected

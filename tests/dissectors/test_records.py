@@ -6,7 +6,7 @@ import copy
 import dataclasses
 import inspect
 import pickle
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import pytest
 
@@ -47,6 +47,11 @@ class Alone:
     """One that is equal only to itself."""
 
     a: int
+
+
+class Point(NamedTuple):
+    x: int
+    y: Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +112,9 @@ def test_the_standard_library_knows_them() -> None:
     assert dataclasses.asdict(Single(Frozen(1, c=[2]))) == {
         "a": {"a": 1, "b": "b", "c": [2], "secret": 3, "later": 2},
     }
+    inside = {"x": [Frozen(1, c=[2])], "y": (1, Point(3, Frozen(4)))}
+    assert records.as_dict(Single(inside)) == dataclasses.asdict(Single(inside))
+    assert isinstance(records.as_dict(inside)["y"][1], Point)
     match Frozen(1):
         case Frozen(a, b):
             assert (a, b) == (1, "b")

@@ -51,6 +51,56 @@ def test_roles_channels_and_rates(senders: Callable[..., Facts]) -> None:
     assert found["can0", 1].hz == pytest.approx(100)
 
 
+@pytest.mark.parametrize(("count", "hz"), [(1, None), (2, None), (3, None), (4, 50.0)])
+def test_few_transfers_are_no_rate(count: int, hz: float | None, senders: Callable[..., Facts]) -> None:
+    (one,) = senders(log(*reports(11, range(count)))).values()
+    assert (one.count, one.hz) == (count, None if hz is None else pytest.approx(hz))
+
+
+def interleaved(offset: int, often: int = 2) -> list[Timed]:
+    """Reports of two devices, the other one with IDs `offset` ahead and once in so many times."""
+    return [
+        sent
+        for k in range(60)
+        for sent in ((20.0 * k, esc(11, 1, k % 32)), (20.0 * k + 7, esc(11, 2, (k // often + offset) % 32)))
+        if sent[0] == 20.0 * k or not k % often
+    ]
+
+
+@pytest.mark.parametrize("offset", [0, 1, 5, 16, 28, 31])
+@pytest.mark.parametrize("often", [1, 2, 3])
+@pytest.mark.parametrize("step", [None, 1, 7])
+def test_losses_of_two_devices_with_one_node_id_cannot_be_counted(
+    offset: int, often: int, step: int | None, senders: Callable[..., Facts]
+) -> None:
+    text = log(*interleaved(offset, often))
+    rows = text.splitlines(keepends=True)
+    pieces = ["".join(rows[k : k + step]) for k in range(0, len(rows), step)] if step else [text]
+    (one,) = senders(*pieces).values()
+    assert one.lost is None or (often == 1 and offset in (0, 1, 31) and one.lost <= 2)
+
+
+def test_gaps_of_answers_alone_are_no_losses(senders: Callable[..., Facts]) -> None:
+    """They have the transfer IDs of their requests."""
+    sent = [(20.0 * k, Transfer("response", 11, 42, b"a", 0, 7 * k % 32, dst=10)) for k in range(8)]
+    (one,) = senders(log(*sent)).values()
+    assert (one.count, one.lost) == (8, 0)
+
+
+def test_losses_of_one_device_can_be_counted(senders: Callable[..., Facts]) -> None:
+    """Also where much is lost, at even distances, or comes in another order."""
+    for ids in (
+        [k for k in range(400) if k % 3],
+        [k for k in range(400) if not k % 2],
+        [*range(40), *range(60, 99)],
+    ):
+        uptimes = [(1.0, alive(3)), (900.0, alive(4, transfer_id=1))]
+        (one,) = senders(log(*reports(11, ids), *uptimes)).values()
+        assert one.lost == ids[-1] + 1 - ids[0] - len(ids)
+    (one,) = senders(log(*reports(11, [k ^ 1 for k in range(64)]))).values()
+    assert one.lost in (0, 1, 2)
+
+
 def test_who_only_sends_types_without_definition_is_there(senders: Callable[..., Facts]) -> None:
     sent = [(20.0 * k, Transfer("message", 20_710, 30, b"ab", 0, k)) for k in range(8)]
     (one,) = senders(log(*sent)).values()

@@ -18,7 +18,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 
 from analyzer._native import Reader
-from analyzer.decode.engine import LINES, Totals
+from analyzer.decode.core import LINES, Totals
 from analyzer.sources.merge import Merged, Plan, open_captures
 from analyzer.sources.native import rows
 from analyzer.tables import (

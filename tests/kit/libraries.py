@@ -13,7 +13,7 @@ import dronecan
 from dronecan import dsdl, transport
 
 from analyzer._native import FrameBatch
-from analyzer.decode.engine import Totals
+from analyzer.decode.core import Totals
 from analyzer.sources import Source
 from analyzer.sources.formats import FORMATS
 from kit.encode import Frame as SentFrame

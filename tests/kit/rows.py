@@ -11,7 +11,7 @@ import pyarrow as pa
 from hypothesis import strategies as st
 
 from analyzer._native import FrameBatch, Reader, Rows
-from analyzer.decode.engine import LINES, Totals
+from analyzer.decode.core import LINES, Totals
 from analyzer.sinks import Sink, open_sink
 from analyzer.sources import Source
 from analyzer.sources.formats import detect

@@ -11,7 +11,7 @@ import shlex
 import struct
 from collections import Counter
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from witness import finder
@@ -23,14 +23,17 @@ from analyzer.simulate.faults import catalogue
 from analyzer.simulate.text import line
 from dissectors.times import SECOND
 from dissectors.tmotor.traffic.packets import split
+from kit import encode
 from kit.judged import registry
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from dissectors.tmotor.traffic import SimulatedVehicle
     from dissectors.traffic import Sending, SimulatedFrame
+
+    Change = Callable[[Sending, int], dict[str, Any] | None]
 
 FLIGHT_PLANS = ("hover", "mission", "bench", "startup")
 
@@ -247,3 +250,41 @@ def make_sample(name: str, folder: Path) -> None:
         status = main(["simulate", *shlex.split(FLIGHTS[name]), "-o", str(path), "--key", str(key_of(path))])
     if status:
         raise RuntimeError(f"{name}: {said.getvalue()}")
+
+
+def unchanged(_: Sending, __: int) -> dict[str, Any]:
+    return {}
+
+
+@cache
+def changed(change: Change = unchanged, seed: int = 1, *orders: str, bus: str = "can0") -> str:
+    """A hover of 12 s as candump text.
+
+    `change` tells of a transfer and its place among its like which fields have other values, `transfer_id` and `src`
+    among them; None leaves it out.
+    """
+    made = flown(12, flight="hover", seed=seed, **({"orders": orders} if orders else {}))
+    fresh: dict[int, tuple[int, bytes] | None] = {}
+    places: dict[tuple[str, int], int] = {}
+    for sending in made.sent:
+        key = sending.name, sending.node
+        places[key] = place = places.get(key, -1) + 1
+        wanted = change(sending, place)
+        if wanted is None:
+            fresh |= dict.fromkeys(map(id, sending.frames))
+        elif wanted:
+            number = wanted.pop("transfer_id", sending.transfer_id)
+            src = wanted.pop("src", sending.node)
+            whole = encode.transfer(sending.name, sending.values | wanted, src, number, dst=sending.dst)
+            frames = whole.frames()
+            assert len(frames) == len(sending.frames)
+            fresh |= {id(old): (new.id, new.data) for old, new in zip(sending.frames, frames, strict=True)}
+    lines = []
+    for frame in made.frames:
+        new = fresh.get(id(frame), (frame.id, frame.data))
+        if new is not None:
+            was = frame.id, frame.data
+            frame.id, frame.data = new
+            lines.append(text_of(made.simulation, [frame]).replace(" can0 ", f" {bus} "))
+            frame.id, frame.data = was
+    return "".join(lines)

@@ -98,6 +98,34 @@ def capture(planned: Iterable[Planned]) -> str:
     return log(*transfers)
 
 
+WELL = dict.fromkeys(("health", "mode", "sub_mode", "vendor_specific_status_code"), 0)
+
+
+def turning(t: float, **more: Any) -> Planned:
+    """What an ESC whose motor turns reports, at a time in ms."""
+    return t, 11, "ESCStatus", TURNING | more
+
+
+def commanded(t: float, *cmd: int) -> Planned:
+    """A RawCommand at a time in ms."""
+    return t, 1, "RawCommand", {"cmd": list(cmd)}
+
+
+def in_order(planned: Iterable[Planned]) -> bytes:
+    """The same as `capture`, by time."""
+    return capture(sorted(planned, key=itemgetter(0))).encode()
+
+
+def of_kinds(events: list[dict[str, Any]], *wanted: str) -> list[dict[str, Any]]:
+    """Events of flights of these kinds."""
+    return [one for one in events if one["kind"] in wanted]
+
+
+def milliseconds(t: int | None) -> int | None:
+    """Return how long after the start a time is."""
+    return None if t is None else (t - START) // MS
+
+
 def motor(count: int, unit: int = 0xA1, **values: int) -> bytes:
     """A status packet."""
     return encode.packet("PUSHCAN.MotorStatus", count, unit, **(MOTOR | values))

@@ -30,8 +30,10 @@ from kit.pages import PAGES, ROOT, Block, blocks, name_of, spans
 import dissectors
 from analyzer.cli import main
 from analyzer.cli.commands import COMMANDS, parser
+from analyzer.cli.usage.examples import EXAMPLES
 from analyzer.rules.catalogue import load as rule_pages
 from analyzer.rules.vehicle.expected import load as load_vehicle
+from analyzer.views.colours.rules import colour_rules
 from dissectors import picture
 
 if TYPE_CHECKING:
@@ -43,7 +45,9 @@ PARSED = {
     r"\b(can|vcan)\d|slcan:|--interface pcan": "needs a SocketCAN interface or an adapter",
     r"udp_multicast:|\$BUS": "goes on until somebody ends it; test_terminals.py does",
     r"--follow": "waits for more",
-    r"plot captures/": "the page on plot draws it",
+    r"completion bash --dissector": "the examples of the help do it",
+    r"plot (captures/|flight\.log$)": "the page on plot draws it",
+    r"live -D": "asks every driver there is; tests/live/test_listing.py does",
     r"plot .*--(serve|connect)": "needs a viewer or a browser; tests/plot/test_viewer.py has them",
 }
 FOREIGN = {
@@ -65,6 +69,10 @@ SAMPLES = {
     "left.log": HOVER,
     "logs/monday.log": "captures/startup.log",
     "logs/tuesday.log": "captures/hover.log",
+    "both.log": HOVER,
+    "right.log": HOVER,
+    "good.log": "captures/hover-4.log",
+    "bad.log": "captures/pack-sag.log",
 }
 MADE = {"flight.log": ["captures/mission-8-faults.log", "--from", "2.0", "--to", "3.1"], "left.mcap": [HOVER]}
 
@@ -96,7 +104,7 @@ class Reader:
                 self.line(line)
 
     def line(self, line: str) -> None:
-        parts = re.split(r" (?:\||&&) ", line)
+        parts = re.split(r""" (?:\||&&) (?=(?:[^'"]|'[^']*'|"[^"]*")*$)""", line)  # but not inside of quotes
         names = [shlex.split(part)[0] for part in parts]
         if all(name in SHELL for name in names):
             subprocess.run(line, shell=True, check=True)
@@ -110,7 +118,7 @@ class Reader:
                 can.logconvert.main()
             else:
                 assert Path(name).name in ("tailbyte", "pytest"), line
-                self.command(part)
+                self.command(re.sub(r" > [^\s'\"]+$", "", part))
 
     def _plug_in(self) -> None:
         """Tells python-can what an installation announces."""
@@ -130,7 +138,7 @@ class Reader:
             self.seen["parsed"] += 1
             return
         # A page may show a capture that has faults.
-        expected = (0, 1) if args[0] == "check" else (0,)
+        expected = (0, 1) if args[0] in ("check", "diff") else (0,)
         assert main(args) in expected, (line, self._capture.readouterr().err)
         self.seen["run"] += 1
         self._capture.readouterr()
@@ -167,8 +175,11 @@ class Reader:
             registry = dissectors.load([folder])
             plot = picture.load(registry).plots[registry.resolve("Pump").table]
             assert {line.quantity for line in plot.lines} == {"pressure", "flow"}
+        elif "colour" in found:
+            assert len(colour_rules(str(path), registry)) > len(found["colour"])
         else:
             load_vehicle(path, rule_pages(registry), registry)
+            shutil.copy(path, "vehicle.toml")
 
     def yaml(self, block: Block) -> None:
         """Only the commands: no reader of YAML is among the dependencies."""
@@ -192,7 +203,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(ROOT / "captures", folder / "captures", ignore=shutil.ignore_patterns("*.expected"))
     (folder / "logs").mkdir()
     for name, of in SAMPLES.items():
-        (folder / name).symlink_to(folder / of)
+        shutil.copy(folder / of, folder / name)  # a page may write over it
     for name, (of, *window) in MADE.items():
         assert main(["convert", str(folder / of), *window, str(folder / name)]) == 0
     return folder
@@ -238,6 +249,16 @@ def test_a_page_does_what_it_says(reader: Reader, page: Path) -> None:
         assert all(line.startswith("    (17734753") for line in shown[2::3])
 
 
+@pytest.mark.parametrize("command", EXAMPLES)
+def test_the_examples_of_help_do_what_they_say(reader: Reader, command: str) -> None:
+    folder = Path("acme")
+    folder.mkdir()
+    (folder / "20900.Pump.uavcan").write_text("uint16 pressure\n")
+    for line, _ in EXAMPLES[command]:
+        inner = re.search(r"\$\((.*)\)", line)  # what a shell would run of eval "$(...)"
+        reader.line(re.sub(r" (> \S+|\| source)$", "", inner[1] if inner else line))
+
+
 def test_more_is_run_than_only_parsed() -> None:
     lines = [line for page in PAGES for block in blocks(page) if block.kind == "sh" for line in block.lines()]
     commands = [line for line in lines if line.startswith("tailbyte")]
@@ -276,7 +297,7 @@ def test_commands_among_the_words_exist(page: Path) -> None:
         if words[0] == "tailbyte" and len(words) > 1 and command.islower():
             assert command in COMMANDS, span
             if words[2:] and "--help" not in words and not re.fullmatch("-T|--?|--around", words[-1]):
-                parser().parse_args(shlex.split(span)[1:])
+                parser().parse_args(shlex.split(span.partition(" > ")[0])[1:])
 
 
 def test_the_vehicle_file_shows_every_key(tmp_path: Path) -> None:

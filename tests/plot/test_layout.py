@@ -14,7 +14,7 @@ from kit.pictures import Drawn, draw
 from kit.simulated import flown
 
 from analyzer.plot.inventory import Inventory, Series
-from analyzer.plot.layout import layout
+from analyzer.plot.layout.whole import layout
 from analyzer.plot.moments import PlotClock
 from dissectors.picture import Pictures
 

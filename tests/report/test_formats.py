@@ -6,7 +6,7 @@ import pytest
 from kit.judged import registry
 from kit.reports import faulty
 
-from analyzer.report.formats import BY_SUFFIX, FORMATS, ReportFormat
+from analyzer.report.formats import FORMATS, ReportFormat, by_suffix
 from analyzer.views.formats import FORMATS as VIEWS
 from analyzer.views.formats import ViewFormat
 
@@ -14,7 +14,7 @@ from analyzer.views.formats import ViewFormat
 @pytest.mark.parametrize("form", FORMATS, ids=lambda form: form.name)
 def test_a_report_can_be_made(form: ReportFormat) -> None:
     assert form.render(faulty()).strip()
-    assert all(BY_SUFFIX[suffix] == form.name for suffix in form.suffixes)
+    assert all(by_suffix(FORMATS)[suffix] == form.name for suffix in form.suffixes)
 
 
 @pytest.mark.parametrize("form", VIEWS, ids=lambda form: form.name)

@@ -9,34 +9,34 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from kit.encode import Frame, log_line
 from kit.judged import whole
+from kit.oracle.neighbours import missing
+from kit.oracle.proofs import KnownType, Part, in_a_row
 from rules.test_diagnosis import FIXED, START, broken_sequence, expected, numbered, payloads, sent
 from rules.test_integrity import good, status, text
 
-from analyzer.rules.diagnosis import budgets, losses, proofs, tail_bits
-from analyzer.rules.diagnosis.losses import missing
-from analyzer.rules.diagnosis.proofs import KnownType
+from analyzer.rules.diagnosis import budgets, causes
 
 
 @pytest.mark.parametrize(("size", "frames", "total"), [(14, 4, 3), (2, 3, 1)])
 def test_too_many_frames_are_not_a_negative_number_of_lost_ones(size: int, frames: int, total: int) -> None:
     parts = sent(bytes(7 * frames - 4))
-    assert missing(parts, KnownType([START], size)) == (losses.TOO_MANY, f" ({frames} instead of {total})")
+    assert missing(parts, KnownType([START], size)) == (causes.TOO_MANY, f" ({frames} instead of {total})")
 
 
 def test_two_equal_frames_may_be_swapped_or_have_wrong_toggles() -> None:
     parts = sent(bytes([0xFF]) * 24)
     swapped = [parts[0], parts[2], parts[1], parts[3]]
-    assert broken_sequence(numbered(swapped), [], expected()).what == proofs.EITHER
+    assert broken_sequence(numbered(swapped), [], expected()).what == causes.EITHER
     parts[1] = parts[1]._replace(tail=parts[1].tail ^ 0x20)
-    assert broken_sequence(numbered(parts), [], expected()).what == proofs.WRONG_BIT
+    assert broken_sequence(numbered(parts), [], expected()).what == causes.WRONG_BIT
 
 
 @FIXED
-@given(payloads, st.sampled_from([(0x80, tail_bits.EVERY_START), (0x40, tail_bits.EVERY_END)]))
+@given(payloads, st.sampled_from([(0x80, causes.EVERY_START), (0x40, causes.EVERY_END)]))
 def test_a_start_or_end_bit_in_every_frame(payload: bytes, fault: tuple[int, str]) -> None:
     wrong = [part._replace(tail=part.tail | fault[0]) for part in sent(payload, first=100)]
     for part in wrong:
-        proof = tail_bits.in_a_row([part], [*sent(payload), *wrong, *sent(payload, first=200)], expected())
+        proof = in_a_row([part], [*sent(payload), *wrong, *sent(payload, first=200)], expected())
         assert proof is not None
         assert proof == ((fault[1] if len(wrong) > 2 else proof.cause.what, proof.cause.detail), wrong)
 
@@ -48,17 +48,17 @@ def test_another_transfer_id_in_the_first_frame(payload: bytes) -> None:
     parts[0] = parts[0]._replace(tail=parts[0].tail ^ 8)
     near = [*sent(payload, 3), *parts, *sent(payload, 5, 200)]
     for left in (parts[:1], parts[1:]):
-        proof = tail_bits.in_a_row(left, near, expected())
+        proof = in_a_row(left, near, expected())
         assert proof is not None
-        assert proof.cause == (proofs.OTHER_ID, " in frame 101")
+        assert proof.cause == (causes.OTHER_ID, " in frame 101")
     assume(any(parts[1].body))
     spoiled = parts[1]._replace(body=bytes(7))
-    assert tail_bits.in_a_row(parts[:1], [parts[0], spoiled, *parts[2:]], expected()) is None
+    assert in_a_row(parts[:1], [parts[0], spoiled, *parts[2:]], expected()) is None
 
 
 def test_a_transfer_in_one_frame_without_its_start_or_end_bit() -> None:
-    part = proofs.Part(0, 0xC4, bytes(7))
-    for bit, what in ((0x80, proofs.START_BIT), (0x40, proofs.END_BIT)):
+    part = Part(0, 0xC4, bytes(7))
+    for bit, what in ((0x80, causes.START_BIT), (0x40, causes.END_BIT)):
         torn = [part._replace(tail=part.tail ^ bit)]
         for known in (KnownType([START], 7), KnownType([START], None, singles=frozenset({7}))):
             assert missing(torn, known) == (what, " (frame 1)")
@@ -113,27 +113,27 @@ def test_a_wrong_id_inside_has_one_error() -> None:
 
 def test_a_wrong_id_of_the_first_frame_is_one_finding() -> None:
     said = lines(*(status(number) for number in range(3, 11)), tailed(11, 8, 0, 0))
-    assert said == [("TRF-006", "error", proofs.OTHER_ID, 1)]
+    assert said == [("TRF-006", "error", causes.OTHER_ID, 1)]
 
 
 def test_a_wrong_start_bit_in_the_middle_has_one_error() -> None:
     said = lines(*(status(number) for number in range(3, 11)), tailed(11, 0, 0x80, 0))
-    assert [one for one in said if one[1] == "error"] == [("TRF-006", "error", proofs.START_BIT, 1)]
+    assert [one for one in said if one[1] == "error"] == [("TRF-006", "error", causes.START_BIT, 1)]
 
 
 def test_a_start_bit_in_every_frame_is_one_error() -> None:
     said = lines(*(tailed(number, 0, 0x80, 0x80) for number in range(3, 11)))
-    assert [one for one in said if one[1] == "error"] == [("TRF-006", "error", tail_bits.EVERY_START, 8)]
+    assert [one for one in said if one[1] == "error"] == [("TRF-006", "error", causes.EVERY_START, 8)]
 
 
 def test_an_end_bit_in_every_frame_is_one_error() -> None:
     said = lines(*(tailed(number, 0x40, 0x40, 0) for number in range(3, 11)))
-    assert said == [("TRF-005", "error", tail_bits.EVERY_END, 8)]
+    assert said == [("TRF-005", "error", causes.EVERY_END, 8)]
 
 
 def test_an_end_bit_in_the_first_frame_loses_nothing() -> None:
     said = lines(*(status(number) for number in range(3, 11)), tailed(11, 0x40, 0, 0))
-    assert said == [("TRF-005", "error", proofs.END_BIT, 1)]
+    assert said == [("TRF-005", "error", causes.END_BIT, 1)]
 
 
 def test_a_short_frame_inside_is_the_cause_of_the_wrong_crc() -> None:
@@ -145,6 +145,6 @@ def test_a_short_frame_inside_is_the_cause_of_the_wrong_crc() -> None:
 
 def test_a_transfer_id_that_counts_frames_is_named() -> None:
     said = lines(*(tailed(0, 3 * k % 32, (3 * k + 1) % 32, (3 * k + 2) % 32) for k in range(10)))
-    causes = {one[2] for one in said if one[0] in {"TRF-003", "TRF-006"}} - {"broken sequence"}
-    assert causes == {tail_bits.EVERY_ID}
+    said_causes = {one[2] for one in said if one[0] in {"TRF-003", "TRF-006"}} - {"broken sequence"}
+    assert said_causes == {causes.EVERY_ID}
     assert {one[0] for one in said if one[1] == "error"} <= {"TRF-009", "TRF-026"}

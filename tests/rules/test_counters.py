@@ -11,7 +11,7 @@ from kit.judged import Said, judge, outcome, proved, whole
 from kit.simulated import flight
 from kit.traffic import ALIVE, Timed, alive, log
 
-from analyzer.rules.transfers.id_steps import WITHOUT_START
+from analyzer.rules.counters.id_steps import WITHOUT_START
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

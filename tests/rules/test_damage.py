@@ -13,7 +13,7 @@ from kit.encode import Frame, Transfer, log_line
 from kit.judged import whole
 from kit.strategies import examples
 
-from analyzer.rules.diagnosis import checksums, losses, proofs
+from analyzer.rules.diagnosis import causes, checksums
 
 if TYPE_CHECKING:
     from kit.judged import Said
@@ -54,7 +54,7 @@ def judged(type_id: int, came: list[Frame]) -> list[Said]:
     return whole(text, RULES, (7, 100))
 
 
-def causes(said: list[Said]) -> set[str]:
+def causes_of(said: list[Said]) -> set[str]:
     return {one.cause for one in said} - {FOLDED, ""}
 
 
@@ -77,12 +77,12 @@ def test_frames_that_are_lost_are_one_occurrence(type_id: int, data: st.DataObje
     assert [one.count for one in said] == [1]
     (one,) = said
     if low == 0:
-        assert (one.rule, one.cause) == ("TRF-005", losses.FIRST if gone == 1 else losses.FIRSTS)
+        assert (one.rule, one.cause) == ("TRF-005", causes.FIRST if gone == 1 else causes.FIRSTS)
     elif low + gone == len(frames):
-        assert (one.rule, one.cause) == ("TRF-006", losses.LAST if gone == 1 else losses.LASTS)
+        assert (one.rule, one.cause) == ("TRF-006", causes.LAST if gone == 1 else causes.LASTS)
     else:
         assert one.rule == ("TRF-003" if gone % 2 else "TRF-010")
-        assert one.cause == (losses.LOST if gone == 1 else losses.LOST_SEVERAL)
+        assert one.cause == (causes.LOST if gone == 1 else causes.LOST_SEVERAL)
     if gone > 1 or low > 0:
         assert str(len(frames)) in one.text
 
@@ -95,7 +95,7 @@ def test_frames_that_are_swapped_are_one_occurrence(type_id: int, data: st.DataO
     high = data.draw(st.integers(low + 1, min(low + 2, len(frames) - 1)))
     frames[low], frames[high] = frames[high], frames[low]
     said = [one for one in judged(type_id, frames) if one.cause != FOLDED]
-    assert [(one.cause, one.count) for one in said] == [(proofs.SWAPPED, 1)]
+    assert [(one.cause, one.count) for one in said] == [(causes.SWAPPED, 1)]
 
 
 @LAWS
@@ -108,8 +108,8 @@ def test_a_frame_that_comes_again_later(type_id: int, data: st.DataObject) -> No
     if later == at + 1:
         assert [(one.rule, one.count) for one in said] == [("TRF-004", 1)]
     elif later < len(frames):
-        assert causes(said) == {proofs.REPEATED}
-        assert sum(one.count for one in said if one.cause == proofs.REPEATED) == 1
+        assert causes_of(said) == {causes.REPEATED}
+        assert sum(one.count for one in said if one.cause == causes.REPEATED) == 1
 
 
 @LAWS
@@ -133,11 +133,11 @@ def test_a_turned_bit_of_a_tail_byte_is_named(type_id: int, data: st.DataObject)
     frames = sent(type_id, 6)
     at = data.draw(st.integers(1, len(frames) - 1))
     bit, cause = data.draw(st.sampled_from([
-        (0x20, proofs.WRONG_BIT), (0x40, proofs.END_BIT), (1, proofs.OTHER_ID),
+        (0x20, causes.WRONG_BIT), (0x40, causes.END_BIT), (1, causes.OTHER_ID),
     ]))  # fmt: skip
     frames[at] = retailed(frames[at], bit)
     said = judged(type_id, frames)
-    assert causes(said) == {cause}
+    assert causes_of(said) == {cause}
     assert "TRF-012" not in {one.rule for one in said}
     if bit == 1:
         assert [one.text.rpartition(": ")[2] for one in said if one.rule == "TRF-009"] == ["it belongs to that one"]
@@ -149,7 +149,7 @@ def test_toggles_that_stand_still_make_no_copies(type_id: int) -> None:
     frames = [replace(frame, data=frame.data[:-1] + bytes([frame.data[-1] & ~0x20])) for frame in sent(type_id, 6)]
     said = judged(type_id, frames)
     assert {one.rule for one in said} == {"TRF-003", "TRF-006"}
-    assert causes(said) == {proofs.WRONG_BIT}
+    assert causes_of(said) == {causes.WRONG_BIT}
 
 
 def test_equal_frames_whose_toggles_stand_still_are_no_copies() -> None:
@@ -157,7 +157,7 @@ def test_equal_frames_whose_toggles_stand_still_are_no_copies() -> None:
     frames = Transfer("message", 1039, 10, body, TYPES[1039], 6).frames()
     still = [replace(frame, data=frame.data[:-1] + bytes([frame.data[-1] & ~0x20])) for frame in frames]
     said = judged(1039, still)
-    assert {(one.rule, one.cause) for one in said} == {("TRF-003", proofs.WRONG_BIT), ("TRF-006", FOLDED)}
+    assert {(one.rule, one.cause) for one in said} == {("TRF-003", causes.WRONG_BIT), ("TRF-006", FOLDED)}
 
 
 @LAWS

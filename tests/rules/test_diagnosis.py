@@ -9,6 +9,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from kit import encode
 from kit.judged import registry
+from kit.oracle.neighbours import missing
+from kit.oracle.proofs import KnownType, Part, break_at, proven
 from kit.strategies import examples
 
 from dissectors.profile import Profile, ProfileError
@@ -17,10 +19,9 @@ from dissectors.registry import Registry
 if TYPE_CHECKING:
     from pathlib import Path
 
-from analyzer.rules.diagnosis import checksums, losses, proofs
+from analyzer.rules.diagnosis import causes, checksums
+from analyzer.rules.diagnosis.causes import Cause
 from analyzer.rules.diagnosis.checksums import one_bit, starts_of, wrong_crc
-from analyzer.rules.diagnosis.losses import missing
-from analyzer.rules.diagnosis.proofs import Cause, KnownType, Part, proven
 from dissectors.kit import Types
 from dissectors.kit.definitions import crc_start
 
@@ -60,9 +61,9 @@ def test_one_frame_lost_is_placed(payload: bytes, data: st.DataObject) -> None:
     at = data.draw(st.integers(1, len(parts) - 2))
     left = parts[:at] + parts[at + 1 :]
     cause = broken_sequence(left, [], expected(payload))
-    assert cause == (losses.LOST, f" (the {losses.ordinal(at + 1)} of {len(parts)})")
-    assert proofs.break_at(left) == at
-    assert missing(left, KnownType([], None)) == Cause(proofs.UNPROVEN)
+    assert cause == (causes.LOST, f" (the {causes.ordinal(at + 1)} of {len(parts)})")
+    assert break_at(left) == at
+    assert missing(left, KnownType([], None)) == Cause(causes.UNPROVEN)
 
 
 @FIXED
@@ -71,13 +72,13 @@ def test_several_frames_lost_are_counted_if_the_length_is_known(payload: bytes) 
     parts = sent(payload)
     left = parts[:1] + parts[4:]
     assert broken_sequence(left, [], expected(payload)) == (
-        losses.LOST_SEVERAL, f" (3 of {len(parts)}, from the 2nd on)",
+        causes.LOST_SEVERAL, f" (3 of {len(parts)}, from the 2nd on)",
     )  # fmt: skip
-    assert broken_sequence(left, [], expected()).what == losses.LOST_ODD, "the toggles cannot tell one from three"
+    assert broken_sequence(left, [], expected()).what == causes.LOST_ODD, "the toggles cannot tell one from three"
     usual = len(parts), len(parts[-1].body)
-    assert broken_sequence(left, [], expected(None, usual)).what == losses.LOST_SEVERAL
+    assert broken_sequence(left, [], expected(None, usual)).what == causes.LOST_SEVERAL
     other = expected(None, (len(parts) - 1, usual[1]))
-    assert broken_sequence(left, [], other).what == losses.LOST_ODD, "an even number more fits no toggles"
+    assert broken_sequence(left, [], other).what == causes.LOST_ODD, "an even number more fits no toggles"
     left = [*parts[:2], *parts[3:4]]
     total = len(parts)
     assert broken_sequence(left, [], expected(payload)).detail == f" ({total - 3} of {total}, from the 3rd on)"
@@ -92,7 +93,7 @@ def test_neighbours_swapped_are_proven_by_the_crc(payload: bytes, data: st.DataO
     came = numbered(parts)
     cut = next(k for k, part in enumerate(came) if part.end) + 1
     cause = broken_sequence(came[:cut], came[cut:], expected(payload))
-    assert cause.what == proofs.SWAPPED
+    assert cause.what == causes.SWAPPED
     right = [*range(1, at + 1), at + 2, at + 1, *range(at + 3, len(parts) + 1)]
     assert cause.detail == f" (right order: {', '.join(map(str, right))})"
 
@@ -104,7 +105,7 @@ def test_any_order_of_a_few_frames_is_found(order: list[int]) -> None:
     assert len(parts) == 4
     came = numbered([parts[0], *(parts[k] for k in order)])
     cut = next(k for k, part in enumerate(came) if part.end) + 1
-    assert broken_sequence(came[:cut], came[cut:], expected()).what == proofs.SWAPPED
+    assert broken_sequence(came[:cut], came[cut:], expected()).what == causes.SWAPPED
 
 
 @FIXED
@@ -113,9 +114,9 @@ def test_a_wrong_toggle_bit_needs_the_right_crc(payload: bytes, data: st.DataObj
     parts = sent(payload)
     at = data.draw(st.integers(1, len(parts) - 1))
     parts[at] = parts[at]._replace(tail=parts[at].tail ^ 0x20)
-    assert broken_sequence(parts, [], expected(payload)).what == proofs.WRONG_BIT
+    assert broken_sequence(parts, [], expected(payload)).what == causes.WRONG_BIT
     parts[0] = parts[0]._replace(body=bytes((parts[0].body[0] ^ 1,)) + parts[0].body[1:])
-    assert broken_sequence(parts, [], expected(payload)).what == losses.NO_ORDER
+    assert broken_sequence(parts, [], expected(payload)).what == causes.NO_ORDER
 
 
 @FIXED
@@ -123,7 +124,7 @@ def test_a_wrong_toggle_bit_needs_the_right_crc(payload: bytes, data: st.DataObj
 def test_a_copy_that_comes_later(payload: bytes) -> None:
     parts = sent(payload)
     cause = broken_sequence(numbered([*parts[:3], parts[1], *parts[3:]]), [], expected(payload))
-    assert cause == (proofs.REPEATED, " (too much: 4)")
+    assert cause == (causes.REPEATED, " (too much: 4)")
 
 
 @FIXED
@@ -135,7 +136,7 @@ def test_two_senders_with_one_identity(payload: bytes, other: bytes) -> None:
     mixed = [part for pair in zip(mine, theirs, strict=True) for part in pair]
     came = numbered(mixed)[1:]
     cut = next(k for k, part in enumerate(came) if part.end) + 1
-    assert broken_sequence(came[:cut], came[cut:], expected(payload)).what == proofs.OTHER_SENDER
+    assert broken_sequence(came[:cut], came[cut:], expected(payload)).what == causes.OTHER_SENDER
 
 
 @FIXED
@@ -144,16 +145,16 @@ def test_a_frame_with_another_transfer_id(payload: bytes) -> None:
     parts = sent(payload)
     strange = parts[1]._replace(tail=parts[1].tail ^ 3)
     cause = broken_sequence([parts[0], *parts[2:]], [strange], expected(payload))
-    assert cause == (proofs.OTHER_ID, " in frame 2")
+    assert cause == (causes.OTHER_ID, " in frame 2")
 
 
 def test_too_many_frames_are_not_permuted() -> None:
     parts = sent(bytes(7 * 300))
-    assert broken_sequence(parts[:5] + parts[6:], [], expected()).what == losses.LOST_ODD
+    assert broken_sequence(parts[:5] + parts[6:], [], expected()).what == causes.LOST_ODD
 
 
 def test_ordinals() -> None:
-    said = [losses.ordinal(number) for number in (1, 2, 3, 4, 12, 22)]
+    said = [causes.ordinal(number) for number in (1, 2, 3, 4, 12, 22)]
     assert said == ["1st", "2nd", "3rd", "4th", "12th", "22nd"]
 
 
@@ -229,7 +230,7 @@ def test_two_frames_with_the_same_toggle_are_swapped(payload: bytes, data: st.Da
     at = data.draw(st.integers(1, len(parts) - 4))
     assume(parts[at].body != parts[at + 2].body)
     parts[at], parts[at + 2] = parts[at + 2], parts[at]
-    assert broken_sequence(numbered(parts), [], expected()).what == proofs.SWAPPED
+    assert broken_sequence(numbered(parts), [], expected()).what == causes.SWAPPED
 
 
 @FIXED
@@ -237,7 +238,7 @@ def test_two_frames_with_the_same_toggle_are_swapped(payload: bytes, data: st.Da
 def test_a_start_or_end_bit_that_is_turned(payload: bytes, data: st.DataObject) -> None:
     parts = sent(payload)
     at = data.draw(st.integers(0, len(parts) - 1))
-    bit, what = data.draw(st.sampled_from([(0x80, proofs.START_BIT), (0x40, proofs.END_BIT)]))
+    bit, what = data.draw(st.sampled_from([(0x80, causes.START_BIT), (0x40, causes.END_BIT)]))
     parts[at] = parts[at]._replace(tail=parts[at].tail ^ bit)
     cut = next((k for k, part in enumerate(parts) if part.end), len(parts) - 1) + 1
     assert broken_sequence(parts[:cut], parts[cut:], expected(payload)) == (what, f" (frame {at + 1})")
@@ -249,7 +250,7 @@ def test_frames_in_the_opposite_order(payload: bytes) -> None:
     came = numbered(sent(payload)[::-1])
     for cut in (came[-1:], came[:1], came[1:-1]):
         rest = [part for part in came if part not in cut]
-        assert broken_sequence(cut, rest, expected(payload)).what == proofs.SWAPPED
+        assert broken_sequence(cut, rest, expected(payload)).what == causes.SWAPPED
 
 
 @FIXED
@@ -262,14 +263,14 @@ def test_what_is_missing_at_either_end(payload: bytes, data: st.DataObject) -> N
         first, last = missing(parts[gone:], known), missing(parts[:-gone], known)
         if gone == 1:
             assert (first, last) == (
-                (losses.FIRST, f" (of {total})"), (losses.LAST, f" (the {losses.ordinal(total)} of {total})"),
+                (causes.FIRST, f" (of {total})"), (causes.LAST, f" (the {causes.ordinal(total)} of {total})"),
             )  # fmt: skip
         else:
-            assert first == (losses.FIRSTS, f" ({gone} of {total})")
-            left = losses.ordinal(total - gone + 1)
-            assert last == (losses.LASTS, f" (the {left} to {losses.ordinal(total)} of {total})")
-    assert missing(parts[:-gone], expected()) == (losses.LASTS, f" (from the {losses.ordinal(total - gone + 1)} on)")
-    assert missing(parts[gone:], expected()).what == (losses.FIRST if gone % 2 else losses.FIRSTS)
+            assert first == (causes.FIRSTS, f" ({gone} of {total})")
+            left = causes.ordinal(total - gone + 1)
+            assert last == (causes.LASTS, f" (the {left} to {causes.ordinal(total)} of {total})")
+    assert missing(parts[:-gone], expected()) == (causes.LASTS, f" (from the {causes.ordinal(total - gone + 1)} on)")
+    assert missing(parts[gone:], expected()).what == (causes.FIRST if gone % 2 else causes.FIRSTS)
 
 
 @FIXED
@@ -278,7 +279,7 @@ def test_an_even_number_of_frames_lost_leaves_the_toggles_right(payload: bytes) 
     parts = sent(payload)
     left = parts[:1] + parts[3:]
     for known in (expected(payload), expected(None, (len(parts), len(parts[-1].body)))):
-        assert missing(left, known) == (losses.LOST_SEVERAL, f" (2 of {len(parts)})")
+        assert missing(left, known) == (causes.LOST_SEVERAL, f" (2 of {len(parts)})")
     short = len(left), len(left[-1].body)
     assert missing(left, expected(None, short)) is None, "others are as short"
     assert missing(left, expected()) is None

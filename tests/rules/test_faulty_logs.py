@@ -7,6 +7,7 @@ from binascii import crc_hqx
 from functools import cache
 from itertools import islice
 
+import numpy as np
 import pytest
 from bench import make_faults, make_log
 from kit.command import CAPTURES
@@ -14,7 +15,6 @@ from kit.judged import judge, registry, whole
 
 from analyzer.decode.engine import Engine
 from analyzer.rules.diagnosis import budgets
-from analyzer.rules.diagnosis.neighbours import NeighbourFinder
 from analyzer.tables import TRANSFER_ANOMALIES
 from dissectors.kit.definitions import Types
 
@@ -46,9 +46,7 @@ def turned_bit(wire: int, here: int, payload: bytes) -> bool:
 
 
 def test_what_is_not_searched_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(budgets, "AT_ONCE", 0)
-    monkeypatch.setattr(budgets, "EACH", 1 << 30)
-    monkeypatch.setattr(NeighbourFinder, "of", None)  # nobody asks
+    monkeypatch.setattr(budgets, "MOST_SEARCHES", 0)
     (batch, *more) = Engine(registry()).run([log("damaged").encode()])
     assert not any(len(one.transfers) for one in more)
     broken = [one for one in batch.transfers.to_pylist() if one["anomaly"] & CRC]
@@ -67,31 +65,20 @@ def test_what_is_not_searched_is_counted(monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.parametrize("kind", make_faults.KINDS)
 def test_any_cut_gives_the_same(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(budgets, "AT_ONCE", 12)
-    monkeypatch.setattr(budgets, "EACH", 64)
+    monkeypatch.setattr(budgets, "MOST_SEARCHES", 12)
     # Where the clock jumps, how much of a gap is known decides what it excuses.
     rules = [rule for rule in RULES if kind != "jumps" or rule not in {"TRF-005", "TRF-007"}]
     whole(log(kind), rules, (97, 700))
 
 
-def test_searches_are_a_share_of_the_frames(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls, look = [], NeighbourFinder.of
-    monkeypatch.setattr(NeighbourFinder, "of", lambda *given, **more: calls.append(given[2]) or look(*given, **more))
-    monkeypatch.setattr(budgets, "AT_ONCE", 10)
-    monkeypatch.setattr(budgets, "EACH", 100)
-    judge(log("damaged"), RULES)
-    of_each = 10 + FRAMES // 100
-    assert 2 * of_each < len(calls) <= 6 * of_each
-
-
-def test_few_faults_of_a_sender_are_searched_beside_many_of_another(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(budgets, "AT_ONCE", 400)
-    budget, many, few = budgets.SearchBudget(), (0, 1, 1034), (0, 2, 1034)
-    taken = sum(budget.take(many, 0) for _ in range(10 * budgets.AT_ONCE))
-    assert taken == budgets.AT_ONCE - budgets.AT_ONCE // budgets.SHARE
-    assert all(budget.take(few, 0) for _ in range(budgets.FEW))
-    assert not budget.take(few, 0)
-    assert budget.take(few, 4 * budgets.EACH * budgets.AT_ONCE)
+def test_searches_of_a_sender_are_counted_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(budgets, "MOST_SEARCHES", 3)
+    monkeypatch.setattr(budgets, "MOST_SENDERS", 2)
+    budget, sent = budgets.SearchBudget(), np.array([7, 8, 7, 7, 7, 8, 9])
+    assert budget.allows(sent).tolist() == [True, True, True, True, False, True, True]
+    assert budget.take(sent).tolist() == [True, True, True, True, False, True, False], "too many senders"
+    assert budget.take(sent).tolist() == [False, True] + [False] * 5
+    assert (budget.left(7), budget.left(8), budget.left(9)) == (0, 0, 0)
 
 
 def test_types_are_asked_once() -> None:

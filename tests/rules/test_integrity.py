@@ -16,7 +16,7 @@ from witness import finder
 from witness.reader import Log
 
 from analyzer.rules.diagnosis import budgets
-from analyzer.rules.diagnosis.neighbours import NeighbourFinder
+from analyzer.rules.transfers import wrong_crc
 
 RULES = ("TRF-003", "TRF-010", "TRF-011", "TRF-030", "TRF-031", "CAN-020")
 SIGNATURE = 0xA9AF28AEA2FBB254
@@ -153,8 +153,8 @@ def test_a_mistake_that_was_found_needs_no_search(monkeypatch: pytest.MonkeyPatc
 
 def test_what_one_turned_bit_explains_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(budgets, "MOST_SEARCHES", 2)
-    calls, look = [], NeighbourFinder.of
-    monkeypatch.setattr(NeighbourFinder, "of", lambda *given, **more: calls.append(given[2]) or look(*given, **more))
+    calls, look = [], wrong_crc.ask
+    monkeypatch.setattr(wrong_crc, "ask", lambda *given: calls.append(len(given[2].code)) or look(*given))
     wrong = []
     for k in range(3, 27):
         first, second, third = status(k)
@@ -163,7 +163,7 @@ def test_what_one_turned_bit_explains_needs_no_search(monkeypatch: pytest.Monkey
     (one,) = judge(text(good(3), wrong, good(30, 27)), RULES)
     assert (one.rule, one.cause, one.count) == ("TRF-010", "corrupted", 24)
     assert "one bit turned in byte 1 of frame 11" in one.text
-    assert len(calls) == 2
+    assert sum(calls) == 2
 
 
 def _seeded(start: int, number: int) -> list[Frame]:

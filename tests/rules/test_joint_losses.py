@@ -14,8 +14,11 @@ from kit.simulated import faulted
 from kit.simulated import flight as simulated
 from kit.traffic import MS, SECOND, START, alive, lines, log, throttle
 
+import analyzer
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from pathlib import Path
 
 AUTOPILOT, ESCS = 10, (11, 12, 13, 14)
 WAITS = 130_000  # ns, that a frame takes
@@ -58,6 +61,16 @@ def blamed(found: Iterable[Said]) -> set[str]:
 
 def inferred(found: Iterable[Said]) -> list[Said]:
     return [one for one in found if one.rule == "CAP-006"]
+
+
+@pytest.mark.parametrize("since", [1.0, 2.0, 2.7])
+def test_its_place_is_close_before_the_loss(since: float, tmp_path: Path) -> None:
+    """Within the 50 ms that the report's command shows, and not at a frame of a node that sends once in a while."""
+    path = tmp_path / "gap.log"
+    path.write_text(without(flight(), since, 0.4, 1.0))
+    (one,) = [one for one in analyzer.check(path).findings if one.rule == "CAP-006"]
+    assert one.first.frame is not None
+    assert 0 <= since * SECOND - flight()[one.first.frame - 1].t < 25 * MS
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from kit.encode import transfer
 from kit.judged import whole
 from kit.traffic import alive, log
 
-from analyzer.rules.transfers.id_steps import WITHOUT_START
+from analyzer.rules.counters.id_steps import WITHOUT_START
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -87,7 +88,8 @@ def test_frames_that_came_once_before_are_found(seed: int, at_once: int) -> None
     for first in range(0, len(frames), 70):
         known.feed(table(frames[first : first + 70], first))
     asked = lacks(list(range(len(frames))))
-    found = {one.frames[0] for k in range(0, len(asked), at_once) for one in known.among(asked[k : k + at_once])}
+    parts = [asked[k : k + at_once] for k in range(0, len(asked), at_once)]
+    found = {one.frames[0] for part in parts for one in compress(part, known.among(part))}
     assert found == {number for number in range(len(frames)) if came_once(frames, number)} != set()
 
 

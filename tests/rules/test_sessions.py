@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
@@ -13,6 +14,9 @@ from analyzer.rules.bus.heard import HeardNodes, HeardSessions
 from analyzer.rules.bus.sessions import Session, bus_frames, first_transfers
 from analyzer.tables import EXTENDED, FRAMES, KINDS, TAIL_END, TAIL_ID, TAIL_START, TRANSFERS
 from dissectors.kit import FrameTable, TransferTable
+
+if TYPE_CHECKING:
+    import pytest
 
 LEAST = 5
 # Identifiers of two nodes: three messages, and a service one of them asks the other for.
@@ -117,3 +121,16 @@ def test_first_transfers(rows: list[tuple[int, int, int, int, bool]], most: int,
             if count[session] <= most:
                 expected.append((session, k))
     assert list(first_transfers(TransferTable(batch), good, most, services=services)) == expected
+
+
+def test_there_is_room_for_what_is_known_and_was_heard_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [(0, IDS[2], 0, b"\xc0"), (1, IDS[0], 0, b"\xc0"), (2, IDS[1], 0, b"\xc0"), (3, IDS[2], 0, b"\xc1")]
+    late, first, known = (session_of(rows[k]) for k in (1, 0, 2))
+    ((_, ours),) = bus_frames(tables(rows, 4)[0]).items()
+    monkeypatch.setattr("analyzer.rules.bus.sessions.MOST_SESSIONS", 2)
+    assert ours.sessions[0] != first  # whose node comes last
+    assert ours.beyond(ours.sessions, {}) == {known}
+    assert ours.beyond(ours.sessions, {}, first={known}) == {late}
+    assert ours.beyond(ours.sessions, {known}) == {late}
+    monkeypatch.undo()
+    assert ours.beyond(ours.sessions, {}) == set()

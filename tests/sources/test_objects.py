@@ -19,7 +19,7 @@ from kit.rows import Frame, piece, plain, written
 
 from analyzer import open_capture
 from analyzer._native import FrameBatch
-from analyzer.sources import CaptureError, Source
+from analyzer.sources import CaptureError, Source, stored
 from analyzer.sources.merge import Plan, open_captures
 from analyzer.sources.native import rows
 from analyzer.sources.stored import Stored
@@ -158,12 +158,13 @@ def test_what_exists_only_once_is_not_read_twice() -> None:
 
 
 def test_several_readings_of_one_object_keep_their_places() -> None:
-    source = Source(Named("a.log", TEXT * 200))
+    source = Source(Named("a.log", LONG))
     one, other = source.chunks(), source.again().chunks()
     assert [next(one), next(other), next(one)] == [TEXT_PARTS[0], TEXT_PARTS[0], TEXT_PARTS[1]]
 
 
-TEXT_PARTS = [(TEXT * 200)[at : at + (1 << 20)] for at in (0, 1 << 20)]
+LONG = TEXT * (3 * stored.CHUNK // len(TEXT))
+TEXT_PARTS = [LONG[at : at + stored.CHUNK] for at in (0, stored.CHUNK)]
 
 
 def test_lost_definitions_are_found_at_the_end_of_an_object(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from analyzer.sources import CaptureError, Source
 from analyzer.sources.errors import UnpackError
 from analyzer.sources.formats import detect
 from analyzer.sources.inflate import inflate
+from analyzer.sources.stored import CHUNK
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -212,15 +213,16 @@ def test_names_that_cannot_be_opened(tmp_path: Path) -> None:
 
 def test_a_source_that_was_stopped_gives_no_more(tmp_path: Path) -> None:
     path = tmp_path / "log"
-    path.write_bytes(TEXT * 40)
+    whole = TEXT * (4 * CHUNK // len(TEXT))
+    path.write_bytes(whole)
     source = Source(str(path))
     chunks = source.chunks()
     given = next(chunks)
     source.stopped = True
     given += b"".join(chunks)
-    assert given == (TEXT * 40)[: len(given)]
+    assert given == whole[: len(given)]
     assert given.endswith(b"\n")
-    assert 0 < len(given) < len(TEXT) * 40
+    assert 0 < len(given) < len(whole)
     path.write_bytes(gzip.compress(random.Random(1).randbytes(3 << 20)))
     source = Source(str(path))
     for _ in source.chunks():

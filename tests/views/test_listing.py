@@ -15,14 +15,14 @@ from kit.traffic import SECOND, START, at, lines, push, retail, status, throttle
 from analyzer.facts.summary import Summary
 from analyzer.tables import STATUSES
 from analyzer.views.frames.window import FrameWindow
-from analyzer.views.hexdump import hexdump
+from analyzer.views.hexdump import HexDumps
 from analyzer.views.info import render, render_json
-from analyzer.views.listing import Listing, broken_words
+from analyzer.views.listing import Listing
 from analyzer.views.records import Csv, JsonLines
-from analyzer.views.rows import TransferRows
 from analyzer.views.terminal import Palette, display_width
 from analyzer.views.times import TimeFormat
 from analyzer.views.tree import Tree
+from analyzer.views.troubles import broken_words
 from analyzer.window.listed import ListedRows
 
 if TYPE_CHECKING:
@@ -164,25 +164,32 @@ def test_colour_marks_only_what_is_wrong(decode: Callable[..., Any], registry: R
     assert broken.startswith("\x1b[31mx")
 
 
-def test_the_bytes_are_told_apart(decode: Callable[..., Any]) -> None:
+def dumped(batch: Any, registry: Registry, window: FrameWindow, **more: Any) -> list[str]:
+    dumps = HexDumps(registry, window, **more)
+    return [line for text in dumps.texts(batch, np.arange(len(batch.transfers))) for line in text.split("\n")[:-1]]
+
+
+def test_the_bytes_are_told_apart(decode: Callable[..., Any], registry: Registry) -> None:
     got = decode(lines(encode.transfer("RawCommand", {"cmd": [8191, 0, 8191, 0, -8192, 1, -1, 4095]}, 1, 7).frames()))
     window = FrameWindow()
     window.feed(got.batches[0])
-    assert list(hexdump([0, 1, 2], window)) == [
+    assert dumped(got.batches[0], registry, window) == [
         "    frame 1  1F040601  crc 02 6B | FF 7C 00 0F F7 | tail 87  start toggle 0 ID 7",
         "    frame 2  1F040601  C0 00 00 80 04 0F FF | tail 27  toggle 1 ID 7",
         "    frame 3  1F040601  FF CF | tail 47  end toggle 0 ID 7",
     ]
-    assert list(hexdump([9], window)) == ["    frame 10: its bytes are no longer kept"]
+    assert dumped(got.batches[0], registry, FrameWindow())[1] == "    frame 2: its bytes are no longer kept"
+    coloured = dumped(got.batches[0], registry, window, palette=Palette(True))[1]
+    assert coloured.startswith(
+        "    frame 2  1F040601  \x1b[36mC0 00 00 80 04 0F FF\x1b[0m | tail \x1b[33m27\x1b[0m  tog"
+    )
 
 
 def test_padding_of_can_fd_is_told_apart(decode: Callable[..., Any], registry: Registry) -> None:
     got = decode(lines(throttle(0, fd=True).frames()))
     window = FrameWindow()
     window.feed(got.batches[0])
-    (padding,) = TransferRows(got.batches[0], registry).padding()
-    (line,) = hexdump([0], window, padding)
-    assert padding == 3
+    (line,) = dumped(got.batches[0], registry, window)
     assert line.endswith(" | padding 00 00 00 | tail C0  start end toggle 0 ID 0")
 
 
@@ -210,12 +217,13 @@ def test_no_view_fails_or_lets_control_characters_out(
         summary.feed(batch)
         count = len(batch.transfers)
         listing.feed(batch)
-        assert len(list(listing.entries())) == len(list(JsonLines(registry).rows(batch))) == count
+        entries = list(listing.entries())
+        assert len(entries) == len(list(JsonLines(registry).rows(batch))) == count
         backward = ListedRows.all_of(batch)._replace(transfers=np.arange(count)[::-1])
         assert len(list(Csv(registry).rows(batch, backward))) == count
-        texts = [line for details in tree.details(batch) for line in details]
-        texts += [line for lines_ in listing.entries() for line in lines_] + listing.between(None) + listing.end()
-        texts += [line for frames in TransferRows(batch, registry).column("frame") for line in hexdump(frames, window)]
+        texts = [line for details in tree.texts(batch) for line in details.split("\n")[:-1]]
+        texts += "".join([*entries, listing.before(None), listing.end()]).splitlines()
+        texts += dumped(batch, registry, window)
         assert all(text.isprintable() for text in texts)
         total += count
     facts = summary.finish([Stored()], got.engine)

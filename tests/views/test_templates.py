@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from kit.strategies import examples
 
@@ -20,9 +20,10 @@ from analyzer.facts.json_number import number
 from analyzer.views.json_fields import text_of
 from analyzer.views.members import PLAIN
 from analyzer.views.records import harmless
-from analyzer.views.sheets import flat
-from analyzer.views.times import TimeFormat
-from analyzer.views.wording import plain
+from analyzer.views.sheets import Columns, flat
+from analyzer.views.times import MODES, TimeFormat
+from analyzer.views.values import value_format
+from analyzer.views.wording import formatter, plain
 
 JSON = ("number", PLAIN, ("json", "false", "true", True))
 # Every pattern of bits, those that people write, and halves that a float32 came from.
@@ -76,6 +77,23 @@ def test_scales_are_undone_and_done_exactly(raws: list[int], scale: tuple[str, s
     assert written(("number", scaled, JSON[2]), *raws, kind=pa.uint16()) == wanted
 
 
+@examples(300)
+@given(
+    st.lists(
+        st.integers(-(2**63), 2**64 - 1) | FLOATS.filter(lambda one: abs(one) < 2**127) | st.booleans(), min_size=1
+    ),
+    st.from_regex(r"[<>^]?[+ -]?0?\d{0,2}(\.\d)?[dxXefg]", fullmatch=True),
+)
+def test_formats_are_those_of_python(values: list[float], spec: str) -> None:
+    assume("." not in spec or spec[-1] not in "dxX")  # which Python refuses, and a profile with it
+    kinds = {bool: pa.bool_(), float: pa.float64()}
+    for value in values:
+        kind = kinds.get(type(value), pa.uint64() if value >= 0 else pa.int64())
+        shown = value_format(spec)
+        assert shown is not None
+        assert written(("number", PLAIN, shown), value, kind=kind) == [formatter(spec, {})(value)]
+
+
 @pytest.mark.parametrize("cells", [[1, None, 3], [True, False, None], [1.5, None], ["a", None, ""], [[1, 2], [], None]])
 @pytest.mark.parametrize("cut", [(0, None), (1, None), (1, 1)])
 def test_cells_of_slices_and_missing_ones(cells: list[Any], cut: tuple[int, int | None]) -> None:
@@ -87,17 +105,34 @@ def test_cells_of_slices_and_missing_ones(cells: list[Any], cut: tuple[int, int 
     assert sheet.texts(0, len(column)) == [text_of(one) for one in column.to_pylist()]
 
 
-@pytest.mark.parametrize("mode", ["e", "r", "d"])
-@examples(60)
+@pytest.mark.parametrize("digits", [6, 9])
+@pytest.mark.parametrize("mode", MODES)
+@examples(30)
 @given(batches=st.lists(st.lists(st.none() | st.integers(-(2**61), 2**61)), min_size=1, max_size=3))
-def test_times_are_those_of_the_list(mode: str, batches: list[list[int | None]]) -> None:
-    native, wanted = (TimeFormat(mode, digits=9) for _ in range(2))
-    for clock in (native, wanted):
-        clock.zero = 1_700_000_000_000_000_001
+def test_times_are_those_of_the_list(mode: str, digits: int, batches: list[list[int | None]]) -> None:
+    clock = TimeFormat(mode, 1_700_000_000_000_000_001, digits)
     for times in batches:
-        column = native.elapsed(pa.array(times, pa.int64()))
-        template = ("number", PLAIN, ("seconds", False, True))
-        assert written(template, *column.to_pylist(), kind=pa.int64()) == wanted.column(times)
+        array = pa.array(times, pa.int64())
+        elapsed, (days, seconds) = clock.elapsed(array), clock.days(array)
+        columns = Columns(pa.schema([("elapsed", pa.int64()), ("days", pa.uint32())]), "elapsed", "days")
+        made = _native.Template([clock.template(columns, 0)])
+        rows = np.arange(len(times), dtype=np.uint32)
+        sheet = _native.Sheet(made, [flat(elapsed), flat(days)], [], [seconds], 0, rows)
+        wanted = [clock.written(elapsed, days, seconds, row) for row in range(len(times))]
+        assert sheet.texts(0, len(times)) == wanted
+
+
+@pytest.mark.parametrize(
+    ("word", "width", "low", "high", "shown"),
+    [
+        (0x8001, 16, 0, 0, ".... .... .... ...1"),
+        (0x8001, 16, 12, 15, "1000 .... .... ...."),
+        (0x1F000000, 29, 24, 28, "1 1111 .... .... .... .... .... ...."),
+        (5, 3, 0, 2, "101"),
+    ],
+)
+def test_pictures_of_bits(word: int, width: int, low: int, high: int, shown: str) -> None:
+    assert written(("bits", PLAIN, width, low, high), word) == [shown]
 
 
 def test_a_template_that_does_not_exist_is_told() -> None:

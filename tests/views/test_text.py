@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pyarrow as pa
 import pytest
 from hypothesis import given
@@ -73,6 +74,13 @@ def test_colours_only_when_asked() -> None:
     assert Palette(True).paint("bad", "x") == "\x1b[31mx\x1b[0m"
 
 
+def column(clock: TimeFormat, times: list[int | None], picked: list[int] | None = None) -> list[str]:
+    """Return what stands in the time column of the picked rows (all if not given) of a batch."""
+    array, rows = pa.array(times, pa.int64()), np.arange(len(times)) if picked is None else np.array(picked)
+    elapsed, (days, seconds) = clock.elapsed(array, rows), clock.days(array)
+    return [clock.written(elapsed, days, seconds, int(row)) for row in rows]
+
+
 @pytest.mark.parametrize(
     ("mode", "shown"),
     [
@@ -88,25 +96,26 @@ def test_colours_only_when_asked() -> None:
 def test_time_modes(mode: str, shown: str) -> None:
     clock = TimeFormat(mode, digits=6)
     clock.start(_frames([None, T0]))
-    assert clock.column([T0, None]) == [shown, ""]
+    assert column(clock, [T0, None]) == [clock.text(T0), clock.text(None)] == [shown, ""]
+    assert [clock.next(T0), clock.next(None)] == [shown, ""]
 
 
 def test_relative_times_are_exact_and_signed_around_an_anchor() -> None:
     clock = TimeFormat("r", zero=T0, digits=9)
-    assert clock.column([T0 - 1, T0, T0 + 3_600_000_000_001]) == ["-0.000000001", "+0.000000000", "+3600.000000001"]
+    assert column(clock, [T0 - 1, T0, T0 + 3_600_000_000_001]) == ["-0.000000001", "+0.000000000", "+3600.000000001"]
     plain_clock = TimeFormat("r")
     plain_clock.start(_frames([T0]))
-    assert plain_clock.column([T0 - 3_791_000, T0 + 17_288_123_456_789]) == ["-0.003791", "17288.123456"]
+    assert column(plain_clock, [T0 - 3_791_000, T0 + 17_288_123_456_789]) == ["-0.003791", "17288.123456"]
 
 
 def test_delta_counts_hidden_rows_and_delta_displayed_does_not() -> None:
     times = [T0, T0 + 1000, None, T0 + 5000, T0 + 4000]
     delta, shown = TimeFormat("d", digits=6), TimeFormat("dd", digits=6)
-    assert delta.column(times, [0, 3, 2, 4]) == ["0.000000", "0.000004", "", "-0.000001"]
-    assert shown.column(times, [0, 3, 2, 4]) == ["0.000000", "0.000005", "", "-0.000001"]
+    assert column(delta, times, [0, 3, 2, 4]) == ["0.000000", "0.000004", "", "-0.000001"]
+    assert column(shown, times, [0, 3, 2, 4]) == ["0.000000", "0.000005", "", "-0.000001"]
     # The next batch goes on where this one ended.
-    assert delta.column([T0 + 9000]) == ["0.000005"]
-    assert shown.column([T0 + 9000]) == ["0.000005"]
+    assert column(delta, [T0 + 9000]) == ["0.000005"]
+    assert column(shown, [T0 + 9000]) == ["0.000005"]
 
 
 @pytest.mark.parametrize(("times", "digits"), [([T0, T0 + 1000], 6), ([None, T0, T0 + 1], 9)])

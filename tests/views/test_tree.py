@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from kit import VECTORS, encode
-from kit.traffic import Traffic, lines, push, status, throttle
+from kit.traffic import START, Traffic, lines, push, status, throttle
 
-from analyzer.views.branches import word_bits
 from analyzer.views.hexdump import tail_words
 from analyzer.views.times import TimeFormat
 from analyzer.views.tree import Tree
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 
 def details(got: Any, registry: Registry, **more: Any) -> list[list[str]]:
     tree = Tree(registry, TimeFormat(), **more)
-    return [lines_ for batch in got.batches for lines_ in tree.details(batch)]
+    return [text.split("\n")[:-1] for batch in got.batches for text in tree.texts(batch)]
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +73,27 @@ def test_packets_inside(golden: dict[str, list[str]]) -> None:
     assert has(golden["149"], "Unrecognised data from byte 5, no header: 7B")
     assert has(golden["160"], 'software_version: 53 57 2D 56 32 2E 32 2E 33 00 00 00 00 00 00 00 "SW-V2.2.3" '
                               "bytes 27-42 clause 4.4.5 table 2 no 23-38")  # fmt: skip
+
+
+def test_packets_stand_behind_the_length_of_their_field(decode: Callable[..., Any], registry: Registry) -> None:
+    packet = encode.packet("PUSHCAN.MotorStatus", 1, 0xA1, voltage=5000)
+    sent = encode.transfer("PUSHCAN", {"data_sequence": 7, "data": list(packet)}, 10, fd=True)
+    (entry,) = details(decode(lines(sent.frames(START))), registry)
+    assert has(
+        entry,
+        "Packet MotorStatus (from byte 6, clause 4.4.5 table 1)",
+        "unit_id: 161 (0xA1) byte 10 clause 4.4.5 table 1 no 5",
+        "voltage: 50 V (raw 5000) bytes 20-21 clause 4.4.5 table 1 no 15-16",
+    )
+
+
+def test_values_in_lists_whose_unit_another_field_gives(decode: Callable[..., Any], registry: Registry) -> None:
+    of = registry.resolve("uavcan.equipment.actuator.ArrayCommand")
+    sent = encode.Transfer("message", of.type_id, 10, bytes.fromhex("03010038"), of.signature, 0)
+    (entry,) = details(decode(lines(sent.frames(START))), registry)
+    assert has(
+        entry, "commands: 1 elements bytes 1-4", "commands[0] bytes 1-4", "command_value: 0.5 (raw 0x3800) bytes 3-4"
+    )
 
 
 def test_special_values_have_their_name(golden: dict[str, list[str]]) -> None:
@@ -130,19 +150,6 @@ def test_only_the_types_asked_for_in_full(decode: Callable[..., Any], registry: 
 def test_missing_times_are_told(decode: Callable[..., Any], registry: Registry) -> None:
     (entry,) = details(decode(lines(throttle(0).frames(), timed=False)), registry)
     assert has(entry, "time: not recorded")
-
-
-@pytest.mark.parametrize(
-    ("word", "width", "low", "high", "shown"),
-    [
-        (0x8001, 16, 0, 0, ".... .... .... ...1"),
-        (0x8001, 16, 12, 15, "1000 .... .... ...."),
-        (0x1F000000, 29, 24, 28, "1 1111 .... .... .... .... .... ...."),
-        (5, 3, 0, 2, "101"),
-    ],
-)
-def test_word_bits(word: int, width: int, low: int, high: int, shown: str) -> None:
-    assert word_bits(word, width, low, high) == shown
 
 
 def test_tail_words() -> None:

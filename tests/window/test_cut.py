@@ -9,7 +9,7 @@ import pytest
 from kit.command import CAPTURES
 
 from analyzer._native import Reader
-from analyzer.decode.engine import LINES, Totals
+from analyzer.decode.core import LINES, Totals
 from analyzer.sources.native import WORTH, rows
 from analyzer.tables import EVENTS, raw_times
 from analyzer.window.cut import FrameSelection, frame_tables

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from analyzer.app.live.session import LiveSession
+    from analyzer.decode.engine import Batch
+    from analyzer.filter.matcher import Matcher
     from analyzer.live.printer import Printer
     from analyzer.report.model import Finding
     from analyzer.report.newest import Change
@@ -66,6 +68,7 @@ class TransferList(EventLines):
         registry: the types.
         printer: takes the lines.
         several, say: as for `EventLines`.
+        matcher: chooses rows; all are listed without one.
     """
 
     def __init__(
@@ -76,8 +79,10 @@ class TransferList(EventLines):
         *,
         several: bool,
         say: Callable[[str], None],
+        matcher: Matcher | None = None,
     ) -> None:
         super().__init__(several=several, say=say)
+        self._matcher = matcher
         self._options, self._registry, self._printer = options, registry, printer
         self._writer: Writer | None = None
         self._delay = Delay("the list is ", "whoever reads it is slow")
@@ -91,10 +96,14 @@ class TransferList(EventLines):
             if not len(batch.frames) and not len(batch.events):
                 return
             self._writer = self._begun(_first_time(measured))
-        for text in self._writer.rows(batch, ListedRows.all_of(batch)):
+        for text in self._writer.rows(batch, self._rows(batch)):
             self._printer.put(text)
         if line := self._delay.line(self._printer.behind):
             self.note(line)
+
+    def _rows(self, batch: Batch) -> ListedRows:
+        rows = ListedRows.all_of(batch)
+        return rows if self._matcher is None else rows.of(self._matcher.feed(batch).selected())
 
     def look(self, session: LiveSession) -> None:
         """Notice a reader who has seen enough, or is too slow. To be called after the printer has ended, too."""

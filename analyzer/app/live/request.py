@@ -9,6 +9,7 @@ from dissectors.records import dataclass
 if TYPE_CHECKING:
     from analyzer.app.live.hook import FindingCommand
     from analyzer.app.live.session_recording import SessionPlan
+    from analyzer.filter.compiled import Filter
     from analyzer.live.interfaces.filters import Filters
     from analyzer.live.interfaces.naming import Interface
     from analyzer.views.writers import WriterOptions
@@ -23,7 +24,7 @@ class LiveRequest:
     `buses` are interfaces with what is let through, `mode` and `view` how they are shown, `flush` asks for it more
     often. `plan` is the recording, `every` are the seconds between two lines about the state, `hardware` asks for the
     controller's time stamps. `plot` is the address of a viewer, empty for a new one. `bit_rate` is what is known of it.
-    `status_file` is where its state is written, `command` is run for findings.
+    `status_file` is where its state is written, `command` is run for findings, `filter` chooses the rows of a list.
     """
 
     buses: tuple[tuple[Interface, Filters], ...]
@@ -37,6 +38,7 @@ class LiveRequest:
     bit_rate: int | None = None
     status_file: str | None = None
     command: FindingCommand | None = None
+    filter: Filter | None = None
 
     @property
     def counted(self) -> set[str]:

@@ -129,7 +129,10 @@ class LiveRun:
             self._views.append(self._display)
         elif request.mode == "list":
             printer = stack.enter_context(Printer())
-            self._list = TransferList(request.view, criteria.registry, printer, several=self._several, say=say)
+            self._list = TransferList(
+                request.view, criteria.registry, printer, several=self._several, say=say,
+                matcher=None if request.filter is None else request.filter.matcher(labels=criteria.labels),
+            )  # fmt: skip
             self._views.append(self._list)
         else:
             self._views.append(EventLines(several=self._several, say=say))

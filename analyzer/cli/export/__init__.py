@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from analyzer.app.criteria import Criteria
+    from analyzer.app.filtered.frames import MatchingFrames
     from analyzer.app.run import Run
     from analyzer.cli.complaints import Complaints
     from analyzer.cli.export.target import Goal
@@ -46,11 +47,12 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--table", action="append", default=[], metavar="NAME",
         help="only this table: frames, transfers, events, NodeStatus or another type or packet; repeatable; "
-        "all: each of them; in no folder unless they are asked for: findings (what `check` finds) and esc (what each "
-        "ESC reported, beside what it was commanded)",
+        "all: each of them; in no folder unless they are asked for: findings (what `check` finds), flights and "
+        "flight_events (what `events` lists), esc (what each ESC reported, beside what it was commanded)",
     )  # fmt: skip
     group = rules.add_choice(parser, "rules of the findings")
     group.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
+    options.add_filter(parser)
     options.add_window(parser)
     parser.set_defaults(run=run)
 
@@ -67,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     from analyzer.sinks.export import BASIC, resolve  # noqa: PLC0415
 
     if args.stop in FORMS:
-        return status.usage(f"--to is a time: did you mean -F {args.stop}", NAME)
+        return status.usage(f"--to is a time: did you mean -F {args.stop}?", NAME)
     try:
         request = replace(options.request(args), rules=rules.choice(args))
     except (argparse.ArgumentTypeError, ValueError) as error:
@@ -84,9 +86,10 @@ def run(args: argparse.Namespace) -> int:
             if wanted.folder:
                 refuse_filled(wanted.path, force=args.force)
             criteria = _criteria(run, wanted)
+            chosen = options.choose(run)
         except (argparse.ArgumentTypeError, LookupError, OSError, ValueError) as error:
             return status.usage(error, NAME)
-        export = _Export(run, wanted, complaints, criteria)
+        export = _Export(run, wanted, complaints, criteria, chosen)
         try:
             if wanted.form == "mcap":
                 export.telemetry()
@@ -114,13 +117,16 @@ class _Export:
     It is judged by the criteria, if there are some.
     """
 
-    def __init__(self, run: Run, goal: Goal, complaints: Complaints, criteria: Criteria | None) -> None:
-        self._run, self._goal, self._complaints, self._criteria = run, goal, complaints, criteria
+    def __init__(
+        self, run: Run, goal: Goal, complaints: Complaints, criteria: Criteria | None, chosen: MatchingFrames | None
+    ) -> None:
+        self._run, self._goal, self._complaints, self._criteria, self._chosen = run, goal, complaints, criteria, chosen
         self._frames = self._transfers = self._events = 0
 
     def tables(self) -> None:
         """Write a file for each table, or one table."""
         from analyzer.app.found import FoundTable  # noqa: PLC0415
+        from analyzer.app.happened import HappenedTables  # noqa: PLC0415
         from analyzer.cli.reading import watched  # noqa: PLC0415
         from analyzer.sinks.atomic import Target, TargetFolder  # noqa: PLC0415
         from analyzer.sinks.export import TableExport  # noqa: PLC0415
@@ -129,8 +135,8 @@ class _Export:
         run, goal = self._run, self._goal
         place: AbstractContextManager[Target | TargetFolder]
         place = TargetFolder(goal.path) if goal.folder else Target(goal.path)
-        found = None if self._criteria is None else FoundTable(run, self._criteria, _scratch(goal.path))
-        extent = Extent()
+        found = None if self._criteria is None else FoundTable(run, self._criteria, _scratch(goal.path), self._chosen)
+        extent, happened = Extent(), HappenedTables(run, goal.tables)
         with place as target, ExitStack() as stack:
             if found is not None:
                 stack.callback(found.close)
@@ -145,13 +151,19 @@ class _Export:
                     raise _InputError(str(error)) from None
                 return target.open(Path(path).name)
 
-            export = TableExport(goal.form, make, run.registry, goal.tables, _scratch(goal.path), _about(run))
+            about, threaded = _about(run), run.request.threads > 1
+            scratch = _scratch(goal.path)
+            export = TableExport(goal.form, make, run.registry, goal.tables, scratch, about, threaded=threaded)
             with closing(export), watched(run.source, self._complaints) as progress:
-                for part in progress.over(self._parts(None if found is None else found.beside)):
+                judged = None if found is None else found.beside
+                for part in progress.over(self._parts(judged, happened.beside)):
                     export.feed(part)
                     extent.feed(part)
+                inside = extent if run.request.window else None
                 if found is not None:
-                    export.feed_findings(found.rows(extent if run.request.window else None))
+                    export.feed_found("findings", found.rows(inside))
+                for name in happened.names:
+                    export.feed_found(name, happened.rows(name, inside))
                 for _ in progress.over(export.finish(), "writing frames"):
                     run.go_on()
             run.go_on()
@@ -162,7 +174,7 @@ class _Export:
 
     def telemetry(self) -> None:
         """Write messages, frames, events and findings into one MCAP file."""
-        from analyzer.app.judged import JudgedRun  # noqa: PLC0415
+        from analyzer.app.found import FilteredJudge  # noqa: PLC0415
         from analyzer.cli.reading import watched  # noqa: PLC0415
         from analyzer.report.log_messages import log_messages  # noqa: PLC0415
         from analyzer.sinks import losses  # noqa: PLC0415
@@ -171,15 +183,14 @@ class _Export:
 
         run, goal = self._run, self._goal
         criteria = self._criteria
-        judged = None if criteria is None else JudgedRun(run, criteria)
+        judged = None if criteria is None else FilteredJudge(run, criteria, self._chosen)
         with Target(goal.path) as target:
             export = TelemetryExport(target.file, goal.tables, _about(run))
             with watched(run.source, self._complaints) as progress:
                 for part in progress.over(self._parts(None if judged is None else judged.beside)):
                     export.feed(part)
-            if criteria is not None and judged is not None:
-                report = criteria.report([judged.taken(run.source.name)])
-                log = log_messages(report, export.extent, export.capture, windowed=bool(run.request.window))
+            if judged is not None:
+                log = log_messages(judged.report(), export.extent, export.capture, windowed=bool(run.request.window))
                 export.add_findings(log)
             export.finish()
             run.go_on()
@@ -189,14 +200,16 @@ class _Export:
         if lost := losses(export.lost):
             streams.tell(f"-- frames in MCAP cannot hold: {lost}\n")
 
-    def _parts(self, beside: Callable[[Iterable[Batch]], Iterator[Batch]] | None) -> Iterator[BatchPart]:
+    def _parts(self, *beside: Callable[[Iterable[Batch]], Iterator[Batch]] | None) -> Iterator[BatchPart]:
         """Yield what is inside the window; all goes through `beside`. Ends the run when there is no use in going on."""
         from analyzer.window.part import TableSelection  # noqa: PLC0415
 
         run = self._run
         selection = TableSelection(run.request.window, self._again)
-        batches = run.ahead(batch.make_tables() for batch in run.batches())
-        for part in selection.parts(self._with_escs(batches if beside is None else beside(batches))):
+        batches = run.ahead(batch.make_tables() for batch in run.batches(early=True))
+        for one in beside:
+            batches = batches if one is None else one(batches)
+        for part in selection.parts(self._with_escs(self._marked(batches))):
             self._frames += len(part.frames)
             self._transfers += len(part.transfers)
             self._events += len(part.events)
@@ -208,7 +221,11 @@ class _Export:
 
     def _again(self) -> Iterator[Batch] | None:
         batches = self._run.again()
-        return None if batches is None else self._with_escs(batches)
+        return None if batches is None else self._with_escs(self._marked(batches))
+
+    def _marked(self, batches: Iterator[Batch]) -> Iterator[Batch]:
+        """Return the batches, with the rows marked that a filter selects."""
+        return batches if self._chosen is None else self._chosen.mark(batches)
 
     def _with_escs(self, batches: Iterator[Batch]) -> Iterator[Batch]:
         """Return the batches, with the table of ESCs if it is wanted."""
@@ -223,7 +240,8 @@ class _Export:
 
         run = self._run
         frames, transfers = run.totals.lines["frames"] - self._frames, run.transfers - self._transfers
-        outside = f", {frames} frames and {transfers} transfers outside the window" if frames or transfers else ""
+        where_not = "outside the window" if self._chosen is None else "do not match"
+        outside = f", {frames} frames and {transfers} transfers {where_not}" if frames or transfers else ""
         streams.tell(f"-- {what} written to {escape(where)}{outside}\n")
         account(run, None)
 

@@ -60,8 +60,11 @@ def goal(output: str, form: str | None, tables: Sequence[str]) -> Goal:
 def _mcap(output: str, tables: Sequence[str], *, into: bool) -> Goal:
     if "transfers" in tables:
         raise ValueError("MCAP holds messages, frames, events and findings, but no table of transfers")
-    if "esc" in tables:
-        raise ValueError("MCAP holds messages, frames, events and findings: esc is a table for Parquet, Arrow or CSV")
+    for name in ("esc", "flights", "flight_events"):
+        if name in tables:
+            raise ValueError(
+                f"MCAP holds messages, frames, events and findings: {name} is a table for Parquet, Arrow or CSV"
+            )
     if into:
         raise ValueError(f"{output}: is a folder, and MCAP is one file: give it a name")
     return Goal("mcap", output, folder=False, tables=() if ALL in tables else tuple(tables))

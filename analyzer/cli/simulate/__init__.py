@@ -60,7 +60,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--fault-rate", action="append", default=[], metavar="RULE=P",
         help="let it happen with this probability, from 0 to 1, whenever it could; repeatable",
     )  # fmt: skip
-    group.add_argument("--scenario", metavar="NAME", help="a story with faults of its own, see --list")
+    group.add_argument(
+        "--scenario", metavar="NAME[:OPTION=yes|no...]", help="a story with faults of its own, see --list"
+    )
     group.add_argument("--key", metavar="FILE", help="write what happened where, as JSON; - is standard output")
     group = buses.add_bus(parser)
     group.add_argument("--allow-actuation", action="store_true", help="send commands to a bus that may be real")
@@ -105,7 +107,7 @@ def _check_goal(args: argparse.Namespace) -> None:
     if args.output is None and named is None:
         raise ValueError("where to? give -o FILE, or an interface such as vcan0; or --list")
     if iface and form_of(iface)[0]:
-        raise ValueError(f"{iface} is no interface: did you mean -o {iface}")
+        raise ValueError(f"{iface} is no interface: did you mean -o {iface}?")
     if args.output is not None and named is not None:
         raise ValueError(f"to the file {args.output} or onto the bus {named}: which one?")
     if args.key is not None and args.output is not None and _same(args.key, args.output):
@@ -131,6 +133,8 @@ def _settings(args: argparse.Namespace, bus: Interface | None) -> SimulationSett
     from dissectors.tmotor.traffic import BUS_RATES, FLIGHT_PLANS  # noqa: PLC0415
 
     story = catalogue.scenario(args.scenario) if args.scenario is not None else None
+    if story is not None:
+        catalogue.story_options(args.scenario)
     flight = args.flight or (story.flight if story else FLIGHT_PLANS[0])
     if flight not in FLIGHT_PLANS:
         raise ValueError(f"no flight is called {flight!r} (there is {', '.join(FLIGHT_PLANS)})")

@@ -88,19 +88,4 @@ impl Group {
         };
         (0..).zip(&seen).filter(|(_, &word)| word != 0).flat_map(bits).collect()
     }
-
-    /// 1 for a row whose byte at `at` counts the bytes behind it, which begin with `header`.
-    pub fn counted(&self, at: usize, header: &[u8]) -> Vec<u8> {
-        let payload = &self.transfers.payload;
-        let counts = |span: Span| {
-            let behind = payload
-                .get(span.start..span.end)
-                .and_then(|bytes| bytes.get(at..)?.split_first());
-            let whole = |(&count, rest): (&u8, &[u8])| {
-                rest.len() >= header.len().max(1) && usize::from(count) == rest.len() && rest.starts_with(header)
-            };
-            u8::from(behind.is_some_and(whole))
-        };
-        self.spans().into_iter().map(counts).collect()
-    }
 }

@@ -3,7 +3,8 @@
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`],
 //! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`],
-//! [`unpack`] -> [`packets`]; [`load`] is how long a frame takes, [`rows`] writes the text of views, by templates. None
+//! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`joint`] where several senders
+//! lack some, [`load`] how long a frame takes, [`rows`] writes the text of views, by templates. None
 //! of them knows Python or does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that
 //! knows Python, `simd`, `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
@@ -16,12 +17,15 @@ pub mod candump;
 pub mod chain;
 pub mod counts;
 pub mod dataflash;
+pub mod decoder;
+pub mod diagnosis;
 pub mod dronecan_log;
 pub mod ending;
 pub mod events;
 pub mod frame_batch;
 pub mod frames;
 pub mod groups;
+pub mod joint;
 pub mod line;
 pub mod link;
 pub mod load;

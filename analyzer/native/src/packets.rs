@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod counter;
+pub mod cut;
 
 use crate::bits::{inside, Span};
 pub use counter::{Carrier, Counter, Steps};
@@ -83,6 +84,28 @@ impl Found {
 
     pub fn is_empty(&self) -> bool {
         self.row.is_empty()
+    }
+
+    /// The rows at some places.
+    #[must_use]
+    pub fn pick(&self, at: &[usize]) -> Found {
+        fn some<T: Copy>(column: &[T], at: &[usize]) -> Vec<T> {
+            at.iter().map(|&at| column[at]).collect()
+        }
+        Found {
+            row: some(&self.row, at),
+            offset: some(&self.offset, at),
+            start: some(&self.start, at),
+            len: some(&self.len, at),
+            family: some(&self.family, at),
+            spec: some(&self.spec, at),
+            header_ok: some(&self.header_ok, at),
+            length_ok: some(&self.length_ok, at),
+            complete: some(&self.complete, at),
+            checksum_ok: some(&self.checksum_ok, at),
+            checksum_end: some(&self.checksum_end, at),
+            reason: some(&self.reason, at),
+        }
     }
 
     fn push(&mut self, row: usize, span: Span, offset: usize, own: usize, piece: &Piece) {

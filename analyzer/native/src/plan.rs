@@ -107,6 +107,11 @@ impl Node {
         }
     }
 
+    /// An unsigned number.
+    pub fn unsigned(bits: u32) -> Node {
+        Node::new(scalar(Form::Uint, bits))
+    }
+
     /// Whether a dynamic array of this element loses its length field at the tail of a type
     /// (tail array optimisation; `DroneCAN`, classic CAN only).
     pub fn fills_tail(&self) -> bool {

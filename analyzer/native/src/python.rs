@@ -8,24 +8,29 @@ use std::sync::{Arc, Mutex};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+use crate::frames::Frames;
 use crate::groups;
 use crate::pipeline::{self, Input};
 use crate::reassembly::Resolve;
 use group::Group;
-use tables::{batch_tables, Dict, Tables};
+use tables::{batch_tables, give, Dict, Tables};
 
 mod buffer;
-mod decode;
+mod decoder;
+mod diagnosis;
 mod group;
+mod joint;
 mod load;
 mod mcap;
 mod merge;
+mod packets;
 mod proto;
 mod reader;
 #[cfg(target_os = "linux")]
 mod receive;
 mod rows;
 mod tables;
+mod template;
 mod write;
 
 /// Bytes of text that are taken in one step.
@@ -102,11 +107,20 @@ impl Pipeline {
         self.pipeline.waiting()
     }
 
-    /// Everything found since the last call: frames, transfers, events, settled, and the transfers by type.
-    fn take<'py>(&mut self, py: Python<'py>) -> PyResult<(Tables<'py>, Vec<Group>)> {
-        let batch = py.detach(|| self.pipeline.take());
+    /// Everything found since the last call: frames, transfers, events, settled, and the transfers by type. If `measured`,
+    /// the frames have a column of their bit times more.
+    #[pyo3(signature = (*, measured = false))]
+    fn take<'py>(&mut self, py: Python<'py>, measured: bool) -> PyResult<(Tables<'py>, Vec<Group>)> {
+        let (batch, bits) = py.detach(|| {
+            let batch = self.pipeline.take();
+            let bits = measured.then(|| frame_bits(&batch.frames));
+            (batch, bits)
+        });
         let types = self.pipeline.reassembler.types();
         let (tables, transfers) = batch_tables(py, batch, types)?;
+        if let Some(bits) = bits {
+            give(&tables.0, "bit_times", bits)?;
+        }
         let rows = py.detach(|| transfers.rows_by_type(types.len()));
         let known = rows.into_iter().zip(types).filter(|(rows, _)| !rows.is_empty());
         let groups = known.flat_map(|(rows, &name)| groups::Group::of(&transfers, rows, name));
@@ -146,6 +160,10 @@ impl Pipeline {
     }
 }
 
+fn frame_bits(frames: &Frames) -> Vec<u16> {
+    crate::load::frame_bits(&frames.id, &frames.flags, &frames.offset, &frames.data)
+}
+
 #[pymodule]
 fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<Pipeline>()?;
@@ -161,6 +179,9 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<write::Messages>()?;
     m.add_class::<write::AsRecorded>()?;
     m.add_class::<write::Writer>()?;
+    m.add_class::<diagnosis::FrameIndex>()?;
+    m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
+    m.add_function(wrap_pyfunction!(joint::joint, m)?)?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;
     m.add_function(wrap_pyfunction!(mcap::crc32, m)?)?;
     m.add_function(wrap_pyfunction!(proto::protobuf, m)?)?;
@@ -168,6 +189,9 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<rows::Template>()?;
     m.add_class::<rows::Sheet>()?;
     m.add_class::<Group>()?;
-    m.add_class::<decode::Plan>()?;
-    m.add_class::<decode::Packets>()
+    m.add_class::<decoder::Decoder>()?;
+    m.add_class::<decoder::Counters>()?;
+    m.add_class::<packets::PacketRows>()?;
+    m.add_function(wrap_pyfunction!(decoder::unrecognized, m)?)?;
+    m.add_class::<packets::Packets>()
 }

@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 pub mod column;
+pub mod layout;
 pub mod number;
 pub mod sheet;
 pub mod show;

@@ -88,7 +88,29 @@ pub struct Row<'a> {
     pub payload: &'a [u8],
 }
 
-impl Row<'_> {
+impl<'a> Row<'a> {
+    /// A transfer without a CRC of which no more is known.
+    pub fn bare(id: Id, payload: &'a [u8]) -> Self {
+        Row {
+            id,
+            bus: 0,
+            t: 0,
+            t_end: 0,
+            priority: 0,
+            transfer_id: 0,
+            status: Status::Unchecked,
+            crc_wire: None,
+            crc_here: None,
+            step: NO_STEP,
+            gap: NO_GAP,
+            anomaly: 0,
+            fd: false,
+            known: 0,
+            frames: &[],
+            payload,
+        }
+    }
+
     fn crc_valid(&self) -> u8 {
         u8::from(self.crc_wire.is_some()) | (u8::from(self.crc_here.is_some()) << 1)
     }
@@ -159,23 +181,10 @@ impl Default for Transfers {
     }
 }
 
-impl Transfers {
-    pub fn len(&self) -> usize {
-        self.t.len()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.t.is_empty()
-    }
-
-    /// An empty table with room for some more rows than this one has.
-    #[must_use]
-    pub fn like(&self) -> Self {
-        let mut out = Transfers::default();
-        macro_rules! columns {
-            ($($name:ident),+) => { $( out.$name.reserve_exact(room_like(self.$name.len())); )+ };
-        }
-        columns!(
+/// Does something with every column but the two of offsets.
+macro_rules! each_column {
+    ($what:ident) => {
+        $what!(
             t,
             t_end,
             bus,
@@ -194,11 +203,31 @@ impl Transfers {
             anomaly,
             fd,
             known,
-            frame_offset,
             frame,
-            payload_offset,
             payload
-        );
+        )
+    };
+}
+
+impl Transfers {
+    pub fn len(&self) -> usize {
+        self.t.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.t.is_empty()
+    }
+
+    /// An empty table with room for some more rows than this one has.
+    #[must_use]
+    pub fn like(&self) -> Self {
+        let mut out = Transfers::default();
+        macro_rules! reserve {
+            ($($name:ident),+) => { $( out.$name.reserve_exact(room_like(self.$name.len())); )+ };
+        }
+        each_column!(reserve);
+        out.frame_offset.reserve_exact(room_like(self.frame_offset.len()));
+        out.payload_offset.reserve_exact(room_like(self.payload_offset.len()));
         out
     }
 
@@ -217,31 +246,10 @@ impl Transfers {
             .extend(other.frame_offset[1..].iter().map(|end| end + frames));
         self.payload_offset
             .extend(other.payload_offset[1..].iter().map(|end| end + bytes));
-        macro_rules! columns {
+        macro_rules! append {
             ($($name:ident),+) => { $( self.$name.append(&mut other.$name); )+ };
         }
-        columns!(
-            t,
-            t_end,
-            bus,
-            kind,
-            type_id,
-            src,
-            dst,
-            priority,
-            transfer_id,
-            status,
-            crc_wire,
-            crc_here,
-            crc_valid,
-            step,
-            gap,
-            anomaly,
-            fd,
-            known,
-            frame,
-            payload
-        );
+        each_column!(append);
     }
 
     /// The rows of every known type whose payload is worth unpacking, by index of the type.

@@ -2,31 +2,24 @@
 
 Texts from a capture are made printable (`visible`) and then escaped by the template engine, every one of them: no
 filter of ours marks text as safe. A Content-Security-Policy names the only style and script that may act, by
-their hashes.
+their hashes. `parts` holds what all pages share.
 """
 
 from __future__ import annotations
 
-import base64
-import hashlib
-from functools import cache
 from typing import TYPE_CHECKING, Any
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
 from analyzer.report import headline
 from analyzer.report.html import figures, sections
+from analyzer.report.html.parts import environment, policy
 from analyzer.report.model import CATEGORIES, SEVERITIES, VERDICTS
-from analyzer.report.moments import clock, moment
 from analyzer.report.wording import captures_by_id, events, waived
-from analyzer.views.terminal import ELLIPSIS, escape
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
+
     from analyzer.report.model import CaptureSummary, Finding, Report
 
-LONGEST_TEXT = 400  # characters
-LONGEST_NAME = 60
 FINDINGS_BYTES = 8_500_000
 EVIDENCE_LINES = 20_000  # of all findings together
 _FEWEST_LINES, _MOST_LINES = 3, 60  # of one finding
@@ -34,11 +27,11 @@ _FEWEST_LINES, _MOST_LINES = 3, 60  # of one finding
 
 def render(report: Report) -> str:
     """Write the whole file. The same report gives the same text."""
-    environment = _environment()
+    templates = environment(__package__)
     head, shown = headline.of(report), _findings(report)
-    return environment.get_template("report.html.j2").render(
+    return templates.get_template("report.html.j2").render(
         report=report,
-        policy=_policy(environment),
+        policy=policy(templates, "report.js"),
         headline=head,
         tally=sections.tally(head.problems),
         captures=[sections.capture_facts(capture) for capture in report.captures],
@@ -59,54 +52,9 @@ def render(report: Report) -> str:
     )
 
 
-def visible(value: Any) -> Any:
-    r"""Return what a template prints: text without anything invisible or misleading (`\x1b`), of bounded length."""
-    if isinstance(value, Markup) or not isinstance(value, str):
-        return value
-    return _cut(value, LONGEST_TEXT)
-
-
-def _name(value: object) -> str:
-    """Filter what should be short."""
-    return _cut(str(value), LONGEST_NAME)
-
-
-def _cut(text: str, limit: int) -> str:
-    printable = escape(text[: limit + 1])
-    return printable if len(printable) <= limit else printable[: limit - 1] + ELLIPSIS
-
-
-def _count(number: int) -> str:
-    return f"{number:,}"
-
-
-@cache
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("analyzer.report.html"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        finalize=visible,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"name": _name, "count": _count, "moment": moment, "clock": clock}
-    return environment
-
-
-def _policy(environment: Environment) -> str:
-    """Return a policy: nothing may be loaded, sent or run but the style and the script of this file."""
-    hashes = {}
-    for kind, source in (("style-src", "report.css"), ("script-src", "report.js")):
-        digest = hashlib.sha256(environment.get_template(source).render().encode()).digest()
-        hashes[kind] = base64.b64encode(digest).decode()
-    allowed = "; ".join(f"{kind} 'sha256-{digest}'" for kind, digest in hashes.items())
-    return f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'"
-
-
 def _findings(report: Report) -> list[Markup]:
     """Write the findings one by one, until the file would become too large to open."""
-    macro = _environment().get_template("finding.html.j2").module.finding  # type: ignore[attr-defined]  # of the template
+    macro = environment(__package__).get_template("finding.html.j2").module.finding  # type: ignore[attr-defined]  # of the template
     captures = captures_by_id(report)
     room = min(max(EVIDENCE_LINES // max(len(report.findings), 1), _FEWEST_LINES), _MOST_LINES)
     several = len(report.captures) > 1

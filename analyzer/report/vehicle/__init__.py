@@ -5,15 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analyzer.facts.names import short
+from analyzer.facts.traffic import FEWEST_OF_RATE
 from analyzer.report.model import Requirement, Waiver, WaiverUse
+from analyzer.report.wording import plural
 from analyzer.rules.vehicle.expected import TOLERANCE
 from analyzer.rules.verdicts import UNJUDGED
 from dissectors.records import replace
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
     from datetime import date
 
+    from analyzer.facts.summary import NodeFacts
     from analyzer.report.draft import Demand, Draft, Excuses, JudgedCapture, Revise
     from analyzer.report.model import Finding
     from analyzer.rules.vehicle.expected import Excuse, Expected
@@ -109,10 +113,27 @@ def _of_node(expected: Expected, number: int, one: JudgedCapture) -> Iterator[Re
     sent = [what for what in one.checked.facts.nodes if what.node == number]
     yield Requirement(name, bool(sent), f"{sum(what.count for what in sent)} transfers", expected=True)
     for kind, rate in node.rates.items():
-        rates = [what.hz for what in sent if what.sends == kind and what.hz is not None]
-        met = any(abs(hz - rate) <= TOLERANCE * rate for hz in rates) if rates else rate == 0
-        shown = " and ".join(f"{hz:.4g}/s" for hz in rates) or "no rate"
+        met, shown = _rate(one, [what for what in sent if what.sends == kind], rate)
         yield Requirement(f"{short(kind)} of {name} at {rate:g}/s", met, shown, expected=one.timed)
+
+
+def _rate(one: JudgedCapture, sent: Sequence[NodeFacts], rate: float) -> tuple[bool, str]:
+    """Return whether transfers come at a rate, and what was found of it.
+
+    Too few for a rate of their own are counted against those that are due from the first, or from the start of the
+    capture, to its end: one more or less is how the capture was cut.
+    """
+    rates = [what.hz for what in sent if what.hz is not None]
+    if rates or not rate:
+        met = any(abs(hz - rate) <= TOLERANCE * rate for hz in rates) if rates else True
+        return met, " and ".join(f"{hz:.4g}/s" for hz in rates) or "no rate"
+    count, facts = sum(what.count for what in sent), one.checked.facts
+    if count >= FEWEST_OF_RATE or facts.start is None or facts.end is None:
+        return False, "no rate"
+    begun = min((what.first for what in sent if what.first is not None), default=facts.start)
+    lasts = (facts.end - begun) / SECOND
+    due = rate * lasts + (count > 0)
+    return abs(count - due) <= 1 + TOLERANCE * due, f"{plural(count, 'transfer')} in {lasts:.3g} s"
 
 
 def _of_all(expected: Expected, draft: Draft) -> Iterator[Requirement]:

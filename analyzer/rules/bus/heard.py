@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames
+from analyzer.rules.bus.sessions import bus_frames
 from analyzer.tables import TAIL_END, TAIL_ID, TAIL_START, TRANSFER_IDS
 from dissectors.records import dataclass, field
 
@@ -89,15 +89,15 @@ class HeardNodes:
             self._add(bus, frames.first, ours)
 
     def _add(self, bus: int, start: int, ours: BusFrames) -> None:
-        for node, mine in ours.by_node.items():
-            first, last = ours.ends(mine)
-            t, until = int(ours.times[first]), int(ours.times[last])
+        gaps, nodes = dict(ours.gaps(self._least, _MOST_GAPS)), ours.nodes
+        columns = nodes.node, ours.times[nodes.first], ours.times[nodes.last], nodes.last
+        for k, (node, t, until, last) in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
             heard = self._nodes.get((bus, node))
             if heard is None:
                 heard = self._nodes[bus, node] = HeardNode(t, -1)
             elif t - heard.t > self._least:
                 heard.gaps.append(Gap(heard.t, t, heard.number, heard.lines))
-            heard.gaps += (Gap(since, stop, start + row) for since, stop, row in ours.gaps(mine, self._least))
+            heard.gaps += (Gap(since, stop, start + row) for since, stop, row in gaps.get(k, ()))
             heard.t, heard.number, heard.lines = until, start + last, ()
             del heard.gaps[:-_MOST_GAPS]
 
@@ -116,8 +116,9 @@ class HeardSessions:
             lost = np.zeros(len(at), np.int64)
             np.cumsum(np.maximum(transfer_id[1:] - transfer_id[:-1] & TAIL_ID, 1) - 1, out=lost[1:])
             t, number = ours.times[ours.row[at]], frames.first + ours.row[at]
+            beyond = ours.beyond([session for session in ours.sessions if not session.of_service], self._last)
             for one, session in enumerate(ours.sessions):
-                if session.of_service or (session not in self._last and len(self._last) >= MOST_SESSIONS):
+                if session.of_service or session in beyond:
                     continue
                 last = self._last.setdefault(session, _Last())
                 begin, end = ours.first[one], ours.first[one + 1]

@@ -12,7 +12,7 @@ from analyzer.tables import EXTENDED, KINDS, REMOTE, TAIL_END, TAIL_START
 from dissectors.kit import by_key, times_by_bus
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Container, Iterator, Mapping, Sequence
 
     from dissectors.kit import Array, BusTimes, FrameTable, TransferTable
 
@@ -42,6 +42,20 @@ class Session(NamedTuple):
         return bool(self.type_id & _SERVICE)
 
 
+class NodeRows(NamedTuple):
+    """Nodes in a batch: where the frames of each begin and end by session, its first and its last row.
+
+    `of_session` says which of them each session is of.
+    """
+
+    node: Array
+    of_session: Array
+    begin: Array
+    end: Array
+    first: Array
+    last: Array
+
+
 class BusFrames:
     """Frames of a bus in a batch that have a time and a sender, one session after the other.
 
@@ -54,8 +68,8 @@ class BusFrames:
         codes = (identifier & _NODE) << _KEY_BITS | identifier >> 7 & _KEY
         self.place, first = by_key(codes)
         self.row = self.place if rows is None else rows[self.place]
-        self.tail = _tails(frames)[self.row]
-        self.times, self._forward = frames.t, times.steady
+        self.tail = frames.tail[self.row]
+        self.times, self.forward = frames.t, times.steady
         self.first: Sequence[int] = [*first.tolist(), len(codes)]
         begin = codes[self.place[first]].tolist()
         self.sessions = [_session(times.bus, code >> _KEY_BITS, code & _KEY) for code in begin]
@@ -70,33 +84,47 @@ class BusFrames:
         return at, np.searchsorted(at, self.first)
 
     @cached_property
-    def by_node(self) -> Mapping[int, Sequence[int]]:
-        """Places of sessions by node."""
-        found: dict[int, list[int]] = {}
-        for k, session in enumerate(self.sessions):
-            found.setdefault(session.node, []).append(k)
-        return found
+    def nodes(self) -> NodeRows:
+        """The nodes of these frames, in order."""
+        node = np.array([session.node for session in self.sessions], np.int64)
+        begins = np.flatnonzero(np.diff(node, prepend=-1))
+        ends = np.append(begins[1:], len(node))
+        first = np.array(self.first, np.int64)
+        return NodeRows(
+            node[begins], np.repeat(np.arange(len(begins)), ends - begins), first[begins], first[ends],
+            np.minimum.reduceat(self.row[first[:-1]], begins), np.maximum.reduceat(self.row[first[1:] - 1], begins),
+        )  # fmt: skip
 
-    def ends(self, sessions: Sequence[int]) -> tuple[int, int]:
-        """Return the first and the last row of some sessions."""
-        first = min(int(self.row[self.first[one]]) for one in sessions)
-        return first, max(int(self.row[self.first[one + 1] - 1]) for one in sessions)
+    def beyond(
+        self, sessions: Sequence[Session], held: Collection[Session], first: Container[Session] = ()
+    ) -> set[Session]:
+        """Return of sessions of this batch those that there is no room for beside the ones that are `held`.
 
-    def gaps(self, sessions: Sequence[int], least: int) -> Iterator[tuple[int, int, int]]:
-        """Yield times in which some sessions have no frame: since when, until when, the row of the frame before.
+        Those of `first` go first, then those that were heard first, whatever their nodes and types are.
+        """
+        new = {session for session in sessions if session not in held}
+        room = max(MOST_SESSIONS - len(held), 0)
+        if len(new) <= room:
+            return set()
+        heard = {session: self.place.item(at) for session, at in zip(self.sessions, self.first[:-1], strict=True)}
+        return set(sorted(new, key=lambda session: (session not in first, heard[session]))[room:])
+
+    def gaps(self, least: int, most: int) -> Iterator[tuple[int, Iterator[tuple[int, int, int]]]]:
+        """Yield times in which nodes have no frame: since when, until when, the row of the frame before.
+
+        They come with the place of their node among `nodes`.
 
         Args:
-            sessions: places of them.
             least: shorter times are left out.
+            most: so many of a node, the last ones.
         """
-        ends = self.ends(sessions)
-        # Where no clock was set back, a session without gaps shows that its node has none.
-        if self._forward and any(self._fills(one, ends, least) for one in sessions):
-            return
-        rows = np.sort(np.concatenate([self.row[self.first[one] : self.first[one + 1]] for one in sessions]))
-        t = self.times[rows]
-        for k in np.flatnonzero(t[1:] - t[:-1] > least).tolist():
-            yield int(t[k]), int(t[k + 1]), int(rows[k])
+        nodes = self.nodes
+        for k in np.flatnonzero(~self._without_gaps(least)).tolist():
+            rows = np.sort(self.row[nodes.begin[k] : nodes.end[k]])
+            t = self.times[rows]
+            at = np.flatnonzero(t[1:] - t[:-1] > least)[-most:]
+            if len(at):
+                yield k, zip(t[at].tolist(), t[at + 1].tolist(), rows[at].tolist(), strict=True)
 
     @cached_property
     def _begun(self) -> Array:
@@ -111,12 +139,19 @@ class BusFrames:
         apart[first[1:] - 1] = 0
         return np.maximum.reduceat(apart, first[:-1])
 
-    def _fills(self, one: int, ends: tuple[int, int], least: int) -> bool:
-        """Return whether a session has no gap, nor leaves one to the first and last row of others."""
-        first, last = ends
-        t = self._begun[self.begins[1][one : one + 2] - (0, 1)]
-        early, late = t[0] - self.times[first] <= least, self.times[last] - t[1] <= least
-        return bool(self._widest[one] <= least and early and late)
+    def _without_gaps(self, least: int) -> Array:
+        """Return which nodes have a session without a gap, that leaves none to the node's first and last row either.
+
+        Where a clock was set back, that shows nothing.
+        """
+        nodes, first = self.nodes, self.begins[1]
+        if not self.forward:
+            return np.zeros(len(nodes.node), bool)
+        early = self._begun[first[:-1]] - self.times[nodes.first][nodes.of_session] <= least
+        late = self.times[nodes.last][nodes.of_session] - self._begun[first[1:] - 1] <= least
+        found = np.zeros(len(nodes.node), bool)
+        found[nodes.of_session[early & late & (self._widest <= least)]] = True
+        return found
 
 
 _known: WeakKeyDictionary[FrameTable, Mapping[int, BusFrames]] = WeakKeyDictionary()
@@ -167,13 +202,3 @@ def first_transfers(
 def _session(bus: int, node: int, key: int) -> Session:
     """Return a session by its key: the type ID, in front of it what `Session` says of a service, behind it a bit."""
     return Session(bus, node, key >> 1 | (key & 1) * _SERVICE)
-
-
-def _tails(frames: FrameTable) -> Array:
-    """Return the last byte of each frame; that of an empty one says nothing."""
-    ends, data = frames.raw
-    if not len(data):
-        return np.zeros(len(frames), np.uint8)
-    last = np.frombuffer(data, np.uint8).take(ends[1:] - 1, mode="clip")
-    last[frames.length == 0] = 0
-    return last

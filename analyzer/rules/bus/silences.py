@@ -58,14 +58,17 @@ class Silences(Rule):
             rows = rows if known is None else rows[t.lead[rows] > known.frames[0]]  # some come out late
             if not len(rows):
                 continue
-            pauses = np.diff(t.t[rows], prepend=int(t.t[rows[0]]) if known is None else known.t)
-            late = pauses > view.number("BUS-020", "late_s") * SECOND
-            own = np.flatnonzero(code == node) if late.any() else rows
-            for at in np.flatnonzero(late).tolist():
-                last = known if known is not None and not at else _place(view, int(rows[at - 1]), NODE_STATUS)
-                sent = int(np.searchsorted(own, rows[at]))
-                active = int(t.t[own[sent - 1]]) if sent else int(before[node])
-                yield from self._silence(view, last, node, (active, int(t.t[rows[at]])))
+            before_each = np.append(int(t.t[rows[0]]) if known is None else known.t, t.t[rows[:-1]])
+            late = np.flatnonzero(t.t[rows] - before_each > view.number("BUS-020", "late_s") * SECOND)
+            if len(late):
+                own = np.flatnonzero(code == node)
+                sent = np.searchsorted(own, rows[late])
+                active = np.where(sent > 0, t.t[own[np.maximum(sent - 1, 0)]], before[node])
+                columns = (late, before_each[late], active, t.t[rows[late]])
+                for at, since, until, end in zip(*(column.tolist() for column in columns), strict=True):
+                    if self._owes(view, node, since, until)[1]:
+                        last = known if known is not None and not at else _place(view, int(rows[at - 1]), NODE_STATUS)
+                        yield from self._silence(view, last, node, (until, end))
             self._status[node] = _place(view, int(rows[-1]), NODE_STATUS)
 
     def finish(self, view: View) -> Iterator[Occurrence]:
@@ -102,11 +105,10 @@ class Silences(Rule):
         of the time owes nothing for that.
         """
         active, end = until
-        woke = int(self._woke[node])
-        start = max(last.t, woke if woke <= active else view.resumed(active))
-        least = view.number("BUS-020", "late_s") * SECOND
-        if active - start <= least:
+        start, owes = self._owes(view, node, last.t, active)
+        if not owes:
             return
+        least = view.number("BUS-020", "late_s") * SECOND
         most = self._gap(node, start, active)
         if 2 * (most.stop - most.start) > active - start:
             start, active = max((start, most.start), (most.stop, active), key=lambda part: part[1] - part[0])
@@ -115,6 +117,12 @@ class Silences(Rule):
             values = {"seconds": silence / SECOND, "then": self._then(view, node, (start, active), end)}
             severity: Severity | None = None if silence > OFFLINE else "note"
             yield replace(last, values=values, severity=severity, drops=True, until=min(active, start + OFFLINE))
+
+    def _owes(self, view: View, node: int, since: int, active: int) -> tuple[int, bool]:
+        """Return since when a node could have reported again, and whether it was active too long after that."""
+        woke = self._woke.item(node)
+        start = max(since, woke if woke <= active else view.resumed(active))
+        return start, active - start > view.number("BUS-020", "late_s") * SECOND
 
     def _gap(self, node: int, start: int, stop: int) -> Gap:
         """Return the longest time between two others in which a node was silent."""

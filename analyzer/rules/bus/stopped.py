@@ -13,6 +13,7 @@ from dissectors.records import dataclass, field
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from analyzer.rules.bus.heard import Starts as Begun
     from dissectors.kit import Severity, Values, View
 
 _SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
@@ -77,15 +78,17 @@ class Stopped(Rule):
         self._pauses.feed(view)
         self._starts.feed(view)
         self._nodes.feed(view.frames)
-        for session, begun in self._sessions.feed(view.frames):
-            talk = self._talks.get(session)
-            if talk is None:
-                talk = self._talks[session] = _Talk(self._pace(view))
-            for found in talk.pace.feed(begun.t, begun.lost):
-                number = talk.number if found.at < 0 else int(begun.number[found.at])
-                lines = talk.lines if found.at < 0 and talk.lines else view.lines((number,))
-                self._doubt(view, (session, talk), found, _Place(number, lines))
-            talk.number, talk.lines = int(begun.number[-1]), ()
+        heard = list(self._sessions.feed(view.frames))
+        for session, _ in heard:
+            if session not in self._talks:
+                self._talks[session] = _Talk(self._pace(view))
+        talks = [self._talks[session] for session, _ in heard]
+        times, lost = [one.t for _, one in heard], [one.lost for _, one in heard]
+        breaks = PacedReports.feed_all([talk.pace for talk in talks], times, lost)
+        for (session, starts), talk, found in zip(heard, talks, breaks, strict=True):
+            for one in found:
+                self._doubt(view, (session, talk), one, _place(view, talk, starts, one))
+            talk.number, talk.lines = int(starts.number[-1]), ()
         self._prove(view)
         self._keep_lines(view)
         yield from self._judge(view, view.end)
@@ -98,8 +101,10 @@ class Stopped(Rule):
             end = self._pauses.last.get(bus, heard.t)
             if end - heard.t > self._least(view):
                 heard.gaps.append(Gap(heard.t, end, heard.number, heard.lines))
-        for session, talk in self._talks.items():
-            found = talk.pace.silence(self._pauses.last.get(session.bus, talk.pace.last))
+        paces, ends = [talk.pace for talk in self._talks.values()], self._pauses.last
+        until = [ends.get(session.bus, pace.last) for session, pace in zip(self._talks, paces, strict=True)]
+        silences = PacedReports.silences(paces, until)
+        for (session, talk), found in zip(self._talks.items(), silences, strict=True):
             if found is not None:
                 self._doubt(view, (session, talk), found, _Place(talk.number, talk.lines), ends=True)
         yield from self._judge(view, None)
@@ -198,3 +203,9 @@ class Stopped(Rule):
             "BUS-035", start, bus, node, name, (place.number,), values, severity,
             drops=True, until=min(stop, start + _SHARE), lines=place.lines,
         )  # fmt: skip
+
+
+def _place(view: View, talk: _Talk, begun: Begun, found: Break) -> _Place:
+    """Return the last report before a break."""
+    number = talk.number if found.at < 0 else begun.number.item(found.at)
+    return _Place(number, talk.lines if found.at < 0 and talk.lines else view.lines((number,)))

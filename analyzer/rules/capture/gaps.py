@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.rules.joint.gathered import Gathered, Sent
-from dissectors.kit import NO_TIME, SECOND, Rule
+from analyzer.facts.identifiers import NOBODY
+from dissectors.kit import NO_TIME, SECOND, Occurrences, Rule, times_by_bus
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import Array, Occurrences, View
+    from dissectors.kit import Array, FrameTable, View
 
 # Frames before a gap whose order may be mixed up.
 _MIXED = 64
@@ -25,34 +25,48 @@ class Gaps(Rule):
     rules = ("CAP-002",)
 
     def __init__(self) -> None:
-        self._last: tuple[Array, list[tuple[int, int]]] = (np.empty(0, np.int64), [])
-        self._found = Gathered()
+        self._last = np.empty((3, 0), np.int64)  # times, numbers and interfaces of the last frames
 
     def feed(self, view: View) -> Iterator[Occurrences]:
         """Compare each time with that of the frame before, also across batches."""
         frames = view.frames
-        rows = None if (frames.t != NO_TIME).all() else np.flatnonzero(frames.t != NO_TIME)
-        old = len(self._last[0])
-        t = np.concatenate((self._last[0], frames.t if rows is None else frames.t[rows]))
         silence = view.number("CAP-002", "silence_s") * SECOND
-        late = np.flatnonzero(np.diff(t) > silence) + 1
-        late = late[late >= old]
+        rows = None if (frames.t != NO_TIME).all() else np.flatnonzero(frames.t != NO_TIME)
+        old = self._last.shape[1]
+        t = np.concatenate((self._last[0], frames.t if rows is None else frames.t[rows]))
 
-        def place(at: int) -> tuple[int, int]:
-            """Return number and interface of a frame."""
-            if at < old:
-                return self._last[1][at]
-            row = at - old if rows is None else int(rows[at - old])
-            return row + frames.first, int(frames.bus[row])
+        def sent(places: Array) -> Array:
+            """Return times, numbers and interfaces of frames by their places in `t`."""
+            found = np.empty((3, len(places)), np.int64)
+            here = places >= old
+            row = places[here] - old if rows is None else rows[places[here] - old]
+            found[:, ~here] = self._last[:, places[~here]]
+            found[:, here] = frames.t[row], row + frames.first, frames.bus[row]
+            return found
 
-        last = _latest(t, late, silence)
-        for at in np.flatnonzero(t[late] - t[last] > silence).tolist():
-            begin = int(t[last[at]])
-            number, bus = place(int(last[at]))
-            seconds = (int(t[late[at]]) - begin) / SECOND
-            self._found.add("CAP-002", Sent(begin, bus), (number,), {"seconds": seconds}, drops=False)
-        yield from self._found.occurrences()
-        self._last = t[-_MIXED:].copy(), [place(at) for at in range(max(0, len(t) - _MIXED), len(t))]
+        if not _calm(frames, t[max(old - 1, 0) : old + 1], silence):
+            late = np.flatnonzero(np.diff(t) > silence) + 1
+            late = late[late >= old]
+            last = _latest(t, late, silence)
+            far = t[late] - t[last] > silence
+            yield _occurrences(sent(last[far]), (t[late] - t[last])[far])
+        self._last = sent(np.arange(max(0, len(t) - _MIXED), len(t)))
+
+
+def _calm(frames: FrameTable, border: Array, silence: float) -> bool:
+    """Return whether it is plain that there is no silence, neither in a batch nor at its `border` with the last one."""
+    times = times_by_bus(frames)
+    return len(times) == 1 and times[0].longest <= silence and bool((np.diff(border) <= silence).all())
+
+
+def _occurrences(sent: Array, silence: Array) -> Occurrences:
+    """Return silences of so many ns behind frames that were `sent`: their times, numbers and interfaces."""
+    t, number, bus = sent
+    nobody = np.full(len(t), NOBODY)
+    return Occurrences(
+        rule="CAP-002", t=t, bus=bus, node=nobody, type=nobody, frame=number,
+        values=lambda k: {"seconds": silence.item(k) / SECOND}, frames=lambda k: (number.item(k),),
+    )  # fmt: skip
 
 
 def _latest(t: Array, late: Array, silence: float) -> Array:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
+from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.events import EventTimes, drops_in
-from analyzer.rules.joint.gathered import Gathered, Sent
 from analyzer.rules.joint.times import LONGEST, SETTLED
-from dissectors.kit import NO_TIME, SECOND, Rule
+from dissectors.kit import NO_TIME, SECOND, Occurrences, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import Occurrences, View
+    from dissectors.kit import View
 
 
 class Inferred(Rule):
@@ -22,7 +24,6 @@ class Inferred(Rule):
 
     def __init__(self) -> None:
         self._told = EventTimes()  # what the recorder says that it lost
-        self._found = Gathered()
 
     def feed(self, view: View) -> Iterator[Occurrences]:
         """Yield the places that are settled with this batch."""
@@ -38,10 +39,21 @@ class Inferred(Rule):
 
     def _places(self, view: View) -> Iterator[Occurrences]:
         around = self._around(view)
-        for one in view.joint_losses:
-            if not self._told.near(one.bus, one.since - around, one.until + around):
-                self._found.add("CAP-006", Sent(one.since, one.bus), one.frames, {"senders": one.senders}, drops=False)
-        yield from self._found.occurrences()
+        found = [
+            one
+            for one in view.joint_losses
+            if not self._told or not self._told.near(one.bus, one.since - around, one.until + around)
+        ]
+        if not found:
+            return
+        t, bus, frame = np.array([(one.since, one.bus, one.place) for one in found], np.int64).T
+        nobody = np.full(len(found), NOBODY)
+        yield Occurrences(
+            rule="CAP-006", t=t, bus=bus, node=nobody, type=nobody, frame=frame,
+            values=lambda k: {"senders": found[k].senders},
+            frames=lambda k: tuple(dict.fromkeys((found[k].place, *found[k].frames))),
+            drops=False, each_named=True,
+        )  # fmt: skip
 
     def _around(self, view: View) -> int:
         return round(view.number("CAP-004", "around_s") * SECOND)

@@ -3,56 +3,100 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import TYPE_CHECKING
 
-NOT_SEARCHED = "further ones, cause not sought"
+import numpy as np
+
+from analyzer.rules.diagnosis.causes import NOT_SEARCHED, Cause
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable, Iterable
+
+    from dissectors.kit import Array
+
 LIKE = " (like earlier ones)"
 MOST_SEARCHES = 500  # transfers of one type and sender whose cause is searched
-AT_ONCE = 4000  # of all, wherever they are, and one more in every so many frames of the capture:
-EACH = 2048
-FEW = 8  # of a sender; a share of all is kept for those that had fewer:
-SHARE = 4
 MOST_SENDERS = 4096  # of which that is counted
 MOST_SHAPES = 64  # of one sender's transfers that are kept apart
 _NEARLY_ALL = 0.9
+_CODE_BITS, _NODE_BITS = 34, 9
 
-Sender = tuple[int, int, int]  # bus, node, type
+Sender = int  # bus, node and type as one number
 Shape = tuple[int, int]  # frames and bytes that came
 
 
+def senders_of(bus: Array, node: Array, code: Array) -> Array:
+    """Return each sender and type as one number; nodes and codes may be -1 for none."""
+    who = np.asarray(bus, np.int64) << _NODE_BITS | (np.asarray(node, np.int64) + 1)
+    found: Array = who << _CODE_BITS | (np.asarray(code, np.int64) + 1)
+    return found
+
+
+def alike(what: str) -> Cause:
+    """Return the cause of a transfer that is told like earlier ones."""
+    return Cause(what, "" if what == NOT_SEARCHED else LIKE)
+
+
 class SearchBudget:
-    """Counts searches, so that a capture whose every transfer is broken costs no more than a share of its frames."""
+    """Counts searches: what a sender does again and again is told as what was found of it so often."""
 
     def __init__(self) -> None:
         self._spent: dict[Sender, int] = {}
-        self._total = 0
 
-    def take(self, key: Sender, number: int) -> bool:
-        """Return whether one more search may be made for a sender and type, at a frame of this number."""
-        spent = self._spent.get(key, MOST_SEARCHES if len(self._spent) >= MOST_SENDERS else 0)
-        most = AT_ONCE + number // EACH
-        if spent >= MOST_SEARCHES or self._total >= (most if spent < FEW else most - most // SHARE):
-            return False
-        self._spent[key] = spent + 1
-        self._total += 1
-        return True
+    def left(self, sender: Sender) -> int:
+        """Return how many more searches may be made for a sender and type."""
+        spent = self._spent.get(sender)
+        if spent is None:
+            return MOST_SEARCHES if len(self._spent) < MOST_SENDERS else 0
+        return MOST_SEARCHES - spent
+
+    def spend(self, sender: Sender, count: int = 1) -> None:
+        """Note searches that were made."""
+        self._spent[sender] = self._spent.get(sender, 0) + count
+
+    def allows(self, senders: Array) -> Array:
+        """Return a mask of those, in their order, for whom a search may be made."""
+        _, first, kind, counts = np.unique(senders, return_index=True, return_inverse=True, return_counts=True)
+        left = np.fromiter(map(self.left, senders[first].tolist()), np.int64, len(first))
+        order = np.argsort(kind, kind="stable")
+        rank = np.empty(len(order), np.int64)
+        rank[order] = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
+        found: Array = rank < left[kind]
+        return found
+
+    def take(self, senders: Array) -> Array:
+        """Return the same, and note these searches."""
+        found = self.allows(senders)
+        for sender, count in Counter(senders[found].tolist()).items():
+            if self.left(sender):
+                self.spend(sender, count)
+            else:  # too many senders
+                found &= senders != sender
+        return found
 
 
 class KnownCauses:
     """The causes that were found for each sender, by the shape of its transfers."""
 
     def __init__(self) -> None:
-        self._known: dict[Sender, dict[Shape | None, Counter[str]]] = {}
+        self._known: dict[Hashable, dict[Shape | None, dict[str, int]]] = {}
 
-    def note(self, key: Sender, shape: Shape, cause: str) -> None:
-        """Note one more that was found; an empty cause is one that another finding tells."""
+    def note(self, key: Hashable, shape: Shape, cause: str, count: int = 1) -> None:
+        """Note one more that was found, or some; an empty cause is one that another finding tells."""
         if key not in self._known and len(self._known) >= MOST_SENDERS:
             return
-        known = self._known.setdefault(key, {None: Counter()})
-        known[None][cause] += 1
+        known = self._known.setdefault(key, {None: {}})
+        known[None][cause] = known[None].get(cause, 0) + count
         if shape in known or len(known) < MOST_SHAPES:
-            known.setdefault(shape, Counter())[cause] += 1
+            counts = known.setdefault(shape, {})
+            counts[cause] = counts.get(cause, 0) + count
 
-    def like(self, key: Sender, shape: Shape) -> str:
+    def note_all(self, found: Iterable[tuple[Hashable, Shape, str]]) -> None:
+        """Note many: who sent each, its shape and its cause."""
+        for (key, shape, cause), count in Counter(found).items():
+            self.note(key, shape, cause, count)
+
+    def like(self, key: Hashable, shape: Shape) -> str:
         """Return the cause of (nearly) all that had this shape, or else of all.
 
         `NOT_SEARCHED` if there is no such cause.
@@ -61,5 +105,15 @@ class KnownCauses:
         if known is None:
             return NOT_SEARCHED
         counts = known.get(shape, known[None])
-        cause, count = counts.most_common(1)[0]
-        return cause if count >= _NEARLY_ALL * counts.total() else NOT_SEARCHED
+        cause = max(counts, key=counts.__getitem__)
+        return cause if counts[cause] >= _NEARLY_ALL * sum(counts.values()) else NOT_SEARCHED
+
+    def like_all(self, wanted: Iterable[tuple[Hashable, Shape]]) -> list[str]:
+        """Return the same for many."""
+        known: dict[tuple[Hashable, Shape], str] = {}
+        found = []
+        for one in wanted:
+            if one not in known:
+                known[one] = self.like(*one)
+            found.append(known[one])
+        return found

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from binascii import crc_hqx
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.diagnosis.proofs import Cause
+from analyzer.rules.diagnosis.causes import Cause
 from dissectors.kit.definitions import CRC_BEGIN, crc_start
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from dissectors.kit import Array
 
@@ -28,7 +28,6 @@ BYTES_SWAPPED = "CRC bytes swapped"
 CRC_BEHIND = "CRC behind the payload"
 PADDING = "zero padding"
 BY_PAYLOAD = {BYTES_SWAPPED, CRC_BEHIND, PADDING}  # no start value tells these
-SHORT_FRAME = "a frame inside not full"
 MOST_PADDING = 63  # zeros that a last frame may have been filled up with
 MOST_BYTES = 80  # of a payload in which one turned bit is named: in longer ones it would fit too often by chance
 
@@ -74,28 +73,27 @@ class Formula(NamedTuple):
         return crc_hqx(payload, self.start) ^ self.xor == wire
 
 
-def formulas(
-    wire: int, payload: bytes, signatures: Sequence[int], names: Callable[[int], Sequence[str]]
-) -> list[Formula]:
+def formulas(wire: int, payload: bytes, signatures: Sequence[int]) -> list[Formula]:
     """Return the mistakes that give the CRC `wire`, likely ones first; one alone may do so by chance.
 
     Args:
         wire: the CRC as received, the first two bytes of the transfer.
         payload: all bytes behind it.
         signatures: those of the type.
-        names: gives the types whose CRCs start from a value.
     """
-    ways = [(FROM_ZERO, 0, 0)]
+    return [way for way in _ways(tuple(signatures)) if way.gives(wire, payload)]
+
+
+@lru_cache(maxsize=1024)
+def _ways(signatures: tuple[int, ...]) -> Sequence[Formula]:
+    ways = [Formula(FROM_ZERO, 0)]
     for signature in signatures:
         ways += [
-            (REVERSED, crc_hqx(signature.to_bytes(8, "big"), CRC_BEGIN), 0),
-            (BEGUN_AT_ZERO, crc_hqx(signature.to_bytes(8, "little"), 0), 0),
-            (FINAL_XOR, crc_start(signature), 0xFFFF),
+            Formula(REVERSED, crc_hqx(signature.to_bytes(8, "big"), CRC_BEGIN)),
+            Formula(BEGUN_AT_ZERO, crc_hqx(signature.to_bytes(8, "little"), 0)),
+            Formula(FINAL_XOR, crc_start(signature), 0xFFFF),
         ]
-    found = [way for way in (Formula(*one) for one in ways) if way.gives(wire, payload)]
-    start = start_of(wire, payload)
-    others = names(start)
-    return [*found, Formula(f"{OF}{' or '.join(others)}", start)] if others else found
+    return ways
 
 
 class BytePlace(NamedTuple):

@@ -78,17 +78,11 @@ class Foreign(Rule):
 
     def _correct(self, view: View) -> None:
         """Correct frames of earlier batches that are foreign after all, or are not."""
-        late = []
-        for number, verdict, anomaly in view.settled:
-            if anomaly & _CYPHAL:
-                self._marked.append(number)
-            kept = view.frame(number)
-            if verdict != _FOREIGN:
-                self._cleared.append(number)
-            elif kept is not None and kept.flags & EXTENDED:
-                late.append((number, kept.t, kept.bus, kept.id))
-        if late:
-            self._hold(view, _Rows(*(np.array(column, np.int64) for column in zip(*late, strict=True))))
+        one = view.settled
+        self._marked += one.number[one.anomaly & _CYPHAL != 0].tolist()
+        self._cleared += one.number[one.verdict != _FOREIGN].tolist()
+        late = one.of(np.flatnonzero((one.verdict == _FOREIGN) & one.known & (one.flags & EXTENDED != 0)))
+        self._hold(view, _Rows(late.number, late.t, late.bus, late.id))
 
     def _hold(self, view: View, rows: _Rows) -> None:
         if not len(rows.number):

@@ -68,5 +68,5 @@ def _joined(found: Sequence[_Breach], rule: str, severity: Severity | None, *, d
 
     return Occurrences(
         rule=rule, t=t, bus=bus, node=node, type=code, frame=frame, values=values,
-        frames=lambda k: found[k].frames, key=key, severity=severity, drops=drops,
+        frames=lambda k: found[k].frames, key=key, severity=severity, drops=drops, each_named=True,
     )  # fmt: skip

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames, first_transfers
-from analyzer.rules.joint.times import FEW, WIDEST, WINDOW
+from analyzer.rules.joint.times import FEW, LONGEST, SETTLED, WIDEST, WINDOW
 from analyzer.tables import ERROR, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
 from dissectors.kit import MILLISECOND, NO_TIME
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from analyzer.rules.bus.sessions import BusFrames, Session
     from dissectors.kit import Array, FrameTable, View
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _COMPLETE = STATUSES.index("ok")
 _KNOWN_BY = 2  # complete transfers of a type that is defined: a session of DroneCAN, and no other protocol's
 _MOST_UNKNOWN = 32  # frames that did not, of a session that may become known
+_REACH = SETTLED + LONGEST + WIDEST  # what is missing before may not be joint with what is missing now
 _NEVER = np.iinfo(np.int64).max
 _HABIT = 4  # one of so many requests may have an odd ID; of tools that count otherwise more have
 _SWAPPED = 100 * MILLISECOND  # within which a frame that was overtaken is still to come
@@ -62,6 +63,13 @@ class _Frames(NamedTuple):
     place: Array
 
 
+class _Wanted(NamedTuple):
+    """Frames, and what each one should have of `_FOLLOWS` in its tail byte."""
+
+    frames: _Frames
+    wanted: Array
+
+
 class _Last(NamedTuple):
     """The last frame of a session, how many did not follow the one before them as they should, and transfers begun."""
 
@@ -85,6 +93,7 @@ class Lacks:
         self._latest: dict[Session, Lack] = {}
         self._heard: dict[int, int] = {}  # frames by bus
         self._since: dict[int, int] = {}  # its first frame
+        self._senders: dict[int, set[int]] = {}  # the nodes that were heard
         self._complete: dict[Session, int] = {}  # transfers of those that are not known yet
         self._known: dict[Session, int] = {}  # when each one became known
         self.nodes: dict[int, dict[int, int]] = {}  # by bus: when each node that sends messages became known
@@ -101,18 +110,23 @@ class Lacks:
             if not base:
                 self._since[bus] = int(frames.t[ours.row[ours.first[:-1]]].min())
             self._heard[bus] = base + len(ours.row)
+            self._senders.setdefault(bus, set()).update(session.node for session in ours.sessions)
             begun = np.add.reduceat(ours.tail & TAIL_START != 0, ours.first[:-1], dtype=np.int64).tolist()
+            followed: list[int] = []
+            beyond = ours.beyond(ours.sessions, self._last, first=self._known)
             for k, odd in enumerate(_odd(ours)):
                 session, last = ours.sessions[k], self._last.get(ours.sessions[k])
-                if last is None and len(self._last) >= MOST_SESSIONS:
+                if session in beyond:
                     continue
                 mine = slice(ours.first[k], ours.first[k + 1])
                 if errors or odd or last is None or _odd_behind(np.uint8(last.tail), ours.tail[mine.start]):
-                    found += self._follow(session, _frames(frames, ours, mine, base))
+                    self._last.setdefault(session, _Last())
+                    followed.append(k)
                 else:
                     end = _frames(frames, ours, slice(mine.stop - 1, mine.stop), base)
                     place = _Last(*(int(column[0]) for column in end))
                     self._last[session] = place._replace(odd=last.odd, begun=last.begun + begun[k])
+            found += self._follow(frames, ours, followed, base)
         found.sort(key=lambda one: one.places[1])
         for one in found:
             each = max(one.until - self._since[one.session.bus], 0) // one.places[1]
@@ -146,30 +160,79 @@ class Lacks:
                 nodes = self.nodes.setdefault(session.bus, {})
                 nodes[session.node] = min(nodes.get(session.node, at), at)
 
-    def _follow(self, session: Session, own: _Frames) -> Iterator[Lack]:
+    def _follow(self, frames: FrameTable, ours: BusFrames, some: Sequence[int], base: int) -> Iterator[Lack]:
+        """Look at each frame of some sessions of a bus; `base` are the frames of the bus before the batch."""
+        which, own = _of_sessions(frames, ours, some, base)
         if not len(own.tail):
             return
-        last = self._last.get(session, _Last())
-        tail = np.append(last.tail, own.tail).astype(np.uint8)
+        first = np.flatnonzero(np.diff(which, prepend=-1))
+        at = which[first].tolist()
+        sessions = [ours.sessions[some[one]] for one in at]
+        lasts = [self._last[session] for session in sessions]
+        tails, odds, begun = (np.array([last[part] for last in lasts], np.int64) for part in (0, 4, 5))
+        group = np.repeat(np.arange(len(at)), np.diff(first, append=len(which)))
+
+        def summed(mask: Array, before: Array) -> Array:
+            """Return how many there are up to each frame of a session, on top of those before the batch."""
+            sums = np.cumsum(mask)
+            total: Array = sums + (before - (sums[first] - mask[first]))[group]
+            return total
+
+        tail = np.empty_like(own.tail)
+        tail[1:] = own.tail[:-1]
+        tail[first] = tails
         wanted = _WANTED[tail]
-        odd = _odd_behind(tail[:-1], tail[1:])
-        odd[0] &= last.number >= 0
-        odd &= (own.t >= self._known.get(session, _NEVER)) | (np.cumsum(odd) + last.odd <= _MOST_UNKNOWN)
-        odd &= (tail[:-1] & TAIL_END == 0) | (tail[1:] & _FOLLOWS != TAIL_START)
-        begun = last.begun + np.cumsum(tail[1:] & TAIL_START != 0)
-        count = last.odd + np.cumsum(odd)
-        if session.of_service:
-            odd &= _HABIT * count <= begun
-        if session.of_responses:
-            odd &= (tail[:-1] & TAIL_END == 0) | (tail[1:] & TAIL_START == 0)
-        for k in np.flatnonzero(odd).tolist():
-            before = _Last(*(int(column[k - 1]) for column in own)) if k else last
+        odd = _odd_behind(tail, own.tail)
+        odd[first] &= np.array([last.number >= 0 for last in lasts])
+        known = np.array([self._known.get(session, _NEVER) for session in sessions], np.int64)
+        odd &= (own.t >= known[group]) | (summed(odd, odds) <= _MOST_UNKNOWN)
+        odd &= (tail & TAIL_END == 0) | (own.tail & _FOLLOWS != TAIL_START)
+        starts = own.tail & TAIL_START != 0
+        begins, count = summed(starts, begun), summed(odd, odds)
+        odd &= (_HABIT * count <= begins) | ~np.array([session.of_service for session in sessions])[group]
+        odd &= (tail & TAIL_END == 0) | ~starts | ~np.array([session.of_responses for session in sessions])[group]
+        borders = set(first.tolist())
+        rows = np.flatnonzero(odd)
+        if len(rows) and len(self._senders[sessions[0].bus]) == 1 and ours.forward:
+            rows = self._near_end(rows, group, sessions, _Wanted(own, wanted), int(frames.t.max()))
+        for k in rows.tolist():
+            one = group.item(k)
+            before = lasts[one] if k in borders else _Last(*(column.item(k - 1) for column in own))
             yield Lack(
-                session, (before.number, int(own.number[k])), before.t, int(own.t[k]),
-                (before.place, int(own.place[k])), int(tail[k + 1]) & _FOLLOWS, int(wanted[k]),
+                sessions[one], (before.number, own.number.item(k)), before.t, own.t.item(k),
+                (before.place, own.place.item(k)), own.tail.item(k) & _FOLLOWS, wanted.item(k),
             )  # fmt: skip
-        columns = (*own, count, begun)
-        self._last[session] = _Last(*(int(column[-1]) for column in columns))
+        ends = np.append(first[1:], len(which)) - 1
+        columns = (column[ends].tolist() for column in (*own, count, begins))
+        self._last.update(zip(sessions, map(_Last._make, zip(*columns, strict=True)), strict=True))
+
+    def _near_end(self, rows: Array, group: Array, sessions: Sequence[Session], own: _Wanted, end: int) -> Array:
+        """Leave out of what the only sender of a bus lacks what no later one can lack together with it.
+
+        Where frames may have come in another order nothing is left out.
+
+        Args:
+            rows: of frames behind which something is missing.
+            group: which of the sessions each frame is of.
+            sessions: these.
+            own: the frames.
+            end: the time of the last frame.
+        """
+        tail, wanted = own.frames.tail[rows] & _FOLLOWS, own.wanted[rows]
+        which = group[rows]
+        first = np.flatnonzero(np.diff(which, prepend=-1))
+        again = tail[1:] == wanted[:-1]
+        again[first[1:] - 1] = False
+        keep = own.frames.t[rows] >= end - _REACH
+        keep[:-1] |= keep[1:]
+        for low, high in zip(first.tolist(), np.append(first[1:], len(rows)).tolist(), strict=True):
+            session = sessions[which[low]]
+            past = self._latest.get(session)
+            if again[low : high - 1].any() or (past is not None and (past.void or past.wanted == tail[low])):
+                keep[low:high] = True
+            elif not keep[low:high].all():
+                self._latest.pop(session, None)
+        return rows[keep]
 
     def _compare(self, one: Lack) -> None:
         """Take back what was missing if it comes now, and so what is odd about the frames around it."""
@@ -184,12 +247,20 @@ class Lacks:
             one.void = True
 
 
-def _frames(frames: FrameTable, ours: BusFrames, mine: slice, base: int) -> _Frames:
-    """Return frames of a session that are no error frames; `base` are those of the bus before the batch."""
+def _frames(frames: FrameTable, ours: BusFrames, mine: Array | slice, base: int) -> _Frames:
+    """Return frames of sessions; `base` are those of the bus before the batch."""
     rows = ours.row[mine]
-    found = _Frames(ours.tail[mine], frames.t[rows], rows + frames.first, ours.place[mine] + base)
-    good = frames.flags[rows] & ERROR == 0
-    return found if good.all() else _Frames(*(column[good] for column in found))
+    return _Frames(ours.tail[mine], frames.t[rows], rows + frames.first, ours.place[mine] + base)
+
+
+def _of_sessions(frames: FrameTable, ours: BusFrames, some: Sequence[int], base: int) -> tuple[Array, _Frames]:
+    """Return frames of some sessions that are no error frames, and which of the sessions each is of."""
+    first = np.array(ours.first, np.int64)
+    begins, counts = first[some], np.diff(first)[some]
+    which = np.repeat(np.arange(len(some)), counts)
+    mine = np.arange(len(which)) + (begins - (np.cumsum(counts) - counts))[which]
+    good = frames.flags[ours.row[mine]] & ERROR == 0
+    return which[good], _frames(frames, ours, mine[good], base)
 
 
 def _odd(ours: BusFrames) -> list[bool]:

@@ -7,9 +7,14 @@ are joint where such stretches of enough senders meet, or where they follow each
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from typing import TYPE_CHECKING
+from itertools import chain, compress
+from operator import attrgetter
+from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from analyzer._native import joint
+from analyzer.decode.sent import cells
 from analyzer.rules.joint.lacks import Lacks
 from analyzer.rules.joint.repeats import Repeats
 from analyzer.rules.joint.silences import Silences
@@ -18,7 +23,7 @@ from analyzer.rules.joint.times import LONGEST, SETTLED, WIDEST, WINDOW
 from dissectors.kit import MILLISECOND, NO_TIME, JointLoss
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterator, Sequence
 
     from analyzer.rules.joint.lacks import Lack
     from dissectors.kit import Array, View
@@ -29,6 +34,32 @@ NEARBY = 32 * MILLISECOND  # so far apart are stretches that meet
 _MOST = 1 << 17  # that are waited for
 
 
+class _Waiting:
+    """The lacks of one bus, and which of them have been told."""
+
+    def __init__(self) -> None:
+        self.lacks: list[Lack] = []
+        self.told: Array = np.zeros(0, bool)
+
+    def column(self, name: str) -> Array:
+        """Return an attribute of all of them."""
+        return np.fromiter(map(attrgetter(name), self.lacks), np.int64, len(self.lacks))
+
+    def keep(self, which: Array) -> None:
+        """Forget all others."""
+        self.lacks = list(compress(self.lacks, which.tolist()))
+        self.told = self.told[which]
+
+
+class _Joint(NamedTuple):
+    """Which lacks are joint, how many senders lack frames there, since when and until when."""
+
+    which: Array
+    senders: Array
+    since: Array
+    until: Array
+
+
 class JointLosses:
     """Collects what each sender lacks, and tells what is joint once nothing more can be known of it."""
 
@@ -37,21 +68,20 @@ class JointLosses:
         self._strain = Strain()
         self._silences = Silences()
         self._repeats = Repeats()
-        self._open: dict[int, list[Lack]] = {}
-        self._done: set[Lack] = set()
+        self._open: dict[int, _Waiting] = {}
 
     def feed(self, view: View, bits: Array) -> list[JointLoss]:
         """Add a batch; return what is settled now."""
         self._silences.feed(view)
         self._repeats.feed(view.frames)
         for one in self._lacks.feed(view):
-            waiting = self._open.setdefault(one.session.bus, [])
+            waiting = self._open.setdefault(one.session.bus, _Waiting()).lacks
             if self._silences.shorten(one) <= LONGEST and len(waiting) < _MOST:
                 waiting.append(one)
         self._strain.feed(view, bits)
         found = self._settle(view, view.end - SETTLED) if view.end != NO_TIME else []
-        oldest = min((one.since for waiting in self._open.values() for one in waiting), default=view.end)
-        self._strain.forget(min(oldest, view.end - SETTLED) - LONGEST)
+        since = (int(waiting.column("since").min(initial=view.end)) for waiting in self._open.values())
+        self._strain.forget(min(*since, view.end, view.end - SETTLED) - LONGEST)
         return found
 
     def finish(self, view: View) -> list[JointLoss]:
@@ -61,115 +91,50 @@ class JointLosses:
     def _settle(self, view: View, now: int | None) -> list[JointLoss]:
         found: list[JointLoss] = []
         for bus, waiting in self._open.items():
-            due = {one for one in waiting if (now is None or one.until <= now) and one not in self._done}
-            if not due:
+            told, until = np.zeros(len(waiting.lacks), bool), waiting.column("until")
+            told[: len(waiting.told)] = waiting.told
+            due = ~told if now is None else ~told & (until <= now)
+            waiting.told = told | due
+            if not due.any():
                 continue
-            lacks = [one for one in waiting if not one.void and self._lacks.known(one, WIDEST)]
-            joint = self._joint(bus, lacks)
-            again = self._repeats.among(joint)
-            if again:
-                joint = self._joint(bus, [one for one in lacks if one not in again])
-            for one, (senders, since, until) in joint.items():
-                if one in due and not self._strain.on(bus, since, until, view.bit_rate):
-                    found.append(JointLoss(bus, since, until, one.frames, senders, one.window - WINDOW))
-            self._done |= due
+            found += self._told(view, bus, waiting.lacks, due)
             if now is not None:
-                gone = [one for one in waiting if one.until <= now - SETTLED]
-                self._done.difference_update(gone)
-                self._open[bus] = (
-                    waiting[len(gone) :]
-                    if gone == waiting[: len(gone)]
-                    else [one for one in waiting if one.until > now - SETTLED]
-                )
+                waiting.keep(until > now - SETTLED)
         return found
 
-    def _joint(self, bus: int, lacks: Sequence[Lack]) -> dict[Lack, tuple[int, int, int]]:
-        """Return those that are joint: how many senders lack frames there, since when and until when."""
-        known = sorted(self._lacks.nodes.get(bus, {}).values())
-        found = {one: (count, one.since, one.until) for one, count in _close(lacks).items()}
-        for one, near in _met(lacks).items():
-            if near[0] >= found.get(one, (0,))[0]:
-                found[one] = near
-        return {
-            one: near
-            for one, near in found.items()
-            if near[0] >= min(max(bisect_right(known, one.until + one.window), 2), ENOUGH)
-        }
+    def _told(self, view: View, bus: int, lacks: Sequence[Lack], due: Array) -> Iterator[JointLoss]:
+        """Yield what is joint of those that are due."""
+        known = [not one.void and self._lacks.known(one, WIDEST) for one in lacks]
+        lacks, due = list(compress(lacks, known)), due[known]
+        columns = _columns(lacks)
+        joint = self._joint(bus, columns, np.arange(len(lacks)))
+        again = self._repeats.among([lacks[k] for k in joint.which.tolist()])
+        if again.any():
+            joint = self._joint(bus, columns, np.delete(np.arange(len(lacks)), joint.which[again]))
+        good = due[joint.which]
+        good[good] = ~self._strain.on(bus, joint.since[good], joint.until[good], view.bit_rate)
+        begun: dict[int, int] = {}
+        for which in joint.which.tolist() if good.any() else ():
+            one = lacks[which]
+            begun[one.since] = max(one.frames[0], begun.get(one.since, 0))
+        for which, senders, since, until in zip(*(column[good].tolist() for column in joint), strict=True):
+            one = lacks[which]
+            place = begun.get(since, one.frames[0])
+            yield JointLoss(bus, since, until, one.frames, senders, one.window - WINDOW, place)
+
+    def _joint(self, bus: int, columns: Array, some: Array) -> _Joint:
+        """Return those that are joint among some of the rows of `columns`."""
+        *given, node = columns[:, some]
+        found = joint((*given, node.astype(np.uint8)), APART, NEARBY)
+        of, near, since, until = (cells(column, np.int64) for column in found)
+        known = np.sort(np.fromiter(self._lacks.nodes.get(bus, {}).values(), np.int64))
+        _, end, _, _, window = given
+        senders = np.searchsorted(known, (end + window)[of], "right")
+        enough = near >= np.clip(senders, 2, ENOUGH)
+        return _Joint(some[of[enough]], near[enough], since[enough], until[enough])
 
 
-def _close(lacks: Iterable[Lack]) -> dict[Lack, int]:
-    """Return how many senders lack frames close to each other: without a longer pause between, within a time."""
-    narrow = [one for one in lacks if one.until - one.since <= one.window]
-    found: dict[Lack, int] = {}
-    row: list[Lack] = []
-    behind = 0
-    for one in sorted(narrow, key=lambda lack: lack.places):
-        if row and one.places[0] - behind > APART:
-            found |= _within(row)
-            row = []
-        behind = max(behind, one.places[1]) if row else one.places[1]
-        row.append(one)
-    return found | _within(row)
-
-
-def _within(row: Sequence[Lack]) -> dict[Lack, int]:
-    row = sorted(row, key=lambda one: one.until)
-    found: dict[Lack, int] = {}
-    nodes = _Nodes()
-    first = last = 0
-    for one in row:
-        while last < len(row) and row[last].until <= one.until + one.window:
-            nodes.add(row[last])
-            last += 1
-        while row[first].until < one.until - one.window:
-            nodes.remove(row[first])
-            first += 1
-        found[one] = len(nodes)
-    return found
-
-
-def _met(lacks: Iterable[Lack]) -> dict[Lack, tuple[int, int, int]]:
-    """Return at how many senders' stretches each meets most, and the time that these have in common with it."""
-    every = list(lacks)
-    marks = [(one.since - NEARBY, 0, k) for k, one in enumerate(every)]
-    marks += [(one.until + NEARBY, 1, k) for k, one in enumerate(every)]
-    open_: dict[int, Lack] = {}
-    nodes = _Nodes()
-    most = [0] * len(every)
-    found: dict[Lack, tuple[int, int, int]] = {}
-    fresh = False
-    for _, ends, k in sorted(marks):
-        if ends and fresh:  # no more meet here than just before the first of them ends
-            fresh = False
-            count = len(nodes)
-            more = [at for at in open_ if count > most[at]]
-            if more:
-                near = open_.values()
-                first, last = sorted((max(each.since for each in near), min(each.until for each in near)))
-                for at in more:
-                    each = every[at]
-                    since, until = min(max(first, each.since), each.until), max(min(last, each.until), each.since)
-                    most[at], found[each] = count, (count, since, until)
-        if ends:
-            nodes.remove(open_.pop(k))
-        else:
-            open_[k] = every[k]
-            nodes.add(every[k])
-            fresh = True
-    return found
-
-
-class _Nodes(dict[int, int]):
-    """How many lacks of each sender are looked at."""
-
-    def add(self, one: Lack) -> None:
-        """Look at one more."""
-        node = one.session.node
-        self[node] = self.get(node, 0) + 1
-
-    def remove(self, one: Lack) -> None:
-        """Look at it no longer."""
-        node = one.session.node
-        self[node] -= 1
-        if not self[node]:
-            del self[node]
+def _columns(lacks: Sequence[Lack]) -> Array:
+    """Return since when, until when, places, window and node of each."""
+    rows = ((one.since, one.until, *one.places, one.window, one.session.node) for one in lacks)
+    return np.fromiter(chain.from_iterable(rows), np.int64, 6 * len(lacks)).reshape(-1, 6).T.copy()

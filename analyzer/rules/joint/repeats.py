@@ -12,8 +12,9 @@ from analyzer.tables import TAIL_ID, TRANSFER_IDS
 from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Sequence
 
+    from analyzer.rules.bus.sessions import Session
     from analyzer.rules.joint.lacks import Lack
     from dissectors.kit import Array, FrameTable
 
@@ -21,7 +22,9 @@ LOOK = 1 << 15  # frames before one among which it may have been before
 _HELD = 1 << 17  # frames at least; what is older is not looked for
 _NEAR = SECOND  # so far apart is what the same piece of a capture does to sessions
 _FEW = 8  # frames in a row may have the same bytes before the tail: an uptime, for one
-_MANY = 32  # frames that are asked for at once, for which it pays to put all in order
+_PLACE, _TAIL = 32, 8  # bits of a place among the frames that are held, and of a tail byte
+_SIEVE = 20  # bits of a key that leave few frames but those that are equal
+_SPARE = np.uint64(64 - _SIEVE)
 _NEW, _SEEN, _ONCE = 0, 1, 2  # what a frame is: _ONCE if it came once before, and few others had these bytes
 
 
@@ -31,7 +34,8 @@ class Repeats:
     def __init__(self) -> None:
         self._batches: deque[FrameTable] = deque()
         self._held = 0
-        self._found: dict[int, int] = {}
+        self._known: Array = np.empty(0, np.int64)  # frames that somebody asked for, in order,
+        self._kinds: Array = np.empty(0, np.uint8)  # and what each one is
 
     def feed(self, frames: FrameTable) -> None:
         """Add the newest batch."""
@@ -41,81 +45,95 @@ class Repeats:
         self._held += len(frames)
         while self._held - len(self._batches[0]) >= _HELD:
             self._held -= len(self._batches.popleft())
-        gone = [number for number in self._found if number < self._batches[0].first]
-        for number in gone:
-            del self._found[number]
+        gone = np.searchsorted(self._known, self._batches[0].first)
+        self._known, self._kinds = self._known[gone:], self._kinds[gone:]
 
-    def among(self, lacks: Collection[Lack]) -> set[Lack]:
-        """Return where nothing is missing, because frames came again or went on behind those.
+    def among(self, lacks: Sequence[Lack]) -> Array:
+        """Return a mask of those where nothing is missing: frames came again or went on behind those.
 
         Bytes that come by themselves each time an ID comes round show that only beside others. One session is enough
         if no other one shows new bytes.
         """
-        self._search({number for one in lacks for number in (*one.frames, one.left) if number is not None})
-        kinds = {one: self._kind(one) for one in lacks}
-        if not any(kinds.values()):
-            return set()
-        order = sorted(kinds, key=lambda one: one.until)
-        times = np.array([one.until for one in order], np.int64)
-        found: set[Lack] = set()
-        for one, kind in kinds.items():
-            if kind == _NEW:
-                continue
-            first, last = np.searchsorted(times, (one.until - _NEAR, one.until + _NEAR + 1)).tolist()
-            near = order[first:last]
-            sure = {each.session for each in near if kinds[each] == _ONCE}
-            if len(sure) > 1 or (sure and all(self._found[each.frames[1]] != _NEW for each in near)):
-                found.add(one)
+        found = np.zeros(len(lacks), bool)
+        kind, behind = self._of(lacks)
+        if not kind.any():
+            return found
+        until = np.fromiter((one.until for one in lacks), np.int64, len(lacks))
+        ids: dict[Session, int] = {}
+        session = np.fromiter((ids.setdefault(one.session, len(ids)) for one in lacks), np.int64, len(lacks))
+        order = np.argsort(until, kind="stable")
+        times = until[order]
+        old = np.flatnonzero(kind != _NEW)
+        first = np.searchsorted(times, until[old] - _NEAR)
+        last = np.searchsorted(times, until[old] + _NEAR, "right")
+        once = np.flatnonzero(kind[order] == _ONCE)
+        of = session[order][once]
+        other = np.maximum.accumulate(np.where(np.diff(of, prepend=-1) != 0, np.arange(len(of)), 0))
+        begin, end = np.searchsorted(once, first), np.searchsorted(once, last)
+        fresh = np.append(0, np.cumsum(behind[order] == _NEW))
+        some = np.flatnonzero(begin < end)
+        several = other[end[some] - 1] > begin[some]
+        found[old[some]] = several | (fresh[first[some]] == fresh[last[some]])
         return found
 
-    def _kind(self, one: Lack) -> int:
-        return max(self._found[number] for number in (*one.frames, one.left) if number is not None)
+    def _of(self, lacks: Sequence[Lack]) -> tuple[Array, Array]:
+        """Return what each lack is by the frames around it, and what the frame behind it is."""
+        parts = (number for one in lacks for number in (*one.frames, one.frames[1] if one.left is None else one.left))
+        numbers = np.fromiter(parts, np.int64, 3 * len(lacks))
+        self._search(np.unique(numbers))
+        kinds = self._kinds[np.searchsorted(self._known, numbers)].reshape(-1, 3)
+        return kinds.max(axis=1), kinds[:, 1]
 
-    def _search(self, numbers: set[int]) -> None:
-        """Find out what frames are that nobody asked for before."""
-        unknown = np.array(sorted(numbers.difference(self._found)), np.int64)
+    def _search(self, numbers: Array) -> None:
+        """Find out what frames are that nobody asked for before; `numbers` are in order."""
+        unknown = np.setdiff1d(numbers, self._known, assume_unique=True)
         if not len(unknown):
             return
-        self._found.update(dict.fromkeys(unknown.tolist(), _NEW))
-        held = [frames for frames in self._batches if frames.first <= unknown[-1]]
-        low = int(unknown[0]) - LOOK
+        at = np.searchsorted(self._known, unknown)
+        self._known = np.insert(self._known, at, unknown)
+        self._kinds = np.insert(self._kinds, at, self._asked(unknown))
+
+    def _asked(self, numbers: Array) -> Array:
+        kinds = np.full(len(numbers), _NEW, np.uint8)
+        held = [frames for frames in self._batches if frames.first <= numbers[-1]]
+        low = int(numbers[0]) - LOOK
         held = [frames for frames in held if frames.first + len(frames) > low]
         if not held:
-            return
+            return kinds
         pairs = [identities(frames) for frames in held]
         start, key, tail = held[0].first, *(np.concatenate(columns) for columns in zip(*pairs, strict=True))
-        places = unknown[unknown >= start] - start
-        for place, before in _before(key, places[tail[places] >= 0]):
-            self._found[start + place] = _kind_of(int(tail[place]), tail[before])
+        rows = np.flatnonzero(numbers >= start)
+        rows = rows[tail[numbers[rows] - start] >= 0]
+        kinds[rows] = _kinds(key, tail, numbers[rows] - start)
+        return kinds
 
 
-def _before(key: Array, places: Array) -> Iterator[tuple[int, Array]]:
-    """Yield places, each with those of `LOOK` before it that have the same key; those without any are left out."""
-    if len(places) < _MANY:
-        for place in places.tolist():
-            low = max(place - LOOK, 0)
-            same = np.flatnonzero(key[low:place] == key[place]) + low
-            if len(same):
-                yield place, same
-        return
-    order = np.argsort(key, kind="stable")
-    ranked = key[order]
-    first, last = (np.searchsorted(ranked, key[places], side) for side in ("left", "right"))
-    often = last - first > 1
-    columns = (column[often].tolist() for column in (places, first, last))
-    for place, a, b in zip(*columns, strict=True):
-        same = order[a:b]
-        same = same[np.searchsorted(same, place - LOOK) : np.searchsorted(same, place)]
-        if len(same):
-            yield place, same
+def _kinds(key: Array, tail: Array, places: Array) -> Array:
+    """Return what frames are by the tail bytes of those of `LOOK` before each that are equal but for that."""
+    asked = np.zeros(1 << _SIEVE, bool)
+    asked[key[places] >> _SPARE] = True
+    like = np.flatnonzero(asked[key >> _SPARE])  # a few others are among them
+    order = np.argsort(key[like], kind="stable")
+    ranked = key[like[order]]
+    group = np.empty_like(like)
+    group[order] = np.cumsum(np.diff(ranked, prepend=ranked[:1]) != 0)
+    mine = np.searchsorted(like, places)
+    first, last = _before(group[order] << _PLACE | like[order], group[mine] << _PLACE, places)
+    kinds = np.full(len(places), _NEW, np.uint8)
+    some = np.flatnonzero(first < last)
+    same = group << _TAIL | tail[like] & (1 << _TAIL) - 1
+    low, high = _before(np.sort(same << _PLACE | like), same[mine[some]] << _PLACE, places[some])
+    kinds[some[high > low]] = _SEEN
+    few = some[(high - low == 1) & (last - first <= _FEW)[some]]
+    before = first[few, None] + np.arange(_FEW)
+    ids = tail[like[order[np.minimum(before, len(order) - 1)]]] & TAIL_ID
+    bits = np.bitwise_or.reduce(np.where(before < last[few, None], 1 << ids, 0), axis=1)
+    breaks = np.bitwise_count(bits & ~(bits >> 1 | (bits & 1) << TRANSFER_IDS - 1))
+    kinds[few[(np.bitwise_count(bits) == (last - first)[few]) & (breaks <= 1)]] = _ONCE
+    return kinds
 
 
-def _kind_of(tail: int, tails: Array) -> int:
-    """Return what a frame is by the tail bytes of those before it that are equal but for that."""
-    again = int(np.count_nonzero(tails == tail))
-    if not again:
-        return _NEW
-    ids = np.unique(tails & TAIL_ID)
-    breaks = np.count_nonzero(np.diff(ids, append=ids[0] + TRANSFER_IDS) != 1)
-    in_a_row = len(ids) == len(tails) <= _FEW and breaks <= 1
-    return _ONCE if again == 1 and in_a_row else _SEEN
+def _before(ranked: Array, group: Array, places: Array) -> tuple[Array, Array]:
+    """Return where those of a group begin and end that are of the `LOOK` frames before a place."""
+    first = np.searchsorted(ranked, group | np.maximum(places - LOOK, 0))
+    return first, np.searchsorted(ranked, group | places)

@@ -9,6 +9,8 @@ import numpy as np
 from dissectors.kit import SESSION
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from dissectors.kit import Array, FrameTable
 
 _WIDTH = SESSION.bit_length()
@@ -35,3 +37,14 @@ class SessionIndex:
         rows = self._order[first:last]
         found: Array = rows[rows.searchsorted(low) : rows.searchsorted(high)]
         return found
+
+    def before(self, low: int, high: int, bus: int, session: int) -> Iterator[int]:
+        """Yield the same from the last one on."""
+        first, last = self._places.get(bus << _WIDTH | session, (0, 0))
+        at = first + int(self._order[first:last].searchsorted(high))
+        while at > first:
+            at -= 1
+            row = self._order.item(at)
+            if row < low:
+                break
+            yield row

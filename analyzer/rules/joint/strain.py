@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +11,8 @@ from dissectors.kit import MILLISECOND, SECOND, times_by_bus
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dissectors.kit import Array, BusTimes, View
 
 STEP = 100 * MILLISECOND  # in which the load is measured
@@ -21,6 +21,8 @@ FULL = 0.85  # of the bit rate: beyond it senders wait longer than their message
 _BIT_RATES = (125_000, 250_000, 500_000, 1_000_000)
 _ROW = 16  # frames that follow each other as fast as the bus can carry them show its bit rate
 _INEXACT = 1.1  # times of a recorder make it higher by so much
+_RATES = np.array(_BIT_RATES)
+_LIMITS = _INEXACT * _RATES
 _MOST_ERRORS = 1 << 16
 
 
@@ -38,17 +40,18 @@ class _Bus:
 
     steps: dict[int, _Step] = field(default_factory=dict)
     fastest: float = 0.0
-    ranked: tuple[list[int], list[float]] | None = None  # steps in order, and the most up to each; None if not known
     t: Array = field(default_factory=lambda: np.empty(0, np.int64))
     bits: Array = field(default_factory=lambda: np.empty(0, np.int64))
 
     def add(self, times: BusTimes, bits: Array) -> None:
         """Add frames."""
-        self.ranked = None
         t, cuts = times.t, _cuts(times)
-        sums = np.add.reduceat(bits, cuts, dtype=np.int64)
-        fastest = np.maximum.reduceat(self._speeds(t, bits), cuts)
-        for at, much, fast in zip((t[cuts] // STEP).tolist(), sums.tolist(), fastest.tolist(), strict=True):
+        sums = np.add.reduceat(bits, cuts, dtype=np.int64).tolist()
+        if self.fastest > _INEXACT * _BIT_RATES[-2]:  # the highest bit rate, whatever comes
+            self.t, self.bits, fastest = t[:0], bits[:0], [0.0] * len(sums)
+        else:
+            fastest = np.maximum.reduceat(self._speeds(t, bits), cuts).tolist()
+        for at, much, fast in zip((t[cuts] // STEP).tolist(), sums, fastest, strict=True):
             known = self.steps.setdefault(at, _Step())
             known.bits += much
             known.fastest = max(known.fastest, fast)
@@ -68,16 +71,21 @@ class _Bus:
         """Forget steps, but for how fast frames came in them."""
         for at in [step for step in self.steps if step < before]:
             self.fastest = max(self.fastest, self.steps.pop(at).fastest)
-            self.ranked = None
 
-    def bit_rate(self, last: int) -> int:
-        """Return the usual bit rate that the frames up to a step need."""
-        if self.ranked is None:
-            order = sorted(self.steps)
-            self.ranked = order, [*accumulate((self.steps[at].fastest for at in order), max, initial=self.fastest)]
-        order, most = self.ranked
-        fastest = most[bisect_right(order, last)]
-        return next((rate for rate in _BIT_RATES if fastest <= _INEXACT * rate), _BIT_RATES[-1])
+    def full(self, since: Array, until: Array, bit_rate: int | None) -> Array:
+        """Return a mask of the times between two steps in which the bus was full."""
+        order = np.array(sorted(self.steps), np.int64)
+        steps = [self.steps[at] for at in order.tolist()]
+        sent = np.append(0, np.cumsum([one.bits for one in steps], dtype=np.int64))
+        bits = sent[np.searchsorted(order, until, "right")] - sent[np.searchsorted(order, since)]
+        rate: int | Array = bit_rate or _RATES[self._needed(steps)[np.searchsorted(order, until, "right")]]
+        found: Array = bits * float(SECOND) >= FULL * rate * STEP * (until + 1 - since)
+        return found
+
+    def _needed(self, steps: Sequence[_Step]) -> Array:
+        """Return which usual bit rate the frames before the first step need, and those up to each one."""
+        fastest = np.maximum.accumulate([self.fastest, *(one.fastest for one in steps)])
+        return np.minimum(np.searchsorted(_LIMITS, fastest), len(_LIMITS) - 1)
 
 
 def _cuts(times: BusTimes) -> Array:
@@ -113,14 +121,15 @@ class Strain:
             bus.forget(before // STEP)
         self._errors.forget(before - NEAR)
 
-    def on(self, bus: int, since: int, until: int, bit_rate: int | None) -> bool:
-        """Return whether senders could not get through: error frames are near, or the bus was full."""
-        if self._errors.near(bus, since - NEAR, until + NEAR):
-            return True
-        known = self._buses.get(bus)
-        if known is None:
-            return False
-        first, last = since // STEP, until // STEP
-        steps = range(first, last + 1) if last - first < len(known.steps) else known.steps
-        bits = sum(known.steps[at].bits for at in steps if first <= at <= last and at in known.steps)
-        return bits * SECOND >= FULL * (bit_rate or known.bit_rate(last)) * STEP * (last + 1 - first)
+    def on(self, bus: int, since: Array, until: Array, bit_rate: int | None) -> Array:
+        """Return a mask of the times in which senders could not get through.
+
+        Error frames are near, or the bus was full.
+        """
+        found = np.zeros(len(since), bool)
+        if bus in self._buses:
+            found |= self._buses[bus].full(since // STEP, until // STEP, bit_rate)
+        if self._errors:
+            times = zip((since - NEAR).tolist(), (until + NEAR).tolist(), strict=True)
+            found |= np.array([self._errors.near(bus, *each) for each in times], bool)
+        return found

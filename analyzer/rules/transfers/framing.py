@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import islice, pairwise
+from itertools import chain, islice, pairwise, takewhile
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from analyzer.rules.anomalies import GONE, flagged
-from analyzer.rules.diagnosis.neighbours import late_copy
+from analyzer.rules.diagnosis.causes import late_copy
 from analyzer.rules.frames.foreign import session_of
 from analyzer.rules.joint.gathered import Gathered, Sent
 from analyzer.rules.transfers.out_of_order import preceding
@@ -141,21 +141,24 @@ def _first(view: View, row: int) -> Values:
     return {"length": GONE if kept is None else len(kept.data)}
 
 
-def _others(view: View, row: int) -> list[tuple[int, Kept]]:
-    """Return frames of the session with another transfer ID, between the first and the last of a transfer."""
+def _others(view: View, row: int) -> Iterator[tuple[int, Kept]]:
+    """Yield frames of the session with another transfer ID, between the first and the last of a transfer."""
     numbers = view.transfers.frames(row)
     mine, first = int(view.transfers.transfer_id[row]), view.frame(numbers[0])
     if first is None:
-        return []
-    last = min(numbers[-1], numbers[0] + NEAR)
-    same = view.numbers_between(numbers[0] + 1, last, first.bus, session_of(first.id, first.verdict))
-    return [(number, kept) for number, kept in _known(view, same) if kept.data and kept.data[-1] & TAIL_ID != mine]
+        return
+    last, own = min(numbers[-1], numbers[0] + NEAR), set(numbers)
+    for number in view.numbers_between(numbers[0] + 1, last, first.bus, session_of(first.id, first.verdict)):
+        kept = None if number in own else view.frame(number)
+        if kept is not None and kept.data and kept.data[-1] & TAIL_ID != mine:
+            yield number, kept
 
 
 def _only_orphans(view: View, row: int) -> bool:
     """Return whether nothing but frames without a transfer stand inside, which have a rule of their own (TRF-009)."""
     others = _others(view, row)
-    return bool(others) and all(kept.verdict in _ORPHAN for _, kept in others)
+    first = next(others, None)
+    return first is not None and all(kept.verdict in _ORPHAN for _, kept in chain((first,), others))
 
 
 def _original(view: View, number: int, kept: Kept) -> int | None:
@@ -167,11 +170,12 @@ def _original(view: View, number: int, kept: Kept) -> int | None:
 def _in_turn(view: View, row: int) -> Values:
     """Name the other transfer ID, which stands in a frame of the session between the first and the last one."""
     mine = int(view.transfers.transfer_id[row])
-    inside = _others(view, row)
+    inside = list(_others(view, row))
     others = [(number, kept.data[-1]) for number, kept in inside]
     values: Values = {"first_id": mine, "transfer_id": others[0][1] & TAIL_ID if others else GONE, "why": ""}
-    known = [_original(view, number, kept) for number, kept in inside[:_MOST]]
-    if known and None not in known:
+    originals = (_original(view, number, kept) for number, kept in inside[:_MOST])
+    known = [*takewhile(lambda number: number is not None, originals)]
+    if known and len(known) == len(inside[:_MOST]):
         copy = late_copy([number for number in known if number is not None])
         right = ", the CRC is right without" if view.transfers.status[row] == _OK else ""
         return {**values, "why": f": {copy.what}{copy.detail} inside{right}"}

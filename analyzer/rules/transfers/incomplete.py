@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from analyzer.rules.diagnosis import checksums, proofs
-from analyzer.rules.diagnosis.neighbours import parts_of
-from analyzer.rules.diagnosis.proofs import Cause
+from analyzer.rules.diagnosis import checksums
+from analyzer.rules.diagnosis.causes import Cause
 from analyzer.rules.frames.type_conflicts import types_of
 from analyzer.rules.view import node_of
+from analyzer.tables import TAIL_TOGGLE
 from dissectors.kit import Occurrence
-from dissectors.records import replace
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Sequence
 
     from dissectors.kit import TransferTable, Values, View
 
@@ -22,6 +22,7 @@ DROPS = {SEQUENCE, CUT, LATE}  # what frames that the recorder lost may explain,
 BY_CRC = {CHECKSUM, "TRF-011", "CAN-020"}  # what both CRCs tell
 SECONDS = 2.0  # where the core closes a transfer
 BY_SEQUENCE = "broken sequence"
+Source = tuple[int, int, int]  # bus, node, type
 
 
 class Incomplete(NamedTuple):
@@ -42,7 +43,7 @@ class Incomplete(NamedTuple):
     ended: str = ""  # the rule that its missing end breaches, if another one says why
 
     @property
-    def sender(self) -> tuple[int, int, int]:
+    def source(self) -> Source:
         """Bus, node and type."""
         return self.bus, self.src, self.code
 
@@ -64,13 +65,6 @@ def take_row(t: TransferTable, rule: str, row: int, ended: str = "") -> Incomple
     return Incomplete(rule, *who, t.frames(row), wire, here, t.payload(row), received, end, ended=ended)
 
 
-def with_end(view: View, one: Incomplete, found: Occurrence) -> Iterator[Occurrence]:
-    """Yield a finding, and the end that a broken sequence takes with it."""
-    yield found
-    if one.rule == SEQUENCE and one.ended:
-        yield replace(occurrence(view, one._replace(rule=one.ended), FOLLOWS), severity=found.severity)
-
-
 def occurrence(view: View, one: Incomplete, cause: Cause, further: Iterable[int] = ()) -> Occurrence:
     """Return a finding; `further` frames are evidence too."""
     frames = (*one.frames, *further)
@@ -84,9 +78,7 @@ def values_of(view: View, one: Incomplete, cause: Cause) -> Values:
     """Return what the text of its rule is filled with."""
     why = {"cause": cause.what, "why": f": {cause.what}{cause.detail}"}
     if one.rule == SEQUENCE:
-        parts = parts_of(view, one.frames)
-        at = parts[proofs.break_at(parts)].number if parts else one.frames[0]
-        return {"cause": cause.what, "detail": cause.detail, "frame": at + 1}
+        return {"cause": cause.what, "detail": cause.detail, "frame": _break_at(view, one.frames) + 1}
     if one.rule == CUT:
         return why | {"frames": len(one.frames), "bytes": one.received}
     if one.rule == LATE:
@@ -96,6 +88,14 @@ def values_of(view: View, one: Incomplete, cause: Cause) -> Values:
     if one.rule == "TRF-011":
         return {"cause": cause.what, "detail": cause.detail}
     return types_of(view, one.code, cause.what)
+
+
+def _break_at(view: View, frames: Sequence[int]) -> int:
+    """Return the first frame with the toggle of the one before it, the last one if there is none."""
+    kept = ((number, view.frame(number)) for number in frames)
+    known = [(number, one.data[-1] & TAIL_TOGGLE) for number, one in kept if one is not None and one.data]
+    still = (after for (_, one), (after, other) in pairwise(known) if one == other)
+    return next(still, known[-1][0] if known else frames[0])
 
 
 def turned_bit(one: Incomplete) -> Cause:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from analyzer.facts.identifiers import NOBODY
-from analyzer.rules.diagnosis.budgets import LIKE, NOT_SEARCHED, KnownCauses, SearchBudget
-from analyzer.rules.diagnosis.losses import FIRST, FIRSTS, LOST_SEVERAL, missing
-from analyzer.rules.diagnosis.neighbours import NeighbourFinder
-from analyzer.rules.diagnosis.proofs import Cause, proven
-from analyzer.rules.diagnosis.tail_bits import in_a_row
+from analyzer.rules.diagnosis.budgets import KnownCauses, SearchBudget, alike, senders_of
+from analyzer.rules.diagnosis.causes import FIRST, FIRSTS, FORMS, LOST_SEVERAL, NOT_SEARCHED, Cause
+from analyzer.rules.diagnosis.search import REMAINDER, FrameLists, ask
 from analyzer.rules.joint.gathered import Sent
 from analyzer.rules.recent import MOST_LINES
 from analyzer.tables import FD, TAIL_END, TAIL_ID
@@ -17,12 +18,11 @@ from dissectors.kit import NO_TIME, SECOND, Kept, Occurrence
 from dissectors.records import dataclass, field, replace
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from analyzer.rules.diagnosis.budgets import Sender
-    from analyzer.rules.diagnosis.neighbours import Neighbours
+    from analyzer.rules.diagnosis.budgets import Shape
     from analyzer.rules.joint.gathered import Gathered
-    from dissectors.kit import View
+    from dissectors.kit import Array, Values, View
 
 _LOSSES = {FIRST, FIRSTS, LOST_SEVERAL, NOT_SEARCHED}  # what a sender that was busy as the capture began explains
 TIMEOUT = 2 * SECOND
@@ -52,6 +52,17 @@ class LooseFrame:
         return Sent(self.kept.t, self.kept.bus, self.node, self.code)
 
 
+def loose_senders(loose: Sequence[LooseFrame]) -> Array:
+    """Return who sent each, and its type."""
+    who = [(one.kept.bus, NOBODY if one.node is None else one.node, one.code) for one in loose]
+    return senders_of(*np.array(who, np.int64).reshape(-1, 3).T)
+
+
+def loose_lists(loose: Sequence[LooseFrame], frames: Sequence[Sequence[int]]) -> FrameLists:
+    """Return lists of frames of the sessions of some."""
+    return FrameLists.of(frames, [one.code for one in loose], [bool(one.kept.flags & FD) for one in loose])
+
+
 @dataclass(slots=True)
 class _Remainder:
     transfer_id: int
@@ -60,6 +71,11 @@ class _Remainder:
     received: int = 0
     frames: list[int] = field(default_factory=list)
     lines: tuple[str, ...] = ()
+
+    @property
+    def shape(self) -> Shape:
+        """Frames and bytes that came."""
+        return len(self.frames), self.received
 
 
 class MissingStart:
@@ -77,7 +93,7 @@ class MissingStart:
         self._excused = 0
         self._budget = SearchBudget()
         self._causes = KnownCauses()
-        self._neighbours = NeighbourFinder()
+        self._closed: list[_Remainder] = []
 
     def feed(self, view: View) -> None:
         """Keep the frames of remainders that were open before this batch: they may be gone when these are told."""
@@ -85,21 +101,18 @@ class MissingStart:
             if not one.lines and one.frames[-1] < view.frames.first:
                 one.lines = _lines(view, one.frames)
 
-    def add(self, view: View, loose: LooseFrame, told: Gathered) -> Iterator[Occurrence]:
-        """Add one more orphan; tell of a remainder that cannot get any more frames.
-
-        Those that are searched or held back are yielded, others are `told`.
-        """
+    def add(self, view: View, loose: LooseFrame) -> None:
+        """Add one more orphan; a remainder that cannot get any more frames waits for `told`."""
         key, tail, t = loose.session, loose.kept.data[-1], loose.kept.t
         if len(self._orphaned) < MOST_OPEN:
             self._orphaned.setdefault(key, t)
         one = self._open.get(key)
         if one is not None and (one.transfer_id != tail & TAIL_ID or t - one.latest > TIMEOUT):
-            yield from self._close(view, key, told)
+            self._close(key)
             one = None
         if one is None:
             if len(self._open) >= MOST_OPEN:
-                yield from self._close(view, next(iter(self._open)), told)
+                self._close(next(iter(self._open)))
             one = self._open[key] = _Remainder(tail & TAIL_ID, loose, t)
         one.latest = t
         one.received += len(loose.kept.data) - 1
@@ -109,35 +122,47 @@ class MissingStart:
                 before = one.lines or _lines(view, one.frames[:-1])
                 one.lines = before + (loose.lines or view.lines((loose.number,)))
         if tail & TAIL_END:
-            yield from self._close(view, key, told)
+            self._close(key)
 
     def rest(self, view: View, told: Gathered) -> Iterator[Occurrence]:
         """Yield those that were never closed."""
         for key in list(self._open):
-            yield from self._close(view, key, told)
+            self._close(key)
+        yield from self.told(view, told)
         for held in self._early_ones.values():
             yield from held
 
-    def _close(self, view: View, key: int, told: Gathered) -> Iterator[Occurrence]:
-        one = self._open.pop(key)
-        who = one.first.kept.bus, NOBODY if one.first.node is None else one.first.node, one.first.code
-        searched = self._budget.take(who, one.frames[0])
-        cause = self._search(view, one, who) if searched else self._like(one, who)
-        if cause is None:
+    def told(self, view: View, told: Gathered) -> Iterator[Occurrence]:
+        """Tell of remainders that were closed: those that are held back are yielded, others are `told`."""
+        closed, self._closed = self._closed, []
+        if not closed:
             return
-        early = cause.what in _LOSSES and self._early(view, one.first)
-        values = {"transfer_id": one.transfer_id, "cause": cause.what, "detail": cause.detail}
-        kind = one.first.session, cause.what
-        alone = searched or early or one.lines or len(one.frames) > MOST_LINES or kind in self._early_ones
-        if not alone:
-            told.add("TRF-005", one.first.sent, one.frames, values, cause.what)
+        for one, what, cause in zip(closed, *self._search(view, closed), strict=True):
+            if what:
+                yield from self._tell(view, one, what, cause, told)
+
+    def _close(self, key: int) -> None:
+        self._closed.append(self._open.pop(key))
+
+    def _tell(
+        self, view: View, one: _Remainder, what: str, cause: Callable[[], Cause], told: Gathered
+    ) -> Iterator[Occurrence]:
+        def values() -> Values:
+            return {"transfer_id": one.transfer_id, "cause": what, "detail": cause().detail}
+
+        early = what in _LOSSES and self._early(view, one.first)
+        if early and view.cut_in and self._first(one):
             return
-        sent = one.first.sent
+        kind, sent = (one.first.session, what), one.first.sent
+        held_back = early and self._excused < MOST_EARLY
+        if not (held_back or one.lines or len(one.frames) > MOST_LINES or kind in self._early_ones):
+            told.add("TRF-005", sent, one.frames, values, what, severity="note" if early else None)
+            return
         found = Occurrence(
-            "TRF-005", sent.t, sent.bus, sent.node, view.type_name(sent.code), tuple(one.frames), values,
+            "TRF-005", sent.t, sent.bus, sent.node, view.type_name(sent.code), tuple(one.frames), values(),
             severity="note" if early else None, drops=True, lines=one.lines or _lines(view, one.frames),
         )  # fmt: skip
-        if early and self._excused < MOST_EARLY:
+        if held_back:
             self._excused += 1
             self._early_ones.setdefault(kind, []).append(found)
             return
@@ -147,19 +172,31 @@ class MissingStart:
         yield from (replace(one, severity=None) for one in held) if len(held) >= _HABIT else held
         yield found
 
-    def _search(self, view: View, one: _Remainder, who: Sender) -> Cause | None:
-        """Return what is missing; None if the frames belong to a transfer that says so itself."""
-        here = self._neighbours.of(view, one.frames, one.first.code, fd=bool(one.first.kept.flags & FD))
-        if here is None:
-            return Cause(NOT_SEARCHED)
-        cause = _found(here)
-        self._causes.note(who, (len(one.frames), one.received), "" if cause is None else cause.what)
-        return cause
+    def _search(self, view: View, closed: Sequence[_Remainder]) -> tuple[list[str], list[Callable[[], Cause]]]:
+        """Return what is missing of each, and what makes it more exact.
 
-    def _like(self, one: _Remainder, who: Sender) -> Cause | None:
-        """Return the same of one that nothing is searched for."""
-        what = self._causes.like(who, (len(one.frames), one.received))
-        return Cause(what, "" if what == NOT_SEARCHED else LIKE) if what else None
+        Nothing of one whose frames belong to a transfer that says so itself.
+        """
+        first = [one.first for one in closed]
+        senders, shapes = loose_senders(first), [one.shape for one in closed]
+        searched = np.flatnonzero(self._budget.take(senders)).tolist()
+        found = ask(view, REMAINDER, loose_lists([first[k] for k in searched], [closed[k].frames for k in searched]))
+        whats = [FORMS[form].what for form in found.form.tolist()]
+        who = senders.tolist()
+        known = [(who[k], shapes[k], what) for k, what in zip(searched, whats, strict=True)]
+        self._causes.note_all(one for one, gone in zip(known, found.gone.tolist(), strict=True) if not gone)
+        told = self._causes.like_all(zip(who, shapes, strict=True))
+        causes: list[Callable[[], Cause]] = [partial(alike, what) for what in told]
+        for at, (k, what) in enumerate(zip(searched, whats, strict=True)):
+            told[k], causes[k] = what, partial(found.cause, at)
+        return told, causes
+
+    def _first(self, one: _Remainder) -> bool:
+        """Return whether it is the first that was heard of its session: of a window that is where the window begins."""
+        begun = self._begun.get(one.first.session)
+        return (begun is None or one.first.number < begun[1]) and self._orphaned.get(
+            one.first.session
+        ) == one.first.kept.t
 
     def _early(self, view: View, loose: LooseFrame) -> bool:
         """Return whether the sender may have been busy as the session, the capture, or the part behind a gap began."""
@@ -175,19 +212,3 @@ class MissingStart:
 
 def _lines(view: View, frames: Iterable[int]) -> tuple[str, ...]:
     return tuple(line for number in frames for line in view.lines((number,)))
-
-
-def _found(here: Neighbours) -> Cause | None:
-    copy = here.copy()
-    if copy is not None:
-        return copy
-    proof = proven(here.parts, here.around(), here.expected)
-    if proof is not None:
-        own = {part.number for part in here.parts}
-        return proof.cause if all(part.number in own for part in proof.order) else None
-    row = in_a_row(here.parts, here.near, here.expected)
-    if row is None:
-        return missing(here.parts, here.expected)
-    # The frames behind a single one with an end bit too many: nothing else tells of them.
-    first, second = row.order[:2]
-    return row.cause if first.start and first.end and second == here.parts[0] else None

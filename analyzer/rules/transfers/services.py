@@ -171,6 +171,8 @@ class Services(Rule):
         if call is None or part.t - call.request.t > OPEN:
             begun = NO_TIME if part.t == NO_TIME else max(view.starts[part.bus], view.resumed(part.t))
             early = part.t == NO_TIME or part.t - begun < OPEN
+            if early and view.cut_in:
+                return
             stray = _about("TRF-021", part, {"transfer_id": part.transfer_id, "dst": talk.client})
             yield replace(stray, severity="note" if early else None, drops=True, since=part.t - OPEN)
             return

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer.facts.identifiers import who
-from analyzer.rules.frames.foreign import session_bits, session_of
+from analyzer.rules.frames.foreign import session_bits
 from analyzer.rules.frames.malformed import IMPOSSIBLE, Malformed, has, tail
 from analyzer.rules.frames.malformed import KINDS as MALFORMED
 from analyzer.rules.joint.gathered import Gathered
@@ -102,18 +102,19 @@ class UnassignedFrames(Rule):
 
     def _corrected(self, view: View) -> list[_Held]:
         """Return frames that turned out to be DroneCAN's."""
-        late = []
-        for number, verdict, anomaly in view.settled:
+        for number in view.settled.number.tolist():
             self._held.pop(number, None)
+        late = view.settled.of(np.flatnonzero(view.settled.known & (view.settled.verdict != _FOREIGN)))
+        session = late.bus << 32 | session_bits(late.id, late.verdict)
+        picked = _picked(late.verdict, late.anomaly, late.flags)
+        columns = (late.number, late.verdict, session, picked, *who(late.id, late.flags, late.verdict))
+        found = []
+        for number, verdict, key, bits, node, code in zip(*(column.tolist() for column in columns), strict=True):
             kept = view.frame(number)
-            if verdict != _FOREIGN and kept is not None:
-                key = kept.bus << 32 | session_of(kept.id, verdict)
-                node, code = (
-                    int(column[0]) for column in who(*(np.array([one]) for one in (kept.id, kept.flags, verdict)))
-                )
+            if kept is not None:
                 loose = LooseFrame(number, key, kept._replace(verdict=verdict), None if node < 0 else node, code)
-                late.append(_Held(loose, _about(view, loose, _picked(verdict, anomaly, kept.flags))))
-        return late
+                found.append(_Held(loose, _about(view, loose, bits) if bits else ()))
+        return found
 
     def _keep_lines(self, view: View) -> None:
         """Keep the frames that still wait: they may be gone when they are told."""
@@ -168,17 +169,17 @@ def _loose(view: View, rows: Array, session: Array) -> Iterator[LooseFrame]:
 def _held(view: View, rows: Array, session: Array) -> Iterator[_Held]:
     """Yield frames of a batch whose sessions are not certain yet, and what is to be said of them."""
     f = view.frames
-    picked = np.zeros(len(rows), np.int64)
-    for k, kind in enumerate(_KINDS):
-        picked |= kind.picks(f.verdict[rows], f.anomaly[rows], f.flags[rows]) * np.int64(1 << k)
+    picked = _picked(f.verdict[rows], f.anomaly[rows], f.flags[rows])
     for loose, bits in zip(_loose(view, rows, session), picked.tolist(), strict=True):
         yield _Held(loose, _about(view, loose, bits) if bits else ())
 
 
-def _picked(*facts: int) -> int:
-    """Return which kinds a frame is of, by its verdict, anomaly and flags: bits in their order."""
-    columns = [np.array([value]) for value in facts]
-    return sum(1 << k for k, kind in enumerate(_KINDS) if kind.picks(*columns)[0])
+def _picked(verdict: Array, anomaly: Array, flags: Array) -> Array:
+    """Return which kinds frames are of: bits in their order."""
+    found = np.zeros(len(verdict), np.int64)
+    for k, kind in enumerate(_KINDS):
+        found |= kind.picks(verdict, anomaly, flags) * np.int64(1 << k)
+    return found
 
 
 def _about(view: View, loose: LooseFrame, picked: int) -> Sequence[tuple[str, Values, Severity | None]]:

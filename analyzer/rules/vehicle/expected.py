@@ -12,6 +12,9 @@ shows less than `require` is not judged. What a vehicle file can hold:
     0xA1 = 11
     [rule.BUS-001]            # severity, enabled, and the numbers of its page
     limit_per_s = 2000
+    [rule.ACME-001]           # one of its own: see `own`
+    title = "An ESC gets too hot"
+    when = "ESCStatus.temperature_celsius > 100"
     [[waiver]]                # reason, owner and expires are a must; node and type narrow it down
     rule = "TRF-016"
     reason = "logger drops frames while it rotates files"
@@ -41,6 +44,7 @@ if TYPE_CHECKING:
 
     from analyzer.rules.catalogue import Page
     from analyzer.rules.settings import Settings
+    from analyzer.rules.vehicle.own import OwnRules
     from dissectors import Registry
     from dissectors.toml_table import TomlTable
 
@@ -48,6 +52,7 @@ MOST_BIT_RATE = 8_000_000
 MOST_ESCS = 32  # where no profile says how many there can be
 MOST_NODE = 127
 TOLERANCE = 0.1  # of an expected rate
+OWN_KEYS = frozenset(("when", "then", "for", "within"))  # of a rule that the file brings
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +109,7 @@ class Expected:
     enabled: Mapping[str, bool]
     excuses: tuple[Excuse, ...]
     demand: Demand = field(default_factory=Demand)
+    own: OwnRules | None = None
 
     def settings(self, asked: Settings, pages: Mapping[str, Page]) -> Settings:
         """Return what was asked for on top of what the file says."""
@@ -117,6 +123,7 @@ class Expected:
             numbers={**self.numbers, **asked.numbers},
             severities={**self.severities, **asked.severities},
             bit_rate=asked.bit_rate if asked.bit_rate is not None else self.bit_rate,
+            own=self.own,
         )
 
     def excuse(self, rule: str, node: int | None, type_: str, today: date) -> Excuse | None:
@@ -130,19 +137,23 @@ def load(path: Path, pages: Mapping[str, Page], registry: Registry) -> Expected:
     most = words.escs or MOST_ESCS
     table = read(path)
     rules = table.table("rule")
-    numbers, severities, enabled = _rules(rules, pages)
+    nodes = {one.node: one for one in _nodes(table.table("node"), words)}
+    own = _own(rules, pages, registry, {node: one.label for node, one in nodes.items() if one.label})
+    built_in, pages = pages, {**pages, **({} if own is None else own.pages)}
+    numbers, severities, enabled = _rules(rules, built_in, pages)
     made = Expected(
         path=str(path),
         name=table.string("name"),
         bit_rate=table.integer("bit_rate", 1, MOST_BIT_RATE),
         escs=table.integer("escs", 0, most),
-        nodes={one.node: one for one in _nodes(table.table("node"), words)},
+        nodes=nodes,
         units=_units(table.table("unit"), words.units),
         numbers=numbers,
         severities=severities,
         enabled=enabled,
         excuses=tuple(_excuse(row, pages, words) for row in table.rows("waiver")),
         demand=_demand(table.table("require"), pages, words, most),
+        own=own,
     )
     table.finish()
     return made
@@ -175,14 +186,25 @@ def _named(table: TomlTable, key: str, name: str, read: Callable[[str], str]) ->
         table.fail(str(error.args[0]), key)
 
 
+def _own(table: TomlTable, pages: Mapping[str, Page], registry: Registry, labels: Mapping[int, str]) -> OwnRules | None:
+    """Return the rules that the file brings; None if it has no others than there are."""
+    if all(name in pages and OWN_KEYS.isdisjoint(body) for name, body in table.body.items()):
+        return None
+    from analyzer.rules.vehicle.own import OwnRules, read_own  # noqa: PLC0415 - filters are for those who write some
+
+    return OwnRules(read_own(table, pages, registry, OWN_KEYS), labels)
+
+
 def _rules(
-    table: TomlTable, pages: Mapping[str, Page]
+    table: TomlTable, built_in: Mapping[str, Page], pages: Mapping[str, Page]
 ) -> tuple[dict[str, dict[str, float]], dict[str, Severity], dict[str, bool]]:
     numbers: dict[str, dict[str, float]] = {}
     severities: dict[str, Severity] = {}
     enabled: dict[str, bool] = {}
     for rule in table.body:
         _known(table, rule, rule, pages)
+        if rule not in built_in:
+            continue
         body = table.table(rule)
         severity = body.one_of("severity", get_args(Severity))
         if severity:

@@ -40,6 +40,7 @@ _LIMITS: Mapping[str, tuple[float, float]] = {
     "signature": (0, 2**64 - 1),
 }
 _WIDE = (-(2**31), 2**32 - 1)
+_ANSWERS = {"yes": True, "no": False}
 # No time is later than this: a day.
 _LONGEST = 86_400 * SECOND
 
@@ -60,11 +61,24 @@ def stories() -> dict[str, Scenario]:
     return {story.name: story for story in (*traffic.SCENARIOS, *scenarios.SCENARIOS)}
 
 
-def scenario(name: str) -> Scenario:
-    """Return the scenario of a name. Raises `ValueError` with what comes near."""
+def scenario(text: str) -> Scenario:
+    """Return the scenario that `NAME[:option=yes...]` names. Raises `ValueError` with what comes near."""
+    name = text.partition(":")[0]
     found = stories().get(name)
     if found is None:
         raise ValueError(f"no scenario is called {name!r}{_near(name, stories())}")
+    return found
+
+
+def story_options(text: str) -> dict[str, bool]:
+    """Return what `NAME:option=yes:option=no` asks for. Raises `ValueError` with what there is."""
+    story, found = scenario(text), {}
+    for part in text.split(":")[1:]:
+        name, _, word = part.partition("=")
+        if name not in story.options or word not in _ANSWERS:
+            there = ", ".join(f"{option}=yes or no" for option in story.options) or "it takes none"
+            raise ValueError(f"{story.name}: {part!r} is no setting ({there})")
+        found[name] = _ANSWERS[word]
     return found
 
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import TYPE_CHECKING, NamedTuple
 
-from analyzer.tables import BRS, ERROR, ESI, EXTENDED, FD, REMOTE
+import numpy as np
+import pyarrow as pa
+
+from analyzer.tables import BRS, ERROR, ESI, EXTENDED, FD, FRAMES, REMOTE, empty
 from dissectors.kit.cells import pylist
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import pyarrow as pa
-
     from analyzer.decode.engine import Batch
+    from dissectors.kit import Array
 
 _LENGTH_CODE = 8  # lowest bit of it in the flags
 
@@ -71,6 +73,22 @@ class FrameWindow:
             self._batches[batch.first_frame] = batch.frames
         while len(self._batches) > self._limit:
             self._batches.popitem(last=False)
+
+    def rows(self, places: Array) -> dict[str, pa.Array]:
+        """Return the columns `id`, `flags` and `data` of frames, null for those that are gone."""
+        at, end, kept = np.full(len(places), -1), 0, list[pa.RecordBatch]()
+        for first, frames in self._batches.items():
+            inside = (places >= first) & (places < first + len(frames))
+            if inside.any():
+                at[inside] = places[inside] - first + end
+                end += len(frames)
+                kept.append(frames)
+        rows = pa.array(at, mask=at < 0)
+        kept = kept or [empty(FRAMES)]
+        return {
+            name: pa.concat_arrays([frames.column(name) for frames in kept]).take(rows)
+            for name in ("id", "flags", "data")
+        }
 
     def __call__(self, number: int) -> RawFrame | None:
         """Return the frame with this number."""

@@ -1,24 +1,29 @@
-"""`--frame-list`: one row a frame, as text or for programs."""
+"""`--frame-list`: one row a frame, as text or as records for programs."""
 
 from __future__ import annotations
 
-import csv
-import io
-from typing import TYPE_CHECKING, Any
+from itertools import repeat
+from typing import TYPE_CHECKING
 
-from analyzer.tables import BRS, ERROR, ESI, EXTENDED, FD, REMOTE, RX, TX
-from analyzer.views.json_fields import text_of
+import pyarrow as pa
+
+from analyzer.tables import BRS, ESI, EXTENDED, FD, REMOTE, RX, TX, VERDICTS
+from analyzer.views.colours.painter import NO_RULE
+from analyzer.views.frames.cells import VERDICT_WORDS, FrameSheet, FrameWriter, bit_of, identifier
+from analyzer.views.json_fields import HEX, array_template, member, object_template, quotes, text_of
+from analyzer.views.members import ALL, NOTHING, PLAIN
 from analyzer.views.named import tag
-from analyzer.views.records import FINDINGS, harmless
-from analyzer.views.terminal import PLAIN, Palette, escape, fit
-from dissectors.times import SECOND
+from analyzer.views.records import FINDINGS, csv_word
+from analyzer.views.terminal import PLAIN as COLOURLESS
+from analyzer.views.terminal import Palette, display_width, escape, fit
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator, Sequence
 
     from analyzer.decode.engine import Batch
-    from analyzer.views.frames.rows import FrameRow, FrameRows
-    from analyzer.views.frames.window import RawFrame
+    from analyzer.views.frames.rows import FrameRows, ListedFrames
+    from analyzer.views.sheets import Columns, Template
     from analyzer.views.times import TimeFormat
     from analyzer.window.listed import ListedRows
 
@@ -28,70 +33,94 @@ KEYS = (
 _FLAGS = {"extended": EXTENDED, "remote": REMOTE, "fd": FD, "brs": BRS, "esi": ESI, "tx": TX, "rx": RX}
 _MOST_BUS = 16
 _BYTES = 16  # digits of the data of a classic frame
-# Fields of `-T fields` that a frame has, from the row, its frame and the clocks of times.
-FRAME_FIELDS: dict[str, Callable[[FrameRow], Any]] = {
-    "frame.number": lambda row: row.number,
-    "frame.interface_name": lambda row: escape(row.bus),
-    "can.id": lambda row: None if row.frame.flags & ERROR else row.frame.id,
-    "can.len": lambda row: _length(row.frame),
-    "can.flags.xtd": lambda row: None if row.frame.flags & ERROR else int(row.frame.flag("xtd")),
-    "can.flags.rtr": lambda row: int(row.frame.flag("rtr")),
-    "can.flags.err": lambda row: int(row.frame.flag("err")),
-}
-FRAME_TIMES = {"frame.time_epoch": "e", "frame.time_relative": "r", "frame.time_delta": "d"}
+_BUS, _VERDICT, _TYPE, _DAY = range(4)  # lists of words
+_GOOD = [VERDICTS.index(name) for name in ("used", "foreign")]
+_DUPLICATE = VERDICTS.index("duplicate")
+_NUMBER: Template = ("number", PLAIN, ("plain",))
+_FROM_ONE: Template = ("number", PLAIN, ("from one",))
 
 
-class FrameText:
+class FrameText(FrameWriter):
     """The frames as lines for people: number, time, delta, bus, identifier, length, bytes, verdict, transfer."""
 
-    def __init__(self, rows: FrameRows, clock: TimeFormat, palette: Palette = PLAIN, width: int | None = None) -> None:
-        self._rows, self._clock, self._palette, self._width = rows, clock, palette, width
+    def __init__(
+        self, rows: FrameRows, clock: TimeFormat, palette: Palette = COLOURLESS, width: int | None = None, *,
+        codes: Sequence[str] = (),
+    ) -> None:  # fmt: skip
+        super().__init__(rows)
+        self._codes = (*codes, None)  # the last one is that of no rule
+        self._clock, self._palette, self._width = clock, palette, width
         self._bus, self._time = 0, 0
-
-    def begin(self) -> str:
-        """Nothing: the header comes with the first frame, which settles its widths."""
-        return ""
+        self._sheet: FrameSheet | None = None
 
     def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
-        """Give a line for each frame that is known for good."""
+        """Write each frame that is known for good; the first one, which settles the widths, behind the header."""
         self._clock.start(batch.frames)
-        yield from map(self._line, self._rows.feed(batch, picked))
+        return super().rows(batch, picked)
 
-    def end(self) -> str:
-        """Give the frames that still waited."""
-        return "".join(map(self._line, self._rows.finish()))
-
-    def _line(self, row: FrameRow) -> str:
-        time, bus = self._clock.column([row.frame.t])[0], fit(escape(row.bus), _MOST_BUS)
+    def _texts(self, table: ListedFrames) -> Iterator[str]:
+        rows, clock = table.rows, self._clock
+        elapsed = clock.elapsed(rows.column("t"))
+        days, seconds = clock.days(rows.column("t"))
+        buses = [fit(escape(name), _MOST_BUS) for name in table.buses]
         head = ""
-        if not self._time:
-            self._time, self._bus = max(9, len(time)), max(4, len(bus))
-            head = self._cut(
-                f"   Frame {self._clock.head:>{self._time}}    Delta {'Bus':<{self._bus}} {'ID':>8}  L "
-                f"{'Data':<{_BYTES}} Verdict, transfer"
-            )
-            head = self._palette.paint("head", head) + "\n"
-        since = "" if row.since is None else self._clock.seconds(row.since)
-        number = "-" if row.number is None else row.number
-        frame, good = row.frame, row.verdict == "used"
-        said = tag(row.rules) + row.verdict
-        if row.part is not None:
-            said += f" {row.part[0]}/{row.part[1]} {row.transfer} {row.type}"
-        name = "" if frame.flags & ERROR else frame.id_text
-        data = "remote" if frame.flags & REMOTE else frame.data.hex().upper()
-        line = self._cut(
-            f"{number:>8} {time:>{self._time}} {since:>8} {bus:<{self._bus}} {name:>8} {_length(frame):>2} "
-            f"{data:<{_BYTES}} {said}"
+        if self._sheet is None:
+            first = rows.column("bus")[0].as_py()
+            head = self._head(clock.written(elapsed, days, seconds, 0), buses[first])
+            self._sheet = FrameSheet(self._template)
+        beside = {"elapsed": elapsed, "days": days}
+        if self._rows.marked:
+            beside["tag"] = pa.array(map(tag, rows.column("rules").to_pylist()), pa.string())
+        padded = [name + " " * max(0, self._bus - display_width(name)) for name in buses]
+        texts = self._sheet.texts(table, beside, (padded, VERDICT_WORDS, table.types, seconds))
+        if self._width is None and not self._palette.on:
+            lines = texts
+        else:
+            colours = rows.column("colour").to_pylist() if "colour" in rows.schema.names else repeat(NO_RULE)
+            lines = map(self._finished, texts, numbers(rows.column("verdict")).tolist(), colours)
+        for line in lines:
+            yield head + line
+            head = ""
+
+    def _template(self, columns: Columns) -> Template:
+        data: Template = ("by", columns.place("remote"), [(1, ("text", "remote"))], columns.of("data", HEX))
+        place = [
+            ("text", " "), columns.of("part", _NUMBER), ("text", "/"), columns.of("of", _NUMBER), ("text", " "),
+            columns.of("transfer", _NUMBER), ("text", " "), columns.of("type", ("word", _TYPE)),
+        ]  # fmt: skip
+        since: Template = ("number", PLAIN, ("seconds", False, self._clock.nine))
+        return ("all", [
+            ("pad", 8, False, columns.of("number", ("or", "-", _NUMBER))), ("text", " "),
+            ("pad", self._time, False, self._clock.template(columns, _DAY)), ("text", " "),
+            ("pad", 8, False, columns.of("since", since)), ("text", " "),
+            columns.of("bus", ("word", _BUS)), ("text", " "), ("pad", 8, False, identifier(columns)), ("text", " "),
+            ("pad", 2, False, columns.of("length", _NUMBER)), ("text", " "),
+            ("pad", _BYTES, True, data), ("text", " "),
+            *([columns.of("tag", ("copy",))] if self._rows.marked else []), columns.of("verdict", ("word", _VERDICT)),
+            ("given", columns.place("part"), ("all", place), NOTHING), ("text", "\n"),
+        ])  # fmt: skip
+
+    def _head(self, time: str, bus: str) -> str:
+        self._time, self._bus = max(9, len(time)), max(4, len(bus))
+        head = self._cut(
+            f"   Frame {self._clock.head:>{self._time}}    Delta {'Bus':<{self._bus}} {'ID':>8}  L "
+            f"{'Data':<{_BYTES}} Verdict, transfer"
         )
-        style = "note" if row.verdict == "duplicate" else "bad"
-        plain = good or row.verdict == "foreign"
-        return head + (line if plain else self._palette.paint(style, line)) + "\n"
+        return self._palette.paint("head", head) + "\n"
+
+    def _finished(self, text: str, verdict: int, rule: int) -> str:
+        line, codes = self._cut(text[:-1]), self._codes[rule]
+        if codes is not None:
+            line = self._palette.colour(codes, line)
+        elif verdict not in _GOOD:
+            line = self._palette.paint("note" if verdict == _DUPLICATE else "bad", line)
+        return line + "\n"
 
     def _cut(self, line: str) -> str:
         return line if self._width is None else fit(line, self._width)
 
 
-class FrameRecords:
+class FrameRecords(FrameWriter):
     """The frames for programs, as `json`, `jsonl` or `csv` with the keys of `KEYS`.
 
     `frame` counts frames from 1, `number` is what was asked for; `id` and `data` are hexadecimal, `flags` names,
@@ -99,93 +128,83 @@ class FrameRecords:
     """
 
     def __init__(self, rows: FrameRows, form: str) -> None:
-        self._rows, self._form, self._before = rows, form, "\n"
+        super().__init__(rows)
+        self._form, self._before = form, "\n"
+        self._keys = (*KEYS, FINDINGS) if rows.marked else KEYS
+        self._sheet = FrameSheet(self._template)
 
     def begin(self) -> str:
         """Write what stands before the first record."""
-        keys = (*KEYS, FINDINGS) if self._rows.marked else KEYS
-        return {"json": "[", "csv": ",".join(keys) + "\r\n"}.get(self._form, "")
-
-    def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
-        """Write a record for each frame that is known for good."""
-        yield from map(self._text, self._rows.feed(batch, picked))
+        return {"json": "[", "csv": ",".join(self._keys) + "\r\n"}.get(self._form, "")
 
     def end(self) -> str:
         """Write the frames that still waited, and what stands behind the last record."""
-        return "".join(map(self._text, self._rows.finish())) + ("\n]\n" if self._form == "json" else "")
+        return super().end() + ("\n]\n" if self._form == "json" else "")
 
-    def _text(self, row: FrameRow) -> str:
-        record = _record(row)
-        if self._rows.marked:
-            record[FINDINGS] = list(row.rules)
-        if self._form == "csv":
-            out = io.StringIO()
-            flat = {**record, "flags": " ".join(record["flags"]), "place": "/".join(map(str, row.part or ()))}
-            flat |= {FINDINGS: " ".join(row.rules)} if self._rows.marked else {}
-            csv.writer(out).writerow([harmless(value) for value in flat.values()])
-            return out.getvalue()
-        if self._form == "jsonl":
-            return text_of(record) + "\n"
-        before, self._before = self._before, ",\n"
-        return before + text_of(record)
+    def _texts(self, table: ListedFrames) -> Iterator[str]:
+        write = csv_word if self._form == "csv" else text_of
+        words = [[write(name) for name in some] for some in (table.buses, VERDICT_WORDS)]
+        texts = self._sheet.texts(table, {}, words)
+        if self._form != "json":
+            yield from texts
+            return
+        for text in texts:
+            before, self._before = self._before, ",\n"
+            yield before + text
 
+    def _template(self, columns: Columns) -> Template:
+        spread = self._form == "csv"
+        none = "" if spread else "null"
+        known = {key: self._cell(columns, key, none, spread=spread) for key in self._keys}
+        if not spread:
+            end = "\n" if self._form == "jsonl" else ""
+            return ("all", [object_template(member(*pair) for pair in known.items()), ("text", end)])
+        commas = [("text", ",")] * len(known)
+        return (
+            "all",
+            [*[one for pair in zip(commas, known.values(), strict=True) for one in pair][1:], ("text", "\r\n")],
+        )
 
-class FrameFields:
-    """Chosen fields of each frame, separated by tabs. Raises `ValueError` for one that frames do not have."""
+    def _cell(self, columns: Columns, key: str, none: str, *, spread: bool) -> Template:
+        def text(word: str) -> Template:
+            return ("text", word if spread else text_of(word))
 
-    def __init__(self, rows: FrameRows, names: tuple[str, ...], zero: int | None) -> None:
-        for name in names:
-            if name not in FRAME_FIELDS and name not in FRAME_TIMES:
-                known = ", ".join((*FRAME_FIELDS, *FRAME_TIMES))
-                raise ValueError(f"--frame-list has no field {name!r}: frames have {known}")
-        self._rows, self._names, self._zero = rows, names, zero
+        def unless_error(template: Template, instead: str) -> Template:
+            return ("by", columns.place("error"), [(1, ("text", instead))], template)
 
-    def begin(self) -> str:
-        """Write nothing."""
-        return ""
+        def number(name: str, show: Template = _NUMBER) -> Template:
+            return columns.of(name, ("or", none, show))
 
-    def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
-        """Write a line for each frame that is known for good."""
-        yield from map(self._text, self._rows.feed(batch, picked))
+        def digits(template: Template) -> Template:
+            return template if spread else quotes(template)
 
-    def end(self) -> str:
-        """Write the frames that still waited."""
-        return "".join(map(self._text, self._rows.finish()))
-
-    def _text(self, row: FrameRow) -> str:
-        return "\t".join(self._cell(row, name) for name in self._names) + "\n"
-
-    def _cell(self, row: FrameRow, name: str) -> str:
-        if name in FRAME_FIELDS:
-            value = FRAME_FIELDS[name](row)
-            return "" if value is None else str(value)
-        t = row.frame.t
-        if self._zero is None:
-            self._zero = t
-        if t is None:
-            return ""
-        since = row.since or 0
-        ns = {"e": t, "r": t - (self._zero or 0), "d": since}[FRAME_TIMES[name]]
-        return f"{'-' * (ns < 0)}{abs(ns) // SECOND}.{abs(ns) % SECOND:09d}"
-
-
-def _record(row: FrameRow) -> dict[str, Any]:
-    frame, error = row.frame, bool(row.frame.flags & ERROR)
-    return {
-        "frame": None if row.place is None else row.place + 1,
-        "number": row.number,
-        "t_ns": frame.t,
-        "bus": row.bus,
-        "kind": "error frame" if error else "frame",
-        "id": None if error else frame.id_text,
-        "len": _length(frame),
-        "data": frame.data.hex().upper(),
-        "flags": [] if error else [name for name, bit in _FLAGS.items() if frame.flags & bit],
-        "verdict": None if error else row.verdict,
-        "transfer": row.transfer,
-        "place": None if row.part is None else list(row.part),
-    }
+        flags: Template = ("joined", " " if spread else ",", [
+            columns.of("flags", ("switch", bit_of(bit), [(1, text(name))], NOTHING)) for name, bit in _FLAGS.items()
+        ])  # fmt: skip
+        part = [columns.of("part", _NUMBER), ("text", "/" if spread else ","), columns.of("of", _NUMBER)]
+        rules: Template = ("each", " ", ALL, "", ("copy",)) if spread else array_template(("json",))
+        if key == FINDINGS:
+            return columns.of("rules", rules)
+        return {
+            "frame": number("place", _FROM_ONE),
+            "number": number("number"),
+            "t_ns": number("t"),
+            "bus": columns.of("bus", ("word", _BUS)),
+            "kind": ("by", columns.place("error"), [(1, text("error frame"))], text("frame")),
+            "id": unless_error(digits(identifier(columns)), none),
+            "len": number("length"),
+            "data": columns.of("data", digits(HEX)),
+            "flags": unless_error(flags if spread else _listed(flags), "" if spread else "[]"),
+            "verdict": unless_error(columns.of("verdict", ("word", _VERDICT)), none),
+            "transfer": number("transfer"),
+            "place": (
+                "given",
+                columns.place("part"),
+                ("all", part) if spread else _listed(("all", part)),
+                ("text", none),
+            ),
+        }[key]
 
 
-def _length(frame: RawFrame) -> int:
-    return frame.length_code if frame.flags & REMOTE else len(frame.data)
+def _listed(template: Template) -> Template:
+    return ("all", [("text", "["), template, ("text", "]")])

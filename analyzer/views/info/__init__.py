@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import textwrap
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from analyzer.tables import VERDICTS
 from analyzer.views.info import nodes
 from analyzer.views.terminal import escape
 from analyzer.views.times import TimeFormat
+from dissectors.records import as_dict
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
@@ -42,9 +42,9 @@ def render(facts: Facts, *, everything: bool = False, types: bool = False, width
 
 def render_json(facts: Facts) -> str:
     """Write the summary as one JSON object; times are nanoseconds, what is not known is null."""
-    content = asdict(facts)
+    content = as_dict(facts)
     if len(facts.files) == 1:
-        content = asdict(facts.files[0]) | content
+        content = as_dict(facts.files[0]) | content
     content["readings"] = [s._asdict() | {"bus": facts.bus_names[s.bus]} for s in facts.readings]
     content["foreign"] = [{"id": number, "count": count} for number, count in facts.foreign]
     del content["bus_names"]

@@ -6,9 +6,8 @@ import textwrap
 from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.facts.names import short
+from analyzer.views.info.stay import StayFormat
 from analyzer.views.terminal import display_width, escape, fit
-from analyzer.views.times import TimeFormat
-from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
 _ROWS = 40
 _BUS, _ROLE, _NAME, _SENDS = 16, 20, 40, 40  # columns at most
 _INDENT = " " * 5
-_NEAR = 2 * SECOND  # as long as a first or last transfer counts as "start" or "end", in a long capture
-_DAY = 86_400 * SECOND
 
 
 class _Column(NamedTuple):
@@ -44,6 +41,7 @@ def senders(facts: Facts, width: int, *, everything: bool) -> Iterator[str]:
     if not facts.senders:
         yield "No DroneCAN transfers."
         return
+    stays = _stays(facts)
     shown, more = _most_telling(facts.senders, everything)
     columns = [*_places(facts, [(one.bus, _number(one.node, anonymous=one.anonymous)) for one in shown])]
     columns += [
@@ -51,9 +49,9 @@ def senders(facts: Facts, width: int, *, everything: bool) -> Iterator[str]:
         _Column("Role", [_role(one) for one in shown]),
         _Column("Hz", [_rate(one.hz) for one in shown], right=True),
         _Column("Bad", [str(one.bad) for one in shown], right=True),
-        _Column("Lost", [str(one.lost) for one in shown], right=True),
+        _Column("Lost", ["-" if one.lost is None else str(one.lost) for one in shown], right=True),
         _Column("Restart", ["-" if one.restarts is None else str(one.restarts) for one in shown], right=True),
-        _Column("Seen", [_seen(one, facts) for one in shown]),
+        _Column("Seen", [stays.stay(one.first, one.last) for one in shown]),
     ]
     at = len(columns) - 5
     software = _Column("Software", [escape(one.software or "-") for one in shown])
@@ -75,6 +73,7 @@ def senders(facts: Facts, width: int, *, everything: bool) -> Iterator[str]:
 
 def types(facts: Facts, width: int, *, everything: bool) -> Iterator[str]:
     """Write a row for each type that a node sends, those without a definition too."""
+    stays = _stays(facts)
     shown = facts.nodes if everything else facts.nodes[:_ROWS]
     numbers = (_number(one.node, anonymous=not one.node and one.kind != "message") for one in shown)
     columns = [
@@ -84,8 +83,8 @@ def types(facts: Facts, width: int, *, everything: bool) -> Iterator[str]:
         _Column("Count", [str(one.count) for one in shown], right=True),
         _Column("Hz", [_rate(one.hz) for one in shown], right=True),
         _Column("Bad", [str(one.bad) for one in shown], right=True),
-        _Column("First", [_moment(one.first, facts) for one in shown]),
-        _Column("Last", [_moment(one.last, facts) for one in shown]),
+        _Column("First", [stays.moment(one.first) for one in shown]),
+        _Column("Last", [stays.moment(one.last) for one in shown]),
     ]
     yield from _table(columns, width)
     if len(facts.nodes) > len(shown):
@@ -157,25 +156,5 @@ def _rate(hz: float | None) -> str:
     return "-" if hz is None else f"{hz:.1f}"
 
 
-def _seen(one: SenderFacts, facts: Facts) -> str:
-    first, last = _moment(one.first, facts), _moment(one.last, facts)
-    if (first, last) == ("start", "end"):
-        return "all"
-    if first == last:
-        return first
-    return f"to {last}" if first == "start" else f"from {first}" if last == "end" else f"{first} to {last}"
-
-
-def _moment(t: int | None, facts: Facts) -> str:
-    if t is None or facts.start is None or facts.end is None or facts.judge["timing"] != "yes":
-        return "-"
-    near = min(_NEAR, (facts.end - facts.start) // 10)
-    if t - facts.start <= near:
-        return "start"
-    if facts.end - t <= near:
-        return "end"
-    if not facts.absolute:
-        return f"{(t - facts.start) / SECOND:.1f} s"
-    if facts.end - facts.start < _DAY:
-        return TimeFormat("a", digits=6).text(t)[:8]
-    return TimeFormat("ad", digits=6).text(t)[5:16]
+def _stays(facts: Facts) -> StayFormat:
+    return StayFormat(facts.start, facts.end, facts.absolute, facts.judge["timing"] == "yes")

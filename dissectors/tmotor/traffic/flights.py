@@ -54,6 +54,12 @@ def hover(duration: float) -> list[Leg]:
     return [*take_off(duration, height), *landing(duration, height)]
 
 
+def cruise(duration: float) -> list[Leg]:
+    """Return the legs up to a height from which a fall takes time."""
+    *ground, up = take_off(duration, 15.0)
+    return [*ground, Leg(up.start, up.state, up.height, climb=5.0)]
+
+
 def mission(duration: float, random: Random) -> list[Leg]:
     """Return the legs of a mission: up, turns between changes of height, and land."""
     legs = take_off(duration, 4.0)

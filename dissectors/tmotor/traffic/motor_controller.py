@@ -30,7 +30,9 @@ class MotorController:
     ESCStatus: its temperature's unit, and floats by the printed encoder (5.2). `big_endian` turns its packets round,
     `sum_end` is the checksum range of FocParameters packets that the ground station sends to it. `status_period` is in
     ns; 0, or `telemetry` off, sends no ESCStatus. `runtime_offset` (s) and `power_on_count` stand in MotorStatus.
-    One that no longer `obeys` takes no control mode. A `stock` ESC speaks standard DroneCAN only.
+    One that no longer `obeys` takes no control mode, one that is `deaf` no throttle, and it never drives its motor with
+    more than its `limit` (0 to 1); `sag` is the voltage in V that only it lacks. Bits of `hidden` it does not tell. A
+    `stock` ESC speaks standard DroneCAN only.
     """
 
     def __init__(self, world: World, node: BusNode, index: int, uuid: int, rates: Rates, *, stock: bool) -> None:
@@ -49,6 +51,10 @@ class MotorController:
         self.sum_end: int | None = None
         self.telemetry = True
         self.obeys = True
+        self.deaf = False
+        self.limit = 1.0
+        self.sag = 0.0
+        self.hidden = 0
         self.runtime_offset = 0
         self.power_on_count: int = self.parameters["esc_startup_times"]
         self.status_period = SECOND // rates.status if rates.status else 0
@@ -77,18 +83,18 @@ class MotorController:
             bits |= _OVER_CURRENT
         if motor.blocked and self.operation.duty:
             bits |= _STALL
-        return bits
+        return bits & ~self.hidden
 
     def hear(self, command: list[int]) -> None:
         """Hear a RawCommand; without a channel for this ESC it says nothing to it."""
-        if self.index < len(command) and not self.node.silent:
+        if self.index < len(command) and not (self.node.silent or self.node.cut or self.deaf):
             self.throttle.hear(command[self.index], self.world.now)
 
     def step(self, seconds: float, voltage: float) -> None:
         """Advance the motor to now, `seconds` after the last step; then decide anew what drives it."""
         motor, operation = self.motor, self.operation
         motor.advance(self.world.now / SECOND)
-        motor.voltage = voltage
+        motor.voltage = voltage - self.sag
         if not motor.speed:
             motor.reverse = self.parameters["esc_rotate_dir"] == 1
         throttle = self.throttle.value(self.world.now)
@@ -96,7 +102,7 @@ class MotorController:
             operation.fail(motor)
         elif throttle:
             self.control.mode = 0
-            operation.follow(throttle / FULL, motor, seconds)
+            operation.follow(min(throttle / FULL, self.limit), motor, seconds)
         elif self.control.active:
             operation.obey(self.control, motor)
         elif self.throttle.started:

@@ -163,7 +163,7 @@ def test_info_counts_the_reports(command: Any) -> None:
     _, out, _ = command("info", str(LOG), "--types")
     lines = [line.split()[:5] for line in out.splitlines()]
     for channel, node in enumerate(ESCS, 1):
-        assert [str(node), str(channel), "GetEscID", "3", "1.0"] in lines
+        assert [str(node), str(channel), "GetEscID", "3", "-"] in lines
         for name, rate in (("StatusMsg1", 20), ("StatusMsg2", 10), ("StatusMsg3", 5)):
             assert [str(node), "-", name, f"{3 * rate}", f"{rate}.0"] in lines
 

@@ -157,6 +157,15 @@ def test_a_count_for_each_frame_id_of_a_sender(rounds: int) -> None:
     assert found.text == f"expected {rounds}, got {rounds + 1} (per frame ID of the sender)"
 
 
+def test_a_new_unit_that_happens_to_go_on_is_no_count_of_the_sender() -> None:
+    """A part of a capture has few packets; what no unit breaks needs no other reading."""
+    counts = {0xA1: (1, 2, 3), 0xA2: (1, 2, 3), 0xA3: (4, 5, 6), 0xA4: (7, 8, 9)}
+    data = [(motor, foc)[count % 2](count, unit) for unit, own in counts.items() for count in own]
+    assert said("PUSH-009", push(*data)) == []
+    (found,) = said("PUSH-009", push(*data, motor(11, 0xA4)))
+    assert found.text == "expected 10, got 11 (per unit)"
+
+
 @pytest.mark.parametrize("step", [None, 1])
 @pytest.mark.parametrize(("quiet", "severity"), [(2000, "warning"), (2001, "note")])
 def test_a_count_after_a_silence_is_a_note(step: int | None, quiet: int, severity: str) -> None:

@@ -11,6 +11,7 @@ mod input;
 mod layouts;
 #[path = "../../tests/common/log.rs"]
 mod log;
+mod made;
 mod packets;
 mod script;
 #[path = "../../tests/common/sender.rs"]

@@ -6,6 +6,7 @@ use _native::unpack::column::{Column, Data};
 use _native::unpack::{unpack, Rows, PREFIX, TAIL};
 
 use crate::input::Input;
+use crate::made;
 
 const MAX_TOKENS: usize = 40;
 const MAX_ROWS: usize = 64;
@@ -134,6 +135,7 @@ fn check(plan: &Plan, spans: &[Span], layouts: &[u8], payload: &[u8]) {
     assert_eq!(apart.left[..rows], together.left);
     assert_eq!(apart.dirty[..rows], together.dirty);
     assert_eq!(apart.root.flatten(), together.root.flatten());
+    made::check(plan, &spans[..rows], layouts, payload);
 }
 
 /// The column and those below it hold as many cells as their parents say.

@@ -1,7 +1,18 @@
 //! The laws of packets: every byte belongs to one, and what is said of each can be seen in its bytes.
 
+use std::sync::Arc;
+
 use _native::bits::Span;
+use _native::decoder::make::Make;
+use _native::decoder::packet::{context, Order, Wrap};
+use _native::decoder::Decoder;
+use _native::groups::{Group, MESSAGE};
+use _native::packets::cut::cut;
 use _native::packets::{find, Carrier, Counter, Family, Found, Spec, NO_FAMILY, NO_SPEC, RECOGNIZED};
+use _native::plan::Plan;
+use _native::transfers::{Row, Sink as _, Transfers};
+use _native::unpack::column::Column;
+use _native::wire::{Id, Kind};
 
 fn families() -> [Family; 3] {
     let spec = |id, length, checksum_ends: &[u16]| Spec {
@@ -34,6 +45,67 @@ pub fn check(spans: &[Span], bytes: &[u8]) {
         assert_tiled(&found, spans);
         (0..found.len()).for_each(|at| assert_packet(&families, own, &found, at, bytes));
         assert_steps(&families, &found, own, spans, bytes);
+        assert_tables(&families, &found, spans.len(), bytes);
+    }
+}
+
+/// Every packet is a row of one table, with its bytes, and has a cell in each column.
+fn assert_tables(families: &[Family], found: &Found, messages: usize, bytes: &[u8]) {
+    let mut transfers = Transfers::default();
+    for at in 0..messages {
+        let id = Id {
+            kind: Kind::Message,
+            type_id: 1,
+            src: at as u8 & 0x7F,
+            dst: 0,
+        };
+        transfers.push(&Row::bare(id, &[]));
+    }
+    let rows = (0..messages as u32).collect();
+    let carriers = Arc::new(Group {
+        transfers: Arc::new(transfers),
+        rows,
+        kind: MESSAGE,
+        type_id: 1,
+        variant: 0,
+    });
+    let steps = Counter::default().steps(families, found, &[], bytes);
+    let tables = cut(found, &steps, bytes, &carriers, 3);
+    assert_eq!(tables.iter().map(|table| table.len()).sum::<usize>(), found.len());
+    let whole: usize = found.len.iter().map(|len| len.unsigned_abs() as usize).sum();
+    assert_eq!(tables.iter().map(|table| table.data.len()).sum::<usize>(), whole);
+    let tokens = [("struct", 2, 0), ("uint", 16, 0), ("uint", 24, 0)].map(|(word, a, b)| (word.to_owned(), a, b));
+    let mut decoder = Decoder::new(Plan::parse(&tokens).expect("a layout that is right"));
+    decoder.makes = vec![Make::Shown {
+        field: 1,
+        scales: vec![],
+    }];
+    decoder.numbers = vec![(0, 2), (2, 3), (1, 200)];
+    decoder.wraps = vec![Wrap {
+        field: 0,
+        bits: 16,
+        unit_at: 4,
+        physical: None,
+    }];
+    let (mut counters, same) = (vec![], |columns: &[Column], rows| {
+        columns.iter().all(|column| column.len() == rows)
+    });
+    for table in &tables {
+        assert!(same(&context(table), table.len()));
+        let flags: Vec<u8> = (0..table.len()).map(|row| row as u8 & 1).collect();
+        let order = Order {
+            big: &flags,
+            decided: &flags,
+        };
+        if table.known.is_some() {
+            assert!(same(&decoder.packets(table, Some(order), &mut counters), table.len()));
+        }
+        assert_eq!(
+            decoder.packet_fields(table, false).len(),
+            decoder.packet_fields(table, true).len()
+        );
+        let all: Vec<u32> = (0..table.len() as u32).collect();
+        assert_eq!(table.pick(&all).data, table.data);
     }
 }
 

@@ -37,6 +37,20 @@ pub struct Steps {
     pub step_id_valid: Vec<u8>,
 }
 
+impl Steps {
+    /// The rows at some places.
+    #[must_use]
+    pub fn pick(&self, at: &[usize]) -> Steps {
+        let some = |column: &[u8]| at.iter().map(|&at| column[at]).collect();
+        Steps {
+            step: some(&self.step),
+            step_valid: some(&self.step_valid),
+            step_id: some(&self.step_id),
+            step_id_valid: some(&self.step_id_valid),
+        }
+    }
+}
+
 impl Counter {
     /// Counts remembered; a key above that number has no step, ever.
     pub const MAX_KEYS: usize = 65_536;

@@ -3,7 +3,8 @@
 use std::ffi::c_int;
 use std::sync::Arc;
 
-use bytemuck::{cast_slice, Pod};
+use bytemuck::{cast_slice, try_cast_slice, Pod};
+use pyo3::exceptions::PyValueError;
 use pyo3::ffi::{PyBuffer_FillInfo, Py_buffer};
 use pyo3::prelude::*;
 
@@ -35,6 +36,10 @@ pub struct Cells(Box<dyn Lend>);
 impl Cells {
     pub fn own<T: Pod + Send + Sync>(py: Python<'_>, column: Vec<T>) -> PyResult<Bound<'_, Cells>> {
         Bound::new(py, Cells(Box::new(Own(column))))
+    }
+
+    pub fn bytes(&self) -> &[u8] {
+        self.0.bytes()
     }
 
     /// A column of a table that others look at, too.
@@ -70,4 +75,9 @@ impl Cells {
             Err(PyErr::fetch(slf.py()))
         }
     }
+}
+
+/// Bytes from Python as the cells that they are.
+pub(super) fn aligned<T: Pod>(bytes: &[u8]) -> PyResult<&[T]> {
+    try_cast_slice(bytes).map_err(|error| PyValueError::new_err(error.to_string()))
 }

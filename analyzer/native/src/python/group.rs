@@ -1,16 +1,12 @@
-//! Transfers of one type for Python: what it needs to know of them without a table, and the columns of their table.
+//! Transfers of one type for Python: what it needs to know of them without a table.
 
 use std::sync::Arc;
 
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use super::buffer::Cells;
-use super::decode::{aligned, Plan, Unpacked};
-use super::tables::{bitmap, give, times, Dict};
-use crate::groups::{self, REQUEST};
-use crate::transfers::{Row, Sink as _, Status, Transfers, NO_GAP, NO_STEP};
-use crate::unpack::Rows;
+use super::buffer::{aligned, Cells};
+use crate::groups;
+use crate::transfers::{Row, Sink as _, Transfers};
 use crate::wire::{Id, Kind};
 
 type Column<'py> = PyResult<Bound<'py, Cells>>;
@@ -26,29 +22,13 @@ impl Group {
     fn example(kind: u8, type_id: u16, variant: u8, payload: &[u8]) -> Group {
         let kinds = [Kind::Message, Kind::Anonymous, Kind::Request, Kind::Response];
         let mut transfers = Transfers::default();
-        transfers.push(&Row {
-            id: Id {
-                kind: kinds[usize::from(kind & 3)],
-                type_id,
-                src: 0,
-                dst: 0,
-            },
-            bus: 0,
-            t: 0,
-            t_end: 0,
-            priority: 0,
-            transfer_id: 0,
-            status: Status::Unchecked,
-            crc_wire: None,
-            crc_here: None,
-            step: NO_STEP,
-            gap: NO_GAP,
-            anomaly: 0,
-            fd: false,
-            known: 0,
-            frames: &[],
-            payload,
-        });
+        let id = Id {
+            kind: kinds[usize::from(kind & 3)],
+            type_id,
+            src: 0,
+            dst: 0,
+        };
+        transfers.push(&Row::bare(id, payload));
         Group(groups::Group {
             transfers: Arc::new(transfers),
             rows: vec![0],
@@ -98,42 +78,8 @@ impl Group {
         Cells::own(py, py.detach(|| self.0.nodes()))
     }
 
-    /// Whether each row came as CAN FD, a byte a row.
-    fn fd<'py>(&self, py: Python<'py>) -> Column<'py> {
-        Cells::own(py, self.0.gather(&self.0.transfers.fd))
-    }
-
     /// The number of each row in the batch, u32.
     fn rows<'py>(&self, py: Python<'py>) -> Column<'py> {
         Cells::own(py, self.0.rows.clone())
-    }
-
-    /// Whether the byte at `at` of each row counts those behind it, which begin with `header`; a byte a row.
-    fn counted<'py>(&self, py: Python<'py>, at: usize, header: &[u8]) -> Column<'py> {
-        Cells::own(py, self.0.counted(at, header))
-    }
-
-    /// What stands in front of the fields of a message; the batch begins with transfer `first` of the capture.
-    fn context<'py>(&self, py: Python<'py>, first: u64) -> PyResult<Dict<'py>> {
-        let (group, of) = (&self.0, &self.0.transfers);
-        let dict = PyDict::new(py);
-        let numbers = group.rows.iter().map(|&row| first + u64::from(row));
-        give(&dict, "transfer", numbers.collect::<Vec<u64>>())?;
-        let t = group.gather(&of.t);
-        times(&dict, "t_valid", &t)?;
-        give(&dict, "t", t)?;
-        give(&dict, "bus", group.gather(&of.bus))?;
-        give(&dict, "src", group.gather(&of.src))?;
-        if group.kind >= REQUEST {
-            give(&dict, "dst", group.gather(&of.dst))?;
-        }
-        give(&dict, "trusted", bitmap(&group.trusted(), |ok| ok != 0))?;
-        Ok(dict)
-    }
-
-    /// Unpacks every row by a layout code each.
-    fn unpack<'py>(&self, py: Python<'py>, plan: &Plan, layouts: &[u8]) -> PyResult<Unpacked<'py>> {
-        let spans = self.0.spans();
-        plan.run(py, Rows { spans: &spans, layouts }, &self.0.transfers.payload)
     }
 }

@@ -4,7 +4,7 @@ use bytemuck::cast_slice;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use super::decode::aligned;
+use super::buffer::aligned;
 use crate::load;
 
 /// Bit times of every frame as u16: u32 `id`, u16 `flags`, i32 `offsets` (one entry more than rows) into `data`.

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyBytes;
 
-use super::decode::aligned;
+use super::buffer::aligned;
 use super::write::{taken, Taken};
 use crate::proto::{encode, Cells, Field};
 use crate::write::records::{merged, Batch};

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyDict;
 
-use super::decode::aligned;
+use super::buffer::aligned;
 use super::tables::{event_columns, frame_columns, Dict};
 use crate::candump::Candump;
 use crate::counts::Counts;

@@ -49,7 +49,6 @@ macro_rules! columns {
         dict
     }};
 }
-pub(super) use columns;
 
 /// The same columns of a table that nobody needs any more.
 macro_rules! given {

@@ -3,8 +3,8 @@
 
 use super::column::{Column, Data};
 use super::row::{read, scalars, Tail};
-use crate::bits::{uint, Cursor, Span};
-use crate::plan::{Kind, Node};
+use crate::bits::{half, uint, Cursor, Span};
+use crate::plan::{Form, Kind, Node};
 
 /// Rows that have been read up to one and the same bit.
 pub struct Block<'a> {
@@ -66,7 +66,9 @@ impl<'a> Block<'a> {
                 column.mark_all(self.spans.len());
             }
             (Kind::Scalar { form, bits }, Data::Scalar { width, values }) if to <= self.shortest => {
-                scalars((*form, *bits), self.payload, places, self.spans.len(), values, *width);
+                if !self.read_bytes((*form, *bits), from, values) {
+                    scalars((*form, *bits), self.payload, places, self.spans.len(), values, *width);
+                }
                 column.mark_all(self.spans.len());
             }
             _ => {
@@ -79,6 +81,34 @@ impl<'a> Block<'a> {
             }
         }
         self.at = to;
+    }
+
+    /// Numbers of whole bytes from bit `from` on, if that is where a byte begins and every row reaches them.
+    fn read_bytes(&self, form: (Form, u32), from: usize, values: &mut Vec<u8>) -> bool {
+        if !from.is_multiple_of(8) {
+            return false;
+        }
+        let at = from / 8;
+        match form {
+            (Form::Float, 16) => self.append(at, values, |cell| half(u16::from_le_bytes(cell)).to_le_bytes()),
+            (_, 8) => self.append(at, values, |cell: [u8; 1]| cell),
+            (_, 16) => self.append(at, values, |cell: [u8; 2]| cell),
+            (_, 32) => self.append(at, values, |cell: [u8; 4]| cell),
+            (_, 64) => self.append(at, values, |cell: [u8; 8]| cell),
+            _ => return false,
+        }
+        true
+    }
+
+    fn append<const W: usize, const O: usize>(&self, at: usize, values: &mut Vec<u8>, of: impl Fn([u8; W]) -> [u8; O]) {
+        let bytes = |span: &Span| self.payload.get(span.start + at..).and_then(<[u8]>::first_chunk);
+        let cell = |span: &Span| of(bytes(span).copied().unwrap_or([0; W]));
+        let mut cells = self.spans.iter().map(cell).collect::<Vec<_>>().into_flattened();
+        if values.is_empty() {
+            *values = cells;
+        } else {
+            values.append(&mut cells);
+        }
     }
 
     /// A list without length field, if it is one of numbers and every row reaches it; else does nothing.

@@ -11,6 +11,47 @@ pub struct Bitmap {
 }
 
 impl Bitmap {
+    /// One bit a row.
+    pub fn of(len: usize, bit: impl Fn(usize) -> bool) -> Bitmap {
+        let byte = |from: usize| (0..8).fold(0, |bits, at| bits | u8::from(from + at < len && bit(from + at)) << at);
+        let bytes = (0..len).step_by(8).map(byte).collect();
+        Bitmap { len, bytes }
+    }
+
+    /// One bit a cell.
+    pub fn map<T>(cells: &[T], bit: impl Fn(&T) -> bool) -> Bitmap {
+        // Eight at a time, so that no bit asks whether there is a next one.
+        let (eights, rest) = cells.as_chunks::<8>();
+        let byte = |some: &[T; 8]| (0..8).fold(0, |bits, at| bits | u8::from(bit(&some[at])) << at);
+        let mut bytes = Vec::with_capacity(cells.len().div_ceil(8));
+        bytes.extend(eights.iter().map(byte));
+        if !rest.is_empty() {
+            bytes.push(
+                (0..)
+                    .zip(rest)
+                    .fold(0, |bits, (at, cell)| bits | u8::from(bit(cell)) << at),
+            );
+        }
+        Bitmap {
+            len: cells.len(),
+            bytes,
+        }
+    }
+
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Clear for a bit that is not there.
+    #[inline]
+    pub fn get(&self, at: usize) -> bool {
+        self.bytes.get(at / 8).is_some_and(|byte| byte >> (at % 8) & 1 != 0)
+    }
+
     fn ones(len: usize) -> Bitmap {
         let mut bitmap = Bitmap {
             len,
@@ -65,6 +106,11 @@ pub enum Data {
     },
     /// Struct or union: one child a field, voids included.
     Struct(Vec<Column>),
+    /// Texts, one behind the other. Row `i` is `bytes[offsets[i]..offsets[i + 1]]`. No plan has any.
+    Text {
+        offsets: Vec<i32>,
+        bytes: Vec<u8>,
+    },
 }
 
 /// A column's own buffers; those of its children follow.
@@ -75,6 +121,8 @@ pub struct Flat {
     pub validity: Option<Vec<u8>>,
     /// Values, value bitmap or offsets (i32), little-endian; none for a struct or union.
     pub buffer: Option<Vec<u8>>,
+    /// The letters of texts, of which `buffer` then has the offsets.
+    pub letters: Option<Vec<u8>>,
 }
 
 impl Column {
@@ -102,6 +150,20 @@ impl Column {
             validity: None,
             data,
         }
+    }
+
+    /// A column whose cells are there already.
+    pub fn filled(len: usize, validity: Option<Bitmap>, data: Data) -> Column {
+        Column { len, validity, data }
+    }
+
+    pub fn validity(&self) -> Option<&Bitmap> {
+        self.validity.as_ref()
+    }
+
+    #[inline]
+    pub fn is_valid(&self, row: usize) -> bool {
+        self.validity.as_ref().is_none_or(|valid| valid.get(row))
     }
 
     pub fn len(&self) -> usize {
@@ -145,6 +207,7 @@ impl Column {
             Data::Scalar { width, values } => values.resize(values.len() + *width, 0),
             Data::List { offsets, child } => offsets.push(child.end()),
             Data::Struct(children) => children.iter_mut().for_each(Column::null),
+            Data::Text { offsets, .. } => offsets.extend(offsets.last().copied()),
         }
         self.mark(false);
     }
@@ -167,6 +230,10 @@ impl Column {
                 child.truncate(offsets.last().map_or(0, |&end| end.unsigned_abs() as usize));
             }
             Data::Struct(children) => children.iter_mut().for_each(|c| c.truncate(len)),
+            Data::Text { offsets, bytes } => {
+                offsets.truncate(len + 1);
+                bytes.truncate(offsets.last().map_or(0, |&end| end.unsigned_abs() as usize));
+            }
         }
     }
 
@@ -181,14 +248,24 @@ impl Column {
         let (len, all) = (self.len, Bitmap::ones(self.len));
         // A null that was taken back leaves a bitmap without a null.
         let validity = self.validity.filter(|v| *v != all).map(|v| v.bytes);
+        let mut letters = None;
         let (buffer, children) = match self.data {
             Data::Void => return,
             Data::Bool(bits) => (Some(bits.bytes), vec![]),
             Data::Scalar { values, .. } => (Some(values), vec![]),
             Data::List { offsets, child } => (Some(little_endian(&offsets)), vec![*child]),
             Data::Struct(children) => (None, children),
+            Data::Text { offsets, bytes } => {
+                letters = Some(bytes);
+                (Some(little_endian(&offsets)), vec![])
+            }
         };
-        out.push(Flat { len, validity, buffer });
+        out.push(Flat {
+            len,
+            validity,
+            buffer,
+            letters,
+        });
         for child in children {
             child.flatten_into(out);
         }

@@ -1,36 +1,24 @@
-//! Transfers of one type: who sent them, and which of them carry a length.
+//! Transfers of one type: who sent them.
 
 use std::sync::Arc;
 
 use _native::groups::{Group, MESSAGE, REQUEST, RESPONSE};
-use _native::transfers::{Row, Sink as _, Status, Transfers, NO_GAP, NO_STEP};
+use _native::transfers::{Row, Sink as _, Status, Transfers};
 use _native::wire::{Id, Kind};
 
 fn transfers(rows: &[(Kind, u8, u8, Status, &[u8])]) -> Arc<Transfers> {
     let mut transfers = Transfers::default();
     for &(kind, bus, src, status, payload) in rows {
+        let id = Id {
+            kind,
+            type_id: 7,
+            src,
+            dst: 0,
+        };
         transfers.push(&Row {
-            id: Id {
-                kind,
-                type_id: 7,
-                src,
-                dst: 0,
-            },
             bus,
-            t: 0,
-            t_end: 0,
-            priority: 0,
-            transfer_id: 0,
             status,
-            crc_wire: None,
-            crc_here: None,
-            step: NO_STEP,
-            gap: NO_GAP,
-            anomaly: 0,
-            fd: false,
-            known: 0,
-            frames: &[],
-            payload,
+            ..Row::bare(id, payload)
         });
     }
     Arc::new(transfers)
@@ -73,21 +61,4 @@ fn nodes_are_those_whose_crc_is_right() {
     assert_eq!(group.trusted(), [1, 0, 1, 1, 1]);
     let picked = group.pick(&[3, 9, 1]);
     assert_eq!((picked.rows.clone(), picked.nodes()), (vec![3, 1], vec![63]));
-}
-
-#[test]
-fn a_length_counts_what_stands_behind_it() {
-    let cases: [(&[u8], u8); 7] = [
-        (b"..\x03ABc", 1),
-        (b"..\x02ABc", 0),
-        (b"..\x03AXc", 0),
-        (b"..\x02AB", 1),
-        (b"..\x01A", 0),
-        (b"..", 0),
-        (b"", 0),
-    ];
-    let rows = cases.map(|(payload, _)| (Kind::Message, 0, 1, Status::Ok, payload));
-    let group = &Group::of(&transfers(&rows), (0..7).collect(), (false, 7, 0))[0];
-    assert_eq!(group.counted(2, b"AB"), cases.map(|(_, counted)| counted));
-    assert_eq!(group.counted(usize::MAX, b""), [0; 7]);
 }

@@ -84,18 +84,32 @@ class FrameRate(Rule):
             if not len(back):
                 yield from self._judge(view, (bus, past), rows, fresh, motion[1:])
                 continue
-            ends = _ends(view, motion[0])
-            parts = np.split(np.arange(len(fresh)) if rows is None else rows, back)
-            fewest = min(limit.frames for limit in _limits(view))
-            for k, part in enumerate(parts):
-                if not len(part):
-                    continue  # the first frame is behind the step
-                if k:
-                    yield from self._begin_anew(bus, past, int(frames.t[part[0]]))
-                mine = slice(*np.searchsorted(ends, (part[0], part[-1] + 1)))
-                if 0 < k < len(parts) - 1 and len(part) <= fewest and mine.start == mine.stop:
-                    continue  # too few to be too many, and forgotten with the next step
-                yield from self._judge(view, (bus, past), part, frames.t[part], (motion[1][mine], motion[2][mine]))
+            yield from self._judge_parts(view, (bus, past), rows, back, motion)
+
+    def _judge_parts(
+        self, view: View, where: tuple[int, _Past], rows: Array | None, back: Array,
+        motion: tuple[Array, Array, Array],
+    ) -> Iterator[Occurrence]:  # fmt: skip
+        """Judge the seconds that end in rows of one bus, whose clock was set back at some places among these."""
+        (bus, past), frames = where, view.frames
+        rows = np.arange(len(frames)) if rows is None else rows
+        begins = np.append(0, back) if back[0] else back
+        lengths = np.diff(begins, append=len(rows))
+        ends = _ends(view, motion[0])
+        low, high = np.searchsorted(ends, rows[begins]), np.searchsorted(ends, rows[begins + lengths - 1] + 1)
+        # Too few are not too many; unless they are the first or last ones, they are forgotten with the next step.
+        looked = (lengths > min(limit.frames for limit in _limits(view))) | (high > low)
+        looked[0] |= back[0] > 0
+        looked[-1] = True
+        first = frames.t[rows[begins]]
+        done = 0
+        for k in np.flatnonzero(looked).tolist():
+            if k or not back[0]:
+                yield from self._begin_anew(bus, past, int(first[done : k + 1].min()))
+            done = k + 1
+            part = rows[begins[k] : begins[k] + lengths[k]]
+            mine = slice(low[k], high[k])
+            yield from self._judge(view, where, part, frames.t[part], (motion[1][mine], motion[2][mine]))
 
     def _judge(
         self, view: View, where: tuple[int, _Past], rows: Array | None, fresh: Array, motion: tuple[Array, Array]

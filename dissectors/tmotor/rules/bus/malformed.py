@@ -10,6 +10,8 @@ from dissectors.kit import NO_TIME, usable
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from dissectors.kit import Array, View
     from dissectors.tmotor.rules.joined.joins import ReportingEsc
 
@@ -41,12 +43,14 @@ class MalformedReports:
             return
         t, table = view.transfers, view.table("ESCStatus")
         mine = (t.type_id == definition.type_id) & (t.kind == _MESSAGE)
-        for row in np.flatnonzero(mine & t.has("step") & (t.step > 1)).tolist():
-            self._steps.setdefault((int(t.bus[row]), int(t.src[row])), []).append((row, int(t.step[row]) - 1))
+        rows = np.flatnonzero(mine & t.has("step") & (t.step > 1))
+        for row, bus, src, step in _rows(rows, t.bus[rows], t.src[rows], t.step[rows]):
+            self._steps.setdefault((bus, src), []).append((row, step - 1))
         if table is not None:
             mine[table.row[usable(table)]] = False
-        for row in np.flatnonzero(mine & (t.t != NO_TIME)).tolist():
-            self._note((int(t.bus[row]), int(t.src[row])), int(t.t[row]), int(t.t_end[row]), least)
+        rows = np.flatnonzero(mine & (t.t != NO_TIME))
+        for bus, src, first, last in _rows(t.bus[rows], t.src[rows], t.t[rows], t.t_end[rows]):
+            self._note((bus, src), first, last, least)
         self._astray(view, definition.type_id, least)
 
     def lost(self, unit: ReportingEsc, rows: Array) -> Array:
@@ -70,11 +74,10 @@ class MalformedReports:
         frames, places = view.frames, []
         if frames.verdict.any():
             rows = np.flatnonzero((frames.verdict > _FOREIGN) & (frames.id >> 7 & _TYPE == type_id << 1))
-            places = [(int(frames.bus[row]), int(frames.id[row]), int(frames.t[row])) for row in rows.tolist()]
-        for number, verdict, _ in view.settled:
-            kept = view.frame(number) if verdict > _FOREIGN else None
-            if kept is not None and kept.id >> 7 & _TYPE == type_id << 1:
-                places.append((kept.bus, kept.id, kept.t))
+            places = [*_rows(frames.bus[rows], frames.id[rows], frames.t[rows])]
+        late = view.settled
+        late = late.of(late.known & (late.verdict > _FOREIGN) & (late.id >> 7 & _TYPE == type_id << 1))
+        places += _rows(late.bus, late.id, late.t)
         for bus, identifier, t in places:
             if t != NO_TIME:
                 self._note((bus, identifier & 0x7F), t, t, least)
@@ -89,3 +92,7 @@ class MalformedReports:
         known.append((first, last))
         if len(known) > _MOST:
             known[:2] = [(min(known[0][0], known[1][0]), max(known[0][1], known[1][1]))]
+
+
+def _rows(*columns: Array) -> Iterator[tuple[int, ...]]:
+    return zip(*(column.tolist() for column in columns), strict=True)

@@ -92,9 +92,10 @@ class ReportRate(Rule):
             yield from _judge(view, one)
 
     def _node(self, who: tuple[int, int]) -> _Measured | None:
-        if who not in self._nodes and len(self._nodes) >= MOST_MEASURED:
-            return None
-        return self._nodes.setdefault(who, _Measured())
+        one = self._nodes.get(who)
+        if one is None and len(self._nodes) < MOST_MEASURED:
+            one = self._nodes[who] = _Measured()
+        return one
 
     def _measure(self, view: View, who: tuple[int, int], periods: Array, span: tuple[int, int | None]) -> None:
         """Take the reports between two transfers."""

@@ -60,8 +60,9 @@ class Stopped(Rule):
             took = np.diff(sent.t, prepend=stream.t)
             for k in np.flatnonzero(took > view.number("BUS-007", "timeout_ms") * MILLISECOND).tolist():
                 if k:
-                    self._carry_on(view, stream, (sent, k - 1), (before[bus], changes.get(bus)), held=False)
                     stream.count += k - 1 - last
+                    if stream.count >= _RUNNING:
+                        self._carry_on(view, stream, (sent, k - 1), (before[bus], changes.get(bus)), held=False)
                 inside = (number > (sent.number[k - 1] if k else -1)) & (number < sent.number[k])
                 stream.losing = {*(() if k else stream.losing), *index[inside].tolist()}
                 yield from self._stop(view, bus, stream, int(sent.t[k]))

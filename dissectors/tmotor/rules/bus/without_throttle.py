@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Pauses, Rule, breach
+from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.joined.driven import DrivenUnits, PwmPriority
 from dissectors.tmotor.rules.joined.hold import STILL, Hold, Samples
 from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE, MOST_UNITS, NO_CHANNEL, ReportingEsc, commands, fresh
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 _COAST_DOWN, _FOLDS = 5, (7, 8)  # operating modes that turn without throttle
 _TAIL = 150 * MILLISECOND  # reports that are kept beyond the timeout, to see what was before a loss
+_CLOSE = 64  # reports before a loss among which the last one with throttle is, mostly
 _RECENT = 6  # reports that show how often an ESC reports; a bus is silent if it misses two of them
 _HALF = 0.5  # of its speed: without drive a propeller is slower by then; of its current: wind draws none
 # A PWM width stands for so much throttle, in us: UAV, spraying drone (4.4.1 explanation 5).
@@ -147,24 +150,28 @@ class WithoutThrottle(Rule):
         steady = self._throttles.get(unit.bus, ValidThrottle()).steady
         if track.hold is not None or not steady(sent, unit.index, int(some.t[-1]), self._timeout):
             throttle = self._at(unit.bus, unit.index, some.number, now)
+            motor = _Motor(self, view, unit, some, throttle, told, now)
             lost = (throttle.t != NO_TIME) & ~fresh(some.t, throttle.t, self._timeout)
             edges = np.flatnonzero((lost[1:] != lost[:-1]) | (throttle.t[1:] != throttle.t[:-1])) + 1
-            for part in np.split(np.arange(len(lost)), edges) if lost.any() or track.hold is not None else ():
-                first, stop = int(part[0]), int(part[-1]) + 1
-                since = int(throttle.t[first])
+            looked = lost.any() or track.hold is not None
+            for first, stop in pairwise([0, *edges.tolist(), len(lost)]) if looked else ():
+                since = throttle.t.item(first)
                 if track.hold is not None and (not lost[first] or since != track.hold.since):
-                    yield from self._close(track, int(some.number[first]), "until throttle came back")
+                    yield from self._close(track, some.number.item(first), "until throttle came back")
                 if not lost[first]:
                     continue
                 if track.hold is None:
-                    place = breach(view, some.table, int(some.rows[first]), "BUS-017", {})
-                    place = replace(place, values={"channel": unit.index + 1}, drops=True, since=since)
+                    place = breach(
+                        view, some.table, some.rows.item(first), "BUS-017", {"channel": unit.index + 1},
+                        drops=True, since=since,
+                    )  # fmt: skip
                     track.hold = _opened(whole, known + first, since, place)
-                    track.hold.told = self._heard(unit.bus, track.hold, int(some.t[first])) <= self._timeout
+                    track.hold.told = self.heard(unit.bus, track.hold, some.t.item(first)) <= self._timeout
                 track.hold.feed(whole.part(slice(known + first, known + stop)))
                 if track.hold.still != NO_TIME and not track.hold.told:
-                    yield from self._tell(track, int(some.number[stop - 1]), "")
-                yield from self._turning(view, unit, some, (part, throttle, told), now)
+                    yield from self._tell(track, some.number.item(stop - 1), "")
+                motor.turns_on(track, slice(first, stop))
+            yield from motor.found()
         if track.hold is not None and not (track.hold.told or track.hold.place.lines):
             place = track.hold.place  # told with a later batch, if at all
             track.hold.place = replace(place, lines=view.lines(place.frames))
@@ -188,52 +195,19 @@ class WithoutThrottle(Rule):
                 until = max(hold.last.t, hold.place.t)
                 yield replace(hold.place, values={**hold.place.values, "course": course}, until=until)
 
-    def _turning(
-        self, view: View, unit: ReportingEsc, some: SpeedReports, what: tuple[Array, LastThrottle, Array],
-        now: Mapping[int, Commands],
-    ) -> Iterator[Occurrences]:  # fmt: skip
-        """Yield the reports of a motor that is still driven when no ESC may hold its throttle any more."""
-        part, throttle, told = what
-        track = self._tracks[unit]
-        hold = track.hold
-        least = round(view.number("BUS-038", "still_s") * SECOND)
-        if hold is None or int(some.t[part[-1]]) - hold.since < least:
-            return
-        rpm, pct = np.abs(some.rpm[part]), some.pct[part]
-        turns = (rpm > view.number("BUS-038", "turning_rpm")) & (some.t[part] - hold.since >= least)
-        if not turns.any():
-            return
-        fast = (abs(hold.base.rpm) > STILL) & (rpm >= _HALF * abs(hold.base.rpm))
-        draws = np.abs(some.current[part]) >= max(1.0, _HALF * abs(hold.base.current))
-        negative = (throttle.last[part] < 0) & (throttle.last[part] != NO_CHANNEL)
-        driven = (pct > 0) | (fast & (draws | ~told[part])) | (negative & ~told[part])
-        if not (turns & driven).any():
-            return
-        mode = some.mode[part]
-        excused = np.isin(mode, _FOLDS) | ((mode == _COAST_DOWN) & (pct == 0))
-        excused |= self._driven.at(unit.bus, unit.index, some.number[part])
-        excused |= self._elsewhere(unit, some.number[part], some.t[part], now)
-        excused |= self._priority.at(unit.bus, unit.node, some.number[part])
-        wrong = turns & driven & ~excused
-        rows = [k for k in np.flatnonzero(wrong).tolist() if self._lasted(unit.bus, hold, int(some.t[part[k]]), least)]
-        taken = [track.pwm(hold.since, int(some.number[part[k]])) for k in rows]
-        says = some.lost[part]  # what PWM drives has not lost its throttle
-        alone = [k for k, one in zip(rows, taken, strict=True) if one is None or (says[k] and not one.sure)]
-        doubtful = [k for k, one in zip(rows, taken, strict=True) if one is not None and not (one.sure or says[k])]
-        if alone:
-            yield _still(view, unit, some, part[alone], throttle)
-        if doubtful:
-            yield replace(_still(view, unit, some, part[doubtful], throttle), severity="warning")
-
-    def _lasted(self, bus: int, hold: Hold, t: int, least: int) -> bool:
-        """Return whether a loss is that long, silence of the bus left out."""
-        hold.over = hold.over or self._heard(bus, hold, t) >= least
-        return hold.over
-
-    def _heard(self, bus: int, hold: Hold, t: int) -> float:
+    def heard(self, bus: int, hold: Hold, t: int) -> float:
         """Return how long a loss has lasted without the time in which nobody was heard."""
         silent = 0.0 if self._pauses is None else self._pauses.inside(bus, hold.since, t, hold.spare)
         return t - hold.since - silent
+
+    def excused(self, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, Commands]) -> Array:
+        """Return a mask of reports of an ESC that something else drives, or that folds or coasts down."""
+        coasts = (some.mode == _COAST_DOWN) & (some.pct == 0)
+        found: Array = np.isin(some.mode, _FOLDS) | coasts
+        found |= self._driven.at(unit.bus, unit.index, some.number)
+        found |= self._elsewhere(unit, some.number, some.t, now)
+        found |= self._priority.at(unit.bus, unit.node, some.number)
+        return found
 
     def _elsewhere(self, unit: ReportingEsc, number: Array, t: Array, now: Mapping[int, Commands]) -> Array:
         """Return where the ESC, which reports on another bus too, has its throttle from there."""
@@ -246,16 +220,107 @@ class WithoutThrottle(Rule):
         return found
 
 
+class _Motor:
+    """The reports of an ESC in a batch, of those the ones of a motor that is driven when no ESC may hold its throttle.
+
+    `told` says up to each report whether the ESC has told its throttle.
+    """
+
+    def __init__(
+        self, rule: WithoutThrottle, view: View, unit: ReportingEsc, some: SpeedReports, throttle: LastThrottle,
+        told: Array, now: Mapping[int, Commands],
+    ) -> None:  # fmt: skip
+        self._rule, self._view, self._unit, self._some = rule, view, unit, some
+        self._throttle, self._told, self._now = throttle, told, now
+        self._alone: list[int] = []
+        self._doubtful: list[int] = []
+        self._still = round(view.number("BUS-038", "still_s") * SECOND)
+
+    @cached_property
+    def _rpm(self) -> Array:
+        return np.abs(self._some.rpm)
+
+    @cached_property
+    def _turns(self) -> Array:
+        """Where it turns, and nothing excuses it."""
+        fast = self._rpm > self._view.number("BUS-038", "turning_rpm")
+        return fast & ~self._rule.excused(self._unit, self._some, self._now)
+
+    @cached_property
+    def _negative(self) -> Array:
+        last = self._throttle.last
+        found: Array = (last < 0) & (last != NO_CHANNEL) & ~self._told
+        return found
+
+    def turns_on(self, track: _Track, part: slice) -> None:
+        """Look at the reports of a loss."""
+        hold, some = track.hold, self._some
+        if hold is None or some.t.item(part.stop - 1) - hold.since < self._still:
+            return
+        turns = self._turns[part] & (some.t[part] - hold.since >= self._still)
+        if not turns.any():
+            return
+        speed, amperes = abs(hold.base.rpm), abs(hold.base.current)
+        for k in (np.flatnonzero(turns) + part.start).tolist():
+            fast = speed > STILL and self._rpm.item(k) >= _HALF * speed
+            draws = fast and (not self._told[k] or abs(some.current.item(k)) >= max(1.0, _HALF * amperes))
+            if not (some.pct.item(k) > 0 or draws or self._negative[k]) or not self._lasted(hold, some.t.item(k)):
+                continue
+            taken, lost = track.pwm(hold.since, some.number.item(k)), bool(some.lost[k])
+            if taken is None or (lost and not taken.sure):  # what PWM drives has not lost its throttle
+                self._alone.append(k)
+            elif not taken.sure:
+                self._doubtful.append(k)
+
+    def _lasted(self, hold: Hold, t: int) -> bool:
+        """Return whether a loss is that long, silence of the bus left out."""
+        hold.over = hold.over or self._rule.heard(self._unit.bus, hold, t) >= self._still
+        return hold.over
+
+    def found(self) -> Iterator[Occurrences]:
+        """Yield what was found."""
+        if self._alone:
+            yield self._said(self._alone)
+        if self._doubtful:
+            yield replace(self._said(self._doubtful), severity="warning")
+
+    def _said(self, at: list[int]) -> Occurrences:
+        some, throttle, channel = self._some, self._throttle, self._unit.index + 1
+        rows = some.rows[at]
+        place = dict(zip(rows.tolist(), at, strict=True))
+
+        def values(row: int) -> Values:
+            k = place[row]
+            last, value = int(throttle.last[k]), 100 * int(throttle.value[k]) / FULL_THROTTLE
+            why = "no command since" if last >= 0 else f"{last} since" if last != NO_CHANNEL else "no channel since"
+            return {
+                "channel": channel, "rpm": int(some.rpm[k]), "pct": float(some.pct[k]), "valid_pct": value,
+                "why": why, "seconds": (int(some.t[k]) - int(throttle.t[k])) / SECOND,
+            }  # fmt: skip
+
+        return self._view.among_rows(
+            "BUS-038", some.table, rows, values, drops=True, since=throttle.t[at],
+            worst={"rpm": ("strongest", some.rpm[at])}, rises=np.zeros(len(at), bool),
+        )  # fmt: skip
+
+
 def _opened(whole: Samples, at: int, since: int, place: Occurrence) -> Hold:
     """Return a loss that begins with the report `at`; those since the last throttle belong to it."""
-    before = np.flatnonzero(whole.t[:at] <= since)
-    base = int(before[-1]) if len(before) else 0
-    apart = np.sort(np.diff(whole.t[max(at - _RECENT, 0) : at]))
-    spare = 2 * int((apart[len(apart) // 2] + apart[(len(apart) - 1) // 2]) / 2) if len(apart) else 0
+    base = _last_by(whole.t[max(at - _CLOSE, 0) : at], since)
+    base = base + max(at - _CLOSE, 0) if base >= 0 else max(_last_by(whole.t[:at], since), 0)
+    last = whole.t[max(at - _RECENT, 0) : at].tolist()
+    apart = sorted(after - one for one, after in pairwise(last))
+    spare = 2 * int((apart[len(apart) // 2] + apart[(len(apart) - 1) // 2]) / 2) if apart else 0
     hold = Hold(since, whole.at(base), place, spare)
     if base + 1 < at:
         hold.feed(whole.part(slice(base + 1, at)))
     return hold
+
+
+def _last_by(t: Array, until: int) -> int:
+    """Return the place of the last time up to another one, -1 if there is none."""
+    found = np.flatnonzero(t <= until)
+    return found.item(-1) if len(found) else -1
 
 
 def _taken(one: _Takeover | None) -> str:
@@ -276,21 +341,3 @@ def _stands_for(width: Array, value: Array, within: float) -> Array:
 def _alike(width: float, pct: float) -> bool:
     """Return whether a width (us) stands for the throttle (%) that the ESC applies."""
     return any(abs(100 * (width - low) / _RANGE - pct) <= _ALIKE_PCT for low in _WIDTHS)
-
-
-def _still(view: View, unit: ReportingEsc, some: SpeedReports, at: Array, throttle: LastThrottle) -> Occurrences:
-    table, rows = some.table, some.rows[at]
-    place = {int(row): int(k) for row, k in zip(rows, at, strict=True)}
-
-    def values(row: int) -> Values:
-        k = place[row]
-        last, value = int(throttle.last[k]), 100 * int(throttle.value[k]) / FULL_THROTTLE
-        why = "no command since" if last >= 0 else f"{last} since" if last != NO_CHANNEL else "no channel since"
-        return {
-            "channel": unit.index + 1, "rpm": int(some.rpm[k]), "pct": float(some.pct[k]), "valid_pct": value,
-            "why": why, "seconds": (int(some.t[k]) - int(throttle.t[k])) / SECOND,
-        }  # fmt: skip
-
-    worst: Any = {"rpm": ("strongest", some.rpm[at])}
-    first = np.zeros(len(at), bool)
-    return view.among_rows("BUS-038", table, rows, values, drops=True, since=throttle.t[at], worst=worst, rises=first)

@@ -36,7 +36,7 @@ class Samples(NamedTuple):
 
     def at(self, k: int) -> Sample:
         """Return one."""
-        return Sample(int(self.t[k]), int(self.rpm[k]), float(self.pct[k]), float(self.current[k]))
+        return Sample(self.t.item(k), self.rpm.item(k), float(self.pct.item(k)), float(self.current.item(k)))
 
     def part(self, rows: slice) -> Samples:
         """Return some of them."""
@@ -78,6 +78,9 @@ class Hold:
 
     def feed(self, some: Samples) -> None:
         """Add the next reports."""
+        if len(some.t) == 1:
+            self._feed_one(some.at(0))
+            return
         speed = np.abs(some.rpm)
         if self.gone == NO_TIME:
             lost = some.pct == 0 if self.base.pct else speed < _KEEPS * abs(self.base.rpm)
@@ -87,6 +90,15 @@ class Hold:
         if self.still == NO_TIME and (speed <= STILL).any():
             self.still = int(some.t[np.argmax(speed <= STILL)])
         self.last = some.at(-1)
+
+    def _feed_one(self, one: Sample) -> None:
+        speed = abs(one.rpm)
+        if self.gone == NO_TIME:
+            lost = one.pct == 0 if self.base.pct else speed < _KEEPS * abs(self.base.rpm)
+            self.had, self.gone = (self.last.t, one.t) if lost else (one.t, NO_TIME)
+        if self.still == NO_TIME and speed <= STILL:
+            self.still = one.t
+        self.last = one
 
     def course(self, end: str, pwm: str) -> str:
         """Say what it did: how long it held what, whether it went to zero and stood.

@@ -34,24 +34,31 @@ _FEW = 3  # a longer step to transfer ID 0 is a restart
 
 @dataclass(slots=True)
 class _Sender:
-    """Signs of how one sender counts: how many packets fit each reading, and what each would report."""
+    """Signs of how one sender counts: how many packets fit and break each reading, and what each would report."""
 
     chosen: int | None = None
-    votes: list[int] = field(default_factory=lambda: [0] * len(READINGS))
+    fits: list[int] = field(default_factory=lambda: [0] * len(READINGS))
+    breaks: list[int] = field(default_factory=lambda: [0] * len(READINGS))
     voters: int = 0
     held: list[Mapping[int, Occurrence]] = field(default_factory=list)
 
     def vote(self, hit: Hit) -> None:
         """Add a packet that the readings see differently; enough of them decide."""
         for reading, step in enumerate(hit.steps):
-            self.votes[reading] += step == 1
+            self.fits[reading] += step == 1
+            self.breaks[reading] += step not in {None, 1}
         self.voters += 1
         if self.voters >= _DECIDES:
             self.decide()
 
     def decide(self) -> None:
-        """Take the reading that fits most packets; in doubt that of a unit, and a common count."""
-        self.chosen = max(range(len(READINGS)), key=self.votes.__getitem__)
+        """Take the reading that fits most packets; in doubt that of a unit, and a common count.
+
+        The first packet of a unit breaks no count of it and fits none: another reading is only taken if it explains
+        what that of a unit does not.
+        """
+        better = [k for k, count in enumerate(self.breaks) if k == BY_UNIT or count < self.breaks[BY_UNIT]]
+        self.chosen = max(better, key=self.fits.__getitem__)
 
     def settled(self) -> Iterator[Occurrence]:
         """Yield what the chosen reading reports of the packets before the choice."""

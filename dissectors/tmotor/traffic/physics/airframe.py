@@ -20,15 +20,21 @@ _AIR = 0.4
 
 @dataclass(slots=True)
 class Airframe:
-    """`height` in m above the ground, `climb` in m/s, with `motors` that carry it."""
+    """`height` in m above the ground, `climb` in m/s, with `motors` that carry it; `load` is its mass, 1 as planned."""
 
     motors: int
     height: float = 0.0
     climb: float = 0.0
+    load: float = 1.0
+
+    @property
+    def weight(self) -> float:
+        """Newton."""
+        return LOAD * self.load * self.motors * GRAVITY
 
     def advance(self, seconds: float, thrust: float) -> None:
         """Move under the motors' thrust in N; the ground holds what falls."""
-        mass = LOAD * self.motors
+        mass = LOAD * self.load * self.motors
         air = _AIR * self.motors * self.climb * abs(self.climb)
         self.climb += ((thrust - air) / mass - GRAVITY) * seconds
         self.height += self.climb * seconds

@@ -44,7 +44,8 @@ class Motor:
     """State at time `t` (s). Of the ESC: `current` at its input in A, `temperature` in degC, `heat` as extra loss in W.
 
     A `blocked` rotor stands still however it is driven. `reverse` turns its direction round; `mount` does so by the
-    way it is wired.
+    way it is wired. `load` is the torque that the propeller takes and `lift` the thrust that it gives, as shares of
+    those of a sound one.
     """
 
     ambient: float
@@ -58,6 +59,8 @@ class Motor:
     temperature: float = field(init=False)
     heat: float = 0.0
     blocked: bool = False
+    load: float = 1.0
+    lift: float = 1.0
     drive: Drive = Drive.FREE
     set_point: float = 0.0
     current: float = _QUIESCENT
@@ -85,11 +88,11 @@ class Motor:
     @property
     def thrust(self) -> float:
         """Newton."""
-        return THRUST * self.speed * abs(self.speed)
+        return THRUST * self.lift * self.speed * abs(self.speed)
 
     def steady(self, duty: float) -> float:
         """Return the speed at which propeller and winding balance a duty cycle (0 to 1) of the voltage."""
-        loss = WINDING * DRAG / TORQUE
+        loss = WINDING * DRAG * self.load / TORQUE
         return (sqrt(TORQUE * TORQUE + 4 * loss * duty * max(0.0, self.voltage)) - TORQUE) / (2 * loss)
 
     def advance(self, t: float) -> None:
@@ -136,7 +139,7 @@ class Motor:
             amperes = min(_BLOCKED, self._asked() * self.voltage / WINDING)
         elif self.drive in {Drive.DUTY, Drive.SPEED, Drive.ANGLE}:
             pushed = -acceleration if self.speed < 0 else acceleration
-            amperes = max(0.0, DRAG * self.speed * self.speed + INERTIA * pushed) / TORQUE
+            amperes = max(0.0, DRAG * self.load * self.speed * self.speed + INERTIA * pushed) / TORQUE
         else:
             amperes = 0.0
         self.winding_current = amperes

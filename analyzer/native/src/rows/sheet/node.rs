@@ -2,11 +2,18 @@
 
 #![forbid(unsafe_code)]
 
+pub mod dump;
+mod several;
+pub mod tree;
+
 use super::Sheet;
 use crate::rows::column::{Column, Kind};
 use crate::rows::number::{self, Value};
 use crate::rows::show::{Show, Take};
 use crate::rows::text;
+use dump::Dump;
+use several::{each, hex, joined};
+use tree::{Place, Tree};
 
 /// Where a template is: in a cell of a column of the table of a transfer.
 #[derive(Clone, Copy)]
@@ -15,6 +22,7 @@ pub struct At<'a> {
     pub transfer: usize,
     pub column: &'a Column,
     pub row: usize,
+    pub place: Place,
 }
 
 /// What is written for some values.
@@ -56,11 +64,23 @@ pub enum Node {
     Of(usize, Box<Node>),
     /// What stands for a cell without a value.
     Or(Vec<u8>, Box<Node>),
+    /// What stands for a template that writes nothing, and this.
+    Instead(Box<[Node; 2]>),
+    /// In capital letters.
+    Upper(Box<Node>),
     /// One if the member with this place has a value, another if it has none; both of the structure itself.
     Given(usize, Box<[Node; 2]>),
     /// What is written for any other text than this one, and for none.
     Unlike(Vec<u8>, Box<Node>),
-    /// At most so many elements of a list, with something in between; behind more than that, a text and their number.
+    /// One if the member with this place has this text, else another; both of the structure itself.
+    Like(usize, Vec<u8>, Box<[Node; 2]>),
+    /// What is written of a list that is longer than this.
+    Beyond(usize, Box<Node>),
+    /// A template of the transfer itself.
+    Transfer(Box<Node>),
+    Tree(Tree),
+    /// At most so many elements of a list, with something in between; behind more than that a text, if there is one,
+    /// and their number.
     Each {
         between: Vec<u8>,
         most: usize,
@@ -73,9 +93,11 @@ pub enum Node {
     Count,
     Number(Take, Show),
     Switch(Take, Cases, Box<Node>),
-    /// One for whole numbers in a range, another for others.
+    /// What is written for some values of the member with this place, or for others; both of the structure itself.
+    By(usize, Cases, Box<Node>),
+    /// One for whole numbers of a member in a range, and for none, another for others; both of the structure itself.
     Range {
-        take: Take,
+        member: usize,
         low: i128,
         high: i128,
         inside: Box<Node>,
@@ -93,6 +115,7 @@ pub enum Node {
         none: Vec<u8>,
         more: [Vec<u8>; 2],
     },
+    Dump(Dump),
     /// A list of characters as a text in quotes, at most so many; anything else as another template says.
     Chars(usize, Box<Node>),
     /// As a cell of RFC 4180, and harmless in a spreadsheet.
@@ -148,15 +171,19 @@ impl Node {
                     out.extend_from_slice(instead);
                 }
             }
-            Node::Given(member, nodes) => {
-                let given = at.column.children.get(*member).is_some_and(|column| column.has(at.row));
-                nodes[usize::from(!given)].write(out, at);
-            }
+            Node::Given(member, nodes) => nodes[usize::from(at.member(*member).is_none())].write(out, at),
             Node::Unlike(text, node) => {
                 if !at.column.has(at.row) || at.column.bytes(at.row) != text {
                     node.write(out, at);
                 }
             }
+            Node::Like(member, text, nodes) => {
+                let same = at.member(*member).is_some_and(|column| column.bytes(at.row) == text);
+                nodes[usize::from(!same)].write(out, at);
+            }
+            Node::Beyond(most, node) if at.column.span(at.row).len() > *most => node.write(out, at),
+            Node::Transfer(node) => at.sheet.write(out, node, at.transfer),
+            Node::Tree(tree) => tree.write(out, at),
             Node::Each {
                 between,
                 most,
@@ -178,15 +205,20 @@ impl Node {
                 };
                 case.unwrap_or(otherwise).write(out, at);
             }
+            Node::By(member, cases, otherwise) => {
+                let column = at.member(*member);
+                let case = column.and_then(|column| cases.find(column.value(at.row)));
+                case.unwrap_or(otherwise).write(out, at);
+            }
             Node::Range {
-                take,
+                member,
                 low,
                 high,
                 inside,
                 outside,
             } => {
-                let inner = !at.column.has(at.row)
-                    || matches!(take.value(at.column, at.row), Value::Whole(value) if (*low..=*high).contains(&value));
+                let column = at.member(*member);
+                let inner = column.is_none_or(|column| (*low..=*high).contains(&column.whole(at.row)));
                 if inner { inside } else { outside }.write(out, at);
             }
             Node::Message(slot, instead) => match at.sheet.message(at, *slot) {
@@ -221,8 +253,22 @@ impl Node {
                 none,
                 more,
             } => hex(out, at.column.bytes(at.row), (between, *most), (none, more)),
+            Node::Dump(dump) => dump.write(out, at),
             Node::Chars(most, otherwise) if !text::characters(out, at.column, at.row, *most) => {
                 otherwise.write(out, at);
+            }
+            Node::Instead(nodes) => {
+                let start = out.len();
+                nodes[1].write(out, at);
+                if out.len() == start {
+                    nodes[0].write(out, at);
+                }
+            }
+            Node::Upper(node) => {
+                let start = out.len();
+                node.write(out, at);
+                let text = String::from_utf8_lossy(&out.split_off(start)).to_uppercase();
+                out.extend_from_slice(text.as_bytes());
             }
             Node::Csv(node) => {
                 let start = out.len();
@@ -253,49 +299,13 @@ impl Node {
     }
 }
 
-fn joined<T>(out: &mut Vec<u8>, between: &[u8], pieces: impl Iterator<Item = T>, write: impl Fn(&mut Vec<u8>, T)) {
-    let mut some = false;
-    for piece in pieces {
-        let start = out.len();
-        out.extend_from_slice(if some { between } else { b"" });
-        let inner = out.len();
-        write(out, piece);
-        if out.len() == inner {
-            out.truncate(start);
-        } else {
-            some = true;
-        }
-    }
-}
-
-fn each(out: &mut Vec<u8>, at: &At<'_>, (between, most, more): (&[u8], usize, &[u8]), node: &Node) {
-    let (Some(column), span) = (at.column.children.first(), at.column.span(at.row)) else {
-        return;
-    };
-    for (k, row) in span.clone().take(most).enumerate() {
-        out.extend_from_slice(if k > 0 { between } else { b"" });
-        node.write(out, &At { column, row, ..*at });
-    }
-    if span.len() > most {
-        out.extend_from_slice(more);
-        number::whole(out, span.len() as i128);
-    }
-}
-
-fn hex(out: &mut Vec<u8>, bytes: &[u8], (between, most): (&[u8], usize), (none, more): (&[u8], &[Vec<u8>; 2])) {
-    if bytes.is_empty() {
-        out.extend_from_slice(none);
-        return;
-    }
-    text::hex(out, &bytes[..most.min(bytes.len())], between);
-    if bytes.len() > most {
-        out.extend_from_slice(&more[0]);
-        number::whole(out, bytes.len() as i128);
-        out.extend_from_slice(&more[1]);
-    }
-}
-
 impl<'a> At<'a> {
+    /// The column of a member of the structure, if it has a value there.
+    pub fn member(&self, place: usize) -> Option<&'a Column> {
+        let column = self.column.children.get(place)?;
+        column.has(self.row).then_some(column)
+    }
+
     /// The cells of a table whose rows are structures.
     pub fn of(sheet: &'a Sheet, transfer: usize, table: &'a Column, row: usize) -> At<'a> {
         debug_assert_eq!(table.kind, Kind::Struct);
@@ -304,6 +314,7 @@ impl<'a> At<'a> {
             transfer,
             column: table,
             row,
+            place: Place::default(),
         }
     }
 }

@@ -1,0 +1,8 @@
+"""`python -m analyzer` is `tailbyte`."""
+
+import sys
+
+from analyzer.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

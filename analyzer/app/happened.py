@@ -1,0 +1,62 @@
+"""Flights and their events as tables of a run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+
+from analyzer.sinks.export import HAPPENED
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator
+
+    from analyzer.app.run import Run
+    from analyzer.decode.engine import Batch
+    from analyzer.sinks.extent import Extent
+    from analyzer.triage.finder import EventFinder
+    from analyzer.triage.flights import FlightFinder
+
+
+class HappenedTables:
+    """Finds them while somebody else uses the batches of a run; `names` are those of the tables that are wanted.
+
+    Args:
+        run: not read yet.
+        wanted: names of tables, these among others.
+    """
+
+    def __init__(self, run: Run, wanted: Collection[str]) -> None:
+        self.names = tuple(name for name in HAPPENED if name in wanted)
+        self._finders: dict[str, FlightFinder | EventFinder] = {}
+        if self.names:
+            from analyzer.triage.finder import EventFinder  # noqa: PLC0415 - few exports want them
+            from analyzer.triage.flights import FlightFinder  # noqa: PLC0415
+
+            flights, _ = HAPPENED
+            for name in self.names:
+                self._finders[name] = (FlightFinder if name == flights else EventFinder)(run.registry)
+
+    def beside(self, batches: Iterable[Batch]) -> Iterator[Batch]:
+        """Yield the batches, and look at each."""
+        for batch in batches:
+            self.feed(batch)
+            yield batch
+
+    def feed(self, batch: Batch) -> None:
+        """Look at the next batch."""
+        for finder in self._finders.values():
+            finder.feed(batch)
+
+    def table(self, name: str) -> pa.Table:
+        """Return all of a table, after the last batch."""
+        return self._finders[name].finish()
+
+    def rows(self, name: str, extent: Extent | None = None) -> pa.RecordBatch:
+        """Return a table, after the last batch: all of it, or those that have a frame in the `extent` of a window."""
+        found = self._finders[name].finish()
+        if extent is not None:
+            ends = [found.column(end).to_pylist() for end in ("frame", "frame_end") if end in found.column_names]
+            inside = [extent.has_frames(*(frame + 1 for frame in frames)) for frames in zip(*ends, strict=True)]
+            found = found.filter(pa.array(inside, pa.bool_()))
+        return next(iter(found.combine_chunks().to_batches()), pa.RecordBatch.from_pylist([], schema=found.schema))

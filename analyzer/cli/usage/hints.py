@@ -1,0 +1,130 @@
+"""Hints for somebody who names a command or an option that does not exist."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+from shlex import quote
+from typing import TYPE_CHECKING
+
+from analyzer.cli.usage.habits import COMMANDS, INSTEAD, OPTIONS, VALUES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+_INTERFACE = re.compile(r"(v?x?can|slcan|can-?usb)\d+(@\d+)?|(slcan|pcan|virtual|udp_multicast|kvaser|vector):\S+")
+_LONGEST = 60
+_CLOSE = 0.65
+
+
+def command(word: str, others: Sequence[str], commands: Iterable[str]) -> str:
+    """Return why there is no such command, and what to type instead.
+
+    Args:
+        word: what stands where the command should.
+        others: the words around it.
+        commands: the names there are.
+    """
+    names = list(commands)
+    shown = quote(word)
+    if os.path.lexists(word):
+        return _file(word, next((one for one in others if one in names), None))
+    if _INTERFACE.fullmatch(word):
+        return f"{shown} is an interface: did you mean tailbyte live {shown}?"
+    habit = next((name for name in COMMANDS.get(word.lower(), ()) if name.split()[0] in (*names, "--version")), None)
+    near = [habit] if habit else _near(word.lower(), names)
+    if near:
+        return f"no command {_short(word)}; did you mean {' or '.join(f'tailbyte {name}' for name in near)}?"
+    if os.sep in word or "." in word:
+        return f"{shown}: no such file, and no command"
+    return f"no command {_short(word)}"
+
+
+def _file(path: str, named: str | None) -> str:
+    name = quote(path)
+    if os.path.isdir(path):  # noqa: PTH112 - any bytes
+        return f"{name} is a folder: did you mean tailbyte info {name.rstrip('/')}/*?"
+    if named is not None:
+        return f"the command comes first: did you mean tailbyte {named} {name}?"
+    info, check = f"tailbyte info {name} (what it holds)", f"tailbyte check {name} (the verdict)"
+    return f"{name} is a file: did you mean {info} or {check}?"
+
+
+def before_command(option: str, others: Sequence[str], parsers: Mapping[str, argparse.ArgumentParser]) -> str:
+    """Return what to type instead of an option in front of the command."""
+    plain = option.lstrip("-").lower()
+    if plain in ("v", "version", "help", "?") and not others:
+        return f"no option {option}; did you mean tailbyte --{'help' if plain in ('help', '?') else 'version'}?"
+    having = [name for name, parser in parsers.items() if option.partition("=")[0] in options_of(parser)]
+    if (near := _near(plain, ["--help", "--version"])) and not having:
+        return f"no option {_short(option)}; did you mean tailbyte {near[0]}?"
+    if option in INSTEAD and not having[1:]:
+        return f"no option {option}; did you mean tailbyte {INSTEAD[option]}?"
+    named = next((one for one in others if one in parsers), None)
+    if named is not None:
+        return f"{_short(option)}: options stand behind the command: tailbyte {named} {quote(option[:_LONGEST])} ..."
+    if having:
+        shown = [option, *others] if sum(map(len, others)) < _LONGEST else [option, *others[:2], "..."]
+        words = " ".join(one if one == "..." else quote(one[:_LONGEST]) for one in shown)
+        return f"{_short(option)} of which command? did you mean tailbyte {having[0]} {words}?"
+    return f"no option {_short(option)} in front of the command"
+
+
+def option(word: str, parser: argparse.ArgumentParser, parsers: Mapping[str, argparse.ArgumentParser]) -> str:
+    """Return why a command has no such option, and what to type instead."""
+    name = word.partition("=")[0]
+    known = options_of(parser)
+    if not word.startswith("-") or word == "-":
+        return f"{_short(word)} is one argument too many"
+    for meant in OPTIONS.get(name, ()):
+        if meant.split()[0] in known:
+            return f"no option {_short(name)}; did you mean {meant}?"
+    if name in INSTEAD:
+        return f"no option {_short(name)}; did you mean tailbyte {INSTEAD[name]}?"
+    near = _near(name, [one for one in known if one.startswith("--")])
+    having = [other for other, one in parsers.items() if name in options_of(one)]
+    if near and not having:
+        return f"no option {_short(name)}; did you mean {' or '.join(near)}?"
+    if having:
+        return f"{_short(name)} is an option of tailbyte {', '.join(having)}, not of this command"
+    return f"no option {_short(name)}"
+
+
+def choice(value: object, choices: Iterable[object]) -> str:
+    """Return why an option does not take a value, and which ones it takes."""
+    names = [str(one) for one in choices]
+    near = [name for name in VALUES.get(str(value).lower(), ()) if name in names] or _near(str(value).lower(), names)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    return f"{_short(str(value))} is none of {', '.join(names)}{hint}"
+
+
+def missing(action: argparse.Action) -> str:
+    """Return what an option is to be given."""
+    values = action.metavar or ", ".join(map(str, action.choices or [action.dest]))
+    return f"needs a value ({values})"
+
+
+def options_of(parser: argparse.ArgumentParser) -> list[str]:
+    """Return the options of a command that its help shows."""
+    return list(_shown(parser))
+
+
+def _shown(parser: argparse.ArgumentParser) -> Iterator[str]:
+    for action in parser._actions:  # noqa: SLF001 - argparse has no other way to ask
+        if action.help != argparse.SUPPRESS:
+            yield from action.option_strings
+
+
+def _near(word: str, names: Sequence[str]) -> list[str]:
+    """Return names that are nearly the word, or begin with it."""
+    from difflib import get_close_matches  # noqa: PLC0415 - only those who slip wait for it
+
+    bare = {name.lstrip("-"): name for name in names}
+    word = word.lstrip("-")
+    begun = [name for name in bare if len(word) > 1 and name.startswith(word)]
+    return [bare[name] for name in begun[:2] or get_close_matches(word, bare, n=1, cutoff=_CLOSE)]
+
+
+def _short(word: str) -> str:
+    return quote(word) if len(word) <= _LONGEST else quote(word[:_LONGEST] + "...")

@@ -1,0 +1,92 @@
+"""Transfers that did not come, by the gaps in their IDs; of two counters under one node ID nobody can say how many."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.tables import KINDS, TRANSFER_ANOMALIES, TRANSFER_IDS, distinct
+from dissectors.kit import by_key
+from dissectors.kit.cells import numbers
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from dissectors.kit import Array
+
+MOST_SESSIONS = 8192  # in which a counter is followed over a gap
+FEWEST_RETURNS = 4  # gaps behind which a counter goes on as if nothing had been there
+RETURNING = 1 / 4  # of the gaps, at least: of lost transfers one in 32 looks like that by chance
+_GAP, _TO_ZERO = (1 << TRANSFER_ANOMALIES.index(name) for name in ("transfer id gap", "transfer id restarted"))
+_COUNTING = (KINDS.index("message"), KINDS.index("request"))  # a response has the transfer ID of its request
+_BACK = TRANSFER_IDS - 3  # steps from here on are those of transfers that changed places with their neighbours
+_AHEAD = TRANSFER_IDS + 1 - _BACK  # and up to here those of what they changed places with
+
+Node = tuple[int, int]  # bus, source
+
+
+class LostTransfers:
+    """Adds up gaps by node."""
+
+    def __init__(self) -> None:
+        self._lost: Counter[Node] = Counter()
+        self._to_zero: Counter[Node] = Counter()  # or its sender began anew
+        self._gaps: Counter[Node] = Counter()
+        self._returns: Counter[Node] = Counter()
+        self._before: dict[int, int] = {}  # of each session, the ID in front of its last gap
+
+    def feed(self, transfers: pa.RecordBatch) -> None:
+        """Count how far transfer IDs ran ahead of the transfers that came.
+
+        What comes in another order runs ahead and falls back by as much.
+        """
+        anomaly = numbers(transfers.column("anomaly"))
+        gaps = anomaly & (_GAP | _TO_ZERO) != 0
+        if not gaps.any():
+            return
+        rows = np.flatnonzero(gaps & np.isin(numbers(transfers.column("kind")), _COUNTING))
+        if not len(rows):
+            return
+        step, bus, src = (numbers(transfers.column(name))[rows].astype(np.int64) for name in ("step", "bus", "src"))
+        missing = np.where(step >= _BACK, step - 1 - TRANSFER_IDS, (step - 1) % TRANSFER_IDS)
+        to_zero = anomaly[rows] & _TO_ZERO != 0
+        returns = self._returned(transfers, rows, step)
+        for code in distinct(node := bus << 8 | src):
+            at, mine = (code >> 8, code & 0xFF), node == code
+            self._lost[at] += int(missing[~to_zero & mine].sum())
+            self._to_zero[at] += int(missing[to_zero & mine].sum())
+            self._gaps[at] += int(mine.sum())
+            self._returns[at] += int(returns[mine].sum())
+
+    def shared(self, at: Node) -> bool:
+        """Return whether two counters run under a node ID: what lies between them is not lost."""
+        return self._returns[at] >= max(FEWEST_RETURNS, RETURNING * self._gaps[at])
+
+    def lost(self, at: Node, *, began_anew: bool) -> int | None:
+        """Return how many transfers of a node did not come; None if they cannot be counted.
+
+        A node that `began_anew` begins with ID 0, and has lost nothing by that.
+        """
+        if self.shared(at):
+            return None
+        return max(0, self._lost[at] + (0 if began_anew else self._to_zero[at]))
+
+    def _returned(self, transfers: pa.RecordBatch, rows: Array, step: Array) -> Array:
+        """Return at which gaps a counter goes on from where it was before the gap in front of this one."""
+        names = ("bus", "src", "dst", "kind", "type_id", "transfer_id")
+        bus, src, dst, kind, type_id, now = (numbers(transfers.column(n))[rows].astype(np.int64) for n in names)
+        session = (bus << 16 | src << 8 | dst & 0xFF) << 24 | kind << 16 | type_id
+        before = (now - step) % TRANSFER_IDS
+        order, begins = by_key(session)
+        past = np.full(len(rows), -1)
+        past[order[1:]] = before[order[:-1]]
+        firsts, lasts = order[begins], order[np.append(begins[1:], len(order)) - 1]
+        past[firsts] = [self._before.get(one, -1) for one in session[firsts].tolist()]
+        for one, at in zip(session[lasts].tolist(), before[lasts].tolist(), strict=True):
+            if one in self._before or len(self._before) < MOST_SESSIONS:
+                self._before[one] = at
+        goes_on = (past >= 0) & (now == (past + 1) % TRANSFER_IDS)
+        found: Array = goes_on & ((step == 0) | (step > _AHEAD) & (step < _BACK))
+        return found

@@ -1,0 +1,347 @@
+"""Conditions in filters, checked: what is compared with what, and how."""
+
+from __future__ import annotations
+
+import operator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from analyzer.filter.apart import apart, carriers
+from analyzer.filter.constants import said
+from analyzer.filter.errors import listed
+from analyzer.filter.fields import Kind
+from analyzer.filter.literals import pattern_test, text_bytes, text_value
+from analyzer.filter.nodes import (
+    ComparisonOf,
+    Condition,
+    ConstantNode,
+    FieldNode,
+    Junction,
+    MappedNode,
+    Negation,
+    Present,
+    ValueNode,
+    ValueTest,
+    moment_set,
+    moment_test,
+)  # fmt: skip
+from analyzer.filter.operands import TESTS, Operands
+from analyzer.filter.syntax import (
+    Arithmetic,
+    Call,
+    Comparison,
+    Logic,
+    Members,
+    Not,
+    Number,
+    Octets,
+    QuotedText,
+    Slice,
+    ValueRange,
+    Word,
+)  # fmt: skip
+from analyzer.filter.values import ByteSpans, CodedWords, Values
+from dissectors.records import replace
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from analyzer.filter.names import FilterNames
+    from analyzer.filter.syntax import Syntax
+    from dissectors.kit import Array
+
+_OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
+    "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
+}  # fmt: skip
+_TURNED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
+
+
+class Conditions:
+    """Makes conditions of a syntax tree.
+
+    Args:
+        text: the filter, for places in errors.
+        names: what names mean.
+        across: fields of other messages have a value in each row, that which was told last.
+
+    Attributes:
+        words: texts that fields are compared with whose words only a capture or its rules know.
+    """
+
+    def __init__(self, text: str, names: FilterNames, *, across: bool = False) -> None:
+        self.operands = Operands(text, names)
+        self.words: list[AskedWord] = []
+        self._text, self._across = text, across
+
+    def make(self, node: Syntax) -> Condition:
+        """Return the condition of a tree. Raises `FilterError`."""
+        if isinstance(node, Logic):
+            return Junction(tuple(self.make(term) for term in node.terms), both=node.op == "and")
+        if isinstance(node, Not):
+            return Negation(self.make(node.of))
+        if isinstance(node, Comparison):
+            return self._of_one_row(self._comparison(node), node)
+        if isinstance(node, Call) and node.name in TESTS:
+            return self._of_one_row(self._within(node), node) if node.name == "within" else self._exists(node)
+        if isinstance(node, Arithmetic) and node.op == "&":
+            return ValueTest(self.operands.make(node), lambda values: values.plain != 0, every=False)
+        if isinstance(node, (Word, Slice)):
+            return Present(self.operands.make(node))
+        if isinstance(node, Call):
+            self.operands.make(node)
+        if isinstance(node, (Number, QuotedText, Octets)):
+            raise self.operands.fail("a value alone is no condition: compare a field with it", node)
+        if isinstance(node, (ValueRange, Members)):
+            raise self.operands.fail("a set stands behind in", node)
+        raise self.operands.fail("this is a value, not a condition: compare it with something", node)
+
+    def _of_one_row(self, made: Condition, node: Syntax) -> Condition:
+        """Return a condition. Raises `FilterError` if no row has all the fields that it compares."""
+        if not self._across and carriers(made, self.operands.names.registry) == frozenset():
+            raise self.operands.fail(apart(made), node)
+        return made
+
+    def _exists(self, node: Call) -> Condition:
+        if len(node.given) != 1:
+            raise self.operands.fail("exists() takes one field", node)
+        of = self.operands.make(node.given[0])
+        is_type = isinstance(of, FieldNode) and of.ref.origin == "type"  # a flag of every row
+        return Present(of, exists=not is_type)
+
+    def _within(self, node: Call) -> Condition:
+        """Return `|a - b| <= tolerance`, that being a share of b or a number in its unit."""
+        if len(node.given) != 3:
+            raise self.operands.fail("within(a, b, tolerance) takes three values", node)
+        a, b, tolerance = node.given
+        share = isinstance(tolerance, Number) and tolerance.unit == "%"
+        left = self.operands.number(a)
+        kind = replace(left.kind, low=None, high=None, texts={}, closed=False, whole=False)
+        right = ConstantNode(kind, self.operands.fit(b, kind)) if self.operands.literal(b) else self.operands.number(b)
+        self._alike(left, right, node)
+        if not isinstance(tolerance, Number):
+            raise self.operands.fail("the tolerance is a number, such as 10 % or 0.5 V", tolerance)
+        if tolerance.value < 0:
+            raise self.operands.fail("a tolerance is not below 0", tolerance)
+        allowed = float(tolerance.value) / 100 if share else self.operands.fit(tolerance, kind)
+
+        def holds(one: Any, other: Any) -> Array:
+            one, other = np.asarray(one, np.float64), np.asarray(other, np.float64)
+            found: Array = np.abs(one - other) <= (np.abs(other) * allowed if share else allowed)
+            return found
+
+        return ComparisonOf(left, right, holds, every=False)
+
+    # ---- comparisons
+
+    def _comparison(self, node: Comparison) -> Condition:
+        left, right, op = node.left, node.right, node.op
+        if op == "in":
+            return self._member(node)
+        if op in ("contains", "matches"):
+            return self._search(node)
+        if self.operands.literal(left):
+            if self.operands.literal(right):
+                if isinstance(left, Word) or isinstance(right, Word):
+                    self.operands.make(left if isinstance(left, Word) else right)
+                raise self.operands.fail("two values are compared here: one side has to be a field", node)
+            if isinstance(left, Word) and isinstance(right, Word) and self._is_type(right):
+                self.operands.make(left)
+            left, right, op = right, left, _TURNED.get(op, op)
+        of = self._side(left, op)
+        if self.operands.literal(right) or self._constant(right) or (isinstance(right, Word) and names_type(of)):
+            return self._with_constant(of, right, op, every=node.every)
+        other = self._side(right, op)
+        of, other = self._alike(of, other, node)
+        return ComparisonOf(of, other, _pairwise(op), every=node.every)
+
+    def _is_type(self, node: Word) -> bool:
+        return self.operands.names.find(node.text, self._text, node.span[0]).origin == "type"
+
+    def _constant(self, node: Syntax) -> bool:
+        return self.operands.constant(node) is not None
+
+    def _side(self, node: Syntax, op: str) -> ValueNode:
+        """Return a side of a comparison; an order asks for numbers that are some."""
+        of = self.operands.make(node)
+        if isinstance(of, FieldNode) and of.ref.origin == "type":
+            name = of.ref.name
+            fields = list(self.operands.names.with_ending(name.lower()))
+            instead = f", or {listed(fields)}" if fields else ""
+            raise self.operands.fail(f"{name} is a type: compare one of its fields, {name}.FIELD{instead}", node)
+        if op in _TURNED and of.kind.special:
+            special = of.kind.special
+            return MappedNode(of, of.kind, lambda v: v.with_data(v.data, ~np.isin(v.plain, special)))
+        return of
+
+    def _alike(self, left: ValueNode, right: ValueNode, node: Syntax) -> tuple[ValueNode, ValueNode]:
+        """Return two sides that can be compared with each other. Raises `FilterError` if they cannot."""
+        one, other = left.kind, right.kind
+        numeric = one.numeric and other.numeric
+        if not numeric and one.sort != other.sort:
+            raise self.operands.fail(f"{said(one)} cannot be compared with {said(other)}", node)
+        if numeric and one.unit and other.unit and one.unit != other.unit:
+            raise self.operands.fail(f"one side is in {one.unit}, the other in {other.unit}", node)
+        if one.sort == other.sort:
+            return left, right
+        return self.operands.seconds(left), self.operands.seconds(right)
+
+    def _with_constant(self, of: ValueNode, right: Syntax, op: str, *, every: bool) -> Condition:
+        kind = of.kind
+        if kind.sort == "bytes" and isinstance(right, Word) and not self.operands.literal(right):
+            raise self.operands.fail("bytes cannot be compared with a field", right)
+        value = self._fit(right, of, code=op in ("==", "!="))
+        compare = _OPERATORS[op]
+        if kind.sort == "moment":
+            return moment_test(of, value, compare, every=every)
+        if kind.sort == "text":
+            return ValueTest(of, lambda values: _words(values).those(lambda word: compare(word, value)), every=every)
+        if kind.sort == "bytes":
+            return ValueTest(of, lambda values: _bytes_test(values, op, value), every=every)
+        return ComparisonOf(of, ConstantNode(kind, value), compare, every=every)
+
+    def _fit(self, node: Syntax, of: ValueNode, *, code: bool) -> Any:
+        """Return a value that fits a side; with `code` it is one that the field can have, as far as that is known."""
+        if not code or not isinstance(of, FieldNode) or of.kind.sort != "text":
+            return self.operands.fit(node, of.kind, code=code)
+        value = self.operands.fit(node, of.kind, code=True)
+        if names_type(of):
+            called, meant = self.operands.names.type_called(value)
+            if not called:
+                hint = f"; did you mean {listed(meant)}?" if meant else "; tailbyte fields lists them"
+                raise self.operands.fail(f"no type is called {value!r:.60}{hint}", node, meant)
+            return called
+        if of.ref.origin in ("finding", "label", "frame") and not of.kind.closed:
+            self.words.append(AskedWord(of.ref.name, value, node.span))
+        return value
+
+    def _member(self, node: Comparison) -> Condition:
+        assert isinstance(node.right, Members)  # noqa: S101 - the grammar has nothing else
+        if self.operands.literal(node.left):
+            if isinstance(node.left, Word):
+                self.operands.make(node.left)
+            raise self.operands.fail("a field is expected here, not a value", node.left)
+        of = self._side(node.left, "in")
+        kind = of.kind
+        singles, ranges = [], []
+        for item in node.right.items:
+            if isinstance(item, ValueRange):
+                low, high = self.operands.fit(item.low, kind), self.operands.fit(item.high, kind)
+                if kind.sort != "moment" and low > high:
+                    raise self.operands.fail("the range ends below its start", item)
+                ranges.append((low, high))
+            else:
+                singles.append(self._fit(item, of, code=True))
+        if kind.sort == "moment":
+            return moment_set(of, singles, ranges, every=node.every)
+        return ValueTest(of, _membership(kind, singles, ranges), every=node.every)
+
+    def _search(self, node: Comparison) -> Condition:
+        of, right = self.operands.make(node.left), node.right
+        if isinstance(of, FieldNode) and of.kind.sort == "number" and of.kind.texts:
+            of = _in_words(of)
+        if of.kind.sort not in ("text", "bytes"):
+            raise self.operands.fail(f"this is {said(of.kind)}: {node.op} looks into text and bytes only", node.left)
+        if node.op == "matches":
+            if not isinstance(right, QuotedText):
+                raise self.operands.fail("a pattern stands in double quotes", right)
+            test = pattern_test(right, self._text)
+            return ValueTest(of, lambda values: test(values.data), every=node.every)  # type: ignore[arg-type]
+        if of.kind.sort == "text":
+            if not isinstance(right, QuotedText):
+                raise self.operands.fail("what a text contains stands in double quotes", right)
+            part = text_value(right, self._text)
+            return ValueTest(of, lambda values: _words(values).those(lambda word: part in word), every=node.every)
+        octets = (
+            text_bytes(text_value(right, self._text))
+            if isinstance(right, QuotedText)
+            else self.operands.fit(right, of.kind)
+        )
+        return ValueTest(of, lambda values: _spans(values).holding(octets), every=node.every)
+
+
+class AskedWord(NamedTuple):
+    """A text that a field is compared with, and where it stands in the filter."""
+
+    field: str
+    text: str
+    span: tuple[int, int]
+
+
+def names_type(of: ValueNode) -> bool:
+    """Return whether this is the name of a transfer's type."""
+    return isinstance(of, FieldNode) and (of.ref.origin, of.ref.column) == ("transfer", "type")
+
+
+def _in_words(of: FieldNode) -> ValueNode:
+    """Return a number with names as those names."""
+    codes = {value: words[0] for value, words in of.kind.texts.items()}
+    words = [*codes.values()]
+    places = {value: k for k, value in enumerate(codes)}
+
+    def change(values: Values) -> Values:
+        known, inverse = np.unique(values.plain, return_inverse=True)
+        at = np.array([places.get(value, -1) for value in known.tolist()], np.int64)
+        found = at[inverse] if len(known) else np.zeros(0, np.int64)
+        return values.with_data(CodedWords(np.maximum(found, 0), words), found >= 0)
+
+    return MappedNode(of, Kind("text"), change)
+
+
+def _words(values: Values) -> CodedWords:
+    assert isinstance(values.data, CodedWords)  # noqa: S101 - types are checked before
+    return values.data
+
+
+def _spans(values: Values) -> ByteSpans:
+    assert isinstance(values.data, ByteSpans)  # noqa: S101 - types are checked before
+    return values.data
+
+
+def _bytes_test(values: Values, op: str, value: bytes) -> Array:
+    spans = _spans(values)
+    if op in ("==", "!="):
+        same = spans.equal(value)
+        return same if op == "==" else ~same
+    compare = _OPERATORS[op]
+    return np.array([compare(one, value) for one in spans.each()], bool)
+
+
+def _pairwise(op: str) -> Callable[[Any, Any], Array]:
+    compare = _OPERATORS[op]
+
+    def holds(a: Any, b: Any) -> Array:
+        if isinstance(a, CodedWords):
+            one, other = np.array(a.words, object)[a.codes], np.array(b.words, object)[b.codes]
+            return np.asarray(compare(one, other), bool)
+        if isinstance(a, ByteSpans):
+            return np.array([compare(x, y) for x, y in zip(a.each(), b.each(), strict=True)], bool)
+        return np.asarray(compare(a, b), bool)
+
+    return holds
+
+
+def _membership(kind: Kind, singles: list[Any], ranges: list[tuple[Any, Any]]) -> Callable[[Values], Array]:
+    """Return what finds values that are one of some, or in a range."""
+    some = set(singles)
+
+    def one(value: Any) -> bool:
+        return value in some or any(low <= value <= high for low, high in ranges)
+
+    if kind.sort == "text":
+        return lambda values: _words(values).those(one)
+    if kind.sort == "bytes":
+        return lambda values: np.array([one(value) for value in _spans(values).each()], bool)
+
+    def numbers(values: Values) -> Array:
+        plain = values.plain
+        found = np.zeros(len(plain), bool)
+        if some:
+            known, inverse = np.unique(plain, return_inverse=True)
+            wanted = {plain.dtype.type(v) if plain.dtype.kind == "f" else v for v in some}
+            found |= np.array([v in wanted for v in known.tolist()] or [False], bool)[inverse] if len(known) else found
+        for low, high in ranges:
+            found |= (plain >= low) & (plain <= high)
+        return found
+
+    return numbers

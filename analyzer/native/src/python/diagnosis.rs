@@ -1,0 +1,138 @@
+//! Causes of broken transfers for Python: the frames of the recent past in, what is asked of some of them, answers out.
+
+use pyo3::buffer::PyBuffer;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use super::buffer::Cells;
+use crate::diagnosis::index::{Columns, Frames, Index};
+use crate::diagnosis::questions::{ask, Found, Question};
+use crate::diagnosis::Known;
+
+/// Questions in the order of their numbers.
+const QUESTIONS: [Question; 5] = [
+    Question::Broken,
+    Question::Checksum,
+    Question::Remainder,
+    Question::Copy,
+    Question::Inside,
+];
+
+type Column<'py> = Bound<'py, Cells>;
+
+/// The frames of a batch in the order of their sessions.
+#[pyclass(frozen)]
+pub struct FrameIndex(Index);
+
+#[pymethods]
+impl FrameIndex {
+    /// Takes columns of the table of frames; `offsets` say where the data field of each begins, one more than rows.
+    #[new]
+    #[allow(clippy::too_many_arguments, clippy::needless_pass_by_value)] // columns, as Python hands them over
+    fn new(
+        py: Python<'_>,
+        first: u64,
+        t: PyBuffer<i64>,
+        bus: PyBuffer<u8>,
+        id: PyBuffer<u32>,
+        flags: PyBuffer<u16>,
+        offsets: PyBuffer<i32>,
+        data: PyBuffer<u8>,
+    ) -> PyResult<Self> {
+        let columns = Columns {
+            first,
+            t: t.to_vec(py)?,
+            bus: bus.to_vec(py)?,
+            id: id.to_vec(py)?,
+            flags: flags.to_vec(py)?,
+            offsets: offsets.to_vec(py)?,
+            data: data.to_vec(py)?,
+        };
+        let index = py.detach(|| Index::new(columns));
+        index
+            .map(FrameIndex)
+            .ok_or_else(|| PyValueError::new_err("columns that do not fit together"))
+    }
+
+    /// Shares it: it never changes.
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
+    }
+}
+
+/// The frames that are asked about: those of question `k` are `numbers[offsets[k]..offsets[k + 1]]`.
+#[derive(FromPyObject)]
+pub struct Asked {
+    #[pyo3(item(0))]
+    numbers: PyBuffer<u64>,
+    #[pyo3(item(1))]
+    offsets: PyBuffer<i64>,
+    #[pyo3(item(2))]
+    types: PyBuffer<u32>,
+    #[pyo3(item(3))]
+    fd: PyBuffer<u8>,
+}
+
+/// Form, flags and value of each answer; where its numbers begin and all of them; the same of its evidence.
+type Answers<'py> = (
+    Column<'py>,
+    Column<'py>,
+    Column<'py>,
+    (Column<'py>, Column<'py>),
+    (Column<'py>, Column<'py>),
+);
+
+/// Answers one question about each of some lists of frames, in the order in which they are given.
+///
+/// `types` are known start values of the CRC, and bytes of the payload if they never change. A list or a type that is
+/// not there gets no answer: an error.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+pub fn diagnose<'py>(
+    py: Python<'py>,
+    question: usize,
+    batches: Vec<Bound<'py, FrameIndex>>,
+    types: Vec<(Vec<u16>, Option<usize>)>,
+    asked: Asked,
+) -> PyResult<Answers<'py>> {
+    let wrong = || PyValueError::new_err("questions that do not fit together");
+    let question = *QUESTIONS.get(question).ok_or_else(wrong)?;
+    let known = |(starts, size)| Known { starts, size };
+    let types: Vec<Known> = types.into_iter().map(known).collect();
+    let batches: Vec<&Index> = batches.iter().map(|batch| &batch.get().0).collect();
+    let numbers = asked.numbers.to_vec(py)?;
+    let offsets = asked.offsets.to_vec(py)?;
+    let (which, fd) = (asked.types.to_vec(py)?, asked.fd.to_vec(py)?);
+    let lists = offsets.windows(2).zip(which.iter().zip(&fd));
+    let found: Option<Vec<Found>> = py.detach(|| {
+        let answer = |(ends, (&which, &fd)): (&[i64], (&u32, &u8))| {
+            let wanted = numbers.get(usize::try_from(ends[0]).ok()?..usize::try_from(ends[1]).ok()?)?;
+            Some(ask(
+                question,
+                Frames(&batches),
+                wanted,
+                types.get(which as usize)?,
+                fd != 0,
+            ))
+        };
+        lists.map(answer).collect()
+    });
+    let found = found.ok_or_else(wrong)?;
+    Ok((
+        Cells::own(py, found.iter().map(|one| one.cause.form as u8).collect())?,
+        Cells::own(py, found.iter().map(|one| one.flags).collect())?,
+        Cells::own(py, found.iter().map(|one| one.value).collect())?,
+        lists_of(py, found.iter().map(|one| &one.cause.numbers[..]))?,
+        lists_of(py, found.iter().map(|one| &one.evidence[..]))?,
+    ))
+}
+
+/// Where each list begins, and one more, i64; and all of their numbers, u64.
+fn lists_of<'py, 'l>(py: Python<'py>, lists: impl Iterator<Item = &'l [u64]>) -> PyResult<(Column<'py>, Column<'py>)> {
+    let (mut ends, mut all) = (vec![0_i64], vec![]);
+    for list in lists {
+        all.extend_from_slice(list);
+        ends.push(all.len() as i64);
+    }
+    Ok((Cells::own(py, ends)?, Cells::own(py, all)?))
+}

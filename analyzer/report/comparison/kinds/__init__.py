@@ -1,0 +1,1 @@
+"""The kinds of differences: a module each, with `differences(pair)`."""

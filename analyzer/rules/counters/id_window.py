@@ -1,0 +1,237 @@
+"""The steps of a node that matter now, in columns: those held from before, and those of a batch behind them.
+
+Most steps of a counter that never counts by 1 show nothing. Which ones may show something is found in columns, for all
+at once, by what has to be so at least; only these are looked at one by one.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, insort
+from itertools import islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.rules.counters.begun_anew import AtZero
+from analyzer.rules.counters.id_patterns import MOST_MOVED, RUN
+from analyzer.rules.counters.id_steps import IS_GAP, IS_REPEATED, IS_RESTART, QUIET, RULES
+from analyzer.tables import TRANSFER_IDS
+from dissectors.kit import NO_TIME, SECOND, by_key
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from analyzer.rules.counters.id_patterns import SharedCounter
+    from analyzer.rules.counters.id_steps import IdSteps
+    from dissectors.kit import Array
+
+LONGEST = 15 * SECOND  # held back at most
+MOST_HELD = 1024  # steps a node; the oldest ones are reported first
+
+
+class StepWindow:
+    """Steps of one node; `new` is the first of the batch.
+
+    Args:
+        steps: all of them; their rules may change as it becomes clear what they are.
+        new: how many are from before.
+        latest: the ID that the last step of a session came to before the batch, and how far that one counted.
+        last: the latest time of any step before the batch.
+    """
+
+    def __init__(self, steps: IdSteps, new: int, latest: Mapping[int, tuple[int, int]], last: int) -> None:
+        self.steps, self.new, self._before = steps, new, latest
+        self._known_since = -1  # the first step that is still known as the one before
+        size = len(steps.t)
+        each, self._which = np.unique(steps.place, return_inverse=True)
+        self._places: list[int] = each.tolist()
+        order, begins = by_key(self._which.astype(np.int64))
+        ends = np.append(begins[1:], size)
+        self._of_place = [order[begin:end] for begin, end in zip(begins.tolist(), ends.tolist(), strict=True)]
+        self.past = self._shifted(order, 1)
+        self._step = (steps.transfer_id - steps.before) % TRANSFER_IDS
+        self._as_before = self._skips_alike()
+        self.watched = self._to_watch(self._shifted(order, -1))
+        self.quiet = self._apart(last)
+        self._looked_at = self._to_look_at()
+
+    def _shifted(self, order: Array, by: int) -> Array:
+        """Return the step of the same session before each one (or behind it), -1 for none."""
+        found = np.full(len(order), -1)
+        here, there = (order[by:], order[:-by]) if by > 0 else (order[:by], order[-by:])
+        same = self._which[here] == self._which[there]
+        found[here[same]] = there[same]
+        return found
+
+    def _skips_alike(self) -> Array:
+        """Return which steps look like restarts, and skip as many as the one before in their session."""
+        steps, past = self.steps, self.past
+        found: Array = (steps.rule == IS_RESTART) & (past >= self.new)
+        found &= (steps.transfer_id[past] == steps.before) & (self._step[past] == self._step)
+        for rows in self._of_place:
+            at = int(np.searchsorted(rows, self.new))
+            known = self._before.get(int(steps.place[rows[0]])) if at < len(rows) else None
+            if known is not None:
+                k = rows[at]
+                alike = known == (steps.before[k], self._step[k])
+                found[k] = alike and steps.rule[k] == IS_RESTART
+        return found
+
+    def _to_watch(self, behind: Array) -> list[int]:
+        """Return steps that need a look when they are told: restarts, and those that may have changed places."""
+        steps = self.steps
+        second, third = behind, np.where(behind >= 0, behind[behind], -1)
+        moved = (steps.before[second] - steps.before) % TRANSFER_IDS
+        swapped = (third >= 0) & (moved > 1) & (moved <= MOST_MOVED)
+        swapped &= steps.transfer_id[second] == (steps.before + 1) % TRANSFER_IDS
+        swapped &= steps.transfer_id[third] == (steps.before[second] + 1) % TRANSFER_IDS
+        swapped &= steps.before[third] == (steps.transfer_id - 1) % TRANSFER_IDS
+        found: list[int] = np.flatnonzero(swapped | ((steps.rule == IS_RESTART) & ~self._as_before)).tolist()
+        return found
+
+    def _apart(self, last: int) -> list[int]:
+        """Return steps of the batch after more than `QUIET`, and those of which that is not plain."""
+        t = self.steps.t[self.new :]
+        if (t == NO_TIME).all() and last == NO_TIME:
+            return []
+        latest = np.maximum.accumulate(np.append(last, t))[:-1]
+        plain = (t != NO_TIME) & (latest != NO_TIME)
+        quiet = np.where(plain, t, 0) - np.where(plain, latest, 0) > QUIET
+        found: list[int] = (np.flatnonzero(quiet | (t == NO_TIME)) + self.new).tolist()
+        return found
+
+    def _to_look_at(self) -> list[int]:
+        """Return steps of the batch that may show something."""
+        steps, past = self.steps, self.past
+        back_rule = steps.rule[past]
+        behind = (steps.before[past] - steps.transfer_id[past]) % TRANSFER_IDS
+        again = (steps.before - steps.transfer_id[past]) % TRANSFER_IDS
+        gap = (steps.rule == IS_GAP) | self._as_before
+        look = (past >= 0) & gap & ((back_rule == IS_GAP) | (back_rule == IS_RESTART))  # the second step of a copy
+        look &= (behind > 0) & (behind <= MOST_MOVED) & (again < behind)
+        look &= steps.transfer_id == (steps.before[past] + 1) % TRANSFER_IDS
+        look |= (steps.rule == IS_RESTART) & ~self._as_before
+        look[: self.new] = False
+        look[self.quiet] = True
+        found: list[int] = np.flatnonzero(look).tolist()
+        return found
+
+    def look_at_runs(self, rows: Array, codes: Array, ids: Array, shared: SharedCounter | None) -> None:
+        """Mark steps at which messages of several types have counted together for long.
+
+        Args:
+            rows: the messages of the node in the batch.
+            codes: their types.
+            ids: their transfer IDs.
+            shared: what counts together up to the batch.
+        """
+        if not len(rows) or len(self.steps.t) == self.new:
+            return
+        on = np.ones(len(rows), bool)
+        on[1:] = (ids[:-1] + 1) % TRANSFER_IDS == ids[1:]
+        at = np.arange(len(rows))
+        start = np.maximum.accumulate(np.where(on, -1, at))
+        other = np.zeros(len(rows), bool)
+        other[1:] = codes[1:] != codes[:-1]
+        changed = np.maximum.accumulate(np.where(other, at, 0))
+        run, several = at - np.maximum(start, 0) + 1, changed > np.maximum(start, 0)
+        if shared is not None:
+            run = np.where(start < 0, run + shared.run, run)
+            several |= start < 0
+        may = (run >= RUN) & several
+        if may.any():
+            here = np.searchsorted(rows, self.steps.row[self.new :], "right") - 1
+            look = may[np.maximum(here, 0)] & (here >= 0)
+            self._looked_at = sorted({*self._looked_at, *(np.flatnonzero(look) + self.new).tolist()})
+
+    def forget(self, since: int) -> None:
+        """Forget what came before a step: it is the one before no other."""
+        self._known_since = since
+        lost = (self.past < since) & (self.steps.rule == IS_RESTART) & self._as_before
+        lost[: max(since, self.new)] = False
+        rows = np.flatnonzero(lost)
+        self._as_before[rows] = False
+        self._looked_at = sorted({*self._looked_at, *rows.tolist()})
+        self.watched = sorted({*self.watched, *rows.tolist()})
+
+    def next_looked_at(self, k: int, end: int) -> int:
+        """Return the next step from `k` on that has to be looked at, `end` if there is none before."""
+        at = bisect_left(self._looked_at, k)
+        return min(self._looked_at[at], end) if at < len(self._looked_at) else end
+
+    def next_quiet(self, k: int, end: int) -> int:
+        """Return the next step from `k` on after a silence, `end` if there is none before."""
+        at = bisect_left(self.quiet, k)
+        return min(self.quiet[at], end) if at < len(self.quiet) else end
+
+    def watch(self, k: int) -> None:
+        """Look at a step and at the two before it in its session when they are told."""
+        for _ in range(3):
+            if k >= 0 and not self.is_watched(k):
+                insort(self.watched, k)
+            k = self.past.item(k) if k >= 0 else -1
+
+    def is_watched(self, k: int) -> bool:
+        """Return whether a step needs a look when it is told."""
+        at = bisect_left(self.watched, k)
+        return at < len(self.watched) and self.watched[at] == k
+
+    def settle(self, begin: int, end: int) -> None:
+        """Make gaps of what skips as many each time."""
+        rule = self.steps.rule[begin:end]
+        rule[self._as_before[begin:end]] = IS_GAP
+
+    def at_zero(self, begin: int, end: int) -> list[int]:
+        """Return the steps that may be restarts."""
+        rule, transfer_id = self.steps.rule[begin:end], self.steps.transfer_id[begin:end]
+        found = (rule == IS_RESTART) | ((rule == IS_REPEATED) & (transfer_id == 0))
+        rows: list[int] = (np.flatnonzero(found) + begin).tolist()
+        return rows
+
+    def sessions(self, begin: int, end: int) -> list[tuple[int, Array]]:
+        """Return the sessions of some steps, and which these are of each."""
+        if len(self._places) == 1:
+            return [(self._places[0], np.arange(begin, end))]
+        found = []
+        for place, rows in zip(self._places, self._of_place, strict=True):
+            low, high = np.searchsorted(rows, (begin, end)).tolist()
+            if low < high:
+                found.append((place, rows[low:high]))
+        return found
+
+    def latest(self) -> dict[int, tuple[int, int]]:
+        """Return what the next batch needs to know of the latest steps."""
+        found = {} if self._known_since >= 0 else dict(self._before)
+        least = max(self._known_since, self.new)
+        for place, rows in zip(self._places, self._of_place, strict=True):
+            k = rows[-1]
+            if k >= least:
+                found[place] = self.steps.transfer_id.item(k), self._step.item(k)
+        return found
+
+    def zeros(self, rows: Iterable[int]) -> list[tuple[int, AtZero]]:
+        """Return of some steps those that may be restarts."""
+        rule, transfer_id = self.steps.rule, self.steps.transfer_id
+        zero = (k for k in rows if rule[k] == IS_RESTART or (rule[k] == IS_REPEATED and not transfer_id[k]))
+        return [(k, self.zero(k)) for k in zero]
+
+    def zero(self, k: int) -> AtZero:
+        """Return a step to 0."""
+        steps = self.steps
+        return AtZero(RULES[steps.rule.item(k)], steps.t.item(k), steps.since.item(k), steps.place.item(k))
+
+    def next_changed(self, held: Sequence[int], k: int, end: int) -> int:
+        """Return the step from `k` on with which something is told that may change by that, `end` if there is none.
+
+        `held` are the steps before that wait to be told.
+        """
+        if not held and not (self.watched and self.watched[-1] >= k):
+            return end
+        for one in islice(self.watched, bisect_left(self.watched, held[0] if held else k), None):
+            at = bisect_left(held, one)
+            if one < k and (at == len(held) or held[at] != one):
+                continue
+            end = min(end, max(k + MOST_HELD + at + max(one - k, 0) - len(held), k))
+            later = np.flatnonzero(self.steps.t[k:end] > int(self.steps.t[one]) + LONGEST)
+            return k + int(later[0]) if len(later) else end
+        return end

@@ -1,0 +1,137 @@
+"""The messages of a node whose counters break, of one batch, and the uptimes that it states."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections import deque
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from analyzer.rules.counters.id_patterns import SharedCounter
+from analyzer.rules.counters.id_steps import LATE, MESSAGE, of_message
+from analyzer.tables import TRANSFER_IDS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.rules.counters.begun_anew import BegunAnew
+    from analyzer.rules.counters.id_patterns import EarlyWraps
+    from analyzer.rules.counters.id_window import StepWindow
+    from analyzer.rules.counters.session_starts import LatestFrames
+    from dissectors.kit import Array, TransferTable
+
+
+class Follower(Protocol):
+    """A node that is followed; `held` are steps for which a cause is looked for, the latest one of all at `last`."""
+
+    bus: int
+    node: int
+    held: list[int]
+    last: int
+    shared: SharedCounter | None
+    wraps: EarlyWraps
+    anew: BegunAnew
+
+    @property
+    def window(self) -> StepWindow:
+        """The steps that are held, and those of the batch."""
+
+    def calm(self) -> None:
+        """Give up looking for a cause of what is held."""
+
+
+class SentMessages:
+    """The messages of a node in a batch, walked through while a shared counter may show.
+
+    `uptimes` are those in its NodeStatus by the row of the transfer, `frames` the latest of all nodes.
+    """
+
+    def __init__(self, transfers: TransferTable, uptimes: Sequence[tuple[int, int]], frames: LatestFrames) -> None:
+        self.frames = frames
+        self._t = transfers
+        self._rows: list[int] | None = None
+        self._breaks: list[int] = []  # places of messages that do not count on
+        self._at = 0
+        self._uptimes = deque(uptimes)
+
+    def tell(self, node: Follower, row: int) -> None:
+        """Tell the uptimes before a row."""
+        while self._uptimes and self._uptimes[0][0] < row:
+            at, uptime = self._uptimes.popleft()
+            t = int(self._t.t[at])
+            if node.held and t - node.last > LATE:
+                node.calm()
+            node.wraps.status(t, uptime)
+            node.anew.uptimes.add(t, uptime, int(self._t.transfer_id[at]))
+
+    def until_silence(self, node: Follower, begin: int, end: int) -> int:
+        """Return the step up to which no uptime is told long after a step."""
+        steps = node.window.steps
+        last = node.last
+        k = begin
+        for at, _ in self._uptimes:
+            behind = k + int(np.searchsorted(steps.row[k:end], at))
+            if behind >= end:
+                break
+            last = max(last, int(steps.t[k:behind].max(initial=last)))
+            if int(self._t.t[at]) - last > LATE:
+                return behind
+            k = behind
+        return end
+
+    def begin(self, node: Follower, row: int) -> None:
+        """Start with the message of a row."""
+        self._at = bisect_left(self._of(node), row)
+        self.run(node, row)
+
+    def begin_latest(self, node: Follower, begin: int, end: int) -> None:
+        """Follow all messages up to the last of some steps, from the first step on behind which all count on."""
+        steps, rows = node.window.steps, self._of(node)
+        last = steps.row.item(end - 1)
+        until = bisect_right(rows, last)
+        at = bisect_left(self._breaks, until) - 1
+        broken = self._breaks[at] if at >= 0 else 0
+        if node.shared is not None:
+            wanted = self._t.transfer_id.item(rows[self._at]) if self._at < until else None
+            misfit = wanted is not None and (wanted - 1) % TRANSFER_IDS != node.shared.last
+            if not misfit and broken <= self._at:
+                self.run(node, last)
+                return
+            broken = max(broken, self._at)
+        node.shared = None
+        if rows:
+            begin += int(np.searchsorted(steps.row[begin:end], rows[broken]))
+            ours = np.flatnonzero(of_message(steps.place[begin:end]))
+            if len(ours):
+                first = begin + int(ours[0])
+                node.shared = SharedCounter(steps.t.item(first))
+                self.begin(node, steps.row.item(first))
+                self.run(node, last)
+
+    def columns(self, node: Follower) -> tuple[Array, Array, Array]:
+        """Return the rows of the messages, their types and their transfer IDs."""
+        rows = np.array(self._of(node), np.int64)
+        return rows, self._t.code[rows], self._t.transfer_id[rows].astype(np.int64)
+
+    def run(self, node: Follower, row: int) -> None:
+        """Follow all messages up to and with that of a row, until one does not fit."""
+        if node.shared is None:
+            return
+        t, shared, rows = self._t, node.shared, self._of(node)
+        while self._at < len(rows) and rows[self._at] <= row:
+            here = rows[self._at]
+            frames = t.frames(here) if shared.wants_frames() else None
+            if not shared.fits(int(t.code[here]), int(t.transfer_id[here]), int(t.step[here]), frames):
+                node.shared = None
+                return
+            self._at += 1
+
+    def _of(self, node: Follower) -> list[int]:
+        if self._rows is None:
+            t = self._t
+            rows = np.flatnonzero((t.src == node.node) & (t.bus == node.bus) & (t.kind == MESSAGE))
+            ids = t.transfer_id[rows].astype(np.int64)
+            self._rows = rows.tolist()
+            self._breaks = (np.flatnonzero((ids[1:] - ids[:-1]) % TRANSFER_IDS != 1) + 1).tolist()
+        return self._rows

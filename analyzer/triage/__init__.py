@@ -1,0 +1,1 @@
+"""Flights of a vehicle, and what befell it in them."""

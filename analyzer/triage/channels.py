@@ -1,0 +1,45 @@
+"""ToldChannels that nodes have told of themselves, as people count them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+
+from analyzer.devices.escs import CHANNEL
+from analyzer.devices.rows import usable
+from dissectors.kit.cells import numbers, valid
+
+if TYPE_CHECKING:
+    from analyzer.decode.engine import Batch
+
+
+class ToldChannels:
+    """Adds up batches; bounded by the nodes that there can be. Of a node with several channels none is known."""
+
+    def __init__(self) -> None:
+        self._told: dict[tuple[int, int], set[int]] = {}
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        for table in batch.messages.values():
+            if CHANNEL in table.schema.names and "src" in table.schema.names:
+                self._note(usable(table))
+
+    def _note(self, table: pa.RecordBatch) -> None:
+        column = table.column(CHANNEL)
+        if not pa.types.is_floating(column.type) and not pa.types.is_integer(column.type):
+            return
+        rows = valid(column)
+        bus, node = (numbers(table.column(name))[rows].astype(np.int64) for name in ("bus", "src"))
+        told = numbers(column)[rows].astype(np.int64)
+        for code in np.unique(bus << 40 | node << 32 | (told & 0xFFFF_FFFF)).tolist():
+            of = self._told.setdefault((code >> 40, code >> 32 & 0xFF), set())
+            if len(of) < 2:
+                of.add(code & 0xFFFF_FFFF)
+
+    def of(self, bus: int, node: int) -> int | None:
+        """Return the channel of a node, None if it has none, or several."""
+        told = self._told.get((bus, node), ())
+        return next(iter(told)) if len(told) == 1 else None

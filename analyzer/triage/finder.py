@@ -1,0 +1,60 @@
+"""Everything that finds events of flights, in one pass over the batches of a capture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from analyzer.triage.channels import ToldChannels
+from analyzer.triage.clock import RecordedClock
+from analyzer.triage.commands import CommandEvents
+from analyzer.triage.holes import hole_events
+from analyzer.triage.log import EventLog
+from analyzer.triage.nodes import NodeEvents
+from analyzer.triage.reports import EventOrder
+from analyzer.triage.sags import SagEvents
+from analyzer.triage.silences import SilenceEvents
+from analyzer.triage.states import StateEvents
+from analyzer.triage.trouble import TroubleEvents
+from dissectors import picture
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from analyzer.decode.engine import Batch
+    from dissectors import Registry
+
+
+class EventFinder:
+    """Adds up batches, with the bounds of its parts; `more` is how many events it did not keep.
+
+    Args:
+        registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
+    """
+
+    def __init__(self, registry: Registry) -> None:
+        self._clock, self._channels, self._log = RecordedClock(), ToldChannels(), EventLog()
+        add = self._log.add
+        order = EventOrder(registry, tuple(picture.load(registry).plots.values()), self._clock, add)
+        commands = CommandEvents(order)
+        silences = SilenceEvents(registry, self._clock, add, commands.types)
+        nodes = NodeEvents(self._clock, add)
+        states, sags = StateEvents(order), SagEvents(order)
+        self._parts = states, commands, silences, sags, nodes, TroubleEvents(self._clock, add)
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        self._clock.feed(batch)
+        self._channels.feed(batch)
+        for part in self._parts:
+            part.feed(batch)
+
+    def finish(self) -> pa.Table:
+        """Return the events in the order of the capture: `FLIGHT_EVENTS`."""
+        for part in self._parts:
+            part.finish()
+        return self._log.table(self._channels, hole_events(self._clock))
+
+    @property
+    def more(self) -> int:
+        """How many events there are beside those that are kept."""
+        return self._log.more

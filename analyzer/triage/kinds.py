@@ -1,0 +1,25 @@
+"""The kinds of events, and what each says."""
+
+from __future__ import annotations
+
+KINDS = {
+    "fault": "a fault bit of a device, from its onset to its end",
+    "mode": "a device goes into another mode",
+    "health": "a node's health changes",
+    "commands stop": "who commands ESCs falls silent",
+    "commands zero": "all ESCs are commanded 0 after they were commanded more",
+    "saturation": "an ESC is commanded all there is",
+    "spread": "ESCs are commanded very different throttles",
+    "silence": "who sent evenly falls silent",
+    "rate": "who sent evenly goes slower",
+    "restart": "a node's uptime begins anew",
+    "join": "a node is heard for the first time",
+    "arming": "the vehicle is armed or disarmed",
+    "message": "a node says something in words (LogMessage)",
+    "sag": "a supply voltage falls faster than a pack is emptied",
+    "errors": "error frames, close together",
+    "bus state": "the recorder's controller goes into another state",
+    "loss": "the recorder says that it lost frames",
+    "gap": "nothing was recorded for too long",
+    "clock": "the clock of the recording steps",
+}

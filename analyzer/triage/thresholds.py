@@ -1,0 +1,30 @@
+"""The numbers that decide what is a flight or an event: those of `thresholds.toml`."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dissectors.times import SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+FILE = Path(__file__).with_name("thresholds.toml")
+
+
+@cache
+def _all() -> Mapping[str, float]:
+    return {name: float(entry["value"]) for name, entry in tomllib.loads(FILE.read_text(encoding="utf-8")).items()}
+
+
+def threshold(name: str) -> float:
+    """Return a number by its name."""
+    return _all()[name]
+
+
+def lasting(name: str) -> int:
+    """Return a duration by its name without `_s`, in nanoseconds."""
+    return round(_all()[f"{name}_s"] * SECOND)

@@ -1,0 +1,66 @@
+"""`--frame-list -T fields`: chosen fields of each frame, separated by tabs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+
+from analyzer.tables import ERROR, EXTENDED, REMOTE
+from analyzer.views.frames.cells import FrameSheet, FrameWriter, bit_of
+from analyzer.views.members import NOTHING, PLAIN
+from analyzer.views.terminal import escape
+from dissectors.kit.cells import numbers, valid
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from analyzer.views.frames.rows import FrameRows, ListedFrames
+    from analyzer.views.sheets import Columns, Template
+
+_FLAGS = {"can.flags.xtd": EXTENDED, "can.flags.rtr": REMOTE, "can.flags.err": ERROR}
+_NUMBERS = {"frame.number": "number", "can.id": "id", "can.len": "length"}
+_TIMES = {"frame.time_epoch": "t", "frame.time_relative": "elapsed", "frame.time_delta": "delta"}
+# Of an error frame there are none.
+_OF_FRAMES = ("can.id", "can.flags.xtd")
+FRAME_FIELDS = ("frame.number", "frame.interface_name", "can.id", "can.len", *_FLAGS, *_TIMES)
+
+
+class FrameFields(FrameWriter):
+    """Chosen fields of each frame, separated by tabs. Raises `ValueError` for one that frames do not have."""
+
+    def __init__(self, rows: FrameRows, names: tuple[str, ...], zero: int | None) -> None:
+        for name in names:
+            if name not in FRAME_FIELDS:
+                raise ValueError(f"--frame-list has no field {name!r}: frames have {', '.join(FRAME_FIELDS)}")
+        super().__init__(rows)
+        self._names, self._zero = names, zero
+        self._sheet = FrameSheet(self._template)
+
+    def _texts(self, table: ListedFrames) -> Iterator[str]:
+        times, since = table.rows.column("t"), table.rows.column("since")
+        known, t = valid(times), numbers(times)
+        if self._zero is None and known.any():
+            self._zero = int(t[np.argmax(known)])
+        missing = None if known.all() else ~known
+        delta = np.where(valid(since), numbers(since), 0)
+        beside = {"elapsed": pa.array(t - (self._zero or 0), mask=missing), "delta": pa.array(delta, mask=missing)}
+        return self._sheet.texts(table, beside, [[escape(name) for name in table.buses]])
+
+    def _template(self, columns: Columns) -> Template:
+        tabs = [("text", "\t")] * len(self._names)
+        cells = [self._cell(columns, name) for name in self._names]
+        return ("all", [*[one for pair in zip(tabs, cells, strict=True) for one in pair][1:], ("text", "\n")])
+
+    @staticmethod
+    def _cell(columns: Columns, name: str) -> Template:
+        if name == "frame.interface_name":
+            return columns.of("bus", ("word", 0))
+        if name in _TIMES:
+            return columns.of(_TIMES[name], ("number", PLAIN, ("seconds", False, True)))
+        if name in _FLAGS:
+            cell = columns.of("flags", ("number", bit_of(_FLAGS[name]), ("plain",)))
+        else:
+            cell = columns.of(_NUMBERS[name], ("number", PLAIN, ("plain",)))
+        return ("by", columns.place("error"), [(1, NOTHING)], cell) if name in _OF_FRAMES else cell

@@ -1,0 +1,1 @@
+"""Views of statistics: text with bars, JSON, CSV and Arrow."""

@@ -1,0 +1,141 @@
+"""What is said to somebody who types something that does not exist: one line, status 2, and what to type instead."""
+
+from __future__ import annotations
+
+import shlex
+from typing import TYPE_CHECKING
+
+import pytest
+
+from analyzer.cli.commands import COMMANDS, every_command
+from analyzer.cli.usage import habits, hints
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    Command = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "flight.log").touch()
+    (tmp_path / "my flight.log").touch()
+    (tmp_path / "logs").mkdir()
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("decod flight.log", "tailbyte: no command decod; did you mean tailbyte decode?"),
+        ("DECODE", "tailbyte: no command DECODE; did you mean tailbyte decode?"),
+        ("exp flight.log", "tailbyte: no command exp; did you mean tailbyte explain or tailbyte export?"),
+        ("xyzzy", "tailbyte: no command xyzzy (see tailbyte --help)"),
+        ("''", "tailbyte: no command '' (see tailbyte --help)"),
+        ("monitor can0", "tailbyte: no command monitor; did you mean tailbyte live?"),
+        ("candump can0", "tailbyte: no command candump; did you mean tailbyte live?"),
+        ("-help", "tailbyte: no option -help; did you mean tailbyte --help?"),
+        ("live can0 --duration 5", "tailbyte live: no option --duration; did you mean -a duration:TIME?"),
+        ("replay flight.log can0 -l i", "tailbyte replay: no option -l; did you mean --loop?"),
+        ("version", "tailbyte: no command version; did you mean tailbyte --version?"),
+        ("interfaces", "tailbyte: no command interfaces; did you mean tailbyte live -D?"),
+        ("can0", "tailbyte: can0 is an interface: did you mean tailbyte live can0?"),
+        ("vcan12 -V", "tailbyte: vcan12 is an interface: did you mean tailbyte live vcan12?"),
+        (
+            "slcan:/dev/ttyS0@500000",
+            "tailbyte: slcan:/dev/ttyS0@500000 is an interface: did you mean tailbyte live slcan:/dev/ttyS0@500000?",
+        ),
+        (
+            "flight.log",
+            (
+                "tailbyte: flight.log is a file: did you mean tailbyte info flight.log (what it holds) or tailbyte "
+                "check flight.log (the verdict)?"
+            ),
+        ),
+        ("flight.log decode -V", "tailbyte: the command comes first: did you mean tailbyte decode flight.log?"),
+        ("'my flight.log' check", "tailbyte: the command comes first: did you mean tailbyte check 'my flight.log'?"),
+        ("logs/", "tailbyte: logs/ is a folder: did you mean tailbyte info logs/*?"),
+        ("missing.log", "tailbyte: missing.log: no such file, and no command (see tailbyte --help)"),
+        ("-r flight.log", "tailbyte: -r of which command? did you mean tailbyte decode -r flight.log?"),
+        ("-i can0", "tailbyte: -i of which command? did you mean tailbyte live -i can0?"),
+        (
+            "-r flight.log -Y 'can.id == 5' -c 3",
+            "tailbyte: -r of which command? did you mean tailbyte decode -r flight.log -Y 'can.id == 5' -c 3?",
+        ),
+        ("-G fields", "tailbyte: no option -G; did you mean tailbyte fields?"),
+        ("decode flight.log -w x.pcapng", "tailbyte decode: no option -w; did you mean tailbyte convert?"),
+        ("decode flight.log -E header=y", "tailbyte decode: no option -E; did you mean -T csv?"),
+        (
+            "decode flight.log -T ek",
+            "tailbyte decode: argument -T: ek is none of text, fields, json, jsonl, csv; did you mean jsonl?",
+        ),
+        ("-V", "tailbyte: no option -V; did you mean tailbyte --version?"),
+        (
+            "--color never decode flight.log",
+            "tailbyte: --color: options stand behind the command: tailbyte decode --color ... (see tailbyte --help)",
+        ),
+        ("--verson", "tailbyte: no option --verson; did you mean tailbyte --version?"),
+        ("--hlep decode", "tailbyte: no option --hlep; did you mean tailbyte --help?"),
+        ("--nonsense", "tailbyte: no option --nonsense in front of the command (see tailbyte --help)"),
+        ("decode --arround 4 flight.log", "tailbyte decode: no option --arround; did you mean --around?"),
+        ("decode --arround=4 flight.log", "tailbyte decode: no option --arround; did you mean --around?"),
+        ("decode flight.log -n 5", "tailbyte decode: no option -n; did you mean -c?"),
+        ("decode flight.log --json", "tailbyte decode: no option --json; did you mean -T json?"),
+        ("decode flight.log --no-color", "tailbyte decode: no option --no-color; did you mean --color never?"),
+        ("live can0 --since 5", "tailbyte live: no option --since (see tailbyte live --help)"),
+        ("replay flight.log vcan0 -b 500000", "tailbyte replay: no option -b; did you mean --bitrate?"),
+        ("simulate -o x.log --fautl A", "tailbyte simulate: no option --fautl; did you mean --fault?"),
+        (
+            "export flight.log -o x --html y",
+            (
+                "tailbyte export: --html is an option of tailbyte check, diff, live, not of this command (see "
+                "tailbyte export --help)"
+            ),
+        ),
+        ("help check decode", "tailbyte help: decode is one argument too many (see tailbyte help --help)"),
+        (
+            "live can0 -b 1000000",
+            "tailbyte live: argument -b: begins new files, as in dumpcap; did you mean --bitrate 1000000?",
+        ),
+        (
+            "live can0 -b 500k",
+            "tailbyte live: argument -b: begins new files, as in dumpcap; did you mean --bitrate 500000?",
+        ),
+        ("decode", "tailbyte decode: which capture? give a file, or - for standard input (see tailbyte decode --help)"),
+        ("decode ''", "tailbyte: a capture without a name (an empty variable of the shell?)"),
+        (
+            "decode flight.log --to",
+            "tailbyte decode: argument --to: needs a value (TIME) (see tailbyte decode --help)",
+        ),
+        (
+            "decode flight.log -t",
+            "tailbyte decode: argument -t: needs a value (a|ad|d|dd|e|r|u|ud) (see tailbyte decode --help)",
+        ),
+        (
+            "decode flight.log -T jsn",
+            "tailbyte decode: argument -T: jsn is none of text, fields, json, jsonl, csv; did you mean json?",
+        ),
+    ],
+)
+def test_what_is_said(command: Command, line: str, said: str) -> None:
+    assert command(*shlex.split(line)) == (2, "", f"{said}\n")
+
+
+@pytest.mark.parametrize(
+    "line", [["\x1b[31m\n"], ["decode", "a", "--\x1b[31m"], ["decode", "a", "-T", "\x1b" * 900], ["--\n"]]
+)
+def test_what_was_typed_is_harmless_and_short(command: Command, line: list[str]) -> None:
+    status, out, err = command(*line)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "\x1b" not in err
+    assert len(err) < 500
+
+
+def test_every_habit_leads_to_something_that_exists() -> None:
+    parsers = every_command()
+    options = {option for parser in parsers.values() for option in hints.options_of(parser)}
+    assert {meant.split()[0] for row in habits.OPTIONS.values() for meant in row} <= options
+    meant = {name.split()[0] for row in habits.COMMANDS.values() for name in row}
+    assert meant <= {*COMMANDS, "--version"}
+    assert not set(habits.COMMANDS) & set(COMMANDS)

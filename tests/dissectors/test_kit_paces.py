@@ -1,0 +1,79 @@
+"""Reports at a steady pace and their breaks: many senders at once, and reports that come piece by piece."""
+
+from typing import Any
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dissectors.kit import MILLISECOND, SECOND, Break, PacedReports
+
+STEADY, ROUNDS, HOLES, CHANCE = range(4)
+REPORTS = st.lists(
+    st.tuples(st.sampled_from((STEADY, ROUNDS, HOLES, CHANCE)), st.integers(0, 60), st.integers(0, 2**32 - 1)),
+    min_size=1, max_size=6,
+)  # fmt: skip
+
+
+def made(kinds: list[tuple[int, int, int]]) -> tuple[Any, Any]:
+    """Times and losses of one sender: stretches of reports of some kinds."""
+    apart, lost = [], []
+    for kind, count, seed in kinds:
+        chance = np.random.default_rng(seed)
+        usual = chance.choice((20, 150, 900)) * MILLISECOND
+        jitter = usual * chance.uniform(0.9, 1.1, count)
+        apart.append(
+            {
+                STEADY: jitter,
+                ROUNDS: np.where(chance.random(count) < 0.6, usual / 40, jitter),
+                HOLES: np.where(chance.random(count) < 0.1, jitter * chance.uniform(3, 40, count), jitter),
+                CHANCE: chance.exponential(usual, count),
+            }[kind]
+        )
+        lost.append(chance.random(count) < 0.1)
+    return np.cumsum(np.concatenate(apart)).astype(np.int64), np.cumsum(np.concatenate(lost)).astype(np.int64)
+
+
+def sender() -> PacedReports:
+    return PacedReports(100 * MILLISECOND, 5, 4, 2 * SECOND)
+
+
+def said(one: Break | None) -> object:
+    return one and (one.start, one.stop, one.period, one.kept, one.lowered)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(REPORTS, min_size=1, max_size=4), st.data())
+def test_together_and_piece_by_piece_they_break_where_each_breaks_alone(kinds: Any, data: st.DataObject) -> None:
+    reports = [made(one) for one in kinds]
+    alone = [sender() for _ in reports]
+    expected = [one.feed(t, lost) for one, (t, lost) in zip(alone, reports, strict=True)]
+    together = [sender() for _ in reports]
+    found: list[list[Break]] = [[] for _ in reports]
+    cuts = [sorted(data.draw(st.lists(st.integers(0, len(t)), min_size=2, max_size=2))) for t, _ in reports]
+    begins, ends = zip(*cuts, strict=True)
+    for first, last in (([0] * len(cuts), begins), (begins, ends), (ends, [None] * len(cuts))):
+        parts = [(t[a:b], lost[a:b]) for (t, lost), a, b in zip(reports, first, last, strict=True)]
+        breaks = PacedReports.feed_all(together, [t for t, _ in parts], [lost for _, lost in parts])
+        for known, new in zip(found, breaks, strict=True):
+            known.extend(new)
+    assert [list(map(said, one)) for one in found] == [list(map(said, one)) for one in expected]
+    until = [one.last + 30 * SECOND for one in alone]
+    silent = PacedReports.silences(together, until)
+    assert list(map(said, silent)) == [said(one.silence(now)) for one, now in zip(alone, until, strict=True)]
+
+
+def test_a_break_is_told_with_the_period_before_it() -> None:
+    times = [*range(40), *range(60, 100)]
+    found = sender().feed(np.array(times, np.int64) * SECOND // 10, np.zeros(len(times), np.int64))
+    assert [(one.start, one.stop, one.period, one.at) for one in found] == [
+        (39 * SECOND // 10, 6 * SECOND, SECOND / 10, 39)
+    ]
+
+
+def test_several_close_together_are_one_round() -> None:
+    rounds = [second * SECOND + k * MILLISECOND for second in (*range(9), *range(20, 29)) for k in range(4)]
+    found = sender().feed(np.array(rounds, np.int64), np.zeros(len(rounds), np.int64))
+    assert [(one.start, one.stop, one.period) for one in found] == [
+        (8 * SECOND + 3 * MILLISECOND, 20 * SECOND, float(SECOND))
+    ]
