@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from dissectors.toml_table import TomlTable
 
 FILE = "plots.toml"
+SIGNS = ("motor", "heat", "supply", "current", "throttle", "electronics", "failed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +67,14 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class States:
-    """A column with named values, or a word whose flags and enumerations are lanes of their own."""
+    """A column with named values, or a word whose flags and enumerations are lanes of their own.
+
+    `signs` say of which trouble a flag is a sign, or a value (`name=value`): one of `SIGNS`.
+    """
 
     column: str
     only: Only | None = None
+    signs: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,7 +254,8 @@ class _Reader:
 
 
 def _states(key: str, body: TomlTable) -> States:
-    found = States(key, only(body))
+    signs = {name: sign for sign in SIGNS for name in body.strings(sign)}
+    found = States(key, only(body), signs)
     body.finish()
     return found
 

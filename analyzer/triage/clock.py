@@ -66,6 +66,11 @@ class Places:
         """Return some of them."""
         return Places(self.t[rows], self.ran[rows], self.frame[rows], self.frame_end[rows], self.step[rows])
 
+    def followed_by(self, others: Places) -> Places:
+        """Return these, and others behind them."""
+        names = ("t", "ran", "frame", "frame_end", "step")
+        return Places(*(np.concatenate((getattr(self, name), getattr(others, name))) for name in names))
+
     def at(self, row: int) -> Spot:
         """Return one of them."""
         numbers_ = self.t, self.ran, self.frame, self.frame_end, self.step

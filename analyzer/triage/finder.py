@@ -8,8 +8,10 @@ from analyzer.triage.channels import ToldChannels
 from analyzer.triage.clock import RecordedClock
 from analyzer.triage.commands import CommandEvents
 from analyzer.triage.holes import hole_events
-from analyzer.triage.log import EventLog
+from analyzer.triage.log import EventLog, event_table
+from analyzer.triage.motors import MotorEvents
 from analyzer.triage.nodes import NodeEvents
+from analyzer.triage.orders import CommandReader
 from analyzer.triage.reports import EventOrder
 from analyzer.triage.sags import SagEvents
 from analyzer.triage.silences import SilenceEvents
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
+    from analyzer.triage.log import FlightEvent
     from dissectors import Registry
 
 
@@ -32,27 +35,37 @@ class EventFinder:
     """
 
     def __init__(self, registry: Registry) -> None:
-        self._clock, self._channels, self._log = RecordedClock(), ToldChannels(), EventLog()
+        self.clock, self._channels, self._log = RecordedClock(), ToldChannels(), EventLog()
         add = self._log.add
-        order = EventOrder(registry, tuple(picture.load(registry).plots.values()), self._clock, add)
-        commands = CommandEvents(order)
-        silences = SilenceEvents(registry, self._clock, add, commands.types)
-        nodes = NodeEvents(self._clock, add)
-        states, sags = StateEvents(order), SagEvents(order)
-        self._parts = states, commands, silences, sags, nodes, TroubleEvents(self._clock, add)
+        plots = tuple(picture.load(registry).plots.values())
+        self.commands = CommandReader(registry, plots, self.clock)
+        self.order = EventOrder(registry, plots, self.clock, add)
+        order = self.order
+        self.silences = silences = SilenceEvents(
+            registry, self.clock, add, [plot.table for plot in self.commands.plots]
+        )
+        self._parts = (
+            StateEvents(order), CommandEvents(self.commands, add), silences, SagEvents(order),
+            MotorEvents(order, self.commands), NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
+        )  # fmt: skip
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
-        self._clock.feed(batch)
+        self.clock.feed(batch)
         self._channels.feed(batch)
+        self.commands.feed(batch)
         for part in self._parts:
             part.feed(batch)
 
     def finish(self) -> pa.Table:
         """Return the events in the order of the capture: `FLIGHT_EVENTS`."""
+        return event_table(self.events())
+
+    def events(self) -> list[FlightEvent]:
+        """Return the events in the order of the capture, after the last batch."""
         for part in self._parts:
             part.finish()
-        return self._log.table(self._channels, hole_events(self._clock))
+        return self._log.events(self._channels, hole_events(self.clock))
 
     @property
     def more(self) -> int:

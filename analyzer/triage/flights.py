@@ -18,12 +18,14 @@ from analyzer.triage.thresholds import lasting, threshold
 from dissectors import picture
 from dissectors.kit.cells import numbers
 from dissectors.kit.order import groups
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
 
     from analyzer.decode.engine import Batch
     from analyzer.triage.basis import Stretch
+    from analyzer.triage.clock import Spot
     from dissectors import Registry
     from dissectors.kit import Array
     from dissectors.picture import Plot
@@ -33,19 +35,34 @@ ARMED = 255
 MOST_CHANNEL = 62
 
 
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """One flight: `end` is how it ended, `chs` the channels that turned, `by` what tells it."""
+
+    number: int
+    first: Spot
+    last: Spot
+    end: str
+    chs: tuple[int, ...]
+    by: str
+    frame_end: int
+
+
 class FlightFinder:
     """Adds up batches, with the bounds of `FlightBasis`.
 
     Args:
         registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
+        clock: of the capture, if somebody else feeds it before.
     """
 
-    def __init__(self, registry: Registry) -> None:
+    def __init__(self, registry: Registry, clock: RecordedClock | None = None) -> None:
         self._registry = registry
+        self._own_clock = clock is None
         plots = picture.load(registry).plots.values()
         self._reports = [plot for plot in plots if plot.esc.rpm]
         self._orders = [plot for plot in plots if plot.esc.commanded]
-        self._clock = RecordedClock()
+        self._clock = RecordedClock() if clock is None else clock
         self._channels = ToldChannels()
         self._by = {
             "telemetry": FlightBasis(self._clock, lasting("silent_motor")),
@@ -56,7 +73,8 @@ class FlightFinder:
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
-        self._clock.feed(batch)
+        if self._own_clock:
+            self._clock.feed(batch)
         self._channels.feed(batch)
         self._last_frame = max(self._last_frame, batch.first_frame + len(batch.frames) - 1)
         for name, plots, feed in (
@@ -72,18 +90,27 @@ class FlightFinder:
         if table is not None and "status" in table.schema.names:  # a folder may have another type of this name
             self._feed_arming(usable(table))
 
-    def finish(self) -> pa.Table:
-        """Return the flights in the order of the capture: `FLIGHTS`."""
+    def flights(self) -> list[Flight]:
+        """Return the flights in the order of the capture."""
         by = next((name for name, basis in self._by.items() if basis.heard), "telemetry")
         end = self._clock.ran
-        rows = []
+        found = []
         for number, one in enumerate([] if end is None else self._by[by].stretches(), 1):
             how = _end(one, end or 0, lasting("silent_arming" if by == "arming" else "lost"))
-            rows.append({
-                "flight": number, "t": one.first.t, "t_end": one.last.t,
-                "ran": one.last.ran - one.first.ran, "end": how, "chs": self._chs(one), "by": by,
-                "frame": one.first.frame, "frame_end": self._last_frame if how == "cut" else one.last.frame_end,
-            })  # fmt: skip
+            frame_end = self._last_frame if how == "cut" else one.last.frame_end
+            found.append(Flight(number, one.first, one.last, how, tuple(self._chs(one)), by, frame_end))
+        return found
+
+    def finish(self) -> pa.Table:
+        """Return the flights in the order of the capture: `FLIGHTS`."""
+        rows = [
+            {
+                "flight": one.number, "t": one.first.t, "t_end": one.last.t, "ran": one.last.ran - one.first.ran,
+                "end": one.end, "chs": list(one.chs), "by": one.by, "frame": one.first.frame,
+                "frame_end": one.frame_end,
+            }
+            for one in self.flights()
+        ]  # fmt: skip
         return pa.Table.from_pylist(rows, schema=FLIGHTS)
 
     def _chs(self, one: Stretch) -> list[int]:

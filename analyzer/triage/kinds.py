@@ -9,6 +9,7 @@ KINDS = {
     "commands stop": "who commands ESCs falls silent",
     "commands zero": "all ESCs are commanded 0 after they were commanded more",
     "saturation": "an ESC is commanded all there is",
+    "motor": "an ESC's speed or current is not what it was at such a command",
     "spread": "ESCs are commanded very different throttles",
     "silence": "who sent evenly falls silent",
     "rate": "who sent evenly goes slower",

@@ -28,6 +28,7 @@ class FlightEvent:
     """An event: it happened between `before`, None if it was so from the start, and `first`; it is over at `after`.
 
     `kind` and `text` are words for people; `values` are numbers by name. A `ch` that nobody said is found out later.
+    `sign` is the trouble that it is a sign of, as far as a vendor says so.
     """
 
     kind: str
@@ -41,6 +42,7 @@ class FlightEvent:
     type: str = ""
     clause: str = ""
     values: Mapping[str, float] = field(default_factory=dict)
+    sign: str = ""
 
 
 class EventLog:
@@ -60,24 +62,31 @@ class EventLog:
             return
         self._all.append(event)
 
-    def table(self, channels: ToldChannels, late: Iterable[FlightEvent] = ()) -> pa.Table:
-        """Return them, and those that are found at the end, in the order of the capture: `FLIGHT_EVENTS`."""
+    def events(self, channels: ToldChannels, late: Iterable[FlightEvent] = ()) -> list[FlightEvent]:
+        """Return them, and those that are found at the end, in the order of the capture."""
         for event in late:
             self.add(event)
         for one in self._all:
             if one.ch is None and one.bus is not None and one.node is not None:
                 one.ch = channels.of(one.bus, one.node)
         ordered = sorted(self._all, key=lambda one: (one.first.ran, one.first.frame, one.kind, one.node or 0, one.text))
-        rows = [
+        return _united(ordered)
+
+
+def event_table(events: Iterable[FlightEvent]) -> pa.Table:
+    """Return events as `FLIGHT_EVENTS`."""
+    return pa.Table.from_pylist(
+        [
             {
                 "event": number, "t": None if one.before is None else one.before.t, "t_end": one.first.t,
                 "until": None if one.after is None else one.after.t, "bus": one.bus, "node": one.node, "ch": one.ch,
                 "kind": one.kind, "type": one.type, "text": one.text, "clause": one.clause,
                 "values": _json(one.values), "frame": one.first.frame,
             }
-            for number, one in enumerate(_united(ordered), 1)
-        ]  # fmt: skip
-        return pa.Table.from_pylist(rows, schema=FLIGHT_EVENTS)
+            for number, one in enumerate(events, 1)
+        ],
+        schema=FLIGHT_EVENTS,
+    )  # fmt: skip
 
 
 def _json(values: Mapping[str, float]) -> str:

@@ -1,4 +1,4 @@
-"""Throttles that ESCs are commanded, a row a command and a column a channel."""
+"""Throttles that ESCs are commanded, a row a command and a column a channel; read once for all who look at them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.devices import fields
+from analyzer.devices.rows import usable
 from dissectors.kit.cells import numbers
 from dissectors.kit.order import groups
 from dissectors.records import dataclass
+from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     import pyarrow as pa
 
+    from analyzer.decode.engine import Batch
+    from analyzer.triage.clock import Places, RecordedClock
     from dissectors import Registry
     from dissectors.kit import Array
     from dissectors.picture import Plot
@@ -29,6 +33,43 @@ class Orders:
     sender: Array
     highest: Array
     lowest: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Commands:
+    """The commands of one sender in a batch, all with a time. `columns` are throttles in % by place, NaN for none."""
+
+    plot: Plot
+    bus: int
+    node: int
+    columns: Array
+    highest: Array
+    lowest: Array
+    at: Places
+
+
+class CommandReader:
+    """Reads the commands of each batch. The `clock` is fed before; `plots` are those that command."""
+
+    def __init__(self, registry: Registry, plots: Sequence[Plot], clock: RecordedClock) -> None:
+        self.plots = [plot for plot in plots if plot.esc.commanded]
+        self.now: list[Commands] = []
+        self._registry, self._clock = registry, clock
+
+    def feed(self, batch: Batch) -> None:
+        """Take the next batch: its commands are `now`."""
+        self.now = []
+        for plot in self.plots:
+            if (table := batch.messages.get(plot.table)) is None:
+                continue
+            table = usable(table)
+            found = orders(self._registry, plot, table)
+            if found is None:
+                continue
+            at = self._clock.of(table)
+            for key, mine in by_sender(found.sender, ~np.isnan(found.highest) & (at.t != NO_TIME)):
+                columns, highest, lowest = found.columns[:, mine], found.highest[mine], found.lowest[mine]
+                self.now.append(Commands(plot, key >> 8, key & 0xFF, columns, highest, lowest, at.take(mine)))
 
 
 def orders(registry: Registry, plot: Plot, table: pa.RecordBatch) -> Orders | None:

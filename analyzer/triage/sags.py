@@ -12,6 +12,7 @@ from analyzer.devices.rows import keyed, split, usable
 from analyzer.triage.log import FlightEvent
 from analyzer.triage.reports import ReportEvents
 from analyzer.triage.spells import Spells
+from analyzer.triage.supply import SupplyLine
 from analyzer.triage.thresholds import lasting, threshold
 from dissectors.kit.order import groups
 from dissectors.records import dataclass
@@ -36,19 +37,20 @@ _VOLTAGE, _CURRENT = "voltage", "current"
 class _Recent:
     """The reports of a device that a later one is compared with; NaN is a current that it does not tell."""
 
-    ran: Array
+    at: Places
     voltage: Array
     current: Array
 
 
 @dataclass(slots=True)
 class _Sag:
-    """A voltage that fell, and the current with each of the two."""
+    """A voltage that fell, and the current with each of the two; what that current explains, NaN if that is unknown."""
 
     before: float
     least: float
     current_before: float
     current: float
+    expected: float
 
 
 class SagEvents(ReportEvents):
@@ -62,6 +64,7 @@ class SagEvents(ReportEvents):
     def __init__(self, order: EventOrder) -> None:
         super().__init__(order)
         self._recent: dict[tuple[str, int], _Recent] = {}
+        self._lines: dict[tuple[str, int], SupplyLine] = {}
         self._spells = Spells(lasting("silent_motor"))
 
     def feed(self, batch: Batch) -> None:
@@ -98,10 +101,12 @@ class SagEvents(ReportEvents):
         known = self._recent.get((plot.table, key))
         if known is None and len(self._recent) >= MOST_DEVICES:
             return
-        ran = at.ran if known is None else np.concatenate((known.ran, at.ran))
+        where = at if known is None else known.at.followed_by(at)
+        ran = where.ran
         every = volts if known is None else np.concatenate((known.voltage, volts))
         currents = amperes if known is None else np.concatenate((known.current, amperes))
-        self._recent[plot.table, key] = _recent(ran, every, currents)
+        self._recent[plot.table, key] = _recent(where, every, currents)
+        expected = self._lines.setdefault((plot.table, key), SupplyLine()).feed(volts, amperes)
         share = 1 - threshold("sag_percent") / 100
         low, then = np.zeros(len(volts), bool), np.arange(len(every) - len(volts), len(every))
         if volts.min() < every.max() * share:
@@ -112,7 +117,11 @@ class SagEvents(ReportEvents):
             if part.stop > part.start:
                 high = then[part.start + int(np.argmax(every[then[part.start : part.stop]]))]
                 deep = part.start + int(np.argmin(volts[part.start : part.stop]))
-                new = _Sag(*(float(one) for one in (every[high], volts[deep], currents[high], amperes[deep])))
+                new = _Sag(*map(float, (every[high], volts[deep], currents[high], amperes[deep], expected[deep])))
+                if part.spell.memory is None:
+                    first = len(every) - len(volts) + part.start
+                    good = np.flatnonzero(every[:first] >= new.before * (1 - threshold("sag_begun_percent") / 100))
+                    part.spell.before = where.at(int(good[-1])) if len(good) else part.spell.before
                 part.spell.memory = new if part.spell.memory is None else _worse(part.spell.memory, new)
             if part.over:
                 self._tell(part.spell)
@@ -124,8 +133,9 @@ class SagEvents(ReportEvents):
         text = f"voltage falls from {sag.before:.1f} to {sag.least:.1f} V"
         if isfinite(sag.current_before) and isfinite(sag.current):
             text += f", current goes from {sag.current_before:.1f} to {sag.current:.1f} A"
+        more = {"current_then": sag.current, "expected_voltage": sag.expected}
         values = {"voltage": sag.before, "worst_voltage": sag.least, "current": sag.current_before}
-        values = {name: round(value, 3) for name, value in (values | {"current_then": sag.current}).items()}
+        values = {name: round(value, 3) for name, value in (values | more).items()}
         self._add(FlightEvent(
             "sag", text, spell.before, spell.first, spell.after, bus, node, None, table, "", values
         ))  # fmt: skip
@@ -134,10 +144,10 @@ class SagEvents(ReportEvents):
 def _worse(one: _Sag, new: _Sag) -> _Sag:
     """Return the highest and the lowest voltage of both."""
     high, deep = (new if new.before > one.before else one), (new if new.least < one.least else one)
-    return _Sag(high.before, deep.least, high.current_before, deep.current)
+    return _Sag(high.before, deep.least, high.current_before, deep.current, deep.expected)
 
 
-def _recent(ran: Array, voltage: Array, current: Array) -> _Recent:
+def _recent(at: Places, voltage: Array, current: Array) -> _Recent:
     """Return the reports that later ones are compared with."""
-    first = max(len(ran) - MOST_RECENT, int(np.argmax(ran >= ran.max() - lasting("sag"))))
-    return _Recent(ran[first:], voltage[first:], current[first:])
+    first = max(len(at) - MOST_RECENT, int(np.argmax(at.ran >= at.ran.max() - lasting("sag"))))
+    return _Recent(at.take(slice(first, None)), voltage[first:], current[first:])

@@ -28,6 +28,18 @@ MOST_SESSIONS = 8192
 _MESSAGE = KINDS.index("message")
 
 
+@dataclass(frozen=True, slots=True)
+class SenderPace:
+    """A type that a node sends: `usual` is its period, 0 if it is not even; `first` and `last` are recorded times."""
+
+    bus: int
+    node: int
+    type: str
+    usual: int
+    first: int
+    last: int
+
+
 @dataclass(slots=True)
 class _Session:
     """One sender and type. `usual` is its period, `limit` what is too long; 0 while that is not known."""
@@ -36,6 +48,7 @@ class _Session:
     node: int
     type: str
     last: Spot | None = None
+    first: int = 0
     usual: int = 0
     limit: int = 0
     learned: list[int] = field(default_factory=list)
@@ -94,6 +107,14 @@ class SilenceEvents:
             if session.limit and end is not None and last is not None and end - last.ran > session.limit:
                 self._add(self._silence(session, last, None, end))
 
+    def paces(self) -> list[SenderPace]:
+        """Return who sends what, and how evenly."""
+        return [
+            SenderPace(one.bus, one.node, one.type, one.usual, one.first, one.last.ran)
+            for one in self._sessions.values()
+            if one.last is not None
+        ]
+
     def _cross(self, session: _Session, at: Places, behind: Array) -> None:
         """Take transfers, and note how their IDs go on behind holes in which the sender would have sent."""
         borders = np.flatnonzero(np.diff(behind, prepend=session.holes)).tolist()
@@ -113,6 +134,8 @@ class SilenceEvents:
         at = at.take(at.ran >= latest)  # a torn transfer is told only when the next one with its ID comes
         if not len(at):
             return
+        if session.last is None:
+            session.first = int(at.ran[0])
         start = at.ran[0] if session.last is None else session.last.ran
         gaps = np.diff(at.ran, prepend=start)
         k = 1 if session.last is None else 0

@@ -21,7 +21,7 @@ from dissectors.records import dataclass
 from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from analyzer.decode.engine import Batch
     from analyzer.facts.meaning import Meaning
@@ -39,11 +39,12 @@ _LOWEST = frozenset({"voltage", "speed"})  # are worst next to 0
 
 @dataclass(frozen=True, slots=True)
 class _Flag:
-    """A bit of a word: `name` is its column, `title` what people call it."""
+    """A bit of a word: `name` is its column, `title` what people call it, `sign` the trouble that it is a sign of."""
 
     name: str
     title: str
     clause: str
+    sign: str
 
 
 class _Report(NamedTuple):
@@ -128,7 +129,7 @@ class StateEvents(ReportEvents):
                 if len(some.rows) and flags:
                     self._feed_flags(states, flags, some.known(table.column(states.column)))
                 for name in modes:
-                    self._feed_mode(name, some.known(table.column(name)))
+                    self._feed_mode(name, some.known(table.column(name)), states.signs)
 
     def _columns(
         self, plot: Plot, of: Message | Packet | None, table: pa.RecordBatch, states: States
@@ -163,10 +164,10 @@ class StateEvents(ReportEvents):
         about: _Memory = spell.memory
         self._add(FlightEvent(
             "fault", about.flag.title, spell.before, spell.first, spell.after, *about.who, about.table,
-            about.flag.clause, about.values(),
+            about.flag.clause, about.values(), about.flag.sign,
         ))  # fmt: skip
 
-    def _feed_mode(self, name: str, some: _Report) -> None:
+    def _feed_mode(self, name: str, some: _Report, signs: Mapping[str, str]) -> None:
         if not len(some.rows):
             return
         word = some.key, f"{some.plot.table}.{name}"
@@ -177,15 +178,19 @@ class StateEvents(ReportEvents):
         kind = "health" if (some.plot.table, name) == (NODE_STATUS, "health") else "mode"
         if before is None and kind == "health" and values[0]:
             self._change(kind, _word(about, int(values[0])), None, some, 0, about.clause)
+        part = name.rpartition(".")[2]
         for k in changes(values, values[0] if before is None else before[0]).tolist():
             old, spot = (int(values[k - 1]), some.at.at(k - 1)) if k else before or (0, some.at.at(0))
-            self._change(kind, f"{_word(about, old)} -> {_word(about, int(values[k]))}", spot, some, k, about.clause)
+            text, sign = f"{_word(about, old)} -> {_word(about, int(values[k]))}", signs.get(f"{part}={values[k]}", "")
+            self._change(kind, text, spot, some, k, about.clause, sign)
         self._modes[word] = int(values[-1]), some.at.at(-1)
 
-    def _change(self, kind: str, text: str, before: Spot | None, some: _Report, k: int, clause: str) -> None:
+    def _change(
+        self, kind: str, text: str, before: Spot | None, some: _Report, k: int, clause: str, sign: str = ""
+    ) -> None:
         values = {name: round(float(found[0]), 3) for name, found in some.measured(slice(k, k + 1))}
         self._add(FlightEvent(
-            kind, text, before, some.at.at(k), None, *some.who, some.plot.table, clause, values
+            kind, text, before, some.at.at(k), None, *some.who, some.plot.table, clause, values, sign
         ))  # fmt: skip
 
 
@@ -223,7 +228,8 @@ def _flags(of: Message | Packet | None, table: pa.RecordBatch, states: States) -
         if pa.types.is_boolean(table.column(name).type):
             part = meaning(of, name).part
             title = part.title if part is not None and part.title else name.rpartition(".")[2].replace("_", " ")
-            yield _Flag(name, title, meaning(of, states.column).clause)
+            sign = states.signs.get(name.rpartition(".")[2], "")
+            yield _Flag(name, title, meaning(of, states.column).clause, sign)
 
 
 def _modes(of: Message | Packet | None, table: pa.RecordBatch, states: States) -> Iterator[str]:

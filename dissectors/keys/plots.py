@@ -27,7 +27,16 @@ LINE = Keys('line.QUANTITY, line."QUANTITY/ROLE"', "A quantity's column; a role 
     ONLY,
 ))  # fmt: skip
 
-STATES = Keys("states.COLUMN", "A column with named values, or a word whose flags and enumerations are lanes.", (ONLY,))
+STATES = Keys("states.COLUMN", "A column with named values, or a word whose flags and enumerations are lanes.", (
+    ONLY,
+    Key("motor", "texts", "Flags, or values as `name=value`, that say: the motor does not turn rightly.", '["stall"]'),
+    Key("heat", "texts", "The same: something is too hot.", '["over_temperature"]'),
+    Key("supply", "texts", "The same: the supply voltage is too low or too high.", '["under_voltage"]'),
+    Key("current", "texts", "The same: the current is too large.", '["over_current"]'),
+    Key("throttle", "texts", "The same: it gets no throttle, or a wrong one.", '["throttle_loss"]'),
+    Key("electronics", "texts", "The same: its own electronics are broken.", '["bridge_fault"]'),
+    Key("failed", "texts", "The same: it has given up.", '["mode=6"]'),
+))  # fmt: skip
 
 PRODUCT = Keys("product.QUANTITY", "A quantity that is the product of two others of the same row.", (
     Key("of", "texts", "The two.", '["voltage", "current"]', required=True),

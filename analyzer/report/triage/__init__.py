@@ -1,0 +1,1 @@
+"""What happened, for people and for programs: the screen, Markdown, JSON, a page."""

@@ -1,0 +1,166 @@
+"""The screen of triage: what broke first, why, what came after, what is ruled out, what to do next; 80 x 24."""
+
+from __future__ import annotations
+
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+from analyzer.report.triage.words import TriageWords, who
+from analyzer.views.terminal import PLAIN, display_width, escape, fit
+from dissectors.times import SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from analyzer.triage.log import FlightEvent
+    from analyzer.triage.verdict.model import Triage, Verdict
+    from analyzer.views.terminal import Palette
+
+_LABEL = 11
+LINES = 24
+_AFTER, _EARLIER = 3, 2
+
+
+def render(
+    found: Triage, *, width: int = 80, everything: bool = False, story: bool = False, palette: Palette = PLAIN,
+    utc: bool = False,
+) -> str:  # fmt: skip
+    """Return the screen, or with `story` every event; `everything` leaves nothing out that does not fit."""
+    screen = _Screen(found, width, everything=everything, palette=palette, utc=utc)
+    return "".join(f"{line}\n" for line in (screen.story() if story else screen.lines()))
+
+
+class _Screen:
+    """Writes it with at most `width` columns."""
+
+    def __init__(self, found: Triage, width: int, *, everything: bool, palette: Palette, utc: bool) -> None:
+        self._found, self._width, self._all, self._palette = found, max(width, 60), everything, palette
+        self._words = TriageWords(found, utc=utc)
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines."""
+        found = self._found
+        yield from self._head()
+        yield from self._verdict(found.first, "What broke first")
+        parts = [
+            list(part) for part in (self._others(), self._after(), self._excluded(), self._seen(), self._earlier())
+        ]
+        closing = [*self._next()]
+        room = LINES - 1 - len(list(self._head())) - len(list(self._verdict(found.first, ""))) - len(closing)
+        for part in parts:
+            shown = part if self._all else part[: max(0, room)]
+            room -= len(shown)
+            yield from shown
+        yield from closing
+
+    def story(self) -> Iterator[str]:
+        """Yield every event in a line, those that began it marked."""
+        found = self._found
+        yield from self._head()
+        for one, whose in _together(found.events):
+            mark = "*" if any(one is first for first in found.primary) else " "
+            text = f"{mark}{self._words.time(one.first.t)}  {f'{whose:<8}'} {one.kind}: {one.text}"
+            first, *rest = wrap(escape(text), self._width, subsequent_indent=" " * 24) or [""]
+            yield self._palette.paint("bad", first) if mark == "*" else first
+            yield from rest
+        if found.more:
+            yield f"{found.more} more that are like these"
+
+    def _head(self) -> Iterator[str]:
+        found = self._found
+        count = len(found.flights)
+        flights = "no flight" if not count else "1 flight" if count == 1 else f"{count} flights"
+        if found.flight is not None:
+            flights += f", {'the last one ' if count > 1 else ''}{found.flight.end}"
+        behind = f"  {self._words.span(found)}  {', '.join(map(escape, found.buses))}  {flights}"
+        name = ", ".join(map(escape, found.captures))
+        if display_width(name) + display_width(behind) > self._width:
+            name = ", ".join(escape(one.rpartition("/")[2]) for one in found.captures)
+        yield f"{fit(name, max(12, self._width - display_width(behind)))}{fit(behind, self._width - 12)}"
+        for label, text in found.lines:
+            yield from self._row(label, text)
+
+    def _verdict(self, one: Verdict, label: str) -> Iterator[str]:
+        style = "bad" if one.told else "good" if one.kind == "none" and not self._found.judged else "note"
+        text = escape(one.title)
+        support = one.support if one.told else ""
+        room = self._width - len(label) - 2
+        first, *rest = wrap(text, room - len(support) - 2) or [""]
+        gap = max(2, room - len(first) - len(support)) if support else 0
+        yield f"{self._palette.paint('head', label)}  {self._palette.paint(style, first)}{' ' * gap}{support}".rstrip()
+        yield from (f"{' ' * (len(label) + 2)}{self._palette.paint(style, line)}" for line in rest)
+        flight = self._found.flight
+        if when := self._words.when(one):
+            number = f"  flight {flight.number}" if flight is not None and len(self._found.flights) > 1 else ""
+            yield from self._row(" at", f"{when}{number}")
+        for label_, text in one.notes:
+            yield from self._row(f" {label_}", text)
+        if one.told:
+            yield from self._rows(" for", one.reasons)
+            yield from self._rows(" against", one.against or ("nothing found",))
+
+    def _others(self) -> Iterator[str]:
+        for one in self._found.verdicts[1:3]:
+            yield from self._row("Then, or", f"{self._words.time(one.t_end)}  {one.title} ({one.support})")
+
+    def _after(self) -> Iterator[str]:
+        yield from self._events("After it", self._found.after, _AFTER, "  (consequences: not used as causes)")
+
+    def _earlier(self) -> Iterator[str]:
+        yield from self._events("Earlier", self._found.earlier, _EARLIER, "")
+
+    def _events(self, label: str, events: Sequence[FlightEvent], most: int, note: str) -> Iterator[str]:
+        told = list(_together(events))
+        shown = told if self._all else told[:most]
+        for number, (one, whose) in enumerate(shown):
+            text = f"{self._words.time(one.first.t)}  {whose + ' ' if whose else ''}{one.kind}: {one.text}"
+            yield fit(f"{label if not number else '':<{_LABEL}}{escape(text)}", self._width)
+        if len(told) > len(shown):
+            yield f"{'':<{_LABEL}}{len(told) - len(shown)} more{note}"
+
+    def _excluded(self) -> Iterator[str]:
+        rows = [f"{one.fact}: {one.seen}" for one in self._found.excluded]
+        yield from self._rows("Ruled out", rows)
+
+    def _seen(self) -> Iterator[str]:
+        if self._found.looked and (not self._found.first.told or self._all):
+            yield from self._row("Looked at", "; ".join(self._found.looked))
+        if self._found.not_seen:
+            yield from self._row("Not on CAN", f"{', '.join(self._found.not_seen)}")
+
+    def _next(self) -> Iterator[str]:
+        for label, command in zip(
+            ("Next", "", ""), self._found.commands, strict=False
+        ):  # to be pasted: never cut, never wrapped
+            yield f"{self._palette.paint('head', f'{label:<{_LABEL}}')}{escape(command)}"
+        if not self._all:
+            more = f"-- all {len(self._found.events)} events: --story; everything: --all; words: tailbyte help triage"
+            yield self._palette.paint("dim", fit(more, self._width))
+
+    def _rows(self, label: str, texts: Iterable[str]) -> Iterator[str]:
+        for number, text in enumerate(texts):
+            yield from self._row(label if not number else "", text)
+
+    def _row(self, label: str, text: str) -> Iterator[str]:
+        lines = wrap(escape(text), self._width - _LABEL, break_on_hyphens=False) or [""]
+        for number, line in enumerate(lines):
+            yield f"{self._palette.paint('head', f'{label:<{_LABEL}}') if not number else ' ' * _LABEL}{line}"
+
+
+def _together(events: Sequence[FlightEvent]) -> Iterator[tuple[FlightEvent, str]]:
+    """Yield events, and of whom they are: what befalls several within half a second is one."""
+    open_: list[tuple[FlightEvent, list[str]]] = []
+    for one in events:
+        for first, whose in open_:
+            same = (first.kind, _gist(first)) == (one.kind, _gist(one))
+            if same and one.first.ran - first.first.ran < SECOND // 2:
+                if who(one) not in whose:
+                    whose.append(who(one))
+                break
+        else:
+            open_.append((one, [who(one)]))
+    yield from ((one, " ".join(sorted(filter(None, whose)))) for one, whose in open_)
+
+
+def _gist(one: FlightEvent) -> str:
+    return one.text if one.kind == "fault" else one.sign

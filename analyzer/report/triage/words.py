@@ -1,0 +1,55 @@
+"""Times and names in the texts of triage, the same in all of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from analyzer.views.times import TimeFormat
+from dissectors.times import MILLISECOND, SECOND
+
+if TYPE_CHECKING:
+    from analyzer.triage.log import FlightEvent
+    from analyzer.triage.verdict.model import Triage, Verdict
+
+_YEAR_2000 = 946_684_800 * SECOND
+
+
+class TriageWords:
+    """Writes times of day to the millisecond, or seconds from the start where the capture has no date."""
+
+    def __init__(self, found: Triage, *, utc: bool = True) -> None:
+        start = found.start or 0
+        self._start, self._dated = start, start >= _YEAR_2000
+        self._clock = TimeFormat("u" if utc else "a", digits=6)
+        self._day = TimeFormat("ud" if utc else "ad", digits=6)
+
+    def time(self, t: int | None) -> str:
+        """Return a time."""
+        if t is None:
+            return "-"
+        return self._clock.text(t)[:-3] if self._dated else f"{(t - self._start) / SECOND:.3f} s"
+
+    def span(self, found: Triage) -> str:
+        """Return from when to when a capture goes."""
+        if found.start is None or found.end is None:
+            return "no times"
+        if not self._dated:
+            return f"{(found.end - found.start) / SECOND:.1f} s, without a date"
+        return f"{self._day.text(found.start)[:-7]} to {self._clock.text(found.end)[:-7]}"
+
+    def when(self, verdict: Verdict) -> str:
+        """Return the interval of a verdict: last good report, first bad one."""
+        if verdict.t_end is None:
+            return ""
+        if verdict.t is None or verdict.t == verdict.t_end:
+            return self.time(verdict.t_end)
+        if verdict.t_end - verdict.t < MILLISECOND:
+            return self.time(verdict.t_end)
+        return f"{self.time(verdict.t)} to {self.time(verdict.t_end)}  (last good report, first bad one)"
+
+
+def who(event: FlightEvent) -> str:
+    """Return of whom an event is."""
+    if event.ch is not None:
+        return f"ch{event.ch}"
+    return "" if event.node is None else f"node {event.node}"

@@ -1,0 +1,50 @@
+"""Triage of a capture: what a witness saw becomes an answer."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from analyzer.triage.verdict.judge import judge
+from analyzer.triage.verdict.model import Triage, Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from analyzer.triage.flights import Flight
+    from analyzer.triage.witness import Witness
+
+NOT_SEEN = ("attitude", "GPS", "pilot", "who decided a command")
+
+
+def inquest(
+    witness: Witness, captures: Sequence[str], buses: Sequence[str], *, start: int | None, end: int | None,
+    frames: int, commands: Callable[[Verdict, Flight | None], Sequence[str]],
+) -> Triage:  # fmt: skip
+    """Return what happened, after the last batch: of the last flight. `commands` are what to do next."""
+    events, flights = witness.events(), witness.flights()
+    made = partial(
+        Triage, captures, buses, start, end, frames, flights, events=events, more=witness.more, not_seen=NOT_SEEN
+    )
+    if not flights:
+        why = _unjudged(witness, start)
+        verdict = Verdict("none", why, "possible")
+        empty = start is None or not witness.losses.transfers
+        return made(None, [verdict], judged=why, empty=empty, commands=commands(verdict, None))
+    flight = flights[-1]
+    found = judge(witness, events, flight, witness.clock.ran or flight.last.ran)
+    return made(
+        flight, found.verdicts, after=found.after, earlier=found.earlier, excluded=found.excluded, looked=found.looked,
+        lines=found.lines, primary=found.primary, commands=commands(found.verdicts[0], flight),
+    )  # fmt: skip
+
+
+def _unjudged(witness: Witness, start: int | None) -> str:
+    if start is None:
+        return "not judged: the capture has no times"
+    if not witness.losses.transfers:
+        return "not judged: no transfer of DroneCAN"
+    reports = sum(one.count for one in witness.escs)
+    if witness.escs:
+        return f"not judged: {reports} reports of {len(witness.escs)} ESCs, motors never turned"
+    return "not judged: no ESC reports, nobody was armed"
