@@ -172,6 +172,9 @@ class World(Protocol):
     def hear(self, name: str, call: Callable[[Sending], object]) -> None:
         """Call with every undamaged transfer of a type, at the end of its last frame."""
 
+    def stamp(self) -> int:
+        """Return what the recorder's clock says now."""
+
     def put(self, frames: list[SimulatedFrame], sending: Sending | None = None) -> None:
         """Let frames that are no device's regular traffic compete for the bus from now on."""
 
@@ -227,17 +230,18 @@ class Case(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """The cause that a story is about: its `kind`, when that began (ns), and where.
+    """The cause that a story is about: its `kind`, and where; `channels` count from 1.
 
-    `knowable` are the kinds that a reader of the bus may also come to: it cannot tell them apart, or cannot tell at
-    all (`unknown`). `channel` counts from 1.
+    `knowable` are the verdicts that a reader of the bus may come to first: it may not be able to tell some apart, or
+    cannot tell at all (`unknown`). The cause began at `t` (ns); `until` is when the bus has shown it at the latest.
     """
 
     kind: str
     t: int
+    until: int
     knowable: tuple[str, ...]
-    node: int | None
-    channel: int | None
+    nodes: tuple[int, ...]
+    channels: tuple[int, ...]
 
 
 class Story(Protocol):
@@ -254,9 +258,18 @@ class Story(Protocol):
         """Return what was asked for by an option of the scenario, else what the dice say."""
 
     def settle(
-        self, kind: str, knowable: tuple[str, ...], *, node: int | None = None, channel: int | None = None
+        self,
+        kind: str,
+        knowable: tuple[str, ...] = (),
+        *,
+        nodes: tuple[int, ...] = (),
+        channels: tuple[int, ...] = (),
+        within: int = 0,
     ) -> None:
-        """Tell the true cause of what comes, from now on; see `Truth`."""
+        """Tell the true cause of what comes, from now on, which the bus shows `within` so many ns; see `Truth`.
+
+        Without `knowable` the cause alone is right.
+        """
 
     def case(self, rule: str, done: str, also: tuple[str, ...] = ()) -> Case:
         """Return a breach of `rule` that the story brings: an answer of its own in the key, from now on."""

@@ -102,7 +102,7 @@ class _Vehicle:
     def brown_out(self) -> None:
         """Let the voltage dip, and the receiver with it."""
         story, world = self.story, self.world
-        story.settle("device", ("battery", "wiring", "unknown"), node=GPS)
+        story.settle("device", ("device", "battery", "wiring"), nodes=(GPS,), within=200 * MILLISECOND)
         story.tell(f"the supply dips to {_SAGGED} V; node {GPS} restarts")
         self.volts = _SAGGED
         world.at(world.now + 200 * MILLISECOND, self._recovered)

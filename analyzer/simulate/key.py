@@ -65,21 +65,21 @@ def build_key(
 
 def describe_story(scenario: Scenario, story: RecordedStory, start: int) -> dict[str, Any]:
     """Return what a scenario is, and when each part of it happened; `start` is in ns since 1970."""
-    events = [{"t_ns": start + t, "time": t / SECOND, "what": what} for t, what in story.events]
+    events = [{"t_ns": start + stamp, "time": t / SECOND, "what": what} for t, stamp, what in story.events]
     found: dict[str, Any] = {"name": scenario.name, "title": scenario.title, "story": scenario.story, "events": events}
     if story.truth is not None:
-        found["truth"] = _truth(story.truth, start)
+        found |= _truth(story.truth, events, start)
     return found
 
 
-def _truth(truth: Truth, start: int) -> dict[str, Any]:
+def _truth(truth: Truth, events: Iterable[Mapping[str, Any]], start: int) -> dict[str, Any]:
+    """Return cause, right verdicts and first event; where there is no fault, there is no first event of it."""
+    told = next((one for one in events if one["time"] >= truth.t / SECOND), None)
+    first = told and {**told, "t_ns": start + truth.t, "time": truth.t / SECOND, "t_end_ns": start + truth.until}
     return {
-        "kind": truth.kind,
-        "t_ns": start + truth.t,
-        "time": truth.t / SECOND,
-        "node": truth.node,
-        "ch": truth.channel,
+        "cause": {"kind": truth.kind, "nodes": list(truth.nodes), "channels": list(truth.channels)},
         "knowable": list(truth.knowable),
+        "first_event": None if truth.kind == "none" else first,
     }
 
 

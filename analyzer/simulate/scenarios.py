@@ -38,6 +38,7 @@ def _noise(story: Story, until: int) -> None:
     """Destroy frames one after the other, until nothing gets through at all."""
     world = story.world
     story.tell("a connector works loose: frames are destroyed on the wire, the recorder's receive errors rise")
+    story.settle("bus", within=20 * MILLISECOND)
     noise = story.case("CAN-004", "error frames while the connector works loose", ("BUS-005",))
     errors = 0
 
@@ -101,6 +102,7 @@ def _watch_the_end(story: Story) -> None:
         for frame in kept:
             case.mark(frame)
         case.say(f"the recording ends behind frame {len(kept)} of {len(sending.frames)} of this transfer")
+        story.settle("recorder", ("recorder", "none", "unknown"))
         story.world.cut(kept[-1])
         return Step.DONE
 
@@ -109,11 +111,11 @@ def _watch_the_end(story: Story) -> None:
 
 def _clock_step(story: Story) -> None:
     world, random = story.world, story.random
-    by = random.choice((_STEPPED, -_STEPPED))
+    by = -_STEPPED if story.choose("back", 0.5) else _STEPPED
 
     def settle() -> None:
         story.tell("a healthy flight")
-        story.settle("none", ())
+        story.settle("none")
 
     def step() -> None:
         story.tell(f"the recorder's clock is set by {by / SECOND:+g} s")
@@ -148,6 +150,7 @@ SCENARIOS = (
         "on are two hours and 13 s later, or earlier; the flight itself is one, and healthy.",
         _clock_step,
         seconds=24.0,
+        options=("back",),
     ),
     gps.SCENARIO,
 )

@@ -15,18 +15,21 @@ if TYPE_CHECKING:
 
 
 class RecordedStory:
-    """The `Story` that a scenario sees; `events` are (time in ns, what happened), `options` what was asked for."""
+    """The `Story` that a scenario sees; `options` are what was asked for.
+
+    `events` are (time in ns, the same by the recorder's clock, what happened).
+    """
 
     def __init__(self, context: FaultContext, random: Random, options: Mapping[str, bool]) -> None:
         self.world, self.vehicle, self.random = context.world, context.vehicle, random
-        self.events: list[tuple[int, str]] = []
+        self.events: list[tuple[int, int, str]] = []
         self.truth: Truth | None = None
         self._options = options
         self._context = context
 
     def tell(self, what: str) -> None:
         """Note that `what` happens now."""
-        self.events.append((self.world.now, what))
+        self.events.append((self.world.now, self.world.stamp(), what))
 
     def choose(self, option: str, likely: float) -> bool:
         """Return what was asked for by an option, else what the dice say; these are thrown in any case."""
@@ -34,10 +37,17 @@ class RecordedStory:
         return self._options.get(option, thrown)
 
     def settle(
-        self, kind: str, knowable: tuple[str, ...], *, node: int | None = None, channel: int | None = None
+        self,
+        kind: str,
+        knowable: tuple[str, ...] = (),
+        *,
+        nodes: tuple[int, ...] = (),
+        channels: tuple[int, ...] = (),
+        within: int = 0,
     ) -> None:
         """Note the true cause, from now on."""
-        self.truth = Truth(kind, self.world.now, knowable, node, channel)
+        now = self.world.now
+        self.truth = Truth(kind, now, now + within, knowable or (kind,), nodes, channels)
 
     def case(self, rule: str, done: str, also: tuple[str, ...] = ()) -> ActiveFault:
         """Return a breach of `rule` that the story brings: an answer of its own in the key, from now on."""

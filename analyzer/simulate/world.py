@@ -147,6 +147,10 @@ class SimulatedWorld:
         """Set the recorder's clock by so many ns, ahead or back, for all that comes."""
         self._clock -= by
 
+    def stamp(self) -> int:
+        """Return what the recorder's clock says now."""
+        return self.now - self._clock
+
     def stop(self) -> None:
         """End the recording now."""
         self.end = min(self.end, self.now)

@@ -23,6 +23,7 @@ KINDS = {
     "motor-stall": "esc",
     "desync": "esc",
     "derating": "esc",
+    "blade-damage": "propulsion",
     "heavy-lift": "thrust",
     "pack-lost": "battery",
     "two-packs": "battery",
@@ -30,29 +31,61 @@ KINDS = {
     "esc-wire": "wiring",
     "deaf-esc": "wiring",
     "esc-brown-out": "wiring",
+    "bus-fails": "bus",
     "duplicate-index": "address",
     "control-lost": "control",
     "autopilot-reboot": "commands-lost",
     "zero-in-air": "commanded",
+    "crash-check": "control",
     "swapped-esc": "setup",
-    "landing": "none",
+    "swap-flights": "setup",
+    "exchanged-esc": "none",
     "bad-recorder": "none",
+    "recorder-overload": "recorder",
+    "lossy-crash": "control",
+    "blind-crash": "wiring",
+    "power-cut": "battery",
+    "autopilot-dies": "device",
+    "landing": "none",
+    "coaxial": "none",
+    "coaxial-failure": "propulsion",
+    "aft-weight": "none",
+    "uneven-packs": "none",
+    "unplugged": "none",
+    "two-interfaces": "none",
+    "tree": "none",
     "clock-step": "none",
     "gps-restart": "device",
+    "esc-failure": "esc",
+    "command-loss": "commands-lost",
+    "reordering": "none",
+    "duplicate-node": "address",
+    "pack-sag": "battery",
+    "bus-break": "bus",
+    "recording-ends": "recorder",
 }
-OF_ONE = ("propeller-lost", "motor-stall", "desync", "derating", "esc-power", "esc-wire", "deaf-esc", "esc-brown-out")
+OF_ONE = (
+    *("propeller-lost", "coaxial-failure", "blade-damage", "motor-stall", "desync", "derating", "esc-failure"),
+    *("esc-power", "esc-wire", "deaf-esc", "esc-brown-out", "blind-crash", "swapped-esc", "swap-flights"),
+)
+OF_SEVERAL = ("duplicate-index", "duplicate-node", "two-packs")
+# What nobody can know from what was recorded.
+HIDDEN = {"power-cut", "autopilot-dies"}
 ALONE = "distract=no:tail=no"
 
 
 @cache
-def told(text: str, seed: int = 3, escs: int = 4) -> Flight:
-    return fly(scenario=text, seconds=catalogue.scenario(text).seconds, seed=seed, escs=escs)
+def told(text: str, seed: int = 3, escs: int = 4, **settings: Any) -> Flight:
+    story = catalogue.scenario(text)
+    return fly(scenario=text, seconds=story.seconds, seed=seed, escs=max(escs, story.least), **settings)
 
 
 def truth(flight: Flight) -> dict[str, Any]:
-    found = flight.key["scenario"]["truth"]
-    assert isinstance(found, dict)
-    return found
+    """Cause and first event, of one ESC."""
+    story = flight.key["scenario"]
+    cause, first = story["cause"], story["first_event"] or {}
+    node, ch = ([*cause[name], None][0] for name in ("nodes", "channels"))
+    return {"kind": cause["kind"], "t_ns": first.get("t_ns"), "node": node, "ch": ch}
 
 
 def event(flight: Flight, words: str) -> int:
@@ -75,19 +108,31 @@ def of(found: list[Message], name: str) -> float:
 @pytest.mark.parametrize("name", KINDS)
 def test_the_key_has_the_true_cause(name: str) -> None:
     flight = told(name)
-    found = truth(flight)
-    assert found["kind"] == KINDS[name]
-    assert found["kind"] not in found["knowable"]
-    assert (found["ch"] is not None) == (name in (*OF_ONE, "duplicate-index", "swapped-esc"))
-    assert flight.key["capture"]["first_ns"] <= found["t_ns"] + SECOND
-    assert found["t_ns"] < flight.key["capture"]["last_ns"] or name == "clock-step"
-    times = [one["t_ns"] for one in flight.key["scenario"]["events"]]
+    story, capture = flight.key["scenario"], flight.key["capture"]
+    cause, first = story["cause"], story["first_event"]
+    assert cause["kind"] == KINDS[name]
+    assert (cause["kind"] in story["knowable"]) == (name not in HIDDEN)
+    assert len(cause["channels"]) == (1 if name in OF_ONE else len(cause["channels"]) if name in OF_SEVERAL else 0)
+    assert bool(cause["channels"]) == (name in (*OF_ONE, *OF_SEVERAL))
+    assert (first is None) == (cause["kind"] == "none")
+    if first is not None:
+        assert capture["first_ns"] <= first["t_ns"] + SECOND
+        assert first["t_ns"] <= capture["last_ns"] + SECOND // 100
+        assert first["t_ns"] <= first["t_end_ns"]
+        assert first["what"] in {one["what"] for one in story["events"]}
+    times = [one["time"] for one in story["events"]]
     assert times == sorted(times)
 
 
-def test_every_story_with_a_cause_is_here() -> None:
-    settled = {name for name, story in catalogue.stories().items() if not story.rules}
-    assert settled == set(KINDS)
+def test_every_story_has_a_cause() -> None:
+    assert set(catalogue.stories()) == set(KINDS)
+
+
+def test_few_reports_may_leave_it_open() -> None:
+    name = f"desync:recovers=yes:{ALONE}"
+    fast, slow = (told(name, rate=rate).key["scenario"]["knowable"] for rate in (50, 10))
+    assert fast == ["esc"]
+    assert set(slow) == {"esc", "control", "unknown"}
 
 
 @pytest.mark.sampled(3)
@@ -98,8 +143,7 @@ def test_in_the_twin_control_is_lost_before_it(name: str) -> None:
     assert (found["kind"], found["node"]) == ("control", None)
     events = [one["what"] for one in flight.key["scenario"]["events"]]
     assert "diverges" in events[0] or "not on the bus" in events[0]
-    assert events[-1] == "impact"
-    assert len(events) > 2
+    assert "impact" in events[1:]
     commands = [one["cmd"] for one in messages(flight.log, "RawCommand") if one.t > found["t_ns"]]
     assert max(max(one) - min(one) for one in commands) > 3000, "they spread"
 
@@ -115,7 +159,7 @@ def test_without_the_tail_the_recording_ends_at_the_impact() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("landing:tail=yes", "it takes none"),
+        ("gps-restart:tail=yes", "it takes none"),
         ("desync:tail", "tail=yes or no, twin=yes or no"),
         ("desync:tail=maybe", "recovers=yes or no"),
         ("desink", "near: desync"),
@@ -163,10 +207,11 @@ def test_an_esc_that_limits_itself_gives_less_than_it_is_told() -> None:
 
 def test_a_heavy_vehicle_needs_all_it_has() -> None:
     flight = told(f"heavy-lift:{ALONE}")
-    late = [one["cmd"] for one in messages(flight.log, "RawCommand") if one.t > truth(flight)["t_ns"]]
+    up = truth(flight)["t_ns"] + 8 * SECOND
+    late = [one["cmd"] for one in messages(flight.log, "RawCommand") if one.t > up]
     assert mean(mean(one) for one in late) > 0.85 * 8191
     for list_ in by_node(flight.log, STATUS).values():
-        assert all(one["power_rating_pct"] > 70 for one in list_ if one.t > truth(flight)["t_ns"])
+        assert all(one["power_rating_pct"] > 70 for one in list_ if one.t > up)
 
 
 def test_without_the_pack_all_are_silent_but_the_autopilot() -> None:

@@ -6,7 +6,7 @@ from operator import add
 from typing import TYPE_CHECKING
 
 from dissectors.tmotor.traffic.flights import IDLE_THROTTLE, Leg
-from dissectors.tmotor.traffic.physics.airframe import GRAVITY, LOAD, Airframe, Wind, arms, duty_for
+from dissectors.tmotor.traffic.physics.airframe import GRAVITY, LOAD, Airframe, Wind, duty_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -20,12 +20,10 @@ _HEIGHT_GAIN, _CLIMB_GAIN, _INTEGRAL_GAIN = 1.6, 2.4, 0.5
 _LEAST, _MOST = 0.1, 0.95
 # Metres a second: the ground breaks what comes down faster.
 _HARD = 2.5
-# Motors that carry this share of the weight can tip it over on the ground.
-_LIGHT = 0.5
 
 
 class Pilot:
-    """Flies `legs`; without a vehicle of three motors or more only the height is controlled.
+    """Flies `legs` with motors at the arms of a `geometry`; where these have no lever only the height is controlled.
 
     With an `attitude` the airframe also turns as its motors push it, and `crashed` is called when it hits the ground.
     """
@@ -33,17 +31,17 @@ class Pilot:
     def __init__(
         self,
         random: Random,
-        motors: int,
+        geometry: Sequence[tuple[float, float, float]],
         legs: Sequence[Leg],
         gusts: float,
         attitude: Attitude | None = None,
         crashed: Callable[[], object] = lambda: None,
     ) -> None:
-        self.airframe = Airframe(motors)
+        self.airframe = Airframe(len(geometry))
         self.attitude = attitude
         self._crashed: Callable[[], object] | None = crashed
         self._legs, self._at = legs, 0
-        self._arms = arms(motors)
+        self._arms = geometry
         self._wind = Wind(random, 4, gusts)
         self._goal = self._sum = 0.0
 
@@ -78,14 +76,15 @@ class Pilot:
             return
         sinking = -airframe.climb
         airframe.advance(step, thrust * attitude.upright)
-        if airframe.height or thrust > _LIGHT * airframe.weight:
+        turning = airframe.height > 0 or attitude.tips(airframe.weight - thrust)
+        if turning:
             attitude.advance(step)
         if airframe.height:
             return
         if self._crashed is not None and (sinking > _HARD or attitude.tipped):
             crashed, self._crashed = self._crashed, None
             crashed()
-        elif self._crashed is not None and thrust <= _LIGHT * airframe.weight:
+        elif self._crashed is not None and not turning:
             attitude.rest()
 
     def _lift(self, leg: Leg, step: float) -> float:

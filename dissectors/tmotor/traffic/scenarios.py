@@ -50,6 +50,7 @@ def _overheat(story: Story, esc: Any) -> None:
     limit, seconds = esc.parameters["esc_ot_threshold"], 0.2 * world.end / SECOND
     watts = round((limit + _BEYOND - motor.temperature) * (HEAT_CAPACITY / seconds + 0.4))
     story.tell(f"the ESC with index {esc.index} (node {node}) loses its cooling: {watts} W too much heat it up")
+    story.settle("esc", nodes=(node,), channels=(esc.index + 1,), within=round(seconds * SECOND))
     esc.heat += watts
     if not esc.stock:
         _shows(
@@ -110,6 +111,7 @@ def _stop_commanding(story: Story) -> None:
     if not any(esc.throttle.started for esc in vehicle.escs):  # it never began
         return
     story.tell("the autopilot's control loop hangs: no more RawCommand, while its NodeStatus goes on")
+    story.settle("commands-lost", within=50 * MILLISECOND)
     vehicle.commanding = False
     for esc in vehicle.escs:
         node = esc.node.number
@@ -128,6 +130,7 @@ def _reordering(story: Story) -> None:
 
 def _mix_up(story: Story, node: int) -> None:
     story.tell(f"from now on the driver of node {node} sends by mailbox number when all mailboxes were free")
+    story.settle("none", ("none", "wiring", "esc"))
     case = story.case(
         "TRF-003",
         f"about one in seven transfers of several frames from node {node}: the third frame before the second",
@@ -151,6 +154,7 @@ def _duplicate_node(story: Story) -> None:
     first, second = story.vehicle.escs[-2:]
     node, own = first.node.number, second.node.number
     story.tell(f"the ESC with index {second.index} was replaced and has node ID {node} instead of {own}")
+    story.settle("address", nodes=(node,), channels=(first.index + 1, second.index + 1), within=SECOND)
     second.node.number = node
     case = story.case(
         "BUS-010",
@@ -172,6 +176,7 @@ def _weaken(story: Story) -> None:
     world, vehicle = story.world, story.vehicle
     pack, low = vehicle.pack, _LOW_CELL * vehicle.pack.cells
     story.tell(f"a cell of the pack fails: {pack.voltage:.1f} V now, and falling under load")
+    story.settle("battery", within=_later(story, 0.3))
     for esc in vehicle.escs:
         node = esc.node.number
         if not esc.stock:

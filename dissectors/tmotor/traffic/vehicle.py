@@ -12,6 +12,7 @@ from dissectors.tmotor.traffic.bench import Bench
 from dissectors.tmotor.traffic.esc import Esc, unique_ids
 from dissectors.tmotor.traffic.flights import Leg, hover, mission
 from dissectors.tmotor.traffic.ground import Ground
+from dissectors.tmotor.traffic.physics.airframe import arms
 from dissectors.tmotor.traffic.physics.pack import Pack
 from dissectors.tmotor.traffic.pilot import Pilot
 from dissectors.tmotor.traffic.rates import rates
@@ -162,12 +163,12 @@ class SimulatedVehicle:
         }
 
     def _flight(self, duration: float) -> _Plan:
-        count, random, flight = self.request.escs, self.world.random, self.request.flight
+        geometry, random, flight = arms(self.request.escs), self.world.random, self.request.flight
         if self.bench is not None:
             return self.bench
         if flight == "mission":
-            return Pilot(random, count, mission(duration, random), 0.035)
-        return Pilot(random, count, hover(duration) if flight == "hover" else [Leg(0.0)], 0.015)
+            return Pilot(random, geometry, mission(duration, random), 0.035)
+        return Pilot(random, geometry, hover(duration) if flight == "hover" else [Leg(0.0)], 0.015)
 
     def _wait(self) -> None:
         """Wait until every ESC has reported; then the autopilot commands and the ground station begins."""

@@ -20,6 +20,8 @@ INERTIA = 3.0e-3
 THRUST = 5.7e-4
 # Seconds to follow: a higher throttle, a lower one, a controlled speed, a brake; without any torque; to an angle.
 _UP, _DOWN, _CONTROLLED, _BRAKED, _FREE, _ANGLE = 0.08, 0.12, 0.1, 0.06, 0.35, 0.15
+# However light a rotor is, its ESC changes the duty cycle no faster than in this share of these times.
+_QUICK = 0.3
 # Friction stops what turns slower (rad/s).
 _STICKS = 3.0
 # What the electronics take (A), and the least and most that a blocked rotor draws.
@@ -45,7 +47,7 @@ class Motor:
 
     A `blocked` rotor stands still however it is driven. `reverse` turns its direction round; `mount` does so by the
     way it is wired. `load` is the torque that the propeller takes and `lift` the thrust that it gives, as shares of
-    those of a sound one.
+    those of a sound one, `inertia` what is left of the rotor's.
     """
 
     ambient: float
@@ -61,6 +63,7 @@ class Motor:
     blocked: bool = False
     load: float = 1.0
     lift: float = 1.0
+    inertia: float = 1.0
     drive: Drive = Drive.FREE
     set_point: float = 0.0
     current: float = _QUIESCENT
@@ -120,7 +123,7 @@ class Motor:
             return 0.0, _BRAKED / 3
         if self.drive is Drive.DUTY:
             target = self.steady(self.set_point)
-            return target, _UP if target > self.speed else _DOWN
+            return target, (_UP if target > self.speed else _DOWN) * max(self.inertia, _QUICK)
         if self.drive is Drive.SPEED:
             return self.set_point, _CONTROLLED
         return 0.0, _BRAKED if self.drive is Drive.BRAKE else _FREE
@@ -139,7 +142,7 @@ class Motor:
             amperes = min(_BLOCKED, self._asked() * self.voltage / WINDING)
         elif self.drive in {Drive.DUTY, Drive.SPEED, Drive.ANGLE}:
             pushed = -acceleration if self.speed < 0 else acceleration
-            amperes = max(0.0, DRAG * self.load * self.speed * self.speed + INERTIA * pushed) / TORQUE
+            amperes = max(0.0, DRAG * self.load * self.speed * self.speed + INERTIA * self.inertia * pushed) / TORQUE
         else:
             amperes = 0.0
         self.winding_current = amperes

@@ -1,7 +1,11 @@
-"""Crashes and near misses of a vehicle that turns as its motors push it, with the true cause of each in the key."""
+"""Crashes, near misses and healthy flights of a vehicle that turns as its motors push it, with the cause in the key."""
 
 from __future__ import annotations
 
-from dissectors.tmotor.traffic.stories import commands, motors, nodes, supply
+from dissectors.tmotor.traffic.stories import bus, commands, healthy, motors, nodes, recordings, setups, supply
 
-SCENARIOS = (*motors.SCENARIOS, *supply.SCENARIOS, *nodes.SCENARIOS, *commands.SCENARIOS)
+SCENARIOS = tuple(
+    scenario
+    for part in (motors, supply, nodes, bus, commands, setups, recordings, healthy)
+    for scenario in part.SCENARIOS
+)

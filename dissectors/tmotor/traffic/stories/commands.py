@@ -1,27 +1,26 @@
-"""The autopilot, and what it wants: control that is lost, commands that end, flights in which nothing is wrong."""
+"""The autopilot, and what it wants: control that is lost, commands that end or are zero."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.times import MILLISECOND, SECOND
-from dissectors.tmotor.traffic.stories.crash import OPTIONS, CrashFlight
+from dissectors.times import MILLISECOND
+from dissectors.tmotor.traffic.stories.crash import OPTIONS, SHOWN, StoryFlight
 from dissectors.traffic import Scenario
 
 if TYPE_CHECKING:
     from dissectors.traffic import Story
 
+_CHECKED = (900, 1600)  # ms that a crash check waits for
 _AWAY = (1500, 4000)  # ms that an autopilot takes to start
-_WRONG = (1.0, -0.7)  # torque and thrust of a propeller that turns the wrong way
-_LOST, _BETWEEN = (5, 60), (200, 1500)  # ms
 
 
 def _control_lost(story: Story) -> None:
-    CrashFlight(story).lose_control()
+    StoryFlight(story).lose_control()
 
 
 def _autopilot_reboot(story: Story) -> None:
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
     vehicle, world = flight.vehicle, story.world
 
     def fail() -> None:
@@ -37,57 +36,33 @@ def _autopilot_reboot(story: Story) -> None:
         vehicle.plan.disarm()
         vehicle.commanding = True
 
-    flight.fail(fail, "commands-lost", ("device", "unknown"))
+    flight.fail(fail, "commands-lost", ("device",), within=0.05)
 
 
 def _zero_in_air(story: Story) -> None:
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
 
     def fail() -> None:
         story.tell("somebody disarms in the air: zero throttle for all")
         flight.vehicle.plan.disarm()
 
-    flight.fail(fail, "commanded")
+    flight.fail(fail, "commanded", within=0.05)
 
 
-def _swapped(story: Story) -> None:
-    """Let a motor turn the wrong way from the start, as one that was exchanged and never set."""
-    flight = CrashFlight(story)
-    esc = flight.any_esc()
+def _crash_check(story: Story) -> None:
+    flight = StoryFlight(story)
 
-    def take() -> None:
-        story.tell(f"the ESC of node {esc.node.number} was exchanged and turns the wrong way")
-        story.settle("setup", ("control", "unknown"), node=esc.node.number, channel=esc.index + 1)
-        esc.motor.mount = -esc.motor.mount
-        esc.motor.load, esc.motor.lift = _WRONG
-
-    story.world.at(0, take)
-
-
-def _landing(story: Story) -> None:
-    """Let nothing go wrong at all."""
-
-    def say() -> None:
-        story.tell("a flight like any other, which lands")
-        story.settle("none", ())
-
-    story.world.at(0, say)
-
-
-def _bad_recorder(story: Story) -> None:
-    """Let nothing go wrong but the recorder, which loses frames of everybody again and again."""
-    world, random = story.world, story.random
-
-    def say() -> None:
-        story.tell("a healthy flight, recorded by something that is too slow")
-        story.settle("none", ("recorder",))
+    def check() -> None:
+        story.tell("crash check: the autopilot disarms in the air")
+        flight.vehicle.plan.disarm()
 
     def lose() -> None:
-        world.deafen(world.now + random.randrange(*_LOST) * MILLISECOND)
-        world.at(world.now + random.randrange(*_BETWEEN) * MILLISECOND, lose)
+        flight.turn_over()
+        flight.when_away(
+            lambda: story.world.at(story.world.now + story.random.randrange(*_CHECKED) * MILLISECOND, check)
+        )
 
-    world.at(0, say)
-    world.at(2 * SECOND, lose)
+    flight.fail(lose, "control", within=SHOWN)
 
 
 SCENARIOS = (
@@ -122,29 +97,13 @@ SCENARIOS = (
         options=OPTIONS,
     ),
     Scenario(
-        "swapped-esc",
-        "a motor turns the wrong way after an exchange",
-        "An ESC was exchanged, and its motor turns against its propeller. The vehicle tips over as soon as it is in "
-        "the air, with every ESC healthy and obeying.",
-        _swapped,
-        seconds=12.0,
+        "crash-check",
+        "the autopilot disarms a vehicle that turns over",
+        "Control is lost in the air, with every device healthy; the autopilot's crash check sees that and commands "
+        "zero while the motors turn and the vehicle falls. The zero is a consequence.",
+        _crash_check,
+        seconds=16.0,
         least=4,
         options=("tail", "distract"),
-    ),
-    Scenario(
-        "landing",
-        "a healthy flight that lands",
-        "Up, stay, down, motors off. Nothing is wrong.",
-        _landing,
-        seconds=24.0,
-    ),
-    Scenario(
-        "bad-recorder",
-        "a healthy flight, and a recorder that loses frames",
-        "Up, stay, down, motors off. The recorder loses some milliseconds of everybody's frames again and again and "
-        "does not say so.",
-        _bad_recorder,
-        seconds=24.0,
-        least=2,
     ),
 )

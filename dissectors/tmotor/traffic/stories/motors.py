@@ -5,46 +5,65 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from dissectors.times import MILLISECOND
-from dissectors.tmotor.traffic.stories.crash import OPTIONS, CrashFlight
+from dissectors.tmotor.traffic.stories.crash import OPTIONS, StoryFlight
 from dissectors.traffic import Scenario
 
 if TYPE_CHECKING:
     from dissectors.traffic import Story
 
-# A motor without its propeller: shares of torque and thrust.
-_BARE = (0.02, 0.0)
+# Shares of torque and thrust: a motor without its propeller, and one whose blades are chipped.
+_BARE, _CHIPPED = (0.02, 0.0), (0.62, 0.6)
+# The rotor's inertia is mostly that of its propeller.
+_BARE_INERTIA = 0.1
 # ESCs that speak T-Motor's protocol say so if a rotor stands; one out of step does not know that it does.
 _STALL = 1 << 7
 # A rotor out of step is held and let go again every few milliseconds.
 _HELD, _FREE = (10, 30), (10, 25)
-# An ESC that gets too hot gives so much of its duty cycle.
-_DERATED = 0.36
+# An ESC that gets too hot gives so much of its duty cycle. It is this warm (degC) by then, for so much heat (W).
+_DERATED, _WARM, _HEAT = 0.36, (84.0, 92.0), 24.0
 
 
 def _propeller_lost(story: Story) -> None:
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
     esc = flight.any_esc()
 
     def fail() -> None:
         story.tell(f"the motor of node {esc.node.number} loses its propeller")
-        esc.motor.load, esc.motor.lift = _BARE
+        lose_propeller(esc.motor)
 
-    flight.fail(fail, "propulsion", ("unknown",), esc)
+    flight.fail(fail, "propulsion", escs=[esc])
+
+
+def lose_propeller(motor: Any) -> None:
+    """Leave a motor without its propeller."""
+    motor.load, motor.lift = _BARE
+    motor.inertia = _BARE_INERTIA
+
+
+def _blade_damage(story: Story) -> None:
+    flight = StoryFlight(story)
+    esc = flight.any_esc()
+
+    def fail() -> None:
+        story.tell(f"the propeller of node {esc.node.number} loses the tips of its blades")
+        esc.motor.load, esc.motor.lift = _CHIPPED
+
+    flight.fail(fail, "propulsion", escs=[esc], within=0.5)
 
 
 def _stall(story: Story) -> None:
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
     esc = flight.any_esc()
 
     def fail() -> None:
         story.tell(f"the motor of node {esc.node.number} is blocked")
         esc.motor.blocked = True
 
-    flight.fail(fail, "esc", ("propulsion",), esc)
+    flight.fail(fail, "esc", escs=[esc])
 
 
 def _desync(story: Story) -> None:
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
     esc = flight.any_esc()
     recovers = story.choose("recovers", 0.5)
 
@@ -54,7 +73,8 @@ def _desync(story: Story) -> None:
         story.tell(f"the motor of node {esc.node.number} gets out of step{' for 0.3 s' if recovers else ''}")
         _slip(story, esc, until)
 
-    flight.fail(fail, "esc", ("propulsion", "control", "unknown") if recovers else ("propulsion", "unknown"), esc)
+    # Few reports may miss what lasts so short.
+    flight.fail(fail, "esc", ("control", "unknown") if recovers and flight.slow else (), [esc])
 
 
 def _slip(story: Story, esc: Any, until: int) -> None:
@@ -67,16 +87,15 @@ def _slip(story: Story, esc: Any, until: int) -> None:
 
 
 def _derating(story: Story) -> None:
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
     esc = flight.any_esc()
+    esc.motor.temperature, esc.heat = story.random.uniform(*_WARM), _HEAT
 
     def fail() -> None:
         story.tell(f"node {esc.node.number} limits itself to {_DERATED:.0%} and tells nobody")
         esc.limit = _DERATED
-        if not flight.twin:
-            esc.heat += 12.0
 
-    flight.fail(fail, "esc", ("propulsion", "unknown"), esc)
+    flight.fail(fail, "esc", escs=[esc], within=0.5)
 
 
 SCENARIOS = (
@@ -87,6 +106,16 @@ SCENARIOS = (
         "others are commanded up to make up for it, until they saturate and the vehicle tips over, unless it has "
         "motors enough.",
         _propeller_lost,
+        seconds=16.0,
+        least=4,
+        options=OPTIONS,
+    ),
+    Scenario(
+        "blade-damage",
+        "a propeller loses the tips of its blades",
+        "The tips of one propeller break off. At the same command its motor turns as fast as before, at much less "
+        "current, and gives less thrust; the autopilot commands it up and the vehicle flies on.",
+        _blade_damage,
         seconds=16.0,
         least=4,
         options=OPTIONS,

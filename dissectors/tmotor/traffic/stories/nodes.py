@@ -1,11 +1,11 @@
-"""One node's wire, power or address: what it is asked and what it says get lost."""
+"""One node's wire or power: what it is asked and what it says get lost."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from dissectors.times import MILLISECOND
-from dissectors.tmotor.traffic.stories.crash import OPTIONS, CrashFlight
+from dissectors.tmotor.traffic.stories.crash import OPTIONS, StoryFlight
 from dissectors.traffic import Scenario
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ _HOLE, _CONTACT = (60, 160), (100, 900)
 
 
 def _esc_power(story: Story) -> None:
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
     esc = flight.any_esc()
 
     def fail() -> None:
@@ -25,12 +25,12 @@ def _esc_power(story: Story) -> None:
         esc.mode = 6
         esc.operation.fail(esc.motor)
 
-    flight.fail(fail, "wiring", ("esc", "unknown"), esc)
+    flight.fail(fail, "wiring", ("esc", "unknown"), [esc])
 
 
 def _esc_wire(story: Story) -> None:
     """Let one ESC's plug shake: it neither hears nor is heard for moments."""
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
     esc = flight.any_esc()
 
     def fail() -> None:
@@ -43,42 +43,30 @@ def _esc_wire(story: Story) -> None:
         span = story.random.randrange(*(_HOLE if node.cut else _CONTACT)) * MILLISECOND
         world.at(world.now + span, shake)
 
-    flight.fail(fail, "wiring", ("unknown",), esc)
+    flight.fail(fail, "wiring", escs=[esc], within=1.0)
 
 
 def _deaf_esc(story: Story) -> None:
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
     esc = flight.any_esc()
 
     def fail() -> None:
         story.tell(f"node {esc.node.number} hears no throttle any more, though the bus carries it")
         esc.deaf = True
 
-    flight.fail(fail, "wiring", ("esc",), esc)
+    # A standard ESC has no bit for it: its motor stops, whatever the reason.
+    flight.fail(fail, "wiring", ("esc", "unknown") if esc.stock else ("esc",), [esc])
 
 
 def _esc_brown_out(story: Story) -> None:
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
     esc = flight.any_esc()
 
     def fail() -> None:
         story.tell(f"node {esc.node.number} restarts in flight")
         esc.restart()
 
-    flight.fail(fail, "wiring", ("esc", "unknown"), esc)
-
-
-def _duplicate_index(story: Story) -> None:
-    """Give two ESCs one index: both follow the same channel, and nobody follows the other."""
-    flight = CrashFlight(story)
-    first, second = flight.vehicle.escs[:2]
-
-    def take() -> None:
-        story.tell(f"the ESC of node {second.node.number} was exchanged and has index {first.index} as well")
-        story.settle("address", ("setup",), node=second.node.number, channel=first.index + 1)
-        second.index = first.index
-
-    story.world.at(0, take)
+    flight.fail(fail, "wiring", ("esc", "unknown"), [esc])
 
 
 SCENARIOS = (
@@ -121,15 +109,5 @@ SCENARIOS = (
         seconds=16.0,
         least=4,
         options=OPTIONS,
-    ),
-    Scenario(
-        "duplicate-index",
-        "two ESCs have one index",
-        "An ESC was exchanged and never given its own index. It follows the channel of its neighbour and reports as "
-        "that; one channel has nobody, and the vehicle flies as well as it can.",
-        _duplicate_index,
-        seconds=12.0,
-        least=4,
-        options=("tail", "distract"),
     ),
 )

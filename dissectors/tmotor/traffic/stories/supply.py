@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dissectors.times import MILLISECOND, SECOND
-from dissectors.tmotor.traffic.stories.crash import OPTIONS, CrashFlight
+from dissectors.tmotor.traffic.stories.crash import OPTIONS, StoryFlight
 from dissectors.traffic import Scenario
 
 if TYPE_CHECKING:
@@ -20,16 +20,20 @@ _FALL, _MOST = 6.0, 9.0
 
 def _heavy_lift(story: Story) -> None:
     """Let the payload be too much: all motors give what they have and obey."""
-    flight = CrashFlight(story)
-    flight.vehicle.plan.airframe.load = _HEAVY
-    flight.fail(
-        lambda: story.tell("the vehicle is too heavy: every motor gives all it has"), "thrust", ("none", "unknown")
-    )
+    flight = StoryFlight(story)
+    airframe = flight.vehicle.plan.airframe
+
+    def take() -> None:
+        story.tell("the vehicle is too heavy: every motor gives all it has")
+        flight.settle("thrust", ("thrust", "none"), within=0.5 * story.world.end / SECOND)
+        airframe.load = _HEAVY
+
+    story.world.at(0, take)
 
 
 def _pack_lost(story: Story) -> None:
     """Let the pack's plug go: all ESCs are gone at once, the autopilot has a supply of its own."""
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
 
     def fail() -> None:
         story.tell("the pack is gone: all ESCs are without power, the autopilot lives on")
@@ -38,12 +42,13 @@ def _pack_lost(story: Story) -> None:
             esc.operation.fail(esc.motor)
             esc.mode = 6
 
-    flight.fail(fail, "battery", ("unknown",))
+    # A cable from the ESCs to the others that comes off looks like that.
+    flight.fail(fail, "battery", ("bus", "unknown"))
 
 
 def _two_packs(story: Story) -> None:
     """Let one of two packs give up: half of the ESCs lose their voltage together."""
-    flight = CrashFlight(story)
+    flight = StoryFlight(story)
     half = flight.vehicle.escs[story.random.randrange(2) :: 2]
 
     def fail() -> None:
@@ -58,7 +63,7 @@ def _two_packs(story: Story) -> None:
 
         fall()
 
-    flight.fail(fail, "battery", ("unknown",))
+    flight.fail(fail, "battery", escs=half, within=1.2)
 
 
 SCENARIOS = (
@@ -70,7 +75,7 @@ SCENARIOS = (
         _heavy_lift,
         seconds=16.0,
         least=4,
-        options=OPTIONS,
+        options=("tail", "distract"),
     ),
     Scenario(
         "pack-lost",
