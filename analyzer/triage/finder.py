@@ -9,7 +9,7 @@ from analyzer.triage.clock import RecordedClock
 from analyzer.triage.commands import CommandEvents
 from analyzer.triage.holes import hole_events
 from analyzer.triage.log import EventLog, event_table
-from analyzer.triage.motors import MotorEvents
+from analyzer.triage.motors.events import MotorEvents
 from analyzer.triage.nodes import NodeEvents
 from analyzer.triage.orders import CommandReader
 from analyzer.triage.reports import EventOrder

@@ -5,13 +5,16 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from analyzer.triage.thresholds import lasting
 from analyzer.triage.verdict.judge import judge
 from analyzer.triage.verdict.model import Triage, Verdict
+from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from analyzer.triage.flights import Flight
+    from analyzer.triage.log import FlightEvent
     from analyzer.triage.witness import Witness
 
 NOT_SEEN = ("attitude", "GPS", "pilot", "who decided a command")
@@ -32,11 +35,23 @@ def inquest(
         empty = start is None or not witness.losses.transfers
         return made(None, [verdict], judged=why, empty=empty, commands=commands(verdict, None))
     flight = flights[-1]
-    found = judge(witness, events, flight, witness.clock.ran or flight.last.ran)
+    border = max([witness.clock.ran or flight.last.ran, *(one.first.ran for one in events)])
+    found = judge(witness, events, _whole(flights, events), border)
     return made(
         flight, found.verdicts, after=found.after, earlier=found.earlier, excluded=found.excluded, looked=found.looked,
         lines=found.lines, primary=found.primary, commands=commands(found.verdicts[0], flight),
     )  # fmt: skip
+
+
+def _whole(flights: Sequence[Flight], events: Sequence[FlightEvent]) -> Flight:
+    """Return the last flight, with those before it that it goes on from: nobody lands and starts again at once."""
+    whole, powered = flights[-1], [one.first.ran for one in events if one.kind in {"restart", "join"}]
+    for one in reversed(flights[:-1]):
+        apart = whole.first.ran - one.last.ran > lasting("landed")
+        if apart or any(one.last.ran <= at <= whole.first.ran for at in powered):
+            break
+        whole = replace(whole, first=one.first, chs=tuple(sorted({*one.chs, *whole.chs})))
+    return whole
 
 
 def _unjudged(witness: Witness, start: int | None) -> str:

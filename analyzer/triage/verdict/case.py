@@ -101,6 +101,10 @@ class Case:
         low, high = self.span(event)
         return any(low <= stop and high >= start for start, stop in self.joint)
 
+    def in_hole(self, at: int) -> bool:
+        """Return whether the recorder lost frames of everybody then."""
+        return any(start - 3 * STEP <= at <= stop + 3 * STEP for start, stop in self.joint)
+
     @staticmethod
     def span(event: FlightEvent) -> tuple[int, int]:
         """Return the time in which an event happened."""
@@ -159,7 +163,8 @@ class Case:
         errors = [one.first.ran for one in self.events if one.kind == "errors"]
         found = [
             (one.before.ran, one.first.ran) for one in self.events
-            if one.kind == "gap" and one.before and not any(t <= one.first.ran for t in errors)
+            if one.kind == "gap" and one.before
+            and not any(0 <= one.first.ran - t <= lasting("follows") for t in errors)
         ]  # fmt: skip
         for one in silent:
             low, high = one.before.ran, one.after.ran if one.after else one.first.ran  # type: ignore[union-attr]

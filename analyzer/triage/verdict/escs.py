@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.triage.motors import UNLOADED
+from analyzer.triage.motors.events import UNDRIVEN, UNLOADED
 from analyzer.triage.pulse import STEP
-from analyzer.triage.thresholds import lasting
+from analyzer.triage.thresholds import lasting, threshold
 from analyzer.triage.verdict.trouble import by_node, counts, harmless, made, text, together
 from dissectors.times import SECOND
 
@@ -48,7 +48,21 @@ def esc_troubles(case: Case) -> Iterator[Trouble]:
             own = [one for one in own if one.first.ran < off[0].first.ran]
         if own and not everybody:
             warned = [one for one in signs if one.sign in _WARNINGS and one.first.ran <= own[0].first.ran]
-            yield _own([one for one in own if one.first.ran - own[0].first.ran <= lasting("together")], warned)
+            now = [one for one in own if one.first.ran - own[0].first.ran <= lasting("together")]
+            yield _cut_off(case, node, now) or _own(now, warned)
+
+
+def _cut_off(case: Case, node: Node, own: list[FlightEvent]) -> Trouble | None:
+    """Return an ESC that is not driven while its transfers get lost: its wire carries neither way."""
+    if own[0].kind != "motor" or own[0].sign != UNDRIVEN:
+        return None
+    missing = case.losses.missing(case.start, own[0].first.ran, [node])
+    others = case.losses.missing(case.start, own[0].first.ran, case.esc_nodes - {node})
+    if missing < threshold("cut_off_missing") or others:
+        return None
+    return made("wiring", "lost contact again and again: its plug or its wire", own, 2, [
+        text(own[0]), f"{missing} of its transfer IDs are missing, none of the other ESCs'",
+    ])  # fmt: skip
 
 
 def _own(own: list[FlightEvent], warned: list[FlightEvent]) -> Trouble:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 _WELL, _LIKELY, _POSSIBLE = SUPPORTS
 _TIPPED = "it tipped over at take-off, with every ESC obeying: a motor, propeller, index or setting is wrong"
 _STATES = frozenset({"thrust", "address"})  # are so all the time
+_WHOLE = frozenset({"commands-lost", "commanded", "bus"})  # after which commands say nothing any more
 _ORDINARY = frozenset({"mode", "join", "arming"})
 
 
@@ -76,19 +77,52 @@ def _matters(case: Case, one: Trouble) -> bool:
 def _verdicts(case: Case, found: list[Trouble]) -> list[Verdict]:
     """Return the causes in order; what came after control was lost is none of them."""
     lost = case.excursion
+    if lost is not None and case.in_hole(lost.start):
+        return [_missed(lost)]
+    hit = _impact(found)
+    if hit is not None and (lost is None or hit <= lost.start):
+        lost = None  # what goes apart behind it is thrown about
+        found = [one for one in found if one.high < hit or one.kind in _STATES]
+        if not found:
+            return [Verdict("none", "nothing wrong seen on this bus until it hit something", _LIKELY)]
     before = [one for one in found if one.kind in _STATES or lost is None or _may_be_first(case, lost, one)]
     if lost is not None and not [one for one in before if one.kind != "thrust"]:
         return [_control(case, lost, found), *(_verdict(case, one) for one in before)]
     if before:
         first = before[0]
-        unrest = case.unrest(first.low) if first.kind not in _STATES else None
-        if unrest is None and lost is not None and first.kind == "battery" and first.high > lost.stop:
+        unrest = case.unrest(first.low) if first.kind in _WHOLE else None
+        late = lost is not None and first.high > lost.stop + 2 * case.period(first.bus, first.node)
+        if lost is not None and late and first.kind not in _STATES:
             unrest = lost.start, lost.most
         shown = [_verdict(case, one) for one in before]
         return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]
     if case.flight.end == "landed":
         return [Verdict("none", "nothing wrong seen on this bus", _LIKELY)]
     return [_end(case)]
+
+
+def _impact(found: list[Trouble]) -> int | None:
+    """Return from when on everything is that of an impact: rotors of several ESCs stand within a moment."""
+    stand = [one for one in found if one.kind == "esc" and one.stands]
+    for one in stand:
+        others = [
+            other for other in stand if other.node != one.node and abs(other.high - one.high) <= lasting("impact")
+        ]
+        if others:
+            return min(one.high, *(other.high for other in others)) - lasting("impact")
+    return None
+
+
+def _missed(lost: Excursion) -> Verdict:
+    """Return that the recorder lost the moment that matters."""
+    event = lost.event
+    return Verdict(
+        "unknown", "cannot tell: the recorder lost frames when it began", _POSSIBLE, t=(event.before or event.first).t,
+        t_end=event.first.t, frame=event.first.frame, notes=(
+            ("seen", "calm commands before the hole, commands apart behind it"),
+            ("would tell", "the autopilot's own log; a recorder that keeps up (candump -d tells what it loses)"),
+        ),
+    )  # fmt: skip
 
 
 def _may_be_first(case: Case, lost: Excursion, one: Trouble) -> bool:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from analyzer.triage.verdict.case import Case, Node
 
 _MEASURED = (("voltage", "V"), ("current", "A"), ("temperature", "C"), ("speed", "rpm"))
+_STANDS = 0.1  # of its speed
 _WHOLE = frozenset({"motor", "silence", "restart", "message", "commands stop", "gap"})  # whose text needs no kind
 
 
@@ -42,6 +43,11 @@ class Trouble:
     def first(self) -> FlightEvent | None:
         """The event that begins it."""
         return self.events[0] if self.events else None
+
+    @property
+    def stands(self) -> bool:
+        """Whether a rotor does not turn, though it should."""
+        return any(one.kind == "motor" and one.values["speed_share"] < _STANDS for one in self.events)
 
 
 def made(

@@ -8,7 +8,7 @@ import numpy as np
 
 from analyzer.triage.pulse import STEP
 from analyzer.triage.thresholds import lasting, threshold
-from analyzer.triage.verdict.trouble import Trouble, by_node, made, text
+from analyzer.triage.verdict.trouble import Trouble, by_node, harmless, made, text
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
@@ -81,14 +81,21 @@ def _thrown(case: Case, one: FlightEvent) -> tuple[float, float] | None:
 
 def bus_troubles(case: Case) -> Iterator[Trouble]:
     """Yield a bus that breaks."""
-    errors = [one for one in case.events if one.kind in {"errors", "bus state"}]
-    if not errors:
-        return
+    errors = [one for one in case.events if one.kind in {"errors", "bus state"} and not _got_over(case, one)]
     count = sum(int(one.values.get("count", 0)) for one in errors if one.kind == "errors")
+    if count < threshold("bus_errors") and not any("bus-off" in one.text for one in errors):
+        return
     reasons = [f"{count} error frames from then on"]
     gaps = [one for one in case.events if one.kind == "gap" and one.first.ran >= errors[0].first.ran]
     reasons += [gaps[0].text] if gaps else []
     yield made("bus", "the bus broke down", errors, 1, reasons, whole=True)
+
+
+def _got_over(case: Case, one: FlightEvent) -> bool:
+    """Return whether the bus was well again, with nothing missing, and the vehicle flew on."""
+    until = (one.after or one.first).ran + lasting("follows")
+    hole = any(other.kind == "gap" and one.first.ran <= other.first.ran <= until for other in case.events)
+    return not hole and harmless(case, one)
 
 
 def thrust_troubles(case: Case) -> Iterator[Trouble]:

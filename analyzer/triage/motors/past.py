@@ -34,8 +34,8 @@ class MotorPast:
     def __init__(self) -> None:
         self._count = 0
         self._next = _FIRST
-        self._sums = np.zeros((_BINS, 4))  # reports, throttle, speed for a volt, current
-        self._pending: list[tuple[Array, Array, Array, Array]] = []
+        self._sums = np.zeros((_BINS, 5))  # reports, throttle, speed for a volt, current, volts
+        self._pending: list[tuple[Array, ...]] = []
         self._known: Array | None = None  # throttle, speed and current of the nearest bin of each, and how far it is
 
     def steps(self, count: int) -> list[int]:
@@ -54,16 +54,18 @@ class MotorPast:
         if self._known is None:
             return None
         bins = np.clip(throttle / _BIN, 0, _BINS - 1).astype(np.int64)
-        at, speed, current, away = self._known[bins].T
+        at, speed, current, usual, away = self._known[bins].T
         share = throttle / at
-        return Expected(speed * volts * share, current * share**LAW, away > _NEAR)
+        # At the same throttle a lower voltage turns the motor slower: its torque falls with the square of the speed.
+        return Expected(speed * volts * share, current * share**LAW * (volts / usual) ** 2, away > _NEAR)
 
     def add(self, throttle: Array, speed: Array, volts: Array, current: Array, calm: Array) -> None:
         """Take reports, of which those that are `calm` are as they should be."""
         self._count += len(throttle)
         rows = np.flatnonzero(calm)
         if len(rows):
-            self._pending.append((throttle[rows], speed[rows] / volts[rows], current[rows], np.ones(len(rows))))
+            one, v = np.ones(len(rows)), volts[rows]
+            self._pending.append((one, throttle[rows], speed[rows] / v, current[rows], v))
         if self._count >= self._next:
             self._next = _then(self._next)
             self._draw()
@@ -71,10 +73,10 @@ class MotorPast:
     def _draw(self) -> None:
         if not self._pending:
             return
-        throttle, speed, current, one = (np.concatenate(parts) for parts in zip(*self._pending, strict=True))
+        columns = [np.concatenate(parts) for parts in zip(*self._pending, strict=True)]
         self._pending = []
-        bins = np.clip(throttle / _BIN, 0, _BINS - 1).astype(np.int64)
-        for place, values in enumerate((one, throttle, speed, current)):
+        bins = np.clip(columns[1] / _BIN, 0, _BINS - 1).astype(np.int64)
+        for place, values in enumerate(columns):
             self._sums[:, place] += np.bincount(bins, values, _BINS)
         full = self._sums[:, 0] > _KEPT
         self._sums[full] /= 2

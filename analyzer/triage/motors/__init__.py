@@ -1,0 +1,1 @@
+"""Motors against their own past: speed and current at equal command."""
