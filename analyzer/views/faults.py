@@ -42,7 +42,8 @@ def _lines(faults: tuple[Fault, ...], scenarios: tuple[Scenario, ...], common: t
 
 
 def _entry(name: str, text: str, indent: int) -> list[str]:
-    return wrap(text, _WIDTH, initial_indent=f"{name:<{indent}}", subsequent_indent=" " * indent)
+    start = f"{name:<{indent}}"
+    return wrap(text, _WIDTH, initial_indent=start, subsequent_indent=" " * indent, break_on_hyphens=False)
 
 
 def _value(value: Setting) -> str:

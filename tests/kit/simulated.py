@@ -235,6 +235,15 @@ FLIGHTS = {
     "duplicate-node.log": "--scenario duplicate-node --duration 3",
     "pack-sag.log": "--scenario pack-sag --duration 7 --esc 3",
     "recording-ends.log": "--scenario recording-ends --duration 5",
+    "propeller-lost.log": "--scenario propeller-lost:tail=no:distract=no --duration 6 --seed 2",
+    "heavy-lift.log": "--scenario heavy-lift:distract=no --duration 5 --seed 1",
+    "control-lost.log": "--scenario control-lost:tail=yes:distract=no --duration 6 --seed 1",
+    "zero-in-air.log": "--scenario zero-in-air:tail=no:distract=no --duration 6 --seed 1",
+    "deaf-esc.log": "--scenario deaf-esc:tail=no:distract=no --duration 6 --seed 3",
+    "swapped-esc.log": "--scenario swapped-esc:tail=no:distract=no --duration 6 --seed 1",
+    "gps-restart.log": "--scenario gps-restart --duration 30 --seed 1",
+    "recorder-overload.log": "--scenario recorder-overload:distract=no --duration 6 --seed 1",
+    "power-cut.log": "--scenario power-cut:distract=no --duration 6 --seed 1",
 }
 
 

@@ -101,7 +101,19 @@ def _halves(text: str) -> tuple[list[str], list[str]]:
 
 
 def test_all_captures_together_are_small() -> None:
-    assert sum(path.stat().st_size for path in CAPTURES.iterdir()) < 3_000_000
+    assert sum(path.stat().st_size for path in CAPTURES.iterdir()) < 5_500_000
+    stories = [path for path in map(CAPTURES.joinpath, FLIGHTS) if "--scenario" in FLIGHTS[path.name]]
+    assert max(path.stat().st_size for path in stories) < 310_000
+
+
+def test_each_kind_of_cause_is_there() -> None:
+    stories = [json.loads(key_of(CAPTURES / name).read_text())["scenario"] for name in FLIGHTS]
+    kinds = {one["cause"]["kind"] for one in stories if one}
+    assert kinds >= {
+        *("esc", "propulsion", "thrust", "control", "commanded", "commands-lost", "wiring", "bus", "battery"),
+        *("recorder", "address", "device", "setup", "none"),
+    }
+    assert any("unknown" in one["knowable"] for one in stories if one)
 
 
 @pytest.mark.parametrize("name", FLIGHTS)

@@ -74,7 +74,7 @@ SCENARIOS = (
         _control_lost,
         seconds=16.0,
         least=4,
-        options=("tail", "distract"),
+        options=("tail", "distract", "mute"),
     ),
     Scenario(
         "autopilot-reboot",
@@ -104,6 +104,6 @@ SCENARIOS = (
         _crash_check,
         seconds=16.0,
         least=4,
-        options=("tail", "distract"),
+        options=("tail", "distract", "mute"),
     ),
 )

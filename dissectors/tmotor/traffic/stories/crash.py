@@ -17,9 +17,11 @@ if TYPE_CHECKING:
     from dissectors.tmotor.traffic.flights import Leg
     from dissectors.traffic import Story
 
-# What all of them take: the impact with its consequences, control lost before the fault, harmless things before.
-OPTIONS = ("tail", "twin", "distract")
-_TAIL, _TWIN, _DISTRACT = 0.6, 0.0, 0.5
+# What all of them take: the impact with its consequences, control lost before the fault, harmless things before, and
+# a firmware that sets no fault bits.
+OPTIONS = ("tail", "twin", "distract", "mute")
+_TAIL, _TWIN, _DISTRACT, _MUTE = 0.6, 0.0, 0.5, 0.0
+_BITS = 0xFFF
 # The fault comes between these shares of the time, when the vehicle is up.
 _FROM, _TO = 0.5, 0.62
 _GUSTS = 0.015
@@ -64,6 +66,10 @@ class StoryFlight:
         self.slow = vehicle.rate < _SLOW
         if story.choose("distract", _DISTRACT):
             self._distract()
+        self.mute = story.choose("mute", _MUTE)
+        if self.mute:
+            for esc in vehicle.escs:
+                esc.hidden = _BITS
 
     def any_esc(self) -> Any:
         """Return one of the ESCs."""

@@ -142,7 +142,7 @@ SCENARIOS = (
         "Up, stay, down, motors off. Nothing is wrong.",
         _landing,
         seconds=24.0,
-        options=("distract",),
+        options=("distract", "mute"),
     ),
     Scenario(
         "coaxial",
@@ -152,7 +152,7 @@ SCENARIOS = (
         _coaxial,
         seconds=24.0,
         least=8,
-        options=("distract",),
+        options=("distract", "mute"),
     ),
     Scenario(
         "coaxial-failure",
@@ -171,7 +171,7 @@ SCENARIOS = (
         _aft_weight,
         seconds=24.0,
         least=4,
-        options=("distract",),
+        options=("distract", "mute"),
     ),
     Scenario(
         "uneven-packs",
@@ -180,7 +180,7 @@ SCENARIOS = (
         _uneven_packs,
         seconds=24.0,
         least=4,
-        options=("distract",),
+        options=("distract", "mute"),
     ),
     Scenario(
         "unplugged",
@@ -190,7 +190,7 @@ SCENARIOS = (
         _unplugged,
         seconds=25.0,
         least=2,
-        options=("distract",),
+        options=("distract", "mute"),
     ),
     Scenario(
         "two-interfaces",
@@ -198,7 +198,7 @@ SCENARIOS = (
         "Two interfaces record the same bus, so that every node is seen on both. Nothing is wrong.",
         _two_interfaces,
         seconds=24.0,
-        options=("distract",),
+        options=("distract", "mute"),
     ),
     Scenario(
         "tree",
@@ -208,6 +208,6 @@ SCENARIOS = (
         _tree,
         seconds=16.0,
         least=4,
-        options=("tail", "distract"),
+        options=("tail", "distract", "mute"),
     ),
 )

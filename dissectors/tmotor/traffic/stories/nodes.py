@@ -54,8 +54,8 @@ def _deaf_esc(story: Story) -> None:
         story.tell(f"node {esc.node.number} hears no throttle any more, though the bus carries it")
         esc.deaf = True
 
-    # A standard ESC has no bit for it: its motor stops, whatever the reason.
-    flight.fail(fail, "wiring", ("esc", "unknown") if esc.stock else ("esc",), [esc])
+    # Without a bit for it a motor just stops, whatever the reason.
+    flight.fail(fail, "wiring", ("esc", "unknown") if esc.stock or flight.mute else ("esc",), [esc])
 
 
 def _esc_brown_out(story: Story) -> None:

@@ -119,7 +119,7 @@ SCENARIOS = (
         _bad_recorder,
         seconds=24.0,
         least=2,
-        options=("distract",),
+        options=("distract", "mute"),
     ),
     Scenario(
         "recorder-overload",
@@ -129,7 +129,7 @@ SCENARIOS = (
         _overload,
         seconds=24.0,
         least=2,
-        options=("distract",),
+        options=("distract", "mute"),
     ),
     Scenario(
         "lossy-crash",
@@ -139,7 +139,7 @@ SCENARIOS = (
         _lossy_crash,
         seconds=16.0,
         least=4,
-        options=("tail", "distract"),
+        options=("tail", "distract", "mute"),
     ),
     Scenario(
         "blind-crash",
@@ -149,7 +149,7 @@ SCENARIOS = (
         _blind_crash,
         seconds=16.0,
         least=4,
-        options=("tail", "distract"),
+        options=("tail", "distract", "mute"),
     ),
     Scenario(
         "power-cut",
@@ -159,7 +159,7 @@ SCENARIOS = (
         _power_cut,
         seconds=16.0,
         least=4,
-        options=("distract",),
+        options=("distract", "mute"),
     ),
     Scenario(
         "autopilot-dies",
@@ -168,6 +168,6 @@ SCENARIOS = (
         _autopilot_dies,
         seconds=16.0,
         least=4,
-        options=("distract",),
+        options=("distract", "mute"),
     ),
 )

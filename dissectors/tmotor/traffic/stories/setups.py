@@ -145,7 +145,7 @@ SCENARIOS = (
         _swapped,
         seconds=12.0,
         least=4,
-        options=("tail", "distract"),
+        options=("tail", "distract", "mute"),
     ),
     Scenario(
         "swap-flights",
@@ -155,7 +155,7 @@ SCENARIOS = (
         _swap_flights,
         seconds=32.0,
         least=4,
-        options=("tail", "distract"),
+        options=("tail", "distract", "mute"),
     ),
     Scenario(
         "exchanged-esc",
@@ -165,7 +165,7 @@ SCENARIOS = (
         _exchanged_esc,
         seconds=44.0,
         least=4,
-        options=("distract",),
+        options=("distract", "mute"),
     ),
     Scenario(
         "duplicate-index",
@@ -175,6 +175,6 @@ SCENARIOS = (
         _duplicate_index,
         seconds=12.0,
         least=4,
-        options=("tail", "distract"),
+        options=("tail", "distract", "mute"),
     ),
 )

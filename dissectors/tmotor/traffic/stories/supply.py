@@ -75,7 +75,7 @@ SCENARIOS = (
         _heavy_lift,
         seconds=16.0,
         least=4,
-        options=("tail", "distract"),
+        options=("tail", "distract", "mute"),
     ),
     Scenario(
         "pack-lost",
