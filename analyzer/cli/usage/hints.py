@@ -8,7 +8,7 @@ import re
 from shlex import quote
 from typing import TYPE_CHECKING
 
-from analyzer.cli.usage.habits import COMMANDS, INSTEAD, OPTIONS, VALUES
+from analyzer.cli.usage.habits import COMMANDS, INSTEAD, OPTIONS, TOLD, VALUES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -61,7 +61,7 @@ def before_command(option: str, others: Sequence[str], parsers: Mapping[str, arg
         return f"no option {_short(option)}; did you mean tailbyte {near[0]}?"
     if option in INSTEAD and not having[1:]:
         return f"no option {option}; did you mean tailbyte {INSTEAD[option]}?"
-    named = next((one for one in others if one in parsers), None)
+    named = next((one for one in others if one in parsers and (not having or one in having)), None)
     if named is not None:
         return f"{_short(option)}: options stand behind the command: tailbyte {named} {quote(option[:_LONGEST])} ..."
     if having:
@@ -77,9 +77,14 @@ def option(word: str, parser: argparse.ArgumentParser, parsers: Mapping[str, arg
     known = options_of(parser)
     if not word.startswith("-") or word == "-":
         return f"{_short(word)} is one argument too many"
+    if len(name) > 2 and name[1] != "-" and f"-{name[2]}" in (*known, *TOLD):  # letters in a row
+        name = name[:2]
     for meant in OPTIONS.get(name, ()):
         if meant.split()[0] in known:
             return f"no option {_short(name)}; did you mean {meant}?"
+    for needed, told in TOLD.get(name, ()):
+        if not needed or needed in known:
+            return f"no option {_short(name)}: {told}"
     if name in INSTEAD:
         return f"no option {_short(name)}; did you mean tailbyte {INSTEAD[name]}?"
     near = _near(name, [one for one in known if one.startswith("--")])
