@@ -151,7 +151,7 @@ def test_what_is_said(command: Command, line: str, said: str) -> None:
         ("info flight.log -n", "no option -n: nothing here is looked up by name"),
         (
             "decode flight.log -f 'can id 5'",
-            "no option -f: a capture filter is for a bus that runs; rows are chosen by -Y FILTER (as in tail: --follow)",
+            "no option -f: a capture filter is for a bus that runs; rows are chosen by -Y FILTER (tail -f: --follow)",
         ),
         (
             "info flight.log -f 'can id 5'",

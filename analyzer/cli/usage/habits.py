@@ -41,8 +41,8 @@ INSTEAD = {
     "-G": "fields", "--fields-list": "fields", "--list-rules": "explain --list", "--stats": "stats", "-w": "convert",
 }  # fmt: skip
 
-# Options that there are none of: the option that the words speak of, "" for none, and what to do instead. The first whose
-# option the command has counts.
+# Options that there are none of: the option that the words speak of, "" for none, and what to do instead. The first one
+# whose option the command has counts.
 TOLD = _each(
     {
         "-n -N": (
@@ -52,7 +52,7 @@ TOLD = _each(
         "-f": (
             (
                 "--follow",
-                "a capture filter is for a bus that runs; rows are chosen by -Y FILTER (as in tail: --follow)",
+                "a capture filter is for a bus that runs; rows are chosen by -Y FILTER (tail -f: --follow)",
             ),
             ("-Y", "a capture filter is for a bus that runs; rows are chosen by -Y FILTER"),
         ),

@@ -79,14 +79,8 @@ def option(word: str, parser: argparse.ArgumentParser, parsers: Mapping[str, arg
         return f"{_short(word)} is one argument too many"
     if len(name) > 2 and name[1] != "-" and f"-{name[2]}" in (*known, *TOLD):  # letters in a row
         name = name[:2]
-    for meant in OPTIONS.get(name, ()):
-        if meant.split()[0] in known:
-            return f"no option {_short(name)}; did you mean {meant}?"
-    for needed, told in TOLD.get(name, ()):
-        if not needed or needed in known:
-            return f"no option {_short(name)}: {told}"
-    if name in INSTEAD:
-        return f"no option {_short(name)}; did you mean tailbyte {INSTEAD[name]}?"
+    if otherwise := _otherwise(name, known):
+        return f"no option {_short(name)}{otherwise}"
     near = _near(name, [one for one in known if one.startswith("--")])
     having = [other for other, one in parsers.items() if name in options_of(one)]
     if near and not having:
@@ -94,6 +88,17 @@ def option(word: str, parser: argparse.ArgumentParser, parsers: Mapping[str, arg
     if having:
         return f"{_short(name)} is an option of tailbyte {', '.join(having)}, not of this command"
     return f"no option {_short(name)}"
+
+
+def _otherwise(name: str, known: Sequence[str]) -> str:
+    """Return what hands that know an option from elsewhere find here instead, "" for one that nobody has."""
+    for meant in OPTIONS.get(name, ()):
+        if meant.split()[0] in known:
+            return f"; did you mean {meant}?"
+    for needed, told in TOLD.get(name, ()):
+        if not needed or needed in known:
+            return f": {told}"
+    return f"; did you mean tailbyte {INSTEAD[name]}?" if name in INSTEAD else ""
 
 
 def choice(value: object, choices: Iterable[object]) -> str:
