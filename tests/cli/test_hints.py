@@ -70,7 +70,6 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             "decode flight.log -T ek",
             "tailbyte decode: argument -T: ek is none of text, fields, json, jsonl, csv; did you mean jsonl?",
         ),
-        ("simulate -o x.log -f", "tailbyte simulate: no option -f; did you mean --force?"),
         ("decode flight.log -a duration:5", "tailbyte decode: no option -a; did you mean --to?"),
         ("decode flight.log -u s", "tailbyte decode: no option -u; did you mean -t?"),
         ("live can0 -L", "tailbyte live: no option -L; did you mean -w?"),
