@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.rules.checking import Measured
     from analyzer.rules.judge import Judge
-    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.rules.named_frames import TakesOccurrences
 
 _ROOM = 2  # batches that wait to be judged
 
@@ -32,7 +32,7 @@ class JudgedRun:
         named: is told which frames are named.
     """
 
-    def __init__(self, run: Run, criteria: Criteria, named: NamedFrames | None = None) -> None:
+    def __init__(self, run: Run, criteria: Criteria, named: TakesOccurrences | None = None) -> None:
         self.run = run
         run.engine.core.measured = True
         self._ends = not run.request.window.leaves_off

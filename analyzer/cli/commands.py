@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from importlib import import_module
+from os.path import lexists
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -12,7 +14,7 @@ from analyzer.app import streams
 from analyzer.cli.status import USAGE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from _typeshed import SupportsWrite
 
@@ -37,6 +39,8 @@ COMMANDS = {
     "help": "pages of the manual: captures, check, live, ...",
     "completion": "what makes a shell complete commands, options, fields, types, rules and captures",
 }
+
+_LETTER = re.compile(r"-\d")  # an option of other programs
 
 _EPILOG = """\
 exit status: 0 done, 1 check has findings, 2 wrong usage, 3 capture unreadable or damaged (what was readable has been
@@ -90,11 +94,18 @@ class Parser(argparse.ArgumentParser):
             known, others = self.parse_known_intermixed_args(args, namespace)
         finally:
             self._mixed = False
+        others = others or [word for word in self._arguments(known) if _LETTER.fullmatch(word) and not lexists(word)]
         if others:
             from analyzer.cli.usage import hints  # noqa: PLC0415 - only those who slip wait for it
 
             self.error(hints.option(others[0], self, every_command()))
         return known, others
+
+    def _arguments(self, known: argparse.Namespace) -> Iterator[str]:
+        """Yield what is taken for files and the like: argparse takes a digit behind a minus for a number."""
+        for action in self._get_positional_actions():
+            value = getattr(known, action.dest, None)
+            yield from (word for word in (value if isinstance(value, list) else [value]) if isinstance(word, str))
 
     def _match_argument(self, action: argparse.Action, arg_strings_pattern: str) -> int:
         """Say what an option needs that stands there without its value."""

@@ -14,13 +14,13 @@ from analyzer.cli import buses, decode, options, reports, rules, status
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from analyzer.app.criteria import Criteria
     from analyzer.app.live.request import LiveMode
     from analyzer.app.live.run import LiveRun
     from analyzer.filter.compiled import Filter
     from analyzer.live.interfaces.filters import Filters
     from analyzer.live.interfaces.naming import Interface
     from analyzer.report.model import Report
-    from dissectors import Registry
 
 NAME = "tailbyte live"
 HOUR = 3600.0
@@ -157,7 +157,7 @@ class Wanted:
         registry = dissectors.load(*options.folders(args))
         self._rules = rules.choice(args)
         self.criteria = rules.criteria(self._rules, registry, NAME)
-        chosen = _filter(args.display, registry)
+        chosen = _filter(args.display, self.criteria)
         if mode == "list":
             writer(view, registry, None)  # names that do not exist are told before anything is opened
         command = parse_command(args.exec_, args.exec_on, self.criteria.pages)
@@ -215,18 +215,23 @@ class Wanted:
         rules.tell_gate(self._rules, report)
 
 
-def _filter(text: str | None, registry: Registry) -> Filter | None:
-    """Return the filter of the list. Raises `FilterError` for one that is wrong or asks for what comes later."""
+def _filter(text: str | None, criteria: Criteria) -> Filter | None:
+    """Return the filter of the list. Raises `FilterError` for one that is wrong."""
     if text is None:
         return None
-    from analyzer.filter.compiled import compile_filter  # noqa: PLC0415 - few lists have one
+    from analyzer.app.filtered.run_filter import (  # noqa: PLC0415 - few lists have one
+        NO_LABELS,
+        check_labels,
+        check_rules,
+    )
+    from analyzer.filter.compiled import compile_filter  # noqa: PLC0415
 
-    chosen = compile_filter(text, registry)
-    if chosen.asks_findings:
-        raise ValueError(
-            "-Y: findings are told beside a live list, after its rows: choose rows by finding.* in the recording, "
-            "with decode -Y"
-        )
+    chosen = compile_filter(text, criteria.registry)
+    if chosen.asks_labels:
+        if criteria.choice.vehicle is None:
+            raise ValueError(NO_LABELS)
+        check_labels(chosen, criteria.labels.values())
+    check_rules(chosen, criteria.pages)
     return chosen
 
 

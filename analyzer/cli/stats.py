@@ -29,7 +29,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     names = "\n".join(f"  {name:<{width}}{about}" for name, about in STATISTICS.items())
     parser.epilog = f"statistics:\n{names}"
     parser.usage = "tailbyte stats [options] NAME[,ARGS] [-z NAME[,ARGS]] CAPTURE..."
-    parser.add_argument("name", type=statistic, metavar="NAME[,ARGS]", help="a statistic, see below")
+    parser.add_argument("name", nargs="?", action=_Statistic, metavar="NAME[,ARGS]", help="a statistic, see below")
     options.add_reader(parser)
     options.add_threads(parser)
     add_statistics(parser)
@@ -40,6 +40,27 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add_window(parser)
     options.add_output(parser)
     parser.set_defaults(run=run)
+
+
+class _Statistic(argparse.Action):
+    """Takes the statistic that stands first; a capture, if statistics are given by letter."""
+
+    def __call__(
+        self, _: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, __: str | None = None
+    ) -> None:
+        """Check it."""
+        if values is None:
+            if not namespace.statistics:
+                raise argparse.ArgumentError(self, f"which statistic? one of {', '.join(STATISTICS)}")
+            return
+        text = str(values)
+        try:
+            namespace.name = statistic(text)
+        except argparse.ArgumentTypeError as error:
+            named = text == "-" or any(sign in text for sign in "./") or os.path.lexists(text)
+            if not (namespace.statistics and named):
+                raise argparse.ArgumentError(self, str(error)) from None
+            namespace.capture_ = [text, *namespace.capture_]
 
 
 def statistic(text: str) -> str:
@@ -64,7 +85,7 @@ def add_statistics(parser: argparse._ActionsContainer) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Read the capture once and print what was asked for."""
-    return read(args, [args.name, *args.statistics], NAME)
+    return read(args, [*([args.name] if args.name else []), *args.statistics], NAME)
 
 
 def read(args: argparse.Namespace, texts: Sequence[str], who: str, *, mute: bool = False) -> int:

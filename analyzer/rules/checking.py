@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from analyzer.facts.summary import Facts, StoredCapture
     from analyzer.rules.coverage import Seen
     from analyzer.rules.judge import Outcome
-    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.rules.named_frames import TakesOccurrences
     from analyzer.rules.settings import Settings
     from dissectors import Registry
     from dissectors.kit import Array
@@ -51,7 +51,7 @@ class Measured(NamedTuple):
 class Check:
     """Adds up batches of one capture, first `measured` and then fed; memory is bounded."""
 
-    def __init__(self, registry: Registry, settings: Settings, named: NamedFrames | None = None) -> None:
+    def __init__(self, registry: Registry, settings: Settings, named: TakesOccurrences | None = None) -> None:
         self.judge = Judge(registry, settings, named)
         self._summary = Summary(registry)
         self._seen = Tracker(registry)

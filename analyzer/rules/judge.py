@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from analyzer.decode.readings import Statement
     from analyzer.rules.catalogue import Page
     from analyzer.rules.findings import Key
-    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.rules.named_frames import TakesOccurrences
     from analyzer.rules.runs import OccurrenceRun
     from analyzer.rules.vehicle.own import OwnRules
     from analyzer.rules.vehicle.own_judge import OwnJudge
@@ -57,7 +57,9 @@ class Judge:
         named: is told which frames are named.
     """
 
-    def __init__(self, registry: Registry, settings: Settings | None = None, named: NamedFrames | None = None) -> None:
+    def __init__(
+        self, registry: Registry, settings: Settings | None = None, named: TakesOccurrences | None = None
+    ) -> None:
         self._named = named
         settings = settings or Settings()
         own = settings.own

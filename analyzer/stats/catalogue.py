@@ -60,12 +60,14 @@ def named(text: str) -> tuple[str, list[str]]:
     if name not in STATISTICS:
         from difflib import get_close_matches  # noqa: PLC0415 - only mistakes need it
 
-        meant = _ELSEWHERE.get(name) or next(iter(get_close_matches(name[:40], STATISTICS, n=1)), "")
+        if meant := _ELSEWHERE.get(name):
+            raise ValueError(f"{text[:40]!r} is what others call it; did you mean {meant}?")
+        meant = next(iter(get_close_matches(name[:40], STATISTICS, n=1)), "")
         hint = f"; did you mean {meant}?" if meant else ""
         raise ValueError(f"no statistic is called {name[:40]!r}{hint} (one of: {', '.join(STATISTICS)})")
     if name == "io" and arguments[:1] in (["phs"], ["stat"]):
         meant = "hierarchy" if arguments[0] == "phs" else ",".join(["io", *arguments[1:]])
-        raise ValueError(f"{text[:40]!r} is what tshark calls it; did you mean {meant}?")
+        raise ValueError(f"{text[:40]!r} is what others call it; did you mean {meant}?")
     takes = {"io": None, "values": 1}.get(name, 0)
     if takes is not None and len(arguments) != takes:
         if takes and arguments:

@@ -70,6 +70,25 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             "decode flight.log -T ek",
             "tailbyte decode: argument -T: ek is none of text, fields, json, jsonl, csv; did you mean jsonl?",
         ),
+        ("decode flight.log -a duration:5", "tailbyte decode: no option -a; did you mean --to?"),
+        ("decode flight.log -u s", "tailbyte decode: no option -u; did you mean -t?"),
+        ("live can0 -L", "tailbyte live: no option -L; did you mean -w?"),
+        (
+            "live can0 -tz",
+            "tailbyte live: argument -t: z is none of a, ad, d, dd, e, r, u, ud; did you mean r?",
+        ),
+        (
+            "-r flight.log -T fields -e can.id",
+            "tailbyte: -r of which command? did you mean tailbyte decode -r flight.log -T fields -e can.id?",
+        ),
+        (
+            "decode flight.log -q -z conv,can",
+            "tailbyte decode: argument -z: 'conv,can' is what others call it; did you mean talkers?",
+        ),
+        (
+            "stats flight.log -z io,stat,1",
+            "tailbyte stats: argument -z: 'io,stat,1' is what others call it; did you mean io,1?",
+        ),
         ("-V", "tailbyte: no option -V; did you mean tailbyte --version?"),
         (
             "--color never decode flight.log",
@@ -80,7 +99,6 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("--nonsense", "tailbyte: no option --nonsense in front of the command (see tailbyte --help)"),
         ("decode --arround 4 flight.log", "tailbyte decode: no option --arround; did you mean --around?"),
         ("decode --arround=4 flight.log", "tailbyte decode: no option --arround; did you mean --around?"),
-        ("decode flight.log -n 5", "tailbyte decode: no option -n; did you mean -c?"),
         ("decode flight.log --json", "tailbyte decode: no option --json; did you mean -T json?"),
         ("decode flight.log --no-color", "tailbyte decode: no option --no-color; did you mean --color never?"),
         ("live can0 --since 5", "tailbyte live: no option --since (see tailbyte live --help)"),
@@ -123,6 +141,40 @@ def test_what_is_said(command: Command, line: str, said: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("decode flight.log -n 5", "no option -n: nothing here is looked up by name; the first N rows are -c N"),
+        ("decode -n flight.log", "no option -n: nothing here is looked up by name; the first N rows are -c N"),
+        ("decode -nr flight.log", "no option -n: nothing here is looked up by name; the first N rows are -c N"),
+        ("decode flight.log -N m", "no option -N: nothing here is looked up by name; the first N rows are -c N"),
+        ("info flight.log -n", "no option -n: nothing here is looked up by name"),
+        (
+            "decode flight.log -f 'can id 5'",
+            "no option -f: a capture filter is for a bus that runs; rows are chosen by -Y FILTER (tail -f: --follow)",
+        ),
+        (
+            "info flight.log -f 'can id 5'",
+            "no option -f: a capture filter is for a bus that runs; rows are chosen by -Y FILTER",
+        ),
+        ("decode flight.log -l", "no option -l: each line is written at once with --follow"),
+        ("decode flight.log -C mine", "no option -C: there are no configuration profiles; every setting is an option"),
+        ("decode flight.log -2 -Y can.id", "no option -2: a filter looks back and ahead by itself"),
+        ("decode flight.log -S ----", "no option -S: for programs there are -T jsonl, json, csv and fields"),
+        (
+            "decode flight.log -o gui.x:1",
+            "no option -o: there are no preferences; files are written by tailbyte convert and tailbyte export",
+        ),
+        ("decode flight.log -X lua_script:x", "no option -X: types of your own are --dissector DIR"),
+        ("live can0 -I", "no option -I: there is no such mode on CAN: a controller receives everything"),
+        ("live can0 -8", "no option -8: bytes are shown by -x"),
+    ],
+)
+def test_what_is_done_otherwise_here(command: Command, line: str, said: str) -> None:
+    words = shlex.split(line)
+    assert command(*words) == (2, "", f"tailbyte {words[0]}: {said} (see tailbyte {words[0]} --help)\n")
+
+
+@pytest.mark.parametrize(
     "line", [["\x1b[31m\n"], ["decode", "a", "--\x1b[31m"], ["decode", "a", "-T", "\x1b" * 900], ["--\n"]]
 )
 def test_what_was_typed_is_harmless_and_short(command: Command, line: list[str]) -> None:
@@ -136,6 +188,7 @@ def test_every_habit_leads_to_something_that_exists() -> None:
     parsers = every_command()
     options = {option for parser in parsers.values() for option in hints.options_of(parser)}
     assert {meant.split()[0] for row in habits.OPTIONS.values() for meant in row} <= options
+    assert {needed for row in habits.TOLD.values() for needed, _ in row} - {""} <= options
     meant = {name.split()[0] for row in habits.COMMANDS.values() for name in row}
     assert meant <= {*COMMANDS, "--version"}
     assert not set(habits.COMMANDS) & set(COMMANDS)

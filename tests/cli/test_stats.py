@@ -49,6 +49,25 @@ def test_every_statistic_in_every_form(name: str, command: Command) -> None:
     assert table.num_rows == len(rows)
 
 
+@pytest.mark.parametrize(
+    "line",
+    [("-z", "io,5", HOVER), (HOVER, "-z", "io,5"), ("-z", "io,5", "-r", HOVER), ("-z", "io,5", "-z", "nodes", HOVER)],
+)
+def test_they_are_named_by_letter_alone_as_tshark_has_it(line: tuple[object, ...], command: Command) -> None:
+    more = [word for word in line if word == "nodes"]
+    status, out, _ = command("stats", "io,5", *(part for name in more for part in ("-z", name)), HOVER)
+    assert status == 0
+    assert command("stats", *line) == (0, out, "")
+
+
+def test_which_one_is_asked_for(command: Command) -> None:
+    assert command("stats", "-r", HOVER)[2].startswith("tailbyte stats: argument NAME[,ARGS]: which statistic? one of")
+    assert command("stats", "-z", "io,5", "missing.log")[2].startswith("tailbyte: missing.log: No such file")
+    assert command("stats", "-z", "io,5", "missing")[2].startswith(
+        "tailbyte stats: argument NAME[,ARGS]: no statistic is called 'missing'"
+    )
+
+
 def test_several_in_one_reading_are_what_each_is_alone(command: Command) -> None:
     texts = list(EACH.values())
     _, together, _ = command("stats", texts[0], *(part for text in texts[1:] for part in ("-z", text)), FAULTS)

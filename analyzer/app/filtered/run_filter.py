@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from typing import TYPE_CHECKING
 
@@ -16,14 +17,16 @@ if TYPE_CHECKING:
 
     from analyzer.app.run import Run
     from analyzer.decode.engine import Batch
+    from analyzer.filter.compiled import Filter
     from analyzer.filter.matcher import Matcher, Matches
     from analyzer.rules.catalogue import Page
     from analyzer.rules.named_frames import NamedFrames
     from analyzer.rules.vehicle.expected import Expected
     from analyzer.window.numbering import Numbering
     from analyzer.window.screen import Item
-    from dissectors.kit import Array
+    from dissectors.kit import Array, Severity
 
+NO_LABELS = "node.label is what a vehicle file calls a node: give one with --vehicle FILE.toml"
 _BATCHES_KEPT = 256  # whose frames may still get another verdict
 
 
@@ -44,8 +47,9 @@ class RunFilter:
         )
         self.labels = _labels(run) if self.filter.asks_labels else {}
         self._pages = _pages(run) if self.filter.asks_findings else {}
-        self._check("node.label", set(self.labels.values()), "no node in the vehicle file is called")
-        self._check("finding.rule", self._pages, "no rule is called")
+        self._severities = _severities(run) if self.filter.asks_findings else {}
+        check_labels(self.filter, self.labels.values())
+        check_rules(self.filter, self._pages)
         self.transfers = self.frames = self.errors = 0
         self._kept: deque[tuple[int, Array]] = deque(maxlen=_BATCHES_KEPT)
         self._named: NamedFrames | None = None
@@ -65,7 +69,7 @@ class RunFilter:
 
     def matcher(self) -> Matcher:
         """Return what evaluates it from the first batch on."""
-        severities = {rule: page.severity for rule, page in self._pages.items()}
+        severities = {rule: page.severity for rule, page in self._pages.items()} | self._severities
         return self.filter.matcher(labels=self.labels, named=self._named, severities=severities)
 
     def frame_matcher(self) -> RunFilter | None:
@@ -165,23 +169,39 @@ class RunFilter:
             return said
         return True
 
-    def _check(self, field: str, known: Collection[str], reason: str) -> None:
-        """Raise `FilterError` for a word that a field is compared with and that is none of the known ones."""
-        for word in self.filter.words:
-            if word.field == field and word.text not in known:
-                meant = [one for one in known if one.lower() == word.text.lower()] or near(word.text, sorted(known))
-                if any(one.startswith(f"{word.text}-") for one in known):
-                    hint = f'; for all of these write {field} contains "{word.text}-"'
-                else:
-                    hint = f"; did you mean {listed(meant)}?" if meant else ""
-                raise FilterError(f"{reason} {word.text!r:.60}{hint}", self.filter.text, *word.span, meant)
+
+def check_labels(chosen: Filter, labels: Iterable[str]) -> None:
+    """Raise `FilterError` for a label that no node has."""
+    _check(chosen, "node.label", set(labels), "no node in the vehicle file is called")
+
+
+def check_rules(chosen: Filter, rules: Collection[str]) -> None:
+    """Raise `FilterError` for a rule that does not exist."""
+    _check(chosen, "finding.rule", rules, "no rule is called")
+
+
+def _check(chosen: Filter, field: str, known: Collection[str], reason: str) -> None:
+    """Raise `FilterError` for a word that a field is compared with and that is none of the known ones."""
+    for word in chosen.words:
+        if word.field == field and word.text not in known:
+            meant = [one for one in known if _plain(one) == _plain(word.text)] or near(word.text, sorted(known))
+            if any(one.startswith(f"{word.text}-") for one in known):
+                hint = f'; for all of these write {field} contains "{word.text}-"'
+            else:
+                hint = f"; did you mean {listed(meant)}?" if meant else ""
+            raise FilterError(f"{reason} {word.text!r:.60}{hint}", chosen.text, *word.span, meant)
+
+
+def _plain(name: str) -> str:
+    """Return a name as somebody may write it who has it by heart: TRF-003 as trf3."""
+    return re.sub(r"[-_ ]|(?<!\d)0+(?=\d)", "", name.lower())
 
 
 def _labels(run: Run) -> dict[int, str]:
     """Return what the vehicle file of a run calls its nodes."""
     expected = _expected(run)
     if expected is None:
-        raise ValueError("node.label is what a vehicle file calls a node: give one with --vehicle FILE.toml")
+        raise ValueError(NO_LABELS)
     return {node: one.label for node, one in expected.nodes.items() if one.label}
 
 
@@ -192,6 +212,12 @@ def _pages(run: Run) -> Mapping[str, Page]:
     expected = _expected(run)
     own = {} if expected is None or expected.own is None else expected.own.pages
     return {**load(run.registry), **own}
+
+
+def _severities(run: Run) -> dict[str, Severity]:
+    """Return the severities that the vehicle file of a run gives to rules."""
+    expected = _expected(run)
+    return {} if expected is None else {**expected.severities}
 
 
 def _expected(run: Run) -> Expected | None:

@@ -91,11 +91,13 @@ class TransferList(EventLines):
 
     def batch(self, measured: Measured) -> None:
         """List its transfers."""
-        batch = measured.batch
+        self._list(measured.batch)
+
+    def _list(self, batch: Batch) -> None:
         if self._writer is None:
             if not len(batch.frames) and not len(batch.events):
                 return
-            self._writer = self._begun(_first_time(measured))
+            self._writer = self._begun(_first_time(batch))
         for text in self._writer.rows(batch, self._rows(batch)):
             self._printer.put(text)
         if line := self._delay.line(self._printer.behind):
@@ -117,8 +119,9 @@ class TransferList(EventLines):
             self.note(f"not listed, as whoever reads the list is too slow for it: {printer.lost - self._lost:,} more")
             self._lost = printer.lost
 
-    def end(self) -> None:
+    def end(self, findings: Sequence[Finding]) -> None:
         """Write what stands behind everything; a form that brackets its entries does so around none of them, too."""
+        del findings
         self._writer = self._writer or self._begun(None)
         self._printer.put(self._writer.end())
 
@@ -137,6 +140,6 @@ def said(finding: Finding, *, bus: bool = False) -> str:
     return f"! {when} {finding.severity} {finding.rule} {where}: {text}{frame}"
 
 
-def _first_time(measured: Measured) -> int | None:
-    t, valid = times(measured.batch.frames)
+def _first_time(batch: Batch) -> int | None:
+    t, valid = times(batch.frames)
     return int(t[valid][0]) if valid.any() else None

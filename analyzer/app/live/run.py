@@ -24,6 +24,7 @@ from analyzer.live.capture_loop import CaptureLoop
 from analyzer.live.interfaces.hub import Hub
 from analyzer.live.interfaces.receiver import open_receiver
 from analyzer.live.printer import Printer
+from analyzer.rules.named_frames import RecentNames
 from analyzer.sinks import losses
 
 if TYPE_CHECKING:
@@ -66,6 +67,8 @@ class LiveRun:
         self._display: Display | None = None
         self._status_file: StatusFile | None = None
         self._hook: FindingHook | None = None
+        asks = request.filter is not None and request.filter.asks_findings
+        self._names = RecentNames() if asks else None
 
     def run(self) -> Report | None:
         """Run it; return the verdict, None if the rules have failed.
@@ -81,7 +84,9 @@ class LiveRun:
                 hub, recording.recorder, recording.autostop, self._control, recording.end, recording.header,
                 self._interval(),
             )  # fmt: skip
-            session = LiveSession(loop, recording, request.name, self._criteria, self._views, self._interval())
+            session = LiveSession(
+                loop, recording, request.name, self._criteria, self._views, self._interval(), named=self._names
+            )
             self._add_views(stack, session, recording, say)
             with loop:
                 self._go(session, say)
@@ -129,10 +134,7 @@ class LiveRun:
             self._views.append(self._display)
         elif request.mode == "list":
             printer = stack.enter_context(Printer())
-            self._list = TransferList(
-                request.view, criteria.registry, printer, several=self._several, say=say,
-                matcher=None if request.filter is None else request.filter.matcher(labels=criteria.labels),
-            )  # fmt: skip
+            self._list = self._listed(printer, say)
             self._views.append(self._list)
         else:
             self._views.append(EventLines(several=self._several, say=say))
@@ -155,6 +157,18 @@ class LiveRun:
             self._plot = LivePlot(output, criteria, tell, several=self._several)
             self._views.append(self._plot)
 
+    def _listed(self, printer: Printer, say: Callable[[str], None]) -> TransferList:
+        """Return the list: one whose rows wait if its filter asks for what comes later."""
+        chosen, criteria, names = self._request.filter, self._criteria, self._names
+        severities = {rule: page.severity for rule, page in criteria.pages.items()} | {**criteria.settings.severities}
+        matcher = None if chosen is None else chosen.matcher(labels=criteria.labels, named=names, severities=severities)
+        given, several = (self._request.view, criteria.registry, printer), self._several
+        if names is None:
+            return TransferList(*given, several=several, say=say, matcher=matcher)
+        from analyzer.app.live.waiting import WaitingList  # noqa: PLC0415 - few filters ask for findings
+
+        return WaitingList(*given, several=several, say=say, matcher=matcher, names=names)
+
     def _go(self, session: LiveSession, say: Callable[[str], None]) -> None:
         """Run until it ends."""
         if self._display is None:
@@ -173,7 +187,7 @@ class LiveRun:
         if self._plot is not None and not self._plot.failed:
             self._plot.end(report, taken.checked.facts)
         if self._list is not None and not self._list.failed:
-            self._list.end()
+            self._list.end(report.findings)
         return report
 
     def _saved(self, session: LiveSession) -> str:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from analyzer.report.draft import JudgedCapture
     from analyzer.report.newest import Change
     from analyzer.rules.checking import Measured
+    from analyzer.rules.named_frames import TakesOccurrences
 
 
 # Seconds without a row after which findings are told that wait for more.
@@ -59,6 +60,7 @@ class LiveSession:
         views: show it; more may be added until it runs.
         interval: seconds between two batches.
         now: seconds of a monotonic clock.
+        named: is told which frames rules name.
     """
 
     def __init__(
@@ -70,11 +72,12 @@ class LiveSession:
         views: list[SessionView],
         interval: float,
         now: Callable[[], float] = time.monotonic,
+        named: TakesOccurrences | None = None,
     ) -> None:
         self.loop = loop
         source = LiveSource(loop, recording, name, interval, self._look)
         self._run = Run(Request((name,), rules=criteria.choice), registry=criteria.registry, source=source)
-        self._judged: JudgedRun | None = JudgedRun(self._run, criteria)
+        self._judged: JudgedRun | None = JudgedRun(self._run, criteria, named)
         self.newest = Newest(self._judged.judge, criteria.settings, criteria.revisions(), now=now)
         self.problems: list[str] = []
         self._views, self._recording, self._now = views, recording, now

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+_Meant = TypeVar("_Meant")
 
-def _each(table: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+
+def _each(table: Mapping[str, _Meant]) -> dict[str, _Meant]:
     """Return the table with a row for each word of its keys."""
     return {word: meant for words, meant in table.items() for word in words.split()}
 
@@ -39,10 +41,37 @@ INSTEAD = {
     "-G": "fields", "--fields-list": "fields", "--list-rules": "explain --list", "--stats": "stats", "-w": "convert",
 }  # fmt: skip
 
+# Options that there are none of: the option that the words speak of, "" for none, and what to do instead. The first one
+# whose option the command has counts.
+TOLD = _each(
+    {
+        "-n -N": (
+            ("-c", "nothing here is looked up by name; the first N rows are -c N"),
+            ("", "nothing here is looked up by name"),
+        ),
+        "-f": (
+            (
+                "--follow",
+                "a capture filter is for a bus that runs; rows are chosen by -Y FILTER (tail -f: --follow)",
+            ),
+            ("-Y", "a capture filter is for a bus that runs; rows are chosen by -Y FILTER"),
+        ),
+        "-l": (("--follow", "each line is written at once with --follow"),),
+        "-C": (("", "there are no configuration profiles; every setting is an option"),),
+        "-2": (("-Y", "a filter looks back and ahead by itself"),),
+        "-S": (("-T", "for programs there are -T jsonl, json, csv and fields"),),
+        "-o": (("-Y", "there are no preferences; files are written by tailbyte convert and tailbyte export"),),
+        "-X": (("--dissector", "types of your own are --dissector DIR"),),
+        "-p -I": (("-i", "there is no such mode on CAN: a controller receives everything"),),
+        "-8": (("-x", "bytes are shown by -x"),),
+    }
+)
+
 # Values of options.
 VALUES = _each(
     {
         "ek ndjson jsonlines": ("jsonl",),
+        "z zero": ("r",),
         "pdml psml xml jsonraw": ("json",),
         "tabs tsv": ("fields",),
         "txt plain": ("text",),
@@ -52,7 +81,7 @@ VALUES = _each(
 # Options, in the same way; the first word of a meaning is the option, and the command has to have it.
 OPTIONS = _each(
     {
-        "-n --count --limit --head --max-count": ("-c",),
+        "--count --limit --head --max-count": ("-c",),
         "-R --display-filter --where": ("-Y",),
         "--stat --statistics": ("-z",),
         "--json": ("-T json",),
@@ -79,10 +108,14 @@ OPTIONS = _each(
         "--rule --rules --only --enable": ("--select",),
         "--exclude --skip --disable": ("--ignore",),
         "--config --expect": ("--vehicle",),
-        "-f": ("--follow", "--force"),
+        "-f": ("--force",),
         "--overwrite -y": ("--force",),
         "--field --fields --columns": ("-e",),
-        "--hex --bytes": ("-x",),
+        "--hex --bytes --hexdump": ("-x",),
+        "-u": ("-t",),
+        "--enable-protocol --disable-protocol": ("-Y",),
+        "-a": ("--to",),
+        "-L": ("-w",),
         "-j --jobs": ("--threads",),
     }
 )

@@ -8,7 +8,7 @@ import re
 from shlex import quote
 from typing import TYPE_CHECKING
 
-from analyzer.cli.usage.habits import COMMANDS, INSTEAD, OPTIONS, VALUES
+from analyzer.cli.usage.habits import COMMANDS, INSTEAD, OPTIONS, TOLD, VALUES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -61,7 +61,7 @@ def before_command(option: str, others: Sequence[str], parsers: Mapping[str, arg
         return f"no option {_short(option)}; did you mean tailbyte {near[0]}?"
     if option in INSTEAD and not having[1:]:
         return f"no option {option}; did you mean tailbyte {INSTEAD[option]}?"
-    named = next((one for one in others if one in parsers), None)
+    named = next((one for one in others if one in parsers and (not having or one in having)), None)
     if named is not None:
         return f"{_short(option)}: options stand behind the command: tailbyte {named} {quote(option[:_LONGEST])} ..."
     if having:
@@ -77,11 +77,10 @@ def option(word: str, parser: argparse.ArgumentParser, parsers: Mapping[str, arg
     known = options_of(parser)
     if not word.startswith("-") or word == "-":
         return f"{_short(word)} is one argument too many"
-    for meant in OPTIONS.get(name, ()):
-        if meant.split()[0] in known:
-            return f"no option {_short(name)}; did you mean {meant}?"
-    if name in INSTEAD:
-        return f"no option {_short(name)}; did you mean tailbyte {INSTEAD[name]}?"
+    if len(name) > 2 and name[1] != "-" and f"-{name[2]}" in (*known, *TOLD):  # letters in a row
+        name = name[:2]
+    if otherwise := _otherwise(name, known):
+        return f"no option {_short(name)}{otherwise}"
     near = _near(name, [one for one in known if one.startswith("--")])
     having = [other for other, one in parsers.items() if name in options_of(one)]
     if near and not having:
@@ -89,6 +88,17 @@ def option(word: str, parser: argparse.ArgumentParser, parsers: Mapping[str, arg
     if having:
         return f"{_short(name)} is an option of tailbyte {', '.join(having)}, not of this command"
     return f"no option {_short(name)}"
+
+
+def _otherwise(name: str, known: Sequence[str]) -> str:
+    """Return what hands that know an option from elsewhere find here instead, "" for one that nobody has."""
+    for meant in OPTIONS.get(name, ()):
+        if meant.split()[0] in known:
+            return f"; did you mean {meant}?"
+    for needed, told in TOLD.get(name, ()):
+        if not needed or needed in known:
+            return f": {told}"
+    return f"; did you mean tailbyte {INSTEAD[name]}?" if name in INSTEAD else ""
 
 
 def choice(value: object, choices: Iterable[object]) -> str:
