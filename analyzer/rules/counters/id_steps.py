@@ -166,7 +166,7 @@ def id_steps(view: View, rows: Array, orphans: OrphanFrames) -> IdSteps:
     gap = np.where(t.has("gap")[rows], t.gap[rows], 0)
     since = np.where(timed, at - gap, at)
     keep = timed | (rule != IS_COPY)
-    keep &= ~timed | (since >= _resumed(view, at))
+    keep &= ~timed | (since >= view.all_resumed(at))
     to = np.where(kind == REQUEST, t.dst[rows], 0).astype(np.int64)
     place = np.where(kind == MESSAGE, type_id << 8, type_id << 16 | 1 << 15 | to << 8 | _SERVICE) | src | bus << 32
     transfer_id = t.transfer_id[rows].astype(np.int64)
@@ -194,15 +194,6 @@ def id_steps(view: View, rows: Array, orphans: OrphanFrames) -> IdSteps:
         lead, numbers[end - 1].astype(np.int64), begin, end - begin, numbers,
     )  # fmt: skip
     return steps.take(np.flatnonzero(keep))
-
-
-def _resumed(view: View, at: Array) -> Array:
-    """Return `View.resumed` of times."""
-    timed = at[at != NO_TIME]
-    last = view.resumed(int(timed.max())) if len(timed) else NO_TIME
-    if not len(timed) or view.resumed(int(timed.min())) == last:
-        return np.full(len(at), last)
-    return np.array([view.resumed(t) for t in at.tolist()])
 
 
 def _as_meant(view: View, row: int, orphans: OrphanFrames, since: tuple[int, int]) -> tuple[int, int]:

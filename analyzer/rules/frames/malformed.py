@@ -15,7 +15,7 @@ from analyzer.tables import FD, FRAME_ANOMALIES, VERDICTS
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dissectors.kit import Array, Kept, Values, View
+    from dissectors.kit import Array, Severity, Values
 
 _REMOTE, _NO_TAIL, IMPOSSIBLE = (
     1 << FRAME_ANOMALIES.index(name) for name in ("remote", "no tail", "impossible length")
@@ -24,12 +24,22 @@ _FOREIGN, _ANONYMOUS = VERDICTS.index("foreign"), VERDICTS.index("anonymous mult
 _LENGTH_CODE = 8  # bits 8 to 11 of the flags of a remote frame
 
 
+class Form(NamedTuple):
+    """The outside of a frame: its identifier and flags, its last byte (0 if there is none), how many bytes it has."""
+
+    id: int
+    flags: int
+    tail: int
+    length: int
+
+
 class Malformed(NamedTuple):
     """A rule, the frames that breach it by columns of verdicts, anomalies and flags, and the values of one."""
 
     rule: str
     picks: Callable[[Array, Array, Array], Array]
-    values: Callable[[View, int, Kept], Values]
+    values: Callable[[Form], Values]
+    severity: Severity | None = None
 
 
 def has(bit: int) -> Callable[[Array, Array, Array], Array]:
@@ -37,13 +47,13 @@ def has(bit: int) -> Callable[[Array, Array, Array], Array]:
     return lambda _verdict, anomaly, _flags: anomaly & bit != 0
 
 
-def tail(_view: View, _number: int, kept: Kept) -> Values:
+def tail(form: Form) -> Values:
     """Return the tail byte."""
-    return {"tail": kept.data[-1]}
+    return {"tail": form.tail}
 
 
-def _promises_more(view: View, number: int, kept: Kept) -> Values:
-    return {"what": f"tail byte {tail(view, number, kept)['tail']:02X}"}
+def _promises_more(form: Form) -> Values:
+    return {"what": f"tail byte {form.tail:02X}"}
 
 
 def _anonymous(verdict: Array, _anomaly: Array, _flags: Array) -> Array:
@@ -56,16 +66,16 @@ def _too_long(verdict: Array, anomaly: Array, flags: Array) -> Array:
     return np.where(fd, verdict > _FOREIGN, anomaly & IMPOSSIBLE != 0)
 
 
-def _remote(_view: View, _number: int, kept: Kept) -> Values:
-    return {"can_id": kept.id, "length": kept.flags >> _LENGTH_CODE & 0xF}
+def _remote(form: Form) -> Values:
+    return {"can_id": form.id, "length": form.flags >> _LENGTH_CODE & 0xF}
 
 
-def _form(_view: View, _number: int, kept: Kept) -> Values:
-    return {"can_id": kept.id, "length": len(kept.data)}
+def _form(form: Form) -> Values:
+    return {"can_id": form.id, "length": form.length}
 
 
-def _sender(_view: View, _number: int, kept: Kept) -> Values:
-    return {"discriminator": discriminator(kept.id), "type_id": kept.id >> 8 & 3}
+def _sender(form: Form) -> Values:
+    return {"discriminator": discriminator(form.id), "type_id": form.id >> 8 & 3}
 
 
 KINDS = (

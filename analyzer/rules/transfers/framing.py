@@ -163,7 +163,7 @@ def _only_orphans(view: View, row: int) -> bool:
 
 def _original(view: View, number: int, kept: Kept) -> int | None:
     """Return the number of an earlier frame of the session with the same bytes, of a transfer."""
-    before = islice(preceding(view, number, kept), _BEFORE)
+    before = islice(preceding(view, number, kept.bus, session_of(kept.id, kept.verdict)), _BEFORE)
     return next((earlier for earlier, one in before if one.data == kept.data and one.verdict == _USED), None)
 
 

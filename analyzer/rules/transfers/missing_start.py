@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING
+from itertools import chain
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.diagnosis.budgets import KnownCauses, SearchBudget, alike, senders_of
-from analyzer.rules.diagnosis.causes import FIRST, FIRSTS, FORMS, LOST_SEVERAL, NOT_SEARCHED, Cause
+from analyzer.rules.diagnosis.causes import FIRST, FIRSTS, FORMS, LOST_SEVERAL, NOT_SEARCHED
 from analyzer.rules.diagnosis.search import REMAINDER, FrameLists, ask
-from analyzer.rules.joint.gathered import Sent
 from analyzer.rules.recent import MOST_LINES
 from analyzer.tables import FD, TAIL_END, TAIL_ID
-from dissectors.kit import NO_TIME, SECOND, Kept, Occurrence
-from dissectors.records import dataclass, field, replace
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences
+from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from analyzer.rules.diagnosis.budgets import Shape
-    from analyzer.rules.joint.gathered import Gathered
-    from dissectors.kit import Array, Values, View
+    from analyzer.rules.diagnosis.causes import Cause
+    from analyzer.rules.transfers.loose_frames import LooseFrames
+    from dissectors.kit import Array, Severity, Values, View
 
 _LOSSES = {FIRST, FIRSTS, LOST_SEVERAL, NOT_SEARCHED}  # what a sender that was busy as the capture began explains
 TIMEOUT = 2 * SECOND
@@ -33,49 +31,89 @@ _HABIT = 3  # of them that no busy moment explains
 
 
 @dataclass(slots=True)
-class LooseFrame:
-    """A frame outside of transfers: its number, its session (bus and identifier without priority), bytes and sender.
-
-    `lines` are those of a frame that may be gone when they are needed.
-    """
-
-    number: int
-    session: int
-    kept: Kept
-    node: int | None
-    code: int
-    lines: tuple[str, ...] = ()
-
-    @property
-    def sent(self) -> Sent:
-        """When it was sent, and by whom."""
-        return Sent(self.kept.t, self.kept.bus, self.node, self.code)
-
-
-def loose_senders(loose: Sequence[LooseFrame]) -> Array:
-    """Return who sent each, and its type."""
-    who = [(one.kept.bus, NOBODY if one.node is None else one.node, one.code) for one in loose]
-    return senders_of(*np.array(who, np.int64).reshape(-1, 3).T)
-
-
-def loose_lists(loose: Sequence[LooseFrame], frames: Sequence[Sequence[int]]) -> FrameLists:
-    """Return lists of frames of the sessions of some."""
-    return FrameLists.of(frames, [one.code for one in loose], [bool(one.kept.flags & FD) for one in loose])
-
-
-@dataclass(slots=True)
 class _Remainder:
+    """Frames of one session and transfer ID; `first` are the cells of the first one."""
+
     transfer_id: int
-    first: LooseFrame
+    first: tuple[int, ...]
     latest: int
-    received: int = 0
-    frames: list[int] = field(default_factory=list)
+    received: int
+    frames: list[int]
     lines: tuple[str, ...] = ()
 
-    @property
-    def shape(self) -> Shape:
-        """Frames and bytes that came."""
-        return len(self.frames), self.received
+
+class _Remainders(NamedTuple):
+    """Remainders that were closed, and the cells of their first frames in columns."""
+
+    each: Sequence[_Remainder]
+    number: Array
+    session: Array
+    t: Array
+    bus: Array
+    node: Array
+    code: Array
+    flags: Array
+
+    @classmethod
+    def of(cls, each: Sequence[_Remainder]) -> _Remainders:
+        """Return them in columns."""
+        cells = np.fromiter(chain.from_iterable(one.first for one in each), np.int64)
+        return cls(each, *cells.reshape(len(each), -1).T)
+
+    def lists(self, rows: Array) -> FrameLists:
+        """Return the frames of some."""
+        frames = [self.each[k].frames for k in rows.tolist()]
+        numbers = np.fromiter(chain.from_iterable(frames), np.int64)
+        offsets = np.concatenate(((0,), np.cumsum([*map(len, frames)], dtype=np.int64)))
+        return FrameLists(numbers, offsets, self.code[rows], self.flags[rows] & FD != 0)
+
+
+class _Told(NamedTuple):
+    """What is missing of remainders, what makes it more exact, and whether a busy sender explains it."""
+
+    of: _Remainders
+    what: Sequence[str]
+    cause: Callable[[int], Cause]
+    early: Array
+
+    def values(self, k: int) -> Values:
+        """Return what is said of one."""
+        return {
+            "transfer_id": self.of.each[k].transfer_id, "cause": self.what[k], "detail": self.cause(k).detail,
+        }  # fmt: skip
+
+    def severity(self, k: int) -> Severity | None:
+        """Return what stands instead of the severity of the rule."""
+        return "note" if self.early[k] else None
+
+    def occurrence(self, view: View, k: int) -> Occurrence:
+        """Return one."""
+        t, bus, node, code = (column.item(k) for column in (self.of.t, self.of.bus, self.of.node, self.of.code))
+        frames, lines = self.of.each[k].frames, self.of.each[k].lines
+        return Occurrence(
+            "TRF-005", t, bus, None if node < 0 else node, view.type_name(code), tuple(frames), self.values(k),
+            severity=self.severity(k), drops=True, lines=lines or _lines(view, frames),
+        )  # fmt: skip
+
+    def occurrences(self, rows: Sequence[int]) -> Iterator[Occurrences]:
+        """Yield some together."""
+        ids: dict[str, int] = {}
+        every = np.array(rows, np.int64)
+        key = np.array([ids.setdefault(self.what[k], len(ids)) for k in rows], np.int64)
+        early = self.early[every]
+        for noted in dict.fromkeys(early.tolist()):
+            yield self._alike(every[early == noted], key[early == noted])
+
+    def _alike(self, rows: Array, key: Array) -> Occurrences:
+        """Return some of one severity."""
+        t, bus, node, code, number = (
+            column[rows] for column in (self.of.t, self.of.bus, self.of.node, self.of.code, self.of.number)
+        )
+        return Occurrences(
+            rule="TRF-005", t=t, bus=bus, node=node, type=code, frame=number,
+            values=lambda k: self.values(rows.item(k)), frames=lambda k: self.of.each[rows.item(k)].frames,
+            key=key, severity=self.severity(rows.item(0)), drops=True, each_named=True,
+        )  # fmt: skip
 
 
 class MissingStart:
@@ -101,113 +139,114 @@ class MissingStart:
             if not one.lines and one.frames[-1] < view.frames.first:
                 one.lines = _lines(view, one.frames)
 
-    def add(self, view: View, loose: LooseFrame) -> None:
-        """Add one more orphan; a remainder that cannot get any more frames waits for `told`."""
-        key, tail, t = loose.session, loose.kept.data[-1], loose.kept.t
-        if len(self._orphaned) < MOST_OPEN:
-            self._orphaned.setdefault(key, t)
-        one = self._open.get(key)
-        if one is not None and (one.transfer_id != tail & TAIL_ID or t - one.latest > TIMEOUT):
-            self._close(key)
-            one = None
-        if one is None:
-            if len(self._open) >= MOST_OPEN:
-                self._close(next(iter(self._open)))
-            one = self._open[key] = _Remainder(tail & TAIL_ID, loose, t)
-        one.latest = t
-        one.received += len(loose.kept.data) - 1
-        if len(one.frames) < MOST_FRAMES:
-            one.frames.append(loose.number)
-            if one.lines or loose.lines:
-                before = one.lines or _lines(view, one.frames[:-1])
-                one.lines = before + (loose.lines or view.lines((loose.number,)))
-        if tail & TAIL_END:
-            self._close(key)
+    def add(self, view: View, orphans: LooseFrames) -> None:
+        """Add more orphans; a remainder that cannot get any more frames waits for `told`."""
+        cells = orphans.number, orphans.session, orphans.t, orphans.bus, orphans.node, orphans.code, orphans.flags
+        first = zip(*(column.tolist() for column in cells), strict=True)
+        rest = (orphans.tail & TAIL_ID).tolist(), (orphans.tail & TAIL_END).tolist(), (orphans.size - 1).tolist()
+        known, opened = self._orphaned, self._open
+        for cell, transfer_id, ends, size, lines in zip(first, *rest, orphans.lines, strict=True):
+            number, key, t = cell[:3]
+            if key not in known and len(known) < MOST_OPEN:
+                known[key] = t
+            one = opened.get(key)
+            if one is not None and (one.transfer_id != transfer_id or t - one.latest > TIMEOUT):
+                self._closed.append(opened.pop(key))
+                one = None
+            if one is None:
+                if len(opened) >= MOST_OPEN:
+                    self._closed.append(opened.pop(next(iter(opened))))
+                opened[key] = _Remainder(transfer_id, cell, t, size, [number], lines or ())
+            else:
+                one.latest = t
+                one.received += size
+                if len(one.frames) < MOST_FRAMES:
+                    one.frames.append(number)
+                    if one.lines or lines:
+                        before = one.lines or _lines(view, one.frames[:-1])
+                        one.lines = before + (lines or view.lines((number,)))
+            if ends:
+                self._closed.append(opened.pop(key))
 
-    def rest(self, view: View, told: Gathered) -> Iterator[Occurrence]:
-        """Yield those that were never closed."""
-        for key in list(self._open):
-            self._close(key)
-        yield from self.told(view, told)
+    def close(self) -> None:
+        """Close all that are open: no more frames will come."""
+        self._closed += self._open.values()
+        self._open.clear()
+
+    def excused(self) -> Iterator[Occurrence]:
+        """Yield those that were held back to the end."""
         for held in self._early_ones.values():
             yield from held
 
-    def told(self, view: View, told: Gathered) -> Iterator[Occurrence]:
-        """Tell of remainders that were closed: those that are held back are yielded, others are `told`."""
-        closed, self._closed = self._closed, []
-        if not closed:
+    def told(self, view: View, together: list[Occurrences]) -> Iterator[Occurrence]:
+        """Tell of remainders that were closed: those whose lines are kept are yielded, others told `together`."""
+        if not self._closed:
             return
-        for one, what, cause in zip(closed, *self._search(view, closed), strict=True):
-            if what:
-                yield from self._tell(view, one, what, cause, told)
+        closed, self._closed = _Remainders.of(self._closed), []
+        told = self._searched(view, closed)
+        rows: list[int] = []
+        for k, (what, key, early, one) in enumerate(
+            zip(told.what, closed.session.tolist(), told.early.tolist(), closed.each, strict=True)
+        ):
+            if not what or (early and view.cut_in and self._first(one)):
+                continue
+            held_back, kind = early and self._excused < MOST_EARLY, (key, what)
+            if held_back:
+                self._excused += 1
+                self._early_ones.setdefault(kind, []).append(told.occurrence(view, k))
+            elif one.lines or len(one.frames) > MOST_LINES or kind in self._early_ones:
+                held = self._early_ones.pop(kind, [])
+                self._excused -= len(held)
+                # What goes on is no moment in which the sender was busy.
+                yield from (replace(one, severity=None) for one in held) if len(held) >= _HABIT else held
+                yield told.occurrence(view, k)
+            else:
+                rows.append(k)
+        together += told.occurrences(rows)
 
-    def _close(self, key: int) -> None:
-        self._closed.append(self._open.pop(key))
-
-    def _tell(
-        self, view: View, one: _Remainder, what: str, cause: Callable[[], Cause], told: Gathered
-    ) -> Iterator[Occurrence]:
-        def values() -> Values:
-            return {"transfer_id": one.transfer_id, "cause": what, "detail": cause().detail}
-
-        early = what in _LOSSES and self._early(view, one.first)
-        if early and view.cut_in and self._first(one):
-            return
-        kind, sent = (one.first.session, what), one.first.sent
-        held_back = early and self._excused < MOST_EARLY
-        if not (held_back or one.lines or len(one.frames) > MOST_LINES or kind in self._early_ones):
-            told.add("TRF-005", sent, one.frames, values, what, severity="note" if early else None)
-            return
-        found = Occurrence(
-            "TRF-005", sent.t, sent.bus, sent.node, view.type_name(sent.code), tuple(one.frames), values(),
-            severity="note" if early else None, drops=True, lines=one.lines or _lines(view, one.frames),
-        )  # fmt: skip
-        if held_back:
-            self._excused += 1
-            self._early_ones.setdefault(kind, []).append(found)
-            return
-        held = self._early_ones.pop(kind, [])
-        self._excused -= len(held)
-        # What goes on is no moment in which the sender was busy.
-        yield from (replace(one, severity=None) for one in held) if len(held) >= _HABIT else held
-        yield found
-
-    def _search(self, view: View, closed: Sequence[_Remainder]) -> tuple[list[str], list[Callable[[], Cause]]]:
-        """Return what is missing of each, and what makes it more exact.
-
-        Nothing of one whose frames belong to a transfer that says so itself.
-        """
-        first = [one.first for one in closed]
-        senders, shapes = loose_senders(first), [one.shape for one in closed]
-        searched = np.flatnonzero(self._budget.take(senders)).tolist()
-        found = ask(view, REMAINDER, loose_lists([first[k] for k in searched], [closed[k].frames for k in searched]))
+    def _searched(self, view: View, closed: _Remainders) -> _Told:
+        """Return what is missing of each; nothing of one whose frames belong to a transfer that says so itself."""
+        senders = senders_of(closed.bus, closed.node, closed.code)
+        searched = self._budget.take(senders)
+        rows, others = np.flatnonzero(searched), np.flatnonzero(~searched)
+        found = ask(view, REMAINDER, closed.lists(rows))
         whats = [FORMS[form].what for form in found.form.tolist()]
+        shapes = [(len(one.frames), one.received) for one in closed.each]
         who = senders.tolist()
-        known = [(who[k], shapes[k], what) for k, what in zip(searched, whats, strict=True)]
-        self._causes.note_all(one for one, gone in zip(known, found.gone.tolist(), strict=True) if not gone)
-        told = self._causes.like_all(zip(who, shapes, strict=True))
-        causes: list[Callable[[], Cause]] = [partial(alike, what) for what in told]
-        for at, (k, what) in enumerate(zip(searched, whats, strict=True)):
-            told[k], causes[k] = what, partial(found.cause, at)
-        return told, causes
+        gone = found.gone.tolist()
+        self._causes.note_all(
+            (who[k], shapes[k], what) for k, what, lost in zip(rows.tolist(), whats, gone, strict=True) if not lost
+        )
+        known = self._causes.like_all((who[k], shapes[k]) for k in others.tolist())
+        told = np.empty(len(who), object)
+        told[rows], told[others] = whats, known
+        at = np.full(len(who), -1)
+        at[rows] = np.arange(len(rows))
+
+        def cause(k: int) -> Cause:
+            return alike(told[k]) if at.item(k) < 0 else found.cause(at.item(k))
+
+        losses = np.fromiter((what in _LOSSES for what in told), bool, len(told))
+        losses[losses] = self._early(view, closed, np.flatnonzero(losses))
+        return _Told(closed, told.tolist(), cause, losses)
 
     def _first(self, one: _Remainder) -> bool:
         """Return whether it is the first that was heard of its session: of a window that is where the window begins."""
-        begun = self._begun.get(one.first.session)
-        return (begun is None or one.first.number < begun[1]) and self._orphaned.get(
-            one.first.session
-        ) == one.first.kept.t
+        number, session, t = one.first[:3]
+        begun = self._begun.get(session)
+        return (begun is None or number < begun[1]) and self._orphaned.get(session) == t
 
-    def _early(self, view: View, loose: LooseFrame) -> bool:
-        """Return whether the sender may have been busy as the session, the capture, or the part behind a gap began."""
-        t, bus = loose.kept.t, loose.kept.bus
-        begun, number = self._begun.get(loose.session, (NO_TIME, loose.number))
-        if t == NO_TIME:
-            return loose.number <= number
-        starts = [view.starts.get(bus, t), self._orphaned.get(loose.session, t)]
-        if begun != NO_TIME:
-            starts[1] = min(starts[1], begun)
-        return t - max(*starts, view.resumed(t)) <= TIMEOUT
+    def _early(self, view: View, closed: _Remainders, rows: Array) -> Array:
+        """Return whether a sender may have been busy as the session, the capture, or the part behind a gap began."""
+        number, session, t, bus = (column[rows] for column in (closed.number, closed.session, closed.t, closed.bus))
+        sessions, last = session.tolist(), t.tolist()
+        begun = [self._begun.get(key, (NO_TIME, place)) for key, place in zip(sessions, number.tolist(), strict=True)]
+        began, lead = np.array(begun, np.int64).reshape(-1, 2).T
+        heard = np.array([self._orphaned.get(key, when) for key, when in zip(sessions, last, strict=True)], np.int64)
+        heard = np.where(began != NO_TIME, np.minimum(heard, began), heard)
+        started = np.array([view.starts.get(one, when) for one, when in zip(bus.tolist(), last, strict=True)], np.int64)
+        since = np.maximum(np.maximum(started, heard), view.all_resumed(t))
+        return np.where(t == NO_TIME, number <= lead, t - since <= TIMEOUT)
 
 
 def _lines(view: View, frames: Iterable[int]) -> tuple[str, ...]:

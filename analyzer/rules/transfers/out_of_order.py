@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from analyzer.rules.anomalies import GONE as FRAME_GONE
 from analyzer.rules.diagnosis import search
 from analyzer.rules.diagnosis.budgets import SearchBudget
-from analyzer.rules.diagnosis.causes import BELONGS, FOREIGN, FOREIGN_RIGHT, GONE, INSIDE, NOTHING, Cause
+from analyzer.rules.diagnosis.causes import BELONGS, FOREIGN, FOREIGN_RIGHT, GONE, INSIDE, NOTHING
 from analyzer.rules.diagnosis.search import AHEAD
-from analyzer.rules.frames.foreign import session_of
-from analyzer.rules.joint.gathered import Gathered
-from analyzer.rules.transfers.missing_start import MissingStart, loose_lists, loose_senders
+from analyzer.rules.transfers.loose_frames import LooseFrames
+from analyzer.rules.transfers.missing_start import MissingStart
 from analyzer.tables import TAIL_END, TAIL_ID, VERDICTS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from analyzer.rules.transfers.missing_start import LooseFrame
-    from dissectors.kit import Kept, Occurrence, Occurrences, Values, View
+    from analyzer.rules.diagnosis.search import Answers
+    from dissectors.kit import Array, Kept, Occurrence, Occurrences, Values, View
 
 COPY, OTHER_ID, ORPHAN = (VERDICTS.index(name) for name in ("duplicate", "wrong transfer id", "orphan"))
 _USED = VERDICTS.index("used")
@@ -34,6 +35,13 @@ _WHY = {  # of a frame with another transfer ID inside a transfer
 }
 
 
+class _Found(NamedTuple):
+    """What the search found of a frame: a row of answers."""
+
+    answers: Answers
+    row: int
+
+
 class OutOfOrder:
     """Copies, frames with another transfer ID, and what is left of transfers without a start.
 
@@ -43,91 +51,89 @@ class OutOfOrder:
 
     def __init__(self, begun: Mapping[int, tuple[int, int]]) -> None:
         self._missing_start = MissingStart(begun)
-        self._waiting: list[LooseFrame] = []
-        self._told = Gathered()
+        self._waiting: list[LooseFrames] = []
         self._budget = SearchBudget()
 
-    def add(self, loose: LooseFrame) -> None:
-        """Add one more frame."""
-        self._waiting.append(loose)
+    def add(self, frames: LooseFrames) -> None:
+        """Add more frames."""
+        if len(frames.number):
+            self._waiting.append(frames)
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield those whose surroundings are known by now."""
         self._missing_start.feed(view)
         if self._waiting:
-            end = view.frames.first + len(view.frames)
-            ready = [one for one in self._waiting if one.number + AHEAD < end]
-            self._waiting = [one for one in self._waiting if one.number + AHEAD >= end]
-            yield from self._report(view, ready)
-            yield from self._told.occurrences()
+            waiting = LooseFrames.joined(self._waiting)
+            ready = int(waiting.number.searchsorted(view.frames.first + len(view.frames) - AHEAD))
+            self._waiting = []
+            self.add(waiting.take(slice(ready, None)))
+            yield from self._report(view, waiting.take(slice(ready)))
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield those at the end of the capture."""
-        yield from self._report(view, self._waiting)
-        yield from self._missing_start.rest(view, self._told)
-        yield from self._told.occurrences()
+        yield from self._report(view, LooseFrames.joined(self._waiting), last=True)
 
-    def _report(self, view: View, ready: Sequence[LooseFrame]) -> Iterator[Occurrence]:
-        ready = sorted(ready, key=lambda one: one.number)
-        found = self._search(view, [one for one in ready if one.kept.verdict != ORPHAN])
-        for one in ready:
-            if one.kept.verdict == ORPHAN:
-                self._missing_start.add(view, one)
-                continue
-            form, cause = found.get(one.number, _NOT_SEARCHED)
-            if one.kept.verdict == COPY:
-                if form != NOTHING:
-                    self._tell("TRF-004", one, partial(_copy, view, one.number, one.kept))
-            elif form == NOTHING:
-                self._missing_start.add(view, one)
-            else:
-                why = _WHY[form] if form in _WHY else ": {}{}".format(*cause())
-                self._tell("TRF-009", one, partial(_other_id, view, one.number, one.kept, why))
-        yield from self._missing_start.told(view, self._told)
+    def _report(self, view: View, frames: LooseFrames, *, last: bool = False) -> Iterator[Occurrences | Occurrence]:
+        form, answers = self._search(view, frames)
+        alone = (frames.verdict == ORPHAN) | ((frames.verdict == OTHER_ID) & (form == NOTHING))
+        self._missing_start.add(view, frames.take(alone))
+        if last:
+            self._missing_start.close()
+        together: list[Occurrences] = []
+        rows = np.flatnonzero((frames.verdict == COPY) & (form != NOTHING))
+        if len(rows):
+            copies = frames.take(rows)
+            together.append(copies.breaches("TRF-004", partial(_copy, view, copies), drops=True))
+        rows = np.flatnonzero((frames.verdict == OTHER_ID) & (form != NOTHING))
+        if len(rows):
+            others, found = frames.take(rows), [answers.get(row) for row in rows.tolist()]
+            values = partial(_other_id, view, others, found, form[rows])
+            together.append(others.breaches("TRF-009", values, drops=True))
+        together.sort(key=lambda one: int(one.frame[0]))
+        yield from self._missing_start.told(view, together)
+        if last:
+            yield from self._missing_start.excused()
+        yield from together
 
-    def _search(self, view: View, loose: Sequence[LooseFrame]) -> dict[int, tuple[int, Callable[[], Cause]]]:
-        """Return what is found of copies and frames inside other transfers, by number: a form, and its cause in words.
+    def _search(self, view: View, frames: LooseFrames) -> tuple[Array, dict[int, _Found]]:
+        """Return what is found of copies and frames inside other transfers: a form each, and the answers by row.
 
         A frame that looks like a copy and is none has no form, and so has one with another transfer ID that is left of
         a transfer that was cut itself, or where the ID of the frame before it is or may be wrong (TRF-006).
         """
-        found: dict[int, tuple[int, Callable[[], Cause]]] = {}
-        if not loose:
-            return found
-        searched = [one for one, may in zip(loose, self._budget.take(loose_senders(loose)), strict=True) if may]
+        form = np.full(len(frames.number), GONE)
+        known: dict[int, _Found] = {}
+        inside = np.flatnonzero(frames.verdict != ORPHAN)
+        searched = inside[self._budget.take(frames.senders[inside])]
         for question, verdict in ((search.COPY, COPY), (search.INSIDE, OTHER_ID)):
-            some = [one for one in searched if one.kept.verdict == verdict]
-            answers = search.ask(view, question, loose_lists(some, [(one.number,) for one in some]))
-            for k, (one, form) in enumerate(zip(some, answers.form.tolist(), strict=True)):
-                found[one.number] = form, partial(answers.cause, k)
-        return found
-
-    def _tell(self, rule: str, one: LooseFrame, values: Callable[[], Values]) -> None:
-        self._told.add(rule, one.sent, (one.number,), values)
-
-
-def _unknown() -> Cause:
-    return Cause("")
+            rows = searched[frames.verdict[searched] == verdict]
+            if len(rows):
+                answers = search.ask(view, question, frames.take(rows).lists())
+                form[rows] = answers.form
+                if verdict == OTHER_ID:
+                    known.update((row, _Found(answers, k)) for k, row in enumerate(rows.tolist()))
+        return form, known
 
 
-_NOT_SEARCHED = GONE, _unknown
-
-
-def preceding(view: View, number: int, kept: Kept, most: int = NEAR) -> Iterator[tuple[int, Kept]]:
-    """Yield earlier frames of the session, the last one first."""
-    for earlier in view.numbers_before(number, most, kept.bus, session_of(kept.id, kept.verdict)):
+def preceding(view: View, number: int, bus: int, session: int, most: int = NEAR) -> Iterator[tuple[int, Kept]]:
+    """Yield earlier frames of a session, the last one first."""
+    for earlier in view.numbers_before(number, most, bus, session):
         other = view.frame(earlier)
         if other is not None and other.data:
             yield earlier, other
 
 
-def _copy(view: View, number: int, kept: Kept) -> Values:
-    found = next((earlier + 1 for earlier, _ in preceding(view, number, kept)), FRAME_GONE)
+def _copy(view: View, copies: LooseFrames, k: int) -> Values:
+    number = copies.number.item(k)
+    found = next((earlier + 1 for earlier, _ in preceding(view, number, *copies.whose(k))), FRAME_GONE)
     return {"frame": number + 1, "previous_frame": found}
 
 
-def _other_id(view: View, number: int, kept: Kept, why: str) -> Values:
-    mine = kept.data[-1] & TAIL_ID
-    tails = (other.data[-1] for _, other in preceding(view, number, kept) if other.verdict == _USED)
+def _other_id(view: View, others: LooseFrames, found: Sequence[_Found | None], form: Array, k: int) -> Values:
+    mine, one = others.tail.item(k) & TAIL_ID, found[k]
+    what = form.item(k)
+    why = _WHY[what] if one is None or what in _WHY else ": {}{}".format(*one.answers.cause(one.row))
+    before = preceding(view, others.number.item(k), *others.whose(k))
+    tails = (other.data[-1] for _, other in before if other.verdict == _USED)
     under_way = (tail & TAIL_ID for tail in tails if not tail & TAIL_END)
     return {"transfer_id": mine, "expected": next((one for one in under_way if one != mine), FRAME_GONE), "why": why}

@@ -15,29 +15,40 @@ from analyzer.facts.identifiers import who
 from analyzer.rules.frames.foreign import session_bits
 from analyzer.rules.frames.malformed import IMPOSSIBLE, Malformed, has, tail
 from analyzer.rules.frames.malformed import KINDS as MALFORMED
-from analyzer.rules.joint.gathered import Gathered
-from analyzer.rules.transfers.missing_start import LooseFrame
+from analyzer.rules.transfers.loose_frames import LooseFrames
 from analyzer.rules.transfers.out_of_order import KINDS, OutOfOrder, preceding
 from analyzer.tables import FD, FRAME_ANOMALIES, TAIL_END, TAIL_ID, TAIL_TOGGLE, VERDICTS
-from dissectors.kit import Kept, Occurrence, Rule
+from dissectors.kit import SESSION, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from dissectors.kit import Array, Occurrences, Severity, Values, View
+    from dissectors.kit import Array, Occurrence, Occurrences, Values, View
 
 _USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
 _CLOSE = 64  # frames before a start in which the one before it is looked for
+_AT_ONCE = 1 << 12  # starts for which that is done
+_WIDTH = SESSION.bit_length()
 MOST_SESSIONS = 1 << 16
-_WRONG_START = "TRF-002"
 MOST_HELD = 4096
 
 
 class _Held(NamedTuple):
-    """A frame, and what is said of it: rule, values, severity."""
+    """Frames, and of which kinds each is: bits in their order."""
 
-    loose: LooseFrame
-    about: Sequence[tuple[str, Values, Severity | None]]
+    frames: LooseFrames
+    kinds: Array
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Held]) -> _Held:
+        """Return several in the order of their numbers."""
+        frames = LooseFrames(*map(np.concatenate, zip(*(one.frames for one in parts), strict=True)))
+        kinds = np.concatenate([one.kinds for one in parts])
+        return cls(frames, kinds).take(np.argsort(frames.number, kind="stable"))
+
+    def take(self, rows: Array | slice) -> _Held:
+        """Return some of them."""
+        return _Held(self.frames.take(rows), self.kinds[rows])
 
 
 class UnassignedFrames(Rule):
@@ -47,19 +58,17 @@ class UnassignedFrames(Rule):
 
     def __init__(self) -> None:
         self._begun: dict[int, tuple[int, int]] = {}
-        self._held: dict[int, _Held] = {}
+        self._held = _Held(LooseFrames.none(), np.empty(0, np.int64))
         self._out_of_order = OutOfOrder(self._begun)
-        self._told = Gathered()
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield frames of this batch, and earlier ones that became certain."""
         self._keep_lines(view)
-        ready = self._corrected(view)
+        ready = [self._corrected(view)]
         if self._follow(view):
-            ready += [held for held in self._held.values() if held.loose.session in self._begun]
-        yield from self._report(view, ready)
+            ready.append(self._let_go(self._certain(self._held.frames.session)))
+        yield from self._report(view, _Held.joined(ready))
         yield from self._new(view)
-        yield from self._told.occurrences()
         yield from self._out_of_order.feed(view)
 
     def _new(self, view: View) -> Iterator[Occurrences | Occurrence]:
@@ -72,17 +81,18 @@ class UnassignedFrames(Rule):
         if not len(rows):
             return
         session = f.bus[rows].astype(np.int64) << 32 | session_bits(f.id[rows], f.verdict[rows])
-        certain = np.fromiter(map(self._begun.__contains__, session.tolist()), bool, len(rows))
-        yield from self._certain(view, rows[certain], session[certain])
-        for held in _held(view, rows[~certain], session[~certain]):
-            self._held[held.loose.number] = held
-        if len(self._held) > MOST_HELD:
-            yield from self._report(view, list(self._held.values())[: len(self._held) - MOST_HELD])
+        frames = LooseFrames.of(view, rows, session)
+        new = _Held(frames, _kinds(view, frames, f.anomaly[rows]))
+        certain = self._certain(session)
+        yield from self._report(view, new.take(certain))
+        self._held = _Held.joined((self._held, new.take(~certain)))
+        over = len(self._held.kinds) - MOST_HELD
+        if over > 0:
+            yield from self._report(view, self._let_go(np.arange(len(self._held.kinds)) < over))
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what nobody has called foreign."""
-        yield from self._report(view, list(self._held.values()))
-        yield from self._told.occurrences()
+        yield from self._report(view, self._held)
         yield from self._out_of_order.finish(view)
 
     def _follow(self, view: View) -> bool:
@@ -100,109 +110,94 @@ class UnassignedFrames(Rule):
                 self._begun[key] = int(t.t[row]), int(t.lead[row])
         return len(self._begun) > before
 
-    def _corrected(self, view: View) -> list[_Held]:
+    def _certain(self, session: Array) -> Array:
+        """Return which sessions have begun."""
+        return np.fromiter(map(self._begun.__contains__, session.tolist()), bool, len(session))
+
+    def _let_go(self, mask: Array) -> _Held:
+        """Return some of those that are held, which wait no longer."""
+        found, self._held = self._held.take(mask), self._held.take(~mask)
+        return found
+
+    def _corrected(self, view: View) -> _Held:
         """Return frames that turned out to be DroneCAN's."""
-        for number in view.settled.number.tolist():
-            self._held.pop(number, None)
-        late = view.settled.of(np.flatnonzero(view.settled.known & (view.settled.verdict != _FOREIGN)))
+        settled = view.settled
+        if len(settled.number):
+            self._let_go(np.isin(self._held.frames.number, settled.number))
+        late = settled.of(np.flatnonzero(settled.known & (settled.verdict != _FOREIGN)))
         session = late.bus << 32 | session_bits(late.id, late.verdict)
-        picked = _picked(late.verdict, late.anomaly, late.flags)
-        columns = (late.number, late.verdict, session, picked, *who(late.id, late.flags, late.verdict))
-        found = []
-        for number, verdict, key, bits, node, code in zip(*(column.tolist() for column in columns), strict=True):
+        columns = (late.number, late.verdict, session, *who(late.id, late.flags, late.verdict))
+        rows, found = [], []
+        for row, (number, verdict, key, *sender) in enumerate(zip(*(one.tolist() for one in columns), strict=True)):
             kept = view.frame(number)
             if kept is not None:
-                loose = LooseFrame(number, key, kept._replace(verdict=verdict), None if node < 0 else node, code)
-                found.append(_Held(loose, _about(view, loose, bits) if bits else ()))
-        return found
+                rows.append(row)
+                found.append((number, key, kept._replace(verdict=verdict), *sender))
+        frames = LooseFrames.of_kept(found)
+        return _Held(frames, _kinds(view, frames, late.anomaly[np.array(rows, np.int64)]))
 
     def _keep_lines(self, view: View) -> None:
         """Keep the frames that still wait: they may be gone when they are told."""
-        for one in self._held.values():
-            if not one.loose.lines:
-                one.loose.lines = view.lines((one.loose.number,))
+        numbers, lines = self._held.frames.number, self._held.frames.lines
+        for k in np.flatnonzero(~lines.astype(bool)).tolist():
+            lines[k] = view.lines((numbers.item(k),))
 
-    def _report(self, view: View, held: list[_Held]) -> Iterator[Occurrence]:
-        for loose, about in sorted(held, key=lambda one: one.loose.number):
-            self._held.pop(loose.number, None)
-            for rule, values, severity in about:
-                if not loose.lines:
-                    self._told.add(rule, loose.sent, (loose.number,), values, severity=severity, drops=False)
-                    continue
-                sent, place = loose.sent, (loose.number,)
-                type_ = view.type_name(sent.code)
-                yield Occurrence(
-                    rule, sent.t, sent.bus, sent.node, type_, place, values, severity=severity, lines=loose.lines
-                )
-            if loose.kept.verdict in KINDS:
-                self._out_of_order.add(loose)
-
-    def _certain(self, view: View, rows: Array, session: Array) -> Iterator[Occurrences | Occurrence]:
-        f = view.frames
-        verdict, anomaly, flags = f.verdict[rows], f.anomaly[rows], f.flags[rows]
-        for kind in _KINDS:
-            mine = rows[kind.picks(verdict, anomaly, flags)]
-            if kind.rule == _WRONG_START:
-                later = np.array(
-                    [_goes_on(view, row + f.first, view.frame(row + f.first)) for row in mine.tolist()], bool
-                )
-                yield view.among_frames(kind.rule, mine[later], partial(_values_of, view, kind), severity="note")
-                mine = mine[~later]
-            if len(mine):
-                yield view.among_frames(kind.rule, mine, partial(_values_of, view, kind))
-        loose = np.isin(verdict, KINDS)
-        for one in _loose(view, rows[loose], session[loose]):
-            self._out_of_order.add(one)
+    def _report(self, view: View, held: _Held) -> Iterator[Occurrences | Occurrence]:
+        frames = held.frames
+        if not len(frames.number):
+            return
+        gone = frames.lines.astype(bool)
+        for row in np.flatnonzero(gone).tolist():
+            for kind in (kind for k, kind in enumerate(_KINDS) if held.kinds.item(row) >> k & 1):
+                yield frames.breach(row, kind.rule, view, kind.values(frames.form(row)), kind.severity)
+        each = [(kind, np.flatnonzero(~gone & (held.kinds >> k & 1 == 1))) for k, kind in enumerate(_KINDS)]
+        for kind, rows in sorted((one for one in each if len(one[1])), key=lambda one: one[1].item(0)):
+            some = frames.take(rows)
+            yield some.breaches(kind.rule, partial(_values_of, kind, some), severity=kind.severity)
+        self._out_of_order.add(frames.take(np.isin(frames.verdict, KINDS)))
 
 
-def _loose(view: View, rows: Array, session: Array) -> Iterator[LooseFrame]:
-    """Yield frames of a batch."""
-    f = view.frames
-    own = [column[rows] for column in (f.t, f.bus, f.id, f.flags, f.verdict)]
-    sender = who(own[2], own[3], np.where(own[4] == _FOREIGN, _USED, own[4]))
-    columns = (column.tolist() for column in (rows, session, *own, *sender))
-    for row, key, t, bus, identifier, flags, verdict, node, code in zip(*columns, strict=True):
-        kept = Kept(t, bus, identifier, flags, f.data(row), verdict)
-        yield LooseFrame(row + f.first, key, kept, None if node < 0 else node, code)
-
-
-def _held(view: View, rows: Array, session: Array) -> Iterator[_Held]:
-    """Yield frames of a batch whose sessions are not certain yet, and what is to be said of them."""
-    f = view.frames
-    picked = _picked(f.verdict[rows], f.anomaly[rows], f.flags[rows])
-    for loose, bits in zip(_loose(view, rows, session), picked.tolist(), strict=True):
-        yield _Held(loose, _about(view, loose, bits) if bits else ())
-
-
-def _picked(verdict: Array, anomaly: Array, flags: Array) -> Array:
+def _kinds(view: View, frames: LooseFrames, anomaly: Array) -> Array:
     """Return which kinds frames are of: bits in their order."""
-    found = np.zeros(len(verdict), np.int64)
+    found = np.zeros(len(anomaly), np.int64)
     for k, kind in enumerate(_KINDS):
-        found |= kind.picks(verdict, anomaly, flags) * np.int64(1 << k)
+        found |= kind.picks(frames.verdict, anomaly, frames.flags) * np.int64(1 << k)
+    starts = np.flatnonzero(found & _STARTS)
+    later = _goes_on(view, frames.take(starts))
+    found[starts] &= ~np.where(later, 1 << _WRONG_START, 1 << _GOES_ON)
     return found
 
 
-def _about(view: View, loose: LooseFrame, picked: int) -> Sequence[tuple[str, Values, Severity | None]]:
-    found: list[tuple[str, Values, Severity | None]] = []
-    for kind in (kind for k, kind in enumerate(_KINDS) if picked >> k & 1):
-        later = kind.rule == _WRONG_START and _goes_on(view, loose.number, loose.kept)
-        found.append((kind.rule, kind.values(view, loose.number, loose.kept), "note" if later else None))
+def _goes_on(view: View, starts: LooseFrames) -> Array:
+    """Return which starts with toggle 1 are the next frame of a transfer, of which another rule says so (TRF-006)."""
+    before = np.full(len(starts.number), -1)
+    f = view.frames
+    row = starts.number - f.first
+    if (row >= _CLOSE).any():
+        key = np.where(f.length > 0, f.bus.astype(np.int64) << _WIDTH | (f.id & SESSION), -1)
+        back = np.arange(1, _CLOSE + 1)
+        mine = starts.bus << _WIDTH | starts.session & SESSION
+        inside = np.flatnonzero(row >= _CLOSE)
+        for begin in range(0, len(inside), _AT_ONCE):
+            some = inside[begin : begin + _AT_ONCE]
+            same = key[row[some][:, None] - back] == mine[some][:, None]
+            at = row[some] - 1 - same.argmax(axis=1)
+            before[some] = np.where(same.any(axis=1), f.tail[at], -1)
+    for k in np.flatnonzero(row < _CLOSE).tolist():
+        earlier = preceding(view, starts.number.item(k), *starts.whose(k), _CLOSE)
+        before[k] = next((other.data[-1] for _, other in earlier), -1)
+    odd = (before ^ starts.tail) & TAIL_ID | before & (TAIL_END | TAIL_TOGGLE)
+    found: Array = (before >= 0) & (odd == 0) & (starts.size > 0)
     return found
 
 
-def _goes_on(view: View, number: int, kept: Kept | None) -> bool:
-    """Return whether a start with toggle 1 is the next frame of a transfer, of which another rule says so (TRF-006)."""
-    if kept is None or not kept.data:
-        return False
-    before = next((other.data[-1] for _, other in preceding(view, number, kept, _CLOSE)), None)
-    return before is not None and not (before ^ kept.data[-1]) & TAIL_ID and not before & (TAIL_END | TAIL_TOGGLE)
+def _values_of(kind: Malformed, frames: LooseFrames, k: int) -> Values:
+    return kind.values(frames.form(k))
 
 
-def _values_of(view: View, kind: Malformed, row: int) -> Values:
-    number = row + view.frames.first
-    kept = view.frame(number)
-    assert kept is not None  # noqa: S101 - a frame of this batch
-    return kind.values(view, number, kept)
-
-
-_KINDS = (*MALFORMED, Malformed(_WRONG_START, has(1 << FRAME_ANOMALIES.index("start toggle")), tail))
+_picks_start = has(1 << FRAME_ANOMALIES.index("start toggle"))
+_KINDS = (
+    *MALFORMED, Malformed("TRF-002", _picks_start, tail, severity="note"), Malformed("TRF-002", _picks_start, tail),
+)  # fmt: skip
+_GOES_ON, _WRONG_START = len(MALFORMED), len(MALFORMED) + 1  # places among them
+_STARTS = 1 << _GOES_ON | 1 << _WRONG_START

@@ -1,0 +1,117 @@
+"""Frames outside of transfers in columns: nothing is looked up but for those that are shown."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.facts.identifiers import who
+from analyzer.rules.diagnosis.budgets import senders_of
+from analyzer.rules.diagnosis.search import FrameLists
+from analyzer.rules.frames.malformed import Form
+from analyzer.tables import FD, VERDICTS
+from dissectors.kit import Occurrence, Occurrences
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from dissectors.kit import Array, Kept, Severity, Values, View
+
+_USED, _FOREIGN = VERDICTS.index("used"), VERDICTS.index("foreign")
+_BUS = 32  # bits below the bus in a session
+
+
+class LooseFrames(NamedTuple):
+    """Frames outside of transfers, a row each: cells as in the table of frames, senders and types.
+
+    `session` is the bus above 32 bits of what its identifiers have in common, `tail` the last byte, `size` all bytes of
+    data. `lines` are those of a frame that may be gone when they are needed, else None.
+    """
+
+    number: Array
+    session: Array
+    t: Array
+    bus: Array
+    id: Array
+    flags: Array
+    verdict: Array
+    tail: Array
+    size: Array
+    node: Array
+    code: Array
+    lines: Array
+
+    @classmethod
+    def none(cls) -> LooseFrames:
+        """Return no frames."""
+        return cls._make((*(np.empty(0, np.int64) for _ in cls._fields[:-1]), np.empty(0, object)))
+
+    @classmethod
+    def of(cls, view: View, rows: Array, session: Array) -> LooseFrames:
+        """Return rows of a batch."""
+        f = view.frames
+        id_, flags, verdict = f.id[rows], f.flags[rows], f.verdict[rows]
+        sender = who(id_, flags, np.where(verdict == _FOREIGN, _USED, verdict))
+        cells = f.t[rows], f.bus[rows], id_, flags, verdict, f.tail[rows], f.length[rows], *sender
+        columns = (column.astype(np.int64) for column in (rows + f.first, session, *cells))
+        return cls._make((*columns, np.full(len(rows), None)))
+
+    @classmethod
+    def of_kept(cls, found: Iterable[tuple[int, int, Kept, int, int]]) -> LooseFrames:
+        """Return frames of the recent past: number and session of each, node and type."""
+        rows = [
+            (number, session, *kept[:4], kept.verdict, kept.data[-1] if kept.data else 0, len(kept.data), node, code)
+            for number, session, kept, node, code in found
+        ]
+        columns = np.array(rows, np.int64).reshape(-1, len(cls._fields) - 1).T
+        return cls._make((*columns, np.full(len(rows), None)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[LooseFrames]) -> LooseFrames:
+        """Return several in the order of their numbers."""
+        if not parts:
+            return cls.none()
+        whole = parts[0] if len(parts) == 1 else cls(*map(np.concatenate, zip(*parts, strict=True)))
+        ordered = bool((whole.number[1:] >= whole.number[:-1]).all())
+        return whole if ordered else whole.take(np.argsort(whole.number, kind="stable"))
+
+    def take(self, rows: Array | slice) -> LooseFrames:
+        """Return some of them."""
+        return LooseFrames(*(column[rows] for column in self))
+
+    @property
+    def senders(self) -> Array:
+        """Senders and types, a number each."""
+        return senders_of(self.bus, self.node, self.code)
+
+    def lists(self) -> FrameLists:
+        """Return a list of each one alone."""
+        return FrameLists(self.number, np.arange(len(self.number) + 1), self.code, self.flags & FD != 0)
+
+    def whose(self, k: int) -> tuple[int, int]:
+        """Return the bus of one, and what the identifiers of its session have in common."""
+        session = self.session.item(k)
+        return session >> _BUS, session & ((1 << _BUS) - 1)
+
+    def form(self, k: int) -> Form:
+        """Return what is said of one of them."""
+        return Form(*(column.item(k) for column in (self.id, self.flags, self.tail, self.size)))
+
+    def breach(self, k: int, rule: str, view: View, values: Values, severity: Severity | None = None) -> Occurrence:
+        """Return one of which lines are kept as a breach of a rule."""
+        node, type_ = self.node.item(k), view.type_name(self.code.item(k))
+        return Occurrence(
+            rule, self.t.item(k), self.bus.item(k), None if node < 0 else node, type_, (self.number.item(k),), values,
+            severity=severity, lines=self.lines[k],
+        )  # fmt: skip
+
+    def breaches(
+        self, rule: str, values: Callable[[int], Values], *, severity: Severity | None = None, drops: bool = False
+    ) -> Occurrences:
+        """Return them as breaches of a rule; `values` are those of a row."""
+        number = self.number
+        return Occurrences(
+            rule=rule, t=self.t, bus=self.bus, node=self.node, type=self.code, frame=number, values=values,
+            frames=lambda k: (number.item(k),), key=np.zeros(len(number), np.int64), severity=severity, drops=drops,
+        )  # fmt: skip
