@@ -2,21 +2,67 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from shlex import quote
 from typing import TYPE_CHECKING
 
+from analyzer.app.request import Request, RuleChoice
+from analyzer.app.run import Run
+from analyzer.sources import CaptureError
+from analyzer.sources.merge import Plan
+from analyzer.sources.origin import given
 from analyzer.triage.inquest import inquest
 from analyzer.triage.witness import Witness
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from pathlib import Path
 
-    from analyzer.app.run import Run
     from analyzer.decode.engine import Batch
+    from analyzer.sources.origin import Origin
     from analyzer.triage.flights import Flight
     from analyzer.triage.verdict.model import Triage, Verdict
 
 _AROUND = "100ms"
+
+
+def triage(
+    paths: Origin | Sequence[Origin],
+    *,
+    dialects: Mapping[int, Collection[str]] | None = None,
+    same_bus: bool = False,
+    dissectors_: Sequence[Path] = (),
+    trust_dissectors: bool = False,
+) -> Triage:
+    """Return what happened in captures, which are parts of one recording or of one vehicle: they are merged by time.
+
+    Args:
+        paths: captures of any format, as paths or binary file objects with a name.
+        dialects: readings of doubtful fields by node ID, against the node's own data.
+        same_bus: recordings of one bus, of which what repeats is left out.
+        dissectors_: folders with further data types.
+        trust_dissectors: run the Python that these folders bring.
+
+    A capture that is damaged is read as far as that goes. Raises `CaptureError` for one that cannot be opened, and
+    `ValueError` for arguments that make no sense (`ProfileError` is such).
+    """
+    captures = list(paths) if isinstance(paths, Sequence) and not isinstance(paths, str) else [paths]
+    if not captures:
+        raise ValueError("no capture is given")
+    chosen = tuple((node, choice) for node, choices in (dialects or {}).items() for choice in choices)
+    folders = tuple(dissectors_)
+    run = Run(Request(
+        tuple(map(given, captures)), Plan(same_bus=same_bus), folders, folders if trust_dissectors else (),
+        rules=RuleChoice(dialects=chosen),
+    ))  # fmt: skip
+    looked = RunTriage(run)
+    with suppress(CaptureError):  # what was readable has been looked at
+        for _ in looked.over(run.inside()):
+            pass
+    if run.state == "refused":
+        raise CaptureError(run.source.name, "", "cannot be read")
+    return looked.found()
 
 
 class RunTriage:

@@ -9,6 +9,7 @@ import numpy as np
 from analyzer.triage.log import FlightEvent
 from analyzer.triage.spells import Spells
 from analyzer.triage.thresholds import lasting, threshold
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,6 +21,14 @@ if TYPE_CHECKING:
     from dissectors.kit import Array
 
 ZERO, SATURATION, SPREAD = "commands zero", "saturation", "spread"
+
+
+@dataclass(slots=True)
+class _Peak:
+    """The most of a spell, and the channel that is commanded most where it begins; 0 if it is of one channel."""
+
+    most: float
+    highest: int
 
 
 class CommandEvents:
@@ -56,7 +65,7 @@ class CommandEvents:
             known = self._wide.get(spell.key)
             if known is not None and spell.first.ran - known.last.ran <= lasting("spread_again"):
                 known.last, known.after = spell.last, spell.after
-                known.memory = max(known.memory, spell.memory)
+                known.memory.most = max(known.memory.most, spell.memory.most)
                 return
             if known is not None:
                 self._tell(name, known)
@@ -83,7 +92,10 @@ class CommandEvents:
         for part in self._spells[name].feed((some.plot.table, some.bus, some.node, ch), on, at):
             if part.stop > part.start:
                 most = float(values[part.start : part.stop].max())
-                part.spell.memory = most if part.spell.memory is None else max(part.spell.memory, most)
+                if part.spell.memory is None:
+                    highest = 0 if ch else int(np.nanargmax(some.columns[:, part.start])) + some.plot.who.first
+                    part.spell.memory = _Peak(most, highest)
+                part.spell.memory.most = max(part.spell.memory.most, most)
             if part.over:
                 self._end(name, part.spell)
 
@@ -98,9 +110,10 @@ class CommandEvents:
         elif name == SATURATION:
             if ran < lasting("saturated"):
                 return
-            text, values = "all there is is commanded", {"commanded": spell.memory}
+            text, values = "all there is is commanded", {"commanded": spell.memory.most}
         else:
-            text, values = f"commands are {spell.memory:.0f} % apart", {"spread": spell.memory}
+            text = f"commands are {spell.memory.most:.0f} % apart"
+            values = {"spread": spell.memory.most, "highest_ch": spell.memory.highest}
         self._add(FlightEvent(
             name, text, spell.before, spell.first, spell.after, bus, node, ch or None, table, "", values
         ))  # fmt: skip

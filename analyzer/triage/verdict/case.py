@@ -73,6 +73,19 @@ class Case:
         types = {one.type for one in self.events if one.kind in {"commands stop", "commands zero", "spread"}}
         return {(one.bus, one.node) for one in self.paces if one.type in types or "Command" in one.type}
 
+    def esc_of(self, ch: int) -> EscExtent | None:
+        """Return who reports as a channel, None if nobody does, or several."""
+        found = [one for one in self.escs if one.ch == ch]
+        return found[0] if len({(one.bus, one.node) for one in found}) == 1 else None
+
+    def turning(self) -> list[str]:
+        """Return that the motors do not turn half one way and half the other, if that is so."""
+        ways = {one.ch: sum(one.ranges["rpm"]) > 0 for one in self.escs if one.ch is not None and "rpm" in one.ranges}
+        count, forwards = len(ways), sum(ways.values())
+        if count % 2 or forwards in {0, count // 2, count}:
+            return []
+        return [f"{forwards} of {count} motors turn forwards: not half of them"]
+
     def role(self, bus: int | None, node: int | None) -> str:
         """Return what a node is by what it sends, in brackets; empty if that says nothing."""
         sends = {one.type.rpartition(".")[2] for one in self.paces if (one.bus, one.node) == (bus, node)}

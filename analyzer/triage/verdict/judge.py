@@ -188,10 +188,15 @@ def _control(case: Case, lost: Excursion, found: list[Trouble]) -> Verdict:
     reasons.append(f"{'all ' * (escs > 1)}{escs} ESCs obey without a fault bit {healthy}" if escs else "no ESC reports")
     t = (event.before or event.first).t
     if lost.start - case.start <= lasting("tip"):
+        esc = case.esc_of(int(event.values.get("highest_ch", 0)))
         reasons.append(f"it tips over {(lost.start - case.start) / SECOND:.1f} s after the motors began to turn")
+        if esc is not None:
+            reasons.append(f"ch{esc.ch} is commanded up most, in vain: it lifts least, or the wrong way")
+        reasons += case.turning()
+        node, ch = (None, None) if esc is None else (esc.node, esc.ch)
         return Verdict(
-            "setup", _TIPPED, _POSSIBLE, event.bus, None, None, (), t, event.first.t, event.first.frame, tuple(reasons),
-            ("no report says which one; a broken airframe or sensor looks alike",),
+            "setup", _TIPPED, _POSSIBLE, event.bus, node, ch, (), t, event.first.t, event.first.frame, tuple(reasons),
+            ("no report says so; a broken airframe or sensor looks alike",),
         )  # fmt: skip
     return Verdict(
         "control", "not an ESC: control was lost first", _LIKELY, event.bus, None, None, (), t, event.first.t,
