@@ -24,9 +24,9 @@ _UP, _DOWN, _CONTROLLED, _BRAKED, _FREE, _ANGLE = 0.08, 0.12, 0.1, 0.06, 0.35, 0
 _QUICK = 0.3
 # Friction stops what turns slower (rad/s).
 _STICKS = 3.0
-# What the electronics take (A), and the least and most that a blocked rotor draws.
+# What the electronics take (A), and where the ESC limits the winding of a blocked rotor.
 _QUIESCENT = 0.06
-_BLOCKED = 45.0
+_BLOCKED = 160.0
 # The ESC's heat: ohm and V of its switches, heat capacity in J/K, K/W in still air and in the propeller's wind.
 _SWITCH_OHM, _SWITCH_VOLT, HEAT_CAPACITY, _STILL, _WINDY = 0.008, 0.15, 60.0, 4.0, 2.5
 
