@@ -237,7 +237,7 @@ FLIGHTS = {
     "recording-ends.log": "--scenario recording-ends --duration 5",
     "propeller-lost.log": "--scenario propeller-lost:tail=no:distract=no --duration 6 --seed 2",
     "heavy-lift.log": "--scenario heavy-lift:distract=no --duration 5 --seed 1",
-    "control-lost.log": "--scenario control-lost:tail=yes:distract=no --duration 6 --seed 1",
+    "control-lost.log": "--scenario control-lost:tail=yes:distract=no --duration 7 --rate 20 --seed 4",
     "zero-in-air.log": "--scenario zero-in-air:tail=no:distract=no --duration 6 --seed 1",
     "deaf-esc.log": "--scenario deaf-esc:tail=no:distract=no --duration 6 --seed 3",
     "swapped-esc.log": "--scenario swapped-esc:tail=no:distract=no --duration 6 --seed 1",

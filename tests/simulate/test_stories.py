@@ -21,6 +21,7 @@ STATUS, NODE_STATUS = "ESCStatus", "uavcan.protocol.NodeStatus"
 KINDS = {
     "propeller-lost": "propulsion",
     "motor-stall": "esc",
+    "second-flight": "esc",
     "desync": "esc",
     "derating": "esc",
     "blade-damage": "propulsion",
@@ -65,7 +66,16 @@ KINDS = {
     "recording-ends": "recorder",
 }
 OF_ONE = (
-    *("propeller-lost", "coaxial-failure", "blade-damage", "motor-stall", "desync", "derating", "esc-failure"),
+    *(
+        "propeller-lost",
+        "coaxial-failure",
+        "blade-damage",
+        "motor-stall",
+        "second-flight",
+        "desync",
+        "derating",
+        "esc-failure",
+    ),
     *("esc-power", "esc-wire", "deaf-esc", "esc-brown-out", "blind-crash", "swapped-esc", "swap-flights"),
 )
 OF_SEVERAL = ("duplicate-index", "duplicate-node", "two-packs")
@@ -183,6 +193,7 @@ def test_a_blocked_motor_stands_and_says_so() -> None:
     flight = told(f"motor-stall:{ALONE}")
     calm, after = reports(flight, truth(flight)["node"])
     assert of(after, "rpm") < 0.05 * of(calm, "rpm")
+    assert of(after, "current") > 1.5 * of(calm, "current")
     assert all(one["error_count"] >> 7 & 1 for one in after)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.records import dataclass
+from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
     from random import Random
@@ -58,6 +58,11 @@ def cruise(duration: float) -> list[Leg]:
     """Return the legs up to a height from which a fall takes time."""
     *ground, up = take_off(duration, 15.0)
     return [*ground, Leg(up.start, up.state, up.height, climb=5.0)]
+
+
+def later(legs: list[Leg], seconds: float) -> list[Leg]:
+    """Return the same legs, so much later."""
+    return [replace(leg, start=leg.start + seconds) for leg in legs]
 
 
 def mission(duration: float, random: Random) -> list[Leg]:

@@ -24,9 +24,9 @@ _UP, _DOWN, _CONTROLLED, _BRAKED, _FREE, _ANGLE = 0.08, 0.12, 0.1, 0.06, 0.35, 0
 _QUICK = 0.3
 # Friction stops what turns slower (rad/s).
 _STICKS = 3.0
-# What the electronics take (A), and the least and most that a blocked rotor draws.
+# What the electronics take (A), and where an ESC limits the winding of a blocked rotor.
 _QUIESCENT = 0.06
-_BLOCKED = 45.0
+_BLOCKED = 160.0
 # The ESC's heat: ohm and V of its switches, heat capacity in J/K, K/W in still air and in the propeller's wind.
 _SWITCH_OHM, _SWITCH_VOLT, HEAT_CAPACITY, _STILL, _WINDY = 0.008, 0.15, 60.0, 4.0, 2.5
 
@@ -47,7 +47,7 @@ class Motor:
 
     A `blocked` rotor stands still however it is driven. `reverse` turns its direction round; `mount` does so by the
     way it is wired. `load` is the torque that the propeller takes and `lift` the thrust that it gives, as shares of
-    those of a sound one, `inertia` what is left of the rotor's.
+    those of a sound one, `inertia` what is left of the rotor's. The winding of a blocked one takes `most` A.
     """
 
     ambient: float
@@ -64,6 +64,7 @@ class Motor:
     load: float = 1.0
     lift: float = 1.0
     inertia: float = 1.0
+    most: float = _BLOCKED
     drive: Drive = Drive.FREE
     set_point: float = 0.0
     current: float = _QUIESCENT
@@ -139,7 +140,7 @@ class Motor:
     def _draw(self, acceleration: float) -> None:
         """Draw the current of the present speed and its change: none flows back into the pack."""
         if self.blocked and self.drive in {Drive.DUTY, Drive.SPEED}:
-            amperes = min(_BLOCKED, self._asked() * self.voltage / WINDING)
+            amperes = min(self.most, self._asked() * self.voltage / WINDING)
         elif self.drive in {Drive.DUTY, Drive.SPEED, Drive.ANGLE}:
             pushed = -acceleration if self.speed < 0 else acceleration
             amperes = max(0.0, DRAG * self.load * self.speed * self.speed + INERTIA * self.inertia * pushed) / TORQUE

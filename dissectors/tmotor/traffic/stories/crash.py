@@ -41,7 +41,8 @@ _SLOW = 20
 class StoryFlight:
     """A flight of motors that matter; a `failure` comes when it is up, and the ground ends it.
 
-    `legs` are those of a climb without landing, and `geometry` a ring of arms, unless something else is given.
+    `legs` are those of a climb without landing, and `geometry` a ring of arms, unless something else is given. The
+    flight that fails begins at `begin` (s).
     """
 
     def __init__(
@@ -49,9 +50,11 @@ class StoryFlight:
         story: Story,
         legs: Sequence[Leg] | None = None,
         geometry: Sequence[tuple[float, float, float]] | None = None,
+        begin: float = 0.0,
     ) -> None:
         self.story, self.world, self.vehicle, self.random = story, story.world, story.vehicle, story.random
         vehicle = self.vehicle
+        self._begin = round(begin * SECOND)
         count, seconds = len(vehicle.escs), self.world.end / SECOND
         for esc in vehicle.escs:
             esc.motor.load *= self.random.uniform(1 - _UNLIKE, 1 + _UNLIKE)
@@ -88,9 +91,9 @@ class StoryFlight:
         The bus shows it `within` so many seconds. In the twin control is lost first, so that the same failure is a
         consequence.
         """
-        at = round(self.world.end * self.random.uniform(_FROM, _TO))
+        at = self._begin + round((self.world.end - self._begin) * self.random.uniform(_FROM, _TO))
 
-        def begin() -> None:
+        def start() -> None:
             if not self.twin:
                 self.settle(kind, (kind, *also), escs, within)
                 failure()
@@ -99,7 +102,7 @@ class StoryFlight:
             self.turn_over()
             self.when_away(failure)
 
-        self.world.at(at, begin)
+        self.world.at(at, start)
 
     def lose_control(self) -> None:
         """Let the vehicle lose its attitude though every device is healthy."""

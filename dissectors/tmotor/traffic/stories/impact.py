@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import TYPE_CHECKING
 
 from dissectors.times import MILLISECOND
+from dissectors.tmotor.traffic.physics.motor import WINDING
 from dissectors.traffic import SimulatedFrame
 
 if TYPE_CHECKING:
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
 
 _TORN, _BROWN_OUT, _CUT = 0.6, 0.5, 0.5
 _ERROR_FRAME, _COUNTERS = 0x088, 0x200
+# Amperes that stalled rotors take together if their ESCs do not limit them: the voltage of all breaks down.
+_DRAWN = (250.0, 450.0)
 # ESCs warn below so many volts a cell.
 _LOW_CELL = 3.45
 _UNDER_VOLTAGE = 1 << 1
@@ -38,7 +42,9 @@ class Impact:
         if random.random() < _TORN:
             tear(story, random.randrange(5, 40))
         if random.random() < _BROWN_OUT:
-            self.vehicle.pack.resistance *= random.uniform(2, 6)
+            amperes = random.uniform(*_DRAWN) / len(hit)
+            for esc in hit:
+                esc.motor.most = sqrt(amperes * esc.motor.voltage / WINDING)
             self._warn()
             esc, at = random.choice(hit), world.now + random.randrange(50, 300) * MILLISECOND
             if not esc.node.silent:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dissectors.times import MILLISECOND
+from dissectors.times import MILLISECOND, SECOND
+from dissectors.tmotor.traffic.flights import cruise, hover, later
 from dissectors.tmotor.traffic.stories.crash import OPTIONS, StoryFlight
 from dissectors.traffic import Scenario
 
 if TYPE_CHECKING:
     from dissectors.traffic import Story
 
+# Seconds of a flight before the one that matters.
+_FIRST = 21.0
 # Shares of torque and thrust: a motor without its propeller, and one whose blades are chipped.
 _BARE, _CHIPPED = (0.02, 0.0), (0.62, 0.6)
 # The rotor's inertia is mostly that of its propeller.
@@ -57,6 +60,19 @@ def _stall(story: Story) -> None:
 
     def fail() -> None:
         story.tell(f"the motor of node {esc.node.number} is blocked")
+        esc.motor.blocked = True
+
+    flight.fail(fail, "esc", escs=[esc])
+
+
+def _second_flight(story: Story) -> None:
+    """Let a flight be well that is none of this crash's business."""
+    legs = [*hover(_FIRST), *later(cruise(story.world.end / SECOND - _FIRST), _FIRST)]
+    flight = StoryFlight(story, legs, begin=_FIRST)
+    esc = flight.any_esc()
+
+    def fail() -> None:
+        story.tell(f"the motor of node {esc.node.number} is blocked, in the second flight")
         esc.motor.blocked = True
 
     flight.fail(fail, "esc", escs=[esc])
@@ -127,6 +143,16 @@ SCENARIOS = (
         "over what they can.",
         _stall,
         seconds=16.0,
+        least=4,
+        options=OPTIONS,
+    ),
+    Scenario(
+        "second-flight",
+        "a motor is blocked in the second of two flights",
+        "A flight that lands with nothing wrong; some seconds later the same vehicle takes off again, and in the air "
+        "something blocks a rotor.",
+        _second_flight,
+        seconds=37.0,
         least=4,
         options=OPTIONS,
     ),

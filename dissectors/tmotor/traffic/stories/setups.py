@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dissectors.records import replace
 from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.esc import unique_ids
-from dissectors.tmotor.traffic.flights import Leg, hover
+from dissectors.tmotor.traffic.flights import Leg, hover, later
 from dissectors.tmotor.traffic.stories.crash import StoryFlight
 from dissectors.traffic import Scenario
 
@@ -88,7 +87,7 @@ def _two_flights(story: Story, *, landing: bool = False) -> tuple[StoryFlight, A
     second = _FIRST + _STANDS
     legs = [*hover(_FIRST), Leg(second, "idle"), Leg(second + 1, "fly", 2.0)]
     if landing:
-        legs += [replace(leg, start=leg.start + seconds - _FIRST) for leg in hover(_FIRST)[-3:]]
+        legs += later(hover(_FIRST)[-3:], seconds - _FIRST)
     flight = StoryFlight(story, legs)
     return flight, flight.any_esc()
 
