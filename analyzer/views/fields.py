@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from analyzer.decode.told import reading_column
 from analyzer.tables import KINDS, STATUSES
-from analyzer.views.json_fields import structure_template
+from analyzer.views.json_fields import HEX, structure_template
 from analyzer.views.members import ALL, PLAIN, CellTemplates
 from analyzer.views.rows import first_frames
 from analyzer.views.sheets import Sheets, type_column, types_of
@@ -42,6 +42,7 @@ _FIXED = {
     "can.flags.xtd": "1: 29-bit identifier",
     "can.flags.rtr": "1: remote frame",
     "can.flags.err": "1: error frame",
+    "frame.data": "bytes, tail byte included",
     "dronecan.src": "source node; 0 when anonymous, and of a sender without an ID",
     "dronecan.dst": "destination node of a service",
     "dronecan.priority": "0 is highest",
@@ -50,7 +51,9 @@ _FIXED = {
     "dronecan.kind": "message, anonymous, request or response",
     "dronecan.transfer_id": "transfer ID",
     "dronecan.status": "what became of the transfer",
+    "payload": "bytes of the transfer, without CRC and tail bytes",
 }
+_SHORT = {"src": "dronecan.src", "dst": "dronecan.dst", "data.data": "frame.data"}
 _OF_MESSAGES = ("bits_left", "trusted")
 _OF_PACKETS = ("packet_ok", "header_ok", "length_ok", "checksum_ok", "checksum_end", "count_step", "count_step_id")
 _TIMES = {"frame.time_epoch": "e", "frame.time_relative": "r", "frame.time_delta": "d"}
@@ -82,7 +85,7 @@ class Fields:
     ) -> None:
         self._registry = registry
         self._names = list(names)
-        self._columns = {name: find(registry, name) for name in names if name not in _FIXED}
+        self._columns = {name: named(registry, name) for name in names if fixed(name) not in _FIXED}
         self._frame_data = frame_data
         self._clocks = {name: TimeFormat(mode, digits=9) for name, mode in _TIMES.items()}
         self._clocks["frame.time_relative"].zero = zero
@@ -100,7 +103,7 @@ class Fields:
         for clock in self._clocks.values():
             clock.start(batch.frames)
         types, places = type_column(batch, self._registry)
-        beside = {name: self._beside(batch, name) for name in self._names if name in _BESIDE}
+        beside = {name: self._beside(batch, name) for name in map(fixed, self._names) if name in _BESIDE}
         words = [[escape(bus) for bus in batch.buses], ["" if m is None else m.name for m in types]]
         rows = picked and picked.transfers
         return self._sheets.texts(batch, rows, types_of(types, places, rows), beside | {_TYPE: places}, words)
@@ -113,7 +116,8 @@ class Fields:
         parts: list[Template] = []
         for place, name in enumerate(self._names):
             parts.append(("text", "\t" if place else ""))
-            parts.append(self._fixed(columns, name) if name in _FIXED else self._cell(place, self._columns[name][0]))
+            own = name in self._columns
+            parts.append(self._cell(place, self._columns[name][0]) if own else self._fixed(columns, fixed(name)))
         return ("all", [*parts, ("text", "\n")])
 
     def _fixed(self, columns: Columns, name: str) -> Template:
@@ -123,6 +127,8 @@ class Fields:
             return columns.of(_TYPE if name == "dronecan.type" else "bus", ("word", _WORDS.index(name)))
         if name in _BESIDE:
             return columns.of(name, ("copy",) if name in _FRAME else _NUMBER)
+        if name == "payload":
+            return columns.of(name, HEX)
         column = name.removeprefix("dronecan.")
         texts = {"kind": KINDS, "status": STATUSES}.get(column, ())
         cases = [(value, ("text", text)) for value, text in enumerate(texts)]
@@ -149,25 +155,66 @@ class Fields:
         frames = pylist(batch.transfers.column("frame"))
         return pa.array([self._of_frames(some, _FRAME[name]) for some in frames], pa.string())
 
-    def _of_frames(self, numbers: Sequence[int], read: Callable[[RawFrame], int]) -> str:
-        """Write one value if all frames agree, else one for each."""
+    def _of_frames(self, numbers: Sequence[int], read: Callable[[RawFrame], int | str]) -> str:
+        """Write one number if all frames agree, else what each has."""
         frames = [self._frame_data(n) for n in numbers]
-        values = ["" if frame is None else str(read(frame)) for frame in frames]
-        return values[0] if len(set(values)) == 1 else ",".join(values)
+        values = ["" if frame is None else read(frame) for frame in frames]
+        agree = len(set(values)) == 1 and isinstance(values[0], int)
+        return str(values[0]) if agree else ",".join(map(str, values))
 
 
-_FRAME: dict[str, Callable[[RawFrame], int]] = {
+_FRAME: dict[str, Callable[[RawFrame], int | str]] = {
     "can.id": lambda frame: frame.id,
     "can.len": lambda frame: len(frame.data),
     "can.flags.xtd": lambda frame: int(frame.flag("xtd")),
     "can.flags.rtr": lambda frame: int(frame.flag("rtr")),
     "can.flags.err": lambda frame: int(frame.flag("err")),
+    "frame.data": lambda frame: frame.data.hex().upper(),
 }
 _BESIDE = {
     **dict.fromkeys(_TIMES, pa.int64()),
     "frame.number": pa.int64(),
     **dict.fromkeys(_FRAME, pa.string()),
 }
+
+
+def fixed(name: str) -> str:
+    """Return a name of what every row has as it is in full."""
+    return _SHORT.get(name, name)
+
+
+def named(registry: Registry, name: str) -> Column:
+    """Find the table and column of a name as filters have it, too: any ending that only one field of a type has.
+
+    Raises `ValueError` for what does not exist.
+    """
+    try:
+        return find(registry, name)
+    except ValueError as error:
+        from analyzer.filter.errors import FilterError  # noqa: PLC0415 - most names are those of tables
+        from analyzer.filter.fields import FIXED, MEANT  # noqa: PLC0415
+        from analyzer.filter.names import FilterNames  # noqa: PLC0415
+
+        if "," in name:
+            raise ValueError(
+                f"one field for each -e: {' '.join(f'-e {one}' for one in name.split(','))[:80]}"
+            ) from None
+        if name in FIXED:
+            hint = str(error).removeprefix(f"no field {name!r}")
+            raise ValueError(f"{name!r} is a field of filters, not of -e{hint}") from None
+        if meant := [one for one in MEANT.get(name.lower(), ()) if fixed(one) in _FIXED]:
+            raise ValueError(f"no field {name!r}" + _near(meant)) from None
+        try:
+            ref = FilterNames(registry).find(name, name, 0)
+        except FilterError as unknown:
+            raise (ValueError(unknown.reason) if len(unknown.candidates) > 1 else error) from None
+        if ref.origin != "table":
+            raise
+        column = ".".join((ref.column, *ref.path))
+        if len(ref.tables) > 1:
+            every = ", ".join(f"{table}.{column}" for table in ref.tables)
+            raise ValueError(f"no field {name!r}: it may be any of {every}") from None
+        return ref.tables[0], column
 
 
 def find(registry: Registry, name: str) -> Column:

@@ -170,7 +170,7 @@ def _frame_list(
         registry, numbering, wait=not options.follow, most=options.count, named=named, matcher=matcher, painter=painter
     )  # fmt: skip
     if options.form == "fields":
-        return FrameFields(rows, options.fields, zero)
+        return FrameFields(rows, options.fields, zero, registry, numbering)
     if options.form in BY_NAME:
         return FrameRecords(rows, options.form)
     palette, codes = Palette(True) if options.colour else PLAIN, () if painter is None else painter.codes

@@ -182,7 +182,7 @@ def test_every_name_is_one_that_the_commands_take() -> None:
     registry = dissectors.load()
     known = names(registry)
     for field in known["fields"]:
-        if field.partition(".")[0] not in ("frame", "can", "dronecan"):
+        if field.partition(".")[0] not in ("frame", "can", "dronecan", "payload"):
             find(registry, field)
     for one in known["types"]:
         registry.table(one)

@@ -208,9 +208,6 @@ def test_what_is_not_there_is_said(command: Command) -> None:
     code, _, err = command("decode", HOVER, "-Y", 'node.label == "a"')
     assert code == 2
     assert "--vehicle" in err
-    code, _, err = command("live", "virtual:filter", "--list", "-a", "duration:0.1", "-Y", "finding.rule")
-    assert code == 2
-    assert "findings are told beside" in err
 
 
 def test_fields_are_listed(command: Command) -> None:

@@ -171,8 +171,94 @@ def test_csv_and_fields_of_frames(capfd: pytest.CaptureFixture[str], odd: Path) 
     assert fields[5].split("\t") == ["6", str(0x1F040A0B), "8", "1", "0.001000000"]
 
 
+OWN = ("dronecan.type", "dronecan.transfer_id", "dronecan.status", "ESCStatus.voltage", "RawCommand.cmd", "payload")
+
+
+def columns(capfd: pytest.CaptureFixture[str], names: Sequence[str], *args: object) -> list[list[str]]:
+    """The lines of `-T fields`, cell by cell."""
+    text = listed(capfd, *args, "-T", "fields", *(word for name in names for word in ("-e", name)))
+    return [line.split("\t") for line in text]
+
+
+@pytest.mark.parametrize("path", LOGS, ids=lambda path: path.stem)
+def test_each_frame_has_the_fields_of_its_transfer(capfd: pytest.CaptureFixture[str], path: Path) -> None:
+    """What `-T fields` says of a transfer stands in the row of each of its frames, in no other; rows are the text's."""
+    text = [line[:8].strip() for line in listed(capfd, path, "--frame-list")[1:]]
+    rows = columns(capfd, ("frame.number", *OWN), path, "--frame-list")
+    assert [row[0] or "-" for row in rows] == text
+    frames = [json.loads(line)["frames"] for line in listed(capfd, path, "-T", "jsonl")]
+    owned = {}
+    for numbers, (_, *cells) in zip(frames, columns(capfd, ("frame.number", *OWN), path), strict=True):
+        owned |= {str(number): cells for number in numbers}
+    nothing = [""] * len(OWN)
+    assert [row[1:] for row in rows] == [owned.get(row[0], nothing) for row in rows]
+    assert len({tuple(row[1:]) for row in rows}) > 20
+
+
+@pytest.mark.parametrize("text", ["can.id & 0x80", "ESCStatus", "can.flags.err || can.flags.rtr", "!dronecan.type"])
+def test_a_filter_chooses_the_same_frames_in_every_form(capfd: pytest.CaptureFixture[str], text: str) -> None:
+    for path in LOGS:
+        lines = listed(capfd, path, "--frame-list", "-Y", text)[1:]
+        numbers = [None if line[:8].strip() == "-" else int(line[:8]) for line in lines]
+        assert [row["number"] for row in frames(capfd, path, "-Y", text)] == numbers
+        rows = list(csv.DictReader(listed(capfd, path, "--frame-list", "-Y", text, "-T", "csv")))
+        assert [int(row["number"]) if row["number"] else None for row in rows] == numbers
+        cells = columns(capfd, ("frame.number", "dronecan.type"), path, "--frame-list", "-Y", text)
+        assert [int(number) if number else None for number, _ in cells] == numbers
+
+
+def test_frames_without_a_transfer_have_what_their_identifier_says(
+    capfd: pytest.CaptureFixture[str], odd: Path
+) -> None:
+    names = ("frame.number", "src", "dronecan.dst", "dronecan.type", "frame.data")
+    rows = {row[0]: row[1:] for row in columns(capfd, names, odd, "--frame-list")}
+    assert rows["3"] == [*rows["2"][:2], "", "52CD34C04F000020"]
+    assert rows["5"] == ["11", "", "", "52CD34C04F000023"]
+    assert rows["6"] == ["11", "", "", ""]
+    assert rows["8"] == ["", "", "", "0102"]
+    services, cut = CAPTURES / "services.log", odd.with_name("services.log")
+    every = [json.loads(line) for line in listed(capfd, services, "-T", "jsonl")]
+    *_, one = (one for one in every if one["kind"] == "response" and len(one["frames"]) > 1)
+    lines = services.read_text().splitlines(keepends=True)
+    cut.write_text("".join(lines[: one["frame"] - 1] + lines[one["frame"] :]))
+    orphan = columns(capfd, names, cut, "--frame-list")[one["frames"][1] - 2]
+    assert orphan[1:4] == [str(one["src"]), str(one["dst"]), ""]
+
+
 @pytest.mark.parametrize(
-    ("args", "said"), [(["-V"], "list of its own"), (["-T", "fields", "-e", "dronecan.src"], "no field")]
+    ("name", "said"),
+    [
+        ("can.id,can.len", "one field for each -e: -e can.id -e can.len"),
+        ("frame.len", "no field 'frame.len'; did you mean can.len?"),
+        ("frame.time", "'frame.time' is a field of filters, not of -e; did you mean frame.time_epoch"),
+        ("ch", "'ch' is a field of filters, not of -e"),
+        ("MotorStatus.speed", "no field 'MotorStatus.speed': it may be any of PUSH"),
+        ("ESCStatus.temp", "did you mean: ESCStatus.temperature, ESCStatus.temperature_celsius"),
+        ("nothing.at.all", "no field 'nothing.at.all'"),
+    ],
+)
+@pytest.mark.parametrize("form", [[], ["--frame-list"]])
+def test_a_field_that_there_is_not(
+    capfd: pytest.CaptureFixture[str], odd: Path, form: list[str], name: str, said: str
+) -> None:
+    assert main(["decode", str(odd), *form, "-T", "fields", "-e", name]) == 2
+    assert said in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "full"),
+    [("ESCStatus.mode", "ESCStatus.error_count.mode"), ("src", "dronecan.src"), ("data.data", "frame.data")],
+)
+def test_names_are_those_of_filters(capfd: pytest.CaptureFixture[str], name: str, full: str) -> None:
+    for form in ([], ["--frame-list"]):
+        cells = columns(capfd, [name], FAULTS, *form)
+        assert cells == columns(capfd, [full], FAULTS, *form)
+        assert len({tuple(row) for row in cells}) > 2
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [(["-V"], "list of its own"), (["-T", "fields", "-e", "dronecan.scr"], "did you mean dronecan.src")],
 )
 def test_what_does_not_go_together(capfd: pytest.CaptureFixture[str], odd: Path, args: list[str], said: str) -> None:
     assert main(["decode", str(odd), "--frame-list", *args]) == 2

@@ -265,7 +265,7 @@ def test_fields_of_frames_and_times(decode: Callable[..., Any], registry: Regist
         ("frame.nmuber", "frame.number"),
         ("PUSHCAN.MotorStatus.sped", "PUSHCAN.MotorStatus.speed"),
         ("ESCStatus.status.stal", "ESCStatus.status.stall"),
-        ("Status.voltage", "ambiguous"),
+        ("MotorStatus.speed", "it may be any of PUSH"),
     ],
 )
 def test_unknown_fields_are_told_with_near_ones(registry: Registry, name: str, near: str) -> None:

@@ -8,7 +8,10 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.tables import ERROR, EXTENDED, REMOTE
+from analyzer.views.fields import fixed
 from analyzer.views.frames.cells import FrameSheet, FrameWriter, bit_of
+from analyzer.views.frames.owners import OwnerFields
+from analyzer.views.json_fields import HEX
 from analyzer.views.members import NOTHING, PLAIN
 from analyzer.views.terminal import escape
 from dissectors.kit.cells import numbers, valid
@@ -16,27 +19,41 @@ from dissectors.kit.cells import numbers, valid
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from analyzer.decode.engine import Batch
     from analyzer.views.frames.rows import FrameRows, ListedFrames
     from analyzer.views.sheets import Columns, Template
+    from analyzer.window.listed import ListedRows
+    from analyzer.window.numbering import Numbering
+    from dissectors import Registry
 
 _FLAGS = {"can.flags.xtd": EXTENDED, "can.flags.rtr": REMOTE, "can.flags.err": ERROR}
 _NUMBERS = {"frame.number": "number", "can.id": "id", "can.len": "length"}
 _TIMES = {"frame.time_epoch": "t", "frame.time_relative": "elapsed", "frame.time_delta": "delta"}
 # Of an error frame there are none.
 _OF_FRAMES = ("can.id", "can.flags.xtd")
-FRAME_FIELDS = ("frame.number", "frame.interface_name", "can.id", "can.len", *_FLAGS, *_TIMES)
+FRAME_FIELDS = ("frame.number", "frame.interface_name", "frame.data", "can.id", "can.len", *_FLAGS, *_TIMES)
 
 
 class FrameFields(FrameWriter):
-    """Chosen fields of each frame, separated by tabs. Raises `ValueError` for one that frames do not have."""
+    """Chosen fields of each frame, and of its transfer, separated by tabs.
 
-    def __init__(self, rows: FrameRows, names: tuple[str, ...], zero: int | None) -> None:
-        for name in names:
-            if name not in FRAME_FIELDS:
-                raise ValueError(f"--frame-list has no field {name!r}: frames have {', '.join(FRAME_FIELDS)}")
+    Raises `ValueError` for a name that does not exist.
+    """
+
+    def __init__(
+        self, rows: FrameRows, names: tuple[str, ...], zero: int | None, registry: Registry, numbering: Numbering
+    ) -> None:
         super().__init__(rows)
-        self._names, self._zero = names, zero
+        self._names, self._zero = tuple(map(fixed, names)), zero
+        owned = dict.fromkeys(name for name in self._names if name not in FRAME_FIELDS)
+        self._owners = OwnerFields(registry, list(owned), numbering)
         self._sheet = FrameSheet(self._template)
+
+    def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
+        """Write each frame that is known for good."""
+        self._owners.feed(batch)
+        yield from super().rows(batch, picked)
+        self._owners.forget(self._rows)
 
     def _texts(self, table: ListedFrames) -> Iterator[str]:
         times, since = table.rows.column("t"), table.rows.column("since")
@@ -46,6 +63,7 @@ class FrameFields(FrameWriter):
         missing = None if known.all() else ~known
         delta = np.where(valid(since), numbers(since), 0)
         beside = {"elapsed": pa.array(t - (self._zero or 0), mask=missing), "delta": pa.array(delta, mask=missing)}
+        beside |= self._owners.columns(table.rows)
         return self._sheet.texts(table, beside, [[escape(name) for name in table.buses]])
 
     def _template(self, columns: Columns) -> Template:
@@ -53,8 +71,11 @@ class FrameFields(FrameWriter):
         cells = [self._cell(columns, name) for name in self._names]
         return ("all", [*[one for pair in zip(tabs, cells, strict=True) for one in pair][1:], ("text", "\n")])
 
-    @staticmethod
-    def _cell(columns: Columns, name: str) -> Template:
+    def _cell(self, columns: Columns, name: str) -> Template:
+        if name in self._owners.names:
+            return columns.of(name, ("or", "", ("copy",)))
+        if name == "frame.data":
+            return columns.of("data", HEX)
         if name == "frame.interface_name":
             return columns.of("bus", ("word", 0))
         if name in _TIMES:

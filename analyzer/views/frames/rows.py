@@ -130,6 +130,11 @@ class FrameRows:
         """True if rows say which rules name them."""
         return self._named is not None
 
+    @property
+    def oldest(self) -> int | None:
+        """The place of the first frame that is not given yet."""
+        return next((int(held.places[held.given]) for held in self._held if len(held)), None)
+
     def feed(self, batch: Batch, picked: ListedRows) -> Iterator[ListedFrames]:
         """Take the next batch; `picked.frames` are all the frames to give, those of transfers, too."""
         matches = None if self._matcher is None else self._matcher.feed(batch)
