@@ -12,6 +12,7 @@ import numpy as np
 
 from analyzer.rules.recent import KEPT
 from analyzer.tables import ERROR, EXTENDED, REMOTE, TAIL_END, TAIL_ID, TAIL_START, TRANSFER_IDS
+from dissectors.kit import SESSION
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable, View
 
 _MOST_MADE = 1024  # starts at once
-_SESSION = 0xFF_FFFF  # bits of an identifier: all but the priority
 
 
 class OddStart(NamedTuple):
@@ -89,7 +89,7 @@ class SessionStarts:
     """
 
     def __init__(self, session: int, start: OddStart, data: bytes) -> None:
-        self._bus, self._bits = session >> 32, session & _SESSION
+        self._bus, self._bits = session >> 32, session & SESSION
         self._next = start.number + 1
         self._waiting: deque[OddStart] = deque()
         self._read_ahead: deque[_Columns] = deque()
@@ -97,11 +97,11 @@ class SessionStarts:
         self._data = data
         self._ended = bool(data[-1] & TAIL_END)
 
-    def until(self, number: int, latest: LatestFrames) -> Iterator[OddStart]:
+    def until(self, number: int, view: View, latest: LatestFrames) -> Iterator[OddStart]:
         """Yield the odd starts that were not told yet, up to a frame."""
         if number >= self._next:
             for frames in latest.since(self._next):
-                self._read(frames)
+                self._read(view, frames)
                 self._next = frames.first + len(frames)
         while self._waiting or self._read_ahead:
             if not self._waiting:
@@ -110,9 +110,11 @@ class SessionStarts:
                 return
             yield self._waiting.popleft()
 
-    def _read(self, frames: FrameTable) -> None:
+    def _read(self, view: View, frames: FrameTable) -> None:
         """Take what is new in a batch."""
-        row, tail = self._own(frames)
+        row, tail = self._own(view, frames)
+        if not len(row):
+            return
         begins = np.flatnonzero(tail & TAIL_START)
         ids = np.concatenate(((self._latest[0],), tail[begins] & TAIL_ID)).astype(np.int64)
         times = np.concatenate(((self._latest[1],), frames.t[row[begins]]))
@@ -156,11 +158,9 @@ class SessionStarts:
         found[behind] = same & ((mine == others) | (at >= size[:, None])).all(axis=1)
         return found
 
-    def _own(self, frames: FrameTable) -> tuple[Array, Array]:
+    def _own(self, view: View, frames: FrameTable) -> tuple[Array, Array]:
         """Return the rows of the session's frames that are new, and their tail bytes."""
-        new = slice(max(self._next - frames.first, 0), None)
-        mine = (frames.id[new] & _SESSION == self._bits) & (frames.bus[new] == self._bus)
-        row = np.flatnonzero(mine & (frames.flags[new] & (EXTENDED | REMOTE | ERROR) == EXTENDED)) + new.start
-        row = row[frames.length[row] > 0]
-        offsets, data = frames.raw
-        return row, np.frombuffer(data, np.uint8)[offsets[row + 1] - 1]
+        first, end = max(self._next, frames.first), frames.first + len(frames)
+        row = np.array(view.numbers_between(first, end, self._bus, self._bits), np.int64) - frames.first
+        row = row[(frames.flags[row] & (EXTENDED | REMOTE | ERROR) == EXTENDED) & (frames.length[row] > 0)]
+        return row, frames.tail[row]

@@ -76,7 +76,7 @@ class SeveralSenders:
         """
         followed = self._followed[place]
         least, type_ = int(view.number("BUS-010", "min_transfers")), view.type_name(code)
-        for start in followed.starts.until(number, latest):
+        for start in followed.starts.until(number, view, latest):
             if _counts(start, view):
                 took_over = followed.add(start)
                 if followed.shared(type_, least) is not None:
@@ -96,7 +96,7 @@ class SeveralSenders:
             if one.rule != COPIED and _counts(start, view):
                 followed.add(start)
         least, type_ = int(view.number("BUS-010", "min_transfers")), view.type_name(one.code)
-        for start in followed.starts.until(one.frames[-1], latest):
+        for start in followed.starts.until(one.frames[-1], view, latest):
             if _counts(start, view) and followed.add(start) and followed.shared(type_, least) is not None:
                 self.seen = start.t
         return followed.shared(type_, least)

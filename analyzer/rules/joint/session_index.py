@@ -23,9 +23,8 @@ class SessionIndex:
         key = frames.bus.astype(np.int64) << _WIDTH | (frames.id & SESSION)
         self._order = np.argsort(key, kind="stable")
         ranked = key[self._order]
-        begins = np.flatnonzero(np.diff(ranked, prepend=-1))
-        places = zip(begins.tolist(), [*begins[1:].tolist(), len(ranked)], strict=True)
-        self._places = dict(zip(ranked[begins].tolist(), places, strict=True))
+        self._begins = np.append(np.flatnonzero(np.diff(ranked, prepend=-1)), len(ranked))
+        self._keys = ranked[self._begins[:-1]]
 
     def __deepcopy__(self, _memo: object) -> Self:
         """Share it: it never changes."""
@@ -33,14 +32,14 @@ class SessionIndex:
 
     def rows(self, low: int, high: int, bus: int, session: int) -> Array:
         """Return the rows of a session from one to before another one."""
-        first, last = self._places.get(bus << _WIDTH | session, (0, 0))
+        first, last = self._place(bus, session)
         rows = self._order[first:last]
         found: Array = rows[rows.searchsorted(low) : rows.searchsorted(high)]
         return found
 
     def before(self, low: int, high: int, bus: int, session: int) -> Iterator[int]:
         """Yield the same from the last one on."""
-        first, last = self._places.get(bus << _WIDTH | session, (0, 0))
+        first, last = self._place(bus, session)
         at = first + int(self._order[first:last].searchsorted(high))
         while at > first:
             at -= 1
@@ -48,3 +47,11 @@ class SessionIndex:
             if row < low:
                 break
             yield row
+
+    def _place(self, bus: int, session: int) -> tuple[int, int]:
+        """Return where the rows of a session begin and end."""
+        key = bus << _WIDTH | session
+        at = int(self._keys.searchsorted(key))
+        if at == len(self._keys) or self._keys.item(at) != key:
+            return 0, 0
+        return self._begins.item(at), self._begins.item(at + 1)

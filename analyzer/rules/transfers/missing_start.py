@@ -43,9 +43,13 @@ class _Remainder:
 
 
 class _Remainders(NamedTuple):
-    """Remainders that were closed, and the cells of their first frames in columns."""
+    """Remainders that were closed, in columns: what came of each, where its frames stand, cells of the first one."""
 
-    each: Sequence[_Remainder]
+    transfer_id: Array
+    received: Array
+    lines: Sequence[tuple[str, ...]]
+    offsets: Array
+    numbers: Array
     number: Array
     session: Array
     t: Array
@@ -57,15 +61,33 @@ class _Remainders(NamedTuple):
     @classmethod
     def of(cls, each: Sequence[_Remainder]) -> _Remainders:
         """Return them in columns."""
-        cells = np.fromiter(chain.from_iterable(one.first for one in each), np.int64)
-        return cls(each, *cells.reshape(len(each), -1).T)
+        transfer_id, received = np.array([(one.transfer_id, one.received) for one in each], np.int64).T
+        sizes = np.fromiter((len(one.frames) for one in each), np.int64, len(each))
+        numbers = np.fromiter(chain.from_iterable(one.frames for one in each), np.int64, int(sizes.sum()))
+        cells = np.fromiter(chain.from_iterable(one.first for one in each), np.int64).reshape(len(each), -1).T.copy()
+        lines = [one.lines for one in each]
+        return cls(transfer_id, received, lines, np.concatenate(((0,), np.cumsum(sizes))), numbers, *cells)
+
+    @property
+    def sizes(self) -> Array:
+        """How many frames of each are named."""
+        return np.diff(self.offsets)
+
+    def frames(self, k: int) -> list[int]:
+        """Return the frames of one."""
+        found: list[int] = self.numbers[self.offsets.item(k) : self.offsets.item(k + 1)].tolist()
+        return found
+
+    def first(self, k: int) -> tuple[int, int, int]:
+        """Return number, session and time of the first frame of one."""
+        return self.number.item(k), self.session.item(k), self.t.item(k)
 
     def lists(self, rows: Array) -> FrameLists:
         """Return the frames of some."""
-        frames = [self.each[k].frames for k in rows.tolist()]
-        numbers = np.fromiter(chain.from_iterable(frames), np.int64)
-        offsets = np.concatenate(((0,), np.cumsum([*map(len, frames)], dtype=np.int64)))
-        return FrameLists(numbers, offsets, self.code[rows], self.flags[rows] & FD != 0)
+        sizes = self.sizes[rows]
+        offsets = np.concatenate(((0,), np.cumsum(sizes)))
+        places = np.arange(offsets[-1]) + np.repeat(self.offsets[rows] - offsets[:-1], sizes)
+        return FrameLists(self.numbers[places], offsets, self.code[rows], self.flags[rows] & FD != 0)
 
 
 class _Told(NamedTuple):
@@ -79,7 +101,7 @@ class _Told(NamedTuple):
     def values(self, k: int) -> Values:
         """Return what is said of one."""
         return {
-            "transfer_id": self.of.each[k].transfer_id, "cause": self.what[k], "detail": self.cause(k).detail,
+            "transfer_id": self.of.transfer_id.item(k), "cause": self.what[k], "detail": self.cause(k).detail,
         }  # fmt: skip
 
     def severity(self, k: int) -> Severity | None:
@@ -89,7 +111,7 @@ class _Told(NamedTuple):
     def occurrence(self, view: View, k: int) -> Occurrence:
         """Return one."""
         t, bus, node, code = (column.item(k) for column in (self.of.t, self.of.bus, self.of.node, self.of.code))
-        frames, lines = self.of.each[k].frames, self.of.each[k].lines
+        frames, lines = self.of.frames(k), self.of.lines[k]
         return Occurrence(
             "TRF-005", t, bus, None if node < 0 else node, view.type_name(code), tuple(frames), self.values(k),
             severity=self.severity(k), drops=True, lines=lines or _lines(view, frames),
@@ -111,7 +133,7 @@ class _Told(NamedTuple):
         )
         return Occurrences(
             rule="TRF-005", t=t, bus=bus, node=node, type=code, frame=number,
-            values=lambda k: self.values(rows.item(k)), frames=lambda k: self.of.each[rows.item(k)].frames,
+            values=lambda k: self.values(rows.item(k)), frames=lambda k: self.of.frames(rows.item(k)),
             key=key, severity=self.severity(rows.item(0)), drops=True, each_named=True,
         )  # fmt: skip
 
@@ -185,16 +207,15 @@ class MissingStart:
         closed, self._closed = _Remainders.of(self._closed), []
         told = self._searched(view, closed)
         rows: list[int] = []
-        for k, (what, key, early, one) in enumerate(
-            zip(told.what, closed.session.tolist(), told.early.tolist(), closed.each, strict=True)
-        ):
-            if not what or (early and view.cut_in and self._first(one)):
+        columns = told.what, closed.session.tolist(), told.early.tolist(), closed.sizes.tolist(), closed.lines
+        for k, (what, key, early, size, lines) in enumerate(zip(*columns, strict=True)):
+            if not what or (early and view.cut_in and self._first(*closed.first(k))):
                 continue
             held_back, kind = early and self._excused < MOST_EARLY, (key, what)
             if held_back:
                 self._excused += 1
                 self._early_ones.setdefault(kind, []).append(told.occurrence(view, k))
-            elif one.lines or len(one.frames) > MOST_LINES or kind in self._early_ones:
+            elif lines or size > MOST_LINES or kind in self._early_ones:
                 held = self._early_ones.pop(kind, [])
                 self._excused -= len(held)
                 # What goes on is no moment in which the sender was busy.
@@ -211,7 +232,7 @@ class MissingStart:
         rows, others = np.flatnonzero(searched), np.flatnonzero(~searched)
         found = ask(view, REMAINDER, closed.lists(rows))
         whats = [FORMS[form].what for form in found.form.tolist()]
-        shapes = [(len(one.frames), one.received) for one in closed.each]
+        shapes = list(zip(closed.sizes.tolist(), closed.received.tolist(), strict=True))
         who = senders.tolist()
         gone = found.gone.tolist()
         self._causes.note_all(
@@ -230,9 +251,8 @@ class MissingStart:
         losses[losses] = self._early(view, closed, np.flatnonzero(losses))
         return _Told(closed, told.tolist(), cause, losses)
 
-    def _first(self, one: _Remainder) -> bool:
+    def _first(self, number: int, session: int, t: int) -> bool:
         """Return whether it is the first that was heard of its session: of a window that is where the window begins."""
-        number, session, t = one.first[:3]
         begun = self._begun.get(session)
         return (begun is None or number < begun[1]) and self._orphaned.get(session) == t
 
