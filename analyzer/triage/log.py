@@ -28,6 +28,7 @@ class FlightEvent:
     """An event: it happened between `before`, None if it was so from the start, and `first`; it is over at `after`.
 
     `kind` and `text` are words for people; `values` are numbers by name. A `ch` that nobody said is found out later.
+    `source` is who says so: the bus, or an autopilot's own log, of which nothing is at a frame.
     """
 
     kind: str
@@ -41,6 +42,7 @@ class FlightEvent:
     type: str = ""
     clause: str = ""
     values: Mapping[str, float] = field(default_factory=dict)
+    source: str = "bus"
 
 
 class EventLog:
@@ -72,8 +74,8 @@ class EventLog:
             {
                 "event": number, "t": None if one.before is None else one.before.t, "t_end": one.first.t,
                 "until": None if one.after is None else one.after.t, "bus": one.bus, "node": one.node, "ch": one.ch,
-                "kind": one.kind, "type": one.type, "text": one.text, "clause": one.clause,
-                "values": _json(one.values), "frame": one.first.frame,
+                "kind": one.kind, "source": one.source, "type": one.type, "text": one.text, "clause": one.clause,
+                "values": _json(one.values), "frame": None if one.first.frame < 0 else one.first.frame,
             }
             for number, one in enumerate(_united(ordered), 1)
         ]  # fmt: skip
