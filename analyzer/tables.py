@@ -228,11 +228,12 @@ FLIGHT_EVENTS = pa.schema([
     _field("node", pa.uint8(), "node ID; null for nobody in particular"),
     _field("ch", pa.int32(), "channel of the ESC as people count them, from 1; null for no ESC, or if nobody told it"),
     _field("kind", pa.string(), "what kind of event it is"),
-    _field("type", pa.string(), "data type that tells it"),
+    _field("source", pa.string(), "who says so: bus, or autopilot: its own log"),
+    _field("type", pa.string(), "data type, or record of the autopilot's log, that tells it"),
     _field("text", pa.string(), "what happened"),
     _field("clause", pa.string(), "clause of the document that says what is told here; empty for none"),
     _field("values", pa.string(), "numbers that belong to it, as a JSON object"),
-    _field("frame", pa.uint64(), "number of the first frame of the report at `t_end`, from 0"),
+    _field("frame", pa.uint64(), "number of the first frame of the report at `t_end`, from 0; null for an autopilot's word"),
 ])  # fmt: skip
 
 

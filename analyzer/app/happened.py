@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
 from analyzer.sinks.export import HAPPENED
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator
+    from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from analyzer.app.run import Run
     from analyzer.decode.engine import Batch
     from analyzer.sinks.extent import Extent
+    from analyzer.sources.dataflash import AutopilotLog
     from analyzer.triage.finder import EventFinder
     from analyzer.triage.flights import FlightFinder
 
@@ -24,9 +25,10 @@ class HappenedTables:
     Args:
         run: not read yet.
         wanted: names of tables, these among others.
+        autopilot: the autopilot's own log, of which the events have the words.
     """
 
-    def __init__(self, run: Run, wanted: Collection[str]) -> None:
+    def __init__(self, run: Run, wanted: Collection[str], autopilot: AutopilotLog | None = None) -> None:
         self.names = tuple(name for name in HAPPENED if name in wanted)
         self._finders: dict[str, FlightFinder | EventFinder] = {}
         if self.names:
@@ -35,7 +37,8 @@ class HappenedTables:
 
             flights, _ = HAPPENED
             for name in self.names:
-                self._finders[name] = (FlightFinder if name == flights else EventFinder)(run.registry)
+                made = FlightFinder(run.registry) if name == flights else EventFinder(run.registry, autopilot)
+                self._finders[name] = made
 
     def beside(self, batches: Iterable[Batch]) -> Iterator[Batch]:
         """Yield the batches, and look at each."""
@@ -52,11 +55,19 @@ class HappenedTables:
         """Return all of a table, after the last batch."""
         return self._finders[name].finish()
 
+    @property
+    def autopilot(self) -> Mapping[str, Any] | None:
+        """What became of the autopilot's log, after the tables."""
+        return next((found for one in self._finders.values() if (found := getattr(one, "autopilot", None))), None)
+
     def rows(self, name: str, extent: Extent | None = None) -> pa.RecordBatch:
-        """Return a table, after the last batch: all of it, or those that have a frame in the `extent` of a window."""
+        """Return a table, after the last batch: all of it, or those that are at no frame, or one of a window's `extent`."""
         found = self._finders[name].finish()
         if extent is not None:
             ends = [found.column(end).to_pylist() for end in ("frame", "frame_end") if end in found.column_names]
-            inside = [extent.has_frames(*(frame + 1 for frame in frames)) for frames in zip(*ends, strict=True)]
+            inside = [
+                None in frames or extent.has_frames(*(frame + 1 for frame in frames))
+                for frames in zip(*ends, strict=True)
+            ]
             found = found.filter(pa.array(inside, pa.bool_()))
         return next(iter(found.combine_chunks().to_batches()), pa.RecordBatch.from_pylist([], schema=found.schema))

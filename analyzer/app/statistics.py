@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from analyzer.stats.catalogue import statistics
 from analyzer.stats.chosen import Chooser, frame_rows
@@ -10,13 +10,14 @@ from analyzer.stats.statistic import FoundBreach, StatEnd
 from analyzer.views.stats.head import StatHead
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from analyzer.app.filtered.run_filter import RunFilter
     from analyzer.app.run import Run
     from analyzer.decode.engine import Batch
     from analyzer.filter.matcher import Matcher
     from analyzer.report.model import Finding
+    from analyzer.sources.dataflash import AutopilotLog
     from analyzer.stats.table import StatTable
 
 BIT_RATE = 1_000_000
@@ -29,11 +30,14 @@ class RunStatistics:
         run: not read yet.
         texts: `NAME[,ARGUMENT...]` of each statistic.
         bit_rate: of the bus, in bits a second.
+        autopilot: the autopilot's own log of the flight.
 
     Raises `ValueError` for what makes no sense (`FilterError` is one), and `OSError` for a vehicle file.
     """
 
-    def __init__(self, run: Run, texts: Sequence[str], bit_rate: int | None = None) -> None:
+    def __init__(
+        self, run: Run, texts: Sequence[str], bit_rate: int | None = None, autopilot: AutopilotLog | None = None
+    ) -> None:
         self._run, self._bit_rate = run, bit_rate or BIT_RATE
         self._where: RunFilter | None = None
         if run.request.filter is not None:
@@ -41,7 +45,9 @@ class RunStatistics:
 
             self._where = MadeFilter(run)
         filtered = self._where is not None
-        self._all = statistics(texts, run.registry, self._bit_rate, self._matcher, filtered=filtered)
+        self._all = statistics(
+            texts, run.registry, self._bit_rate, self._matcher, filtered=filtered, autopilot=autopilot
+        )
         self._parts = list(dict.fromkeys(part for one in self._all for part in (*one.parts, one)))
         if self._where is None:
             self._chooser = Chooser()
@@ -108,6 +114,11 @@ class RunStatistics:
         """Return the tables, after the last batch."""
         end = self._end()
         return [table for one in self._all for table in one.finish(end)]
+
+    @property
+    def autopilot(self) -> Mapping[str, Any] | None:
+        """What became of the autopilot's log, after `tables`."""
+        return next((one.autopilot for one in self._all if one.autopilot is not None), None)
 
     def _end(self) -> StatEnd:
         return StatEnd(

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from analyzer.filter.matcher import Matcher
+    from analyzer.sources.dataflash import AutopilotLog
     from analyzer.stats.statistic import Statistic
     from dissectors import Registry
 
@@ -79,7 +80,13 @@ def named(text: str) -> tuple[str, list[str]]:
 
 
 def statistics(
-    texts: Sequence[str], registry: Registry, bit_rate: int, matcher: Callable[[str], Matcher], *, filtered: bool
+    texts: Sequence[str],
+    registry: Registry,
+    bit_rate: int,
+    matcher: Callable[[str], Matcher],
+    *,
+    filtered: bool,
+    autopilot: AutopilotLog | None = None,
 ) -> list[Statistic]:
     """Return the statistics that are asked for.
 
@@ -89,6 +96,7 @@ def statistics(
         bit_rate: of the bus, in bits a second.
         matcher: makes a filter, joined with that of the command, work on the capture.
         filtered: there is a filter of the command.
+        autopilot: the autopilot's own log.
 
     Raises `ValueError` for what makes no sense (`FilterError` is one).
     """
@@ -99,7 +107,7 @@ def statistics(
     for text in texts:
         name, arguments = named(text)
         module, _, kind = _HOMES[name].partition(":")
-        order = StatOrder(arguments, registry, bit_rate, matcher, traffic, filtered)
+        order = StatOrder(arguments, registry, bit_rate, matcher, traffic, filtered, autopilot)
         made.append(getattr(import_module(module), kind)(order))
     return made
 

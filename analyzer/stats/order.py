@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from analyzer.filter.matcher import Matcher
+    from analyzer.sources.dataflash import AutopilotLog
     from analyzer.stats.traffic import SenderTraffic
     from dissectors import Registry
 
@@ -20,7 +21,8 @@ class StatOrder:
     """The arguments of a statistic, and what it may use.
 
     `bit_rate` is in bits a second; `matcher` makes a filter, joined with that of the command, work on the capture;
-    `traffic` is shared by all statistics of a reading; `filtered` says that the command has a filter.
+    `traffic` is shared by all statistics of a reading; `filtered` says that the command has a filter. `autopilot` is
+    the autopilot's own log of the flight, if there is one.
     """
 
     arguments: Sequence[str]
@@ -29,6 +31,7 @@ class StatOrder:
     matcher: Callable[[str], Matcher]
     traffic: SenderTraffic
     filtered: bool
+    autopilot: AutopilotLog | None = None
 
 
 def is_type(text: str, registry: Registry) -> bool:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from analyzer.facts.recording import mixed
 from analyzer.tables import STAMPS
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from analyzer.decode.engine import Engine
     from analyzer.facts.summary import StoredCapture
@@ -70,11 +70,13 @@ class StatEnd:
 class Statistic(ABC):
     """Adds up batches: `feed(batch)`, then `finish(end)` for its tables.
 
-    `parts` are fed before it, each once; one that `judges` needs the findings of `check`.
+    `parts` are fed before it, each once; one that `judges` needs the findings of `check`. `autopilot` says after
+    `finish` what became of an autopilot's log: its name, a `text`, and `parts`, none if it could not be aligned.
     """
 
     parts: Sequence[StatPart] = ()
     judges = False
+    autopilot: Mapping[str, Any] | None = None
 
     def feed(self, batch: ChosenBatch) -> None:  # noqa: B027 - some need no more than their parts
         """Add the next batch."""

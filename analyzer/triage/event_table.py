@@ -31,6 +31,7 @@ COLUMNS = (
     StatColumn("ch", "Ch", "text"),
     StatColumn("kind", "Kind", "text"),
     StatColumn("text", "What", "text"),
+    StatColumn("source", "Source", "text", rank=-1),
     StatColumn("type", "Type", "text", rank=-1),
     StatColumn("clause", "Clause", "text", rank=-1),
     StatColumn("values", "Values", "text", rank=-1),
@@ -41,7 +42,7 @@ class FlightEventTable(Statistic):
     """The events of flights. With a filter those whose report it chooses: they are looked for in everything."""
 
     def __init__(self, order: StatOrder) -> None:
-        self._finder = EventFinder(order.registry)
+        self._finder = EventFinder(order.registry, order.autopilot)
         self._filtered = order.filtered
         self._chosen: list[tuple[int, int, Array]] = []  # first frame, how many, a bit each
 
@@ -59,27 +60,29 @@ class FlightEventTable(Statistic):
     def finish(self, end: StatEnd) -> Sequence[StatTable]:
         """Return the events; frames count from 1."""
         found = self._finder.finish()
+        self.autopilot = self._finder.autopilot
         found = found if end.timed else found.slice(0, 0)
         rows = [
             (
-                one["event"], one["t"], one["t_end"], one["until"], one["frame"] + 1,
+                one["event"], one["t"], one["t_end"], one["until"], None if one["frame"] is None else one["frame"] + 1,
                 None if one["bus"] is None else end.buses[one["bus"]],
                 *(None if one[name] is None else str(one[name]) for name in ("node", "ch")), one["kind"], one["text"],
-                one["type"], one["clause"], one["values"],
+                one["source"], one["type"], one["clause"], one["values"],
             )
             for one in raw_rows(found)
             if not self._filtered or self._has(one["frame"])
         ]  # fmt: skip
-        notes = [f"{self._finder.more} more that are like these"] if self._finder.more else []
+        notes = [*self._finder.notes]
+        notes += [f"{self._finder.more} more that are like these"] if self._finder.more else []
         if self._filtered:
             notes.append("looked for in everything; these are told by a transfer that matches")
         if not end.timed:
             notes.append("without times nothing can be told")
         return (StatTable("events", "what happened to the vehicle", COLUMNS, rows, notes),)
 
-    def _has(self, frame: int) -> bool:
+    def _has(self, frame: int | None) -> bool:
         """Return whether a chosen transfer begins with a frame."""
-        return any(
+        return frame is not None and any(
             low <= frame < low + count and bool(bits[(frame - low) >> 3] >> (7 - ((frame - low) & 7)) & 1)
             for low, count, bits in self._chosen
         )

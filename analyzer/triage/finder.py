@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from analyzer.triage.autopilot.events import AutopilotEvents
 from analyzer.triage.channels import ToldChannels
 from analyzer.triage.clock import RecordedClock
 from analyzer.triage.commands import CommandEvents
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
+    from analyzer.sources.dataflash import AutopilotLog
     from analyzer.triage.log import FlightEvent
     from dissectors import Registry
 
@@ -32,9 +34,10 @@ class EventFinder:
 
     Args:
         registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
+        log: what the vehicle's autopilot wrote, whose words become events, too, if it can be aligned.
     """
 
-    def __init__(self, registry: Registry) -> None:
+    def __init__(self, registry: Registry, log: AutopilotLog | None = None) -> None:
         self.clock, self._channels, self._log = RecordedClock(), ToldChannels(), EventLog()
         add = self._log.add
         plots = tuple(picture.load(registry).plots.values())
@@ -48,6 +51,7 @@ class EventFinder:
             StateEvents(order), CommandEvents(self.commands, add), silences, SagEvents(order),
             MotorEvents(order, self.commands), NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
         )  # fmt: skip
+        self._told = None if log is None else AutopilotEvents(log, order)
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -56,6 +60,8 @@ class EventFinder:
         self.commands.feed(batch)
         for part in self._parts:
             part.feed(batch)
+        if self._told is not None:
+            self._told.feed(batch)
 
     def finish(self) -> pa.Table:
         """Return the events in the order of the capture: `FLIGHT_EVENTS`."""
@@ -65,7 +71,19 @@ class EventFinder:
         """Return the events in the order of the capture, after the last batch."""
         for part in self._parts:
             part.finish()
+        if self._told is not None:
+            self._told.finish()
         return self._log.events(self._channels, hole_events(self.clock))
+
+    @property
+    def autopilot(self) -> dict[str, Any] | None:
+        """What became of the autopilot's log, after `finish`, as `Alignment.plain` has it; None without a log."""
+        return None if self._told is None else self._told.plain()
+
+    @property
+    def notes(self) -> list[str]:
+        """What is to be said of the autopilot's log, after `finish`."""
+        return [] if self._told is None else self._told.notes
 
     @property
     def more(self) -> int:

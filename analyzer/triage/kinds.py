@@ -23,4 +23,7 @@ KINDS = {
     "loss": "the recorder says that it lost frames",
     "gap": "nothing was recorded for too long",
     "clock": "the clock of the recording steps",
+    "autopilot error": "the autopilot's log says that something failed, or works again (ERR)",
+    "autopilot event": "the autopilot's log says what it did or noticed (EV)",
+    "low battery": "the autopilot's log has a voltage below what its parameters call low",
 }

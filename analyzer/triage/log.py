@@ -29,6 +29,7 @@ class FlightEvent:
 
     `kind` and `text` are words for people; `values` are numbers by name. A `ch` that nobody said is found out later.
     `sign` is the trouble that it is a sign of, as far as a vendor says so.
+    `source` is who says so: the bus, or an autopilot's own log, of which nothing is at a frame.
     """
 
     kind: str
@@ -43,6 +44,7 @@ class FlightEvent:
     clause: str = ""
     values: Mapping[str, float] = field(default_factory=dict)
     sign: str = ""
+    source: str = "bus"
 
 
 class EventLog:
@@ -80,8 +82,8 @@ def event_table(events: Iterable[FlightEvent]) -> pa.Table:
             {
                 "event": number, "t": None if one.before is None else one.before.t, "t_end": one.first.t,
                 "until": None if one.after is None else one.after.t, "bus": one.bus, "node": one.node, "ch": one.ch,
-                "kind": one.kind, "type": one.type, "text": one.text, "clause": one.clause,
-                "values": _json(one.values), "frame": one.first.frame,
+                "kind": one.kind, "source": one.source, "type": one.type, "text": one.text, "clause": one.clause,
+                "values": _json(one.values), "frame": None if one.first.frame < 0 else one.first.frame,
             }
             for number, one in enumerate(events, 1)
         ],

@@ -9,6 +9,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from analyzer.cli import options, status
+from analyzer.cli.autopilot import LogBeside, add_log
 from analyzer.triage.kinds import KINDS
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--kind", action="append", default=[], choices=KINDS, metavar="KIND",
         help="only events of this kind, such as fault or silence; repeatable; all of them: tailbyte help events",
     )  # fmt: skip
+    add_log(parser)
     options.add_dialect(parser)
     options.add_filter(parser)
     options.add_window(parser)
@@ -43,6 +45,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Read the capture once and print its flights and events."""
     try:
+        beside = LogBeside(args)
         request = options.request(args)
     except (argparse.ArgumentTypeError, ValueError) as error:
         return status.usage(error, NAME)
@@ -56,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     with reading(request, complaints) as run:
         try:
             checked(request.rules.readings(), run.registry)
-            found = RunStatistics(run, ["flights", "events"])
+            found = RunStatistics(run, ["flights", "events"], autopilot=beside.read())
         except (LookupError, OSError, ValueError) as error:
             return status.usage(error, NAME)
         with watched(run.source, complaints) as progress:
@@ -70,7 +73,8 @@ def run(args: argparse.Namespace) -> int:
         with paged(wanted=not args.no_pager) as out:
             for text in _texts(run, found, args):
                 out.write(text)
-    return status.of_run(run)
+        beside.conclude(found.autopilot)
+    return beside.status(status.of_run(run))
 
 
 def _texts(run: Run, found: RunStatistics, args: argparse.Namespace) -> Iterator[str]:
@@ -84,7 +88,9 @@ def _texts(run: Run, found: RunStatistics, args: argparse.Namespace) -> Iterator
         place = events.names.index("kind")
         events = replace(events, rows=[row for row in events.rows if row[place] in args.kind])
     if args.form == "json":
-        both = {"flights": list(_flights(flights)), "events": list(_events(events))}
+        both: dict[str, Any] = {"flights": list(_flights(flights)), "events": list(_events(events))}
+        if found.autopilot is not None:
+            both["autopilot"] = found.autopilot
         yield json.dumps({**found.head().plain(), **both, "notes": [*flights.notes, *events.notes]}, indent=2) + "\n"
     elif args.form == "jsonl":
         yield from (json.dumps(event) + "\n" for event in _events(events))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 from analyzer.app import streams
 from analyzer.app.targets import refuse_filled, refuse_input
 from analyzer.cli import options, rules, status
+from analyzer.cli.autopilot import LogBeside, add_log, require
 from analyzer.cli.export.target import FORMS, goal
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "all: each of them; in no folder unless they are asked for: findings (what `check` finds), flights and "
         "flight_events (what `events` lists), esc (what each ESC reported, beside what it was commanded)",
     )  # fmt: skip
+    add_log(parser)
     group = rules.add_choice(parser, "rules of the findings")
     group.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
     options.add_filter(parser)
@@ -71,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
     if args.stop in FORMS:
         return status.usage(f"--to is a time: did you mean -F {args.stop}?", NAME)
     try:
+        beside = LogBeside(args)
         request = replace(options.request(args), rules=rules.choice(args))
     except (argparse.ArgumentTypeError, ValueError) as error:
         return status.usage(error, NAME)
@@ -80,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
             checked(request.rules.readings(), run.registry)
             tables = dict.fromkeys(resolve(run.registry, name) for name in args.table)
             wanted = goal(args.output, args.form, tuple(tables))
+            require(args, wanted.tables)
             refuse_input(request.names, args.output)
             for name in (tables or BASIC) if wanted.folder else ():
                 refuse_input(request.names, _file(wanted, name))
@@ -89,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
             chosen = options.choose(run)
         except (argparse.ArgumentTypeError, LookupError, OSError, ValueError) as error:
             return status.usage(error, NAME)
-        export = _Export(run, wanted, complaints, criteria, chosen)
+        export = _Export(run, wanted, complaints, criteria, chosen, beside)
         try:
             if wanted.form == "mcap":
                 export.telemetry()
@@ -97,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
                 export.tables()
         except _InputError as error:
             return status.usage(error, NAME)
-    return status.of_run(run)
+    return beside.status(status.of_run(run))
 
 
 def _criteria(run: Run, goal: Goal) -> Criteria | None:
@@ -118,8 +122,10 @@ class _Export:
     """
 
     def __init__(
-        self, run: Run, goal: Goal, complaints: Complaints, criteria: Criteria | None, chosen: MatchingFrames | None
-    ) -> None:
+        self, run: Run, goal: Goal, complaints: Complaints, criteria: Criteria | None, chosen: MatchingFrames | None,
+        beside: LogBeside,
+    ) -> None:  # fmt: skip
+        self._beside = beside
         self._run, self._goal, self._complaints, self._criteria, self._chosen = run, goal, complaints, criteria, chosen
         self._frames = self._transfers = self._events = 0
 
@@ -136,7 +142,7 @@ class _Export:
         place: AbstractContextManager[Target | TargetFolder]
         place = TargetFolder(goal.path) if goal.folder else Target(goal.path)
         found = None if self._criteria is None else FoundTable(run, self._criteria, _scratch(goal.path), self._chosen)
-        extent, happened = Extent(), HappenedTables(run, goal.tables)
+        extent, happened = Extent(), HappenedTables(run, goal.tables, self._beside.read())
         with place as target, ExitStack() as stack:
             if found is not None:
                 stack.callback(found.close)
@@ -164,6 +170,7 @@ class _Export:
                     export.feed_found("findings", found.rows(inside))
                 for name in happened.names:
                     export.feed_found(name, happened.rows(name, inside))
+                self._beside.conclude(happened.autopilot)
                 for _ in progress.over(export.finish(), "writing frames"):
                     run.go_on()
             run.go_on()

@@ -116,6 +116,17 @@ impl<F: Format> Reader for Binary<F> {
 }
 
 impl<F: Format> Binary<F> {
+    pub fn of(format: F) -> Self {
+        Binary {
+            format,
+            ..Binary::default()
+        }
+    }
+
+    pub fn format_mut(&mut self) -> &mut F {
+        &mut self.format
+    }
+
     fn go_on(&mut self, at_end: bool, rows: &mut Rows) {
         let mut kept = std::mem::take(&mut self.kept);
         let (used, needed) = self.take(&kept[self.done..], at_end, rows);

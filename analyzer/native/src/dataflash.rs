@@ -4,8 +4,11 @@
 //! every other sound record counts as `other`. Behind a damaged record, the next is where mark bytes and a type that
 //! the log has described come together. Bytes that are all 0x00 or all 0xFF up to the end are the unwritten rest of a
 //! medium, not damage.
+//!
+//! Made with names of records, it keeps those as they are, and no frames.
 #![forbid(unsafe_code)]
 
+mod kept;
 mod layout;
 
 use crate::binary::{Binary, Format, Order, Start, Step};
@@ -15,7 +18,8 @@ use crate::reader::Rows;
 use crate::socketcan::{fd_length, Frame};
 use crate::stamp::Stamps;
 
-use layout::{Fields, Kind, Layout};
+pub use kept::{Kept, KeptTable};
+use layout::{Description, Fields, Kind, Layout};
 
 /// Dataflash logs to rows.
 pub type Dataflash = Binary<DataflashFormat>;
@@ -30,6 +34,8 @@ pub struct DataflashFormat {
     layouts: Vec<Option<Layout>>,
     /// The index in the rows by the log's number of a bus.
     buses: [Option<u8>; 256],
+    /// What is kept instead of frames.
+    kept: Option<Kept>,
 }
 
 impl Default for DataflashFormat {
@@ -42,6 +48,7 @@ impl Default for DataflashFormat {
         DataflashFormat {
             layouts,
             buses: [None; 256],
+            kept: None,
         }
     }
 }
@@ -64,9 +71,16 @@ impl Format for DataflashFormat {
         let Some(record) = bytes.get(..length) else {
             return Step::Need(length);
         };
+        if let Some(kept) = &mut self.kept {
+            let table = match layout.kind {
+                Kind::Kept(table) => Some(table),
+                _ => None,
+            };
+            kept.add(table, record);
+        }
         let read = match &layout.kind {
             _ if *kind == DESCRIPTION => self.description(&record[HEADER..]).map(|()| rows.other(1)),
-            Kind::Other => {
+            Kind::Other | Kind::Kept(_) => {
                 rows.other(1);
                 Ok(())
             }
@@ -92,20 +106,45 @@ impl Format for DataflashFormat {
 }
 
 impl DataflashFormat {
+    /// Keeps records of these names instead of frames.
+    pub fn keeping(names: Vec<Vec<u8>>) -> Self {
+        DataflashFormat {
+            kept: Some(Kept::of(names)),
+            ..DataflashFormat::default()
+        }
+    }
+
+    /// What was kept since the last call; the order of the tables goes on.
+    pub fn take(&mut self) -> Vec<KeptTable> {
+        let tables = self.kept.iter_mut().flat_map(|kept| &mut kept.tables);
+        tables
+            .map(|table| KeptTable {
+                records: std::mem::take(&mut table.records),
+                numbers: std::mem::take(&mut table.numbers),
+                ..table.clone()
+            })
+            .collect()
+    }
+
     /// Takes the description of a type.
     fn description(&mut self, body: &[u8]) -> Result<(), Reason> {
-        let (kind, layout) = Layout::read(body);
-        if kind == DESCRIPTION {
+        let told = Description::read(body);
+        if told.of == DESCRIPTION {
             return Ok(());
         }
-        if layout.length < HEADER {
-            return Err(format!("record type {kind} of {} bytes", layout.length).into());
+        if told.length < HEADER {
+            return Err(format!("record type {} of {} bytes", told.of, told.length).into());
         }
-        let problem = match &layout.kind {
+        let kind = match &mut self.kept {
+            Some(kept) => kept.kind(&told),
+            None => told.frame(),
+        };
+        let problem = match &kind {
             Kind::Unclear(reason) => Err(reason.clone()),
             _ => Ok(()),
         };
-        self.layouts[usize::from(kind)] = Some(layout);
+        let length = told.length;
+        self.layouts[usize::from(told.of)] = Some(Layout { length, kind });
         problem
     }
 }

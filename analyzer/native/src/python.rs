@@ -21,6 +21,7 @@ mod diagnosis;
 mod group;
 mod joint;
 mod load;
+mod log_records;
 mod mcap;
 mod merge;
 mod packets;
@@ -173,6 +174,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<reader::FrameBatch>()?;
     m.add_class::<reader::Rows>()?;
     m.add_class::<reader::Reader>()?;
+    m.add_class::<log_records::LogRecords>()?;
     m.add_class::<mcap::McapWalk>()?;
     #[cfg(target_os = "linux")]
     m.add_class::<receive::SocketReceiver>()?;

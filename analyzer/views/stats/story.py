@@ -87,6 +87,8 @@ class EventStory:
 
     def _who(self, line: _Line) -> str:
         one = line.first
+        if one["source"] != "bus":
+            return str(one["source"])
         if one["node"] is None:
             return escape(one["bus"] or "all")
         chs = [event["ch"] for event in line.all]

@@ -24,8 +24,10 @@ pub struct Layout {
 #[derive(Clone, Debug)]
 pub enum Kind {
     Frame(Fields),
+    /// Kept as it is, in the table of this number.
+    Kept(usize),
     Other,
-    /// Named as one with a frame, but its columns cannot be understood.
+    /// Named as one that is wanted, but its columns cannot be understood.
     Unclear(Reason),
 }
 
@@ -41,39 +43,56 @@ pub struct Fields {
     pub fd: bool,
 }
 
-impl Layout {
-    /// Reads the 86 bytes of a description behind its header: the type, and what it looks like.
-    pub fn read(body: &[u8]) -> (u8, Layout) {
-        let length = usize::from(body[1]);
-        let kind = match text(&body[NAME]) {
-            name @ (b"CANF" | b"CAFD") => {
-                let fields = Fields::read(text(&body[FORMAT]), text(&body[COLUMNS]), length);
-                match fields {
-                    Some(fields) => Kind::Frame(Fields {
-                        fd: name == b"CAFD",
-                        ..fields
-                    }),
-                    None => Kind::Unclear("columns of a CAN record not understood".into()),
-                }
-            }
-            _ => Kind::Other,
-        };
-        (body[0], Layout { length, kind })
-    }
+/// What a log says of a type of its records.
+pub struct Description<'a> {
+    pub of: u8,
+    /// Bytes with the header.
+    pub length: usize,
+    pub name: &'a [u8],
+    pub format: &'a [u8],
+    /// Names, with commas between them.
+    pub columns: &'a [u8],
 }
 
-impl Fields {
-    fn read(format: &[u8], names: &[u8], length: usize) -> Option<Fields> {
-        let mut columns: Vec<(&[u8], Range<usize>)> = vec![];
+impl<'a> Description<'a> {
+    /// Reads the 86 bytes of a description behind its header.
+    pub fn read(body: &'a [u8]) -> Self {
+        Description {
+            of: body[0],
+            length: usize::from(body[1]),
+            name: text(&body[NAME]),
+            format: text(&body[FORMAT]),
+            columns: text(&body[COLUMNS]),
+        }
+    }
+
+    /// Whether records of this type hold frames, and where.
+    pub fn frame(&self) -> Kind {
+        let fd = match self.name {
+            b"CANF" => false,
+            b"CAFD" => true,
+            _ => return Kind::Other,
+        };
+        match self.frame_fields(fd) {
+            Some(fields) => Kind::Frame(fields),
+            None => Kind::Unclear("columns of a CAN record not understood".into()),
+        }
+    }
+
+    /// The names of the columns and where they stand in a record; `None` unless that is all of it.
+    pub fn fields(&self) -> Option<Vec<(&'a [u8], Range<usize>)>> {
+        let mut fields = vec![];
         let mut end = HEADER;
-        for (name, character) in names.split(|byte| *byte == b',').zip(format) {
+        for (name, character) in self.columns.split(|byte| *byte == b',').zip(self.format) {
             let start = end;
             end += width(*character)?;
-            columns.push((name, start..end));
+            fields.push((name, start..end));
         }
-        if end != length || columns.len() != format.len() {
-            return None;
-        }
+        (end == self.length && fields.len() == self.format.len()).then_some(fields)
+    }
+
+    fn frame_fields(&self, fd: bool) -> Option<Fields> {
+        let columns = self.fields()?;
         let find = |wanted: &[u8]| columns.iter().find(|(name, _)| *name == wanted).map(|(_, range)| range);
         let field = |wanted: &[u8], width| {
             find(wanted)
@@ -90,7 +109,7 @@ impl Fields {
             id: field(b"Id", 4)?,
             code: field(b"DLC", 1)?,
             data: (1..=MAX_DATA).contains(&held).then_some(data)?,
-            fd: false,
+            fd,
         })
     }
 }
