@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from analyzer.app.capture import open_capture as open_capture
     from analyzer.app.check import check as check
     from analyzer.app.diff import diff as diff
+    from analyzer.app.triage import triage as triage
     from analyzer.decode.engine import Batch as Batch
     from analyzer.decode.engine import Engine as Engine
+    from analyzer.flight.verdict.model import Triage as Triage
     from analyzer.report.comparison.model import CaptureDiff as CaptureDiff
     from analyzer.report.model import Report as Report
     from analyzer.sources import CaptureError as CaptureError
@@ -33,10 +35,12 @@ __all__ = [
     "CaptureError",
     "Engine",
     "Report",
+    "Triage",
     "UnavailableError",
     "check",
     "diff",
     "open_capture",
+    "triage",
 ]  # fmt: skip
 
 _HOMES = {
@@ -46,10 +50,12 @@ _HOMES = {
     "CaptureDiff": "analyzer.report.comparison.model",
     "Engine": "analyzer.decode.engine",
     "Report": "analyzer.report.model",
+    "Triage": "analyzer.flight.verdict.model",
     "UnavailableError": "analyzer.sources",
     "check": "analyzer.app.check",
     "diff": "analyzer.app.diff",
     "open_capture": "analyzer.app.capture",
+    "triage": "analyzer.app.triage",
 }
 
 

@@ -78,7 +78,7 @@ LAYERS = (
     "analyzer.filter",
     "analyzer.rules",
     "analyzer.stats",
-    "analyzer.triage",
+    "analyzer.flight",
     "analyzer.sinks",
     "analyzer.views",
     "analyzer.report",

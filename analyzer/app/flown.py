@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
+from analyzer.flight.flights import FlightFinder
 from analyzer.sources import CaptureError
-from analyzer.triage.flights import FlightFinder
 from analyzer.window.numbering import Numbering
 from dissectors.records import replace
 

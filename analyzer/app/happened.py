@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
     from analyzer.app.run import Run
     from analyzer.decode.engine import Batch
+    from analyzer.flight.finder import EventFinder
+    from analyzer.flight.flights import FlightFinder
     from analyzer.sinks.extent import Extent
     from analyzer.sources.dataflash import AutopilotLog
-    from analyzer.triage.finder import EventFinder
-    from analyzer.triage.flights import FlightFinder
 
 
 class HappenedTables:
@@ -32,8 +32,8 @@ class HappenedTables:
         self.names = tuple(name for name in HAPPENED if name in wanted)
         self._finders: dict[str, FlightFinder | EventFinder] = {}
         if self.names:
-            from analyzer.triage.finder import EventFinder  # noqa: PLC0415 - few exports want them
-            from analyzer.triage.flights import FlightFinder  # noqa: PLC0415
+            from analyzer.flight.finder import EventFinder  # noqa: PLC0415 - few exports want them
+            from analyzer.flight.flights import FlightFinder  # noqa: PLC0415
 
             flights, _ = HAPPENED
             for name in self.names:
@@ -61,7 +61,7 @@ class HappenedTables:
         return next((found for one in self._finders.values() if (found := getattr(one, "autopilot", None))), None)
 
     def rows(self, name: str, extent: Extent | None = None) -> pa.RecordBatch:
-        """Return a table, after the last batch: all of it, or those that are at no frame, or one of a window's `extent`."""
+        """Return a table, after the last batch: all of it, or what is at no frame, or at one of a window's `extent`."""
         found = self._finders[name].finish()
         if extent is not None:
             ends = [found.column(end).to_pylist() for end in ("frame", "frame_end") if end in found.column_names]

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING
 
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
+from analyzer.flight.inquest import inquest
+from analyzer.flight.witness import Witness
 from analyzer.sources import CaptureError
 from analyzer.sources.merge import Plan
 from analyzer.sources.origin import given
-from analyzer.triage.inquest import inquest
-from analyzer.triage.witness import Witness
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from analyzer.decode.engine import Batch
+    from analyzer.flight.flights import Flight
+    from analyzer.flight.verdict.model import Triage, Verdict
     from analyzer.sources.origin import Origin
-    from analyzer.triage.flights import Flight
-    from analyzer.triage.verdict.model import Triage, Verdict
 
 _AROUND = "100ms"
 

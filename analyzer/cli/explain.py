@@ -30,7 +30,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "rule", nargs="*", metavar="RULE|WORD",
         help="TRF-010, or a layer: CAN, TRF, TYP, PUSH, BUS, CAP; or a clause (4.4.3), a type (NodeStatus, 341), "
-        "a field (voltage), a word of the document (Oversupply)",
+        "a field (voltage), a word of the document (Oversupply); or a verdict of triage (wiring)",
     )  # fmt: skip
     parser.add_argument("--list", action="store_true", help="one line for each rule; of all rules if none is named")
     parser.add_argument("--markdown", action="store_true", help="one Markdown document; of all rules if none is named")
@@ -93,18 +93,24 @@ def _explained(
     words: list[str], phrase: str, registry: Registry, pages: Mapping[str, Page], width: int, palette: Palette
 ) -> str:
     """Return the pages of rules in their order, then those of other words. Raises `LookupError` with near names."""
+    from analyzer.flight.verdict.pages import verdict_pages  # noqa: PLC0415
     from analyzer.report.explain import render  # noqa: PLC0415
+    from analyzer.report.triage.explain import render as verdict  # noqa: PLC0415
     from analyzer.rules.catalogue import matching  # noqa: PLC0415
 
-    rules, others = set[str](), list[str]()
+    rules, others, verdicts = set[str](), list[str](), list[str]()
     for word in words:
+        if word.lower() in verdict_pages():
+            verdicts.append(word.lower())
+            continue
         try:
             rules |= matching([word], pages)
         except LookupError:
             if _RULE.fullmatch(word):
                 raise
             others.append(word)
-    texts = [render(rule, page.body, width=width, palette=palette) for rule, page in pages.items() if rule in rules]
+    texts = [verdict(kind, width=width, palette=palette) for kind in verdicts]
+    texts += [render(rule, page.body, width=width, palette=palette) for rule, page in pages.items() if rule in rules]
     if others:
         from analyzer.report.topics.finding import Lexicon  # noqa: PLC0415 - a rule needs no types
         from analyzer.report.topics.page import Pages  # noqa: PLC0415

@@ -13,7 +13,7 @@ from analyzer.report.triage.formats import FORMATS
 if TYPE_CHECKING:
     from analyzer.app.request import Request
     from analyzer.app.run import Run
-    from analyzer.triage.verdict.model import Triage
+    from analyzer.flight.verdict.model import Triage
 
 NAME = "tailbyte triage"
 _EPILOG = """\

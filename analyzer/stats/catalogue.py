@@ -38,8 +38,8 @@ _HOMES = {
     "load": "analyzer.stats.load:LoadTable",
     "values": "analyzer.stats.values:ValueTable",
     "findings": "analyzer.stats.findings:FindingTable",
-    "flights": "analyzer.triage.flight_table:FlightTable",
-    "events": "analyzer.triage.event_table:FlightEventTable",
+    "flights": "analyzer.flight.flight_table:FlightTable",
+    "events": "analyzer.flight.event_table:FlightEventTable",
 }
 # What other programs call them.
 _ELSEWHERE = {

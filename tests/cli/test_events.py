@@ -12,8 +12,8 @@ from kit import CAPTURES
 from kit.traffic import TURNING, capture
 
 import analyzer
-from analyzer.triage.kinds import KINDS
-from analyzer.triage.thresholds import FILE, lasting, threshold
+from analyzer.flight.kinds import KINDS
+from analyzer.flight.thresholds import FILE, lasting, threshold
 from analyzer.views.terminal import display_width
 
 if TYPE_CHECKING:

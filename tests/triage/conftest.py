@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from analyzer.flight.finder import EventFinder
+from analyzer.flight.flights import FlightFinder
 from analyzer.tables import raw_rows
-from analyzer.triage.finder import EventFinder
-from analyzer.triage.flights import FlightFinder
 
 if TYPE_CHECKING:
     from collections.abc import Callable

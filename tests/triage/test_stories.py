@@ -20,7 +20,7 @@ from kit.traffic import turning as status
 
 from analyzer.app.request import Request
 from analyzer.app.run import Run
-from analyzer.triage.finder import EventFinder
+from analyzer.flight.finder import EventFinder
 
 if TYPE_CHECKING:
     from collections.abc import Callable

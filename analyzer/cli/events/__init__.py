@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from analyzer.cli import options, status
 from analyzer.cli.autopilot import LogBeside, add_log
-from analyzer.triage.kinds import KINDS
+from analyzer.flight.kinds import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from analyzer.triage.flights import Flight
-    from analyzer.triage.log import FlightEvent
-    from analyzer.triage.verdict.model import Triage, Verdict
+    from analyzer.flight.flights import Flight
+    from analyzer.flight.log import FlightEvent
+    from analyzer.flight.verdict.model import Triage, Verdict
 
 VERSION = 1
 

@@ -9,7 +9,7 @@ from analyzer.report.triage.words import TriageWords
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer.triage.verdict.model import Triage
+    from analyzer.flight.verdict.model import Triage
 
 _MOST_AFTER = 10
 

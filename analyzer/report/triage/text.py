@@ -12,8 +12,8 @@ from dissectors.times import SECOND
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from analyzer.triage.log import FlightEvent
-    from analyzer.triage.verdict.model import Triage, Verdict
+    from analyzer.flight.log import FlightEvent
+    from analyzer.flight.verdict.model import Triage, Verdict
     from analyzer.views.terminal import Palette
 
 _LABEL = 11

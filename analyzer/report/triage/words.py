@@ -8,8 +8,8 @@ from analyzer.views.times import TimeFormat
 from dissectors.times import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
-    from analyzer.triage.log import FlightEvent
-    from analyzer.triage.verdict.model import Triage, Verdict
+    from analyzer.flight.log import FlightEvent
+    from analyzer.flight.verdict.model import Triage, Verdict
 
 _YEAR_2000 = 946_684_800 * SECOND
 

@@ -1,0 +1,133 @@
+"""How well outputs and commands agree at a place, and how surely no other place is meant."""
+
+from __future__ import annotations
+
+from math import exp, log10
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.flight.thresholds import threshold
+
+if TYPE_CHECKING:
+    from analyzer.flight.autopilot.track import Signal
+    from dissectors.kit import Array
+
+APART = 0.1  # seconds over which moves are compared: autopilots log their outputs 10 times a second at least
+AROUND = 0.06  # seconds around a candidate that are looked at: three steps of the search
+RIVAL = 0.3  # seconds: agreement farther away is another place, nearer it is part of the error
+_HOLD = 0.1  # seconds that a command holds
+_SURE = 8.0  # twice the logarithm of the likelihood ratio: a place that is 50 times less likely is left out
+_FINE = 48
+
+
+class Match(NamedTuple):
+    """A place: `shift` is added to the times of the outputs, `error` is how far off it may be, both in seconds.
+
+    `moves` counts moves that are independent of each other, `unexplained` is their share that the commands do not have,
+    `chance` the decimal logarithm of how likely it is that outputs of something else agree like this anywhere.
+    """
+
+    shift: float
+    error: float
+    moves: float
+    unexplained: float
+    chance: float
+
+    @property
+    def proven(self) -> bool:
+        """Return whether the outputs are those that made the commands, and nowhere else."""
+        return (
+            self.unexplained <= threshold("unexplained")
+            and self.chance <= -threshold("chance_digits")
+            and self.error <= threshold("align_error_s")
+        )
+
+
+class Comparison:
+    """Outputs and commands of the same channels, row by row. `trials` is how many places there are to try."""
+
+    def __init__(self, commands: Signal, outputs: Signal, trials: float) -> None:
+        self._time, self._values = commands.time, commands.values
+        self._period = max(float(np.median(np.diff(commands.time))), 1e-4) if len(commands) > 1 else _HOLD
+        self._at = outputs.time
+        spacing = float(np.median(np.diff(outputs.time))) if len(outputs) > 1 else APART
+        self._far = max(1, round(APART / max(spacing, 1e-4)))
+        self._moves = outputs.values[:, self._far :] - outputs.values[:, : -self._far]
+        even = outputs.time[self._far :] - outputs.time[: -self._far] < 2.5 * max(APART, spacing * self._far)
+        self._even = even & ~np.isnan(self._moves).any(axis=0)
+        self._trials = trials
+        self._weight = _weights(self._moves)
+
+    def near(self, shift: float, around: float = AROUND) -> tuple[float, float]:
+        """Return the best place around one, and what is unexplained there."""
+        shifts = self._shifts(shift - around, shift + around)
+        left = self._unexplained(shifts)
+        best = int(np.argmin(left))
+        return float(shifts[best]), float(left[best])
+
+    def at(self, shift: float, rivals: float = 1.0) -> Match:
+        """Return the place at a shift that `near` found; `rivals` is the least unexplained of any place far from it."""
+        shifts = self._shifts(shift - RIVAL, shift + RIVAL)
+        left = self._unexplained(shifts)
+        least = float(left.min())
+        moves = self._independent(float(shifts[int(np.argmin(left))]))
+        if moves <= 2 or least >= 1:
+            return Match(shift, RIVAL, moves, least, 0.0)
+        level = least * exp(_SURE / moves)
+        near = shifts[left <= level]
+        step = float(shifts[1] - shifts[0])
+        fine = np.linspace(near[0] - step, near[-1] + step, _FINE + round((near[-1] - near[0]) / step))
+        left = self._unexplained(fine)
+        least = max(float(left.min()), 1e-9)
+        inside = fine[left <= max(least, 1e-6) * exp(_SURE / moves)]
+        middle, half = (inside[0] + inside[-1]) / 2, (inside[-1] - inside[0]) / 2 + (fine[1] - fine[0])
+        chance = (moves - 2) / 2 * log10(least) + log10(max(self._trials, 1))
+        ambiguous = rivals < 4 * least and rivals < 1
+        return Match(float(middle), RIVAL * 2 if ambiguous else float(half) + self._period, moves, least, chance)
+
+    def _shifts(self, low: float, high: float) -> Array:
+        return np.linspace(low, high, max(3, 1 + round(2 * (high - low) / self._period)))
+
+    def _rows(self, shift: float) -> tuple[Array, Array]:
+        """Return moves of the commands at a shift, and where there are some."""
+        t = self._at + shift
+        place = np.searchsorted(self._time, t, "right") - 1
+        place_ = np.maximum(place, 0)
+        has = (place >= 0) & (t - self._time[place_] <= max(_HOLD, 3 * self._period))
+        values = self._values[:, place_]
+        moves = values[:, self._far :] - values[:, : -self._far]
+        return moves, has[self._far :] & has[: -self._far] & self._even & ~np.isnan(moves).any(axis=0)
+
+    def _unexplained(self, shifts: Array) -> Array:
+        left = np.ones(len(shifts))
+        for k, shift in enumerate(shifts):
+            moves, has = self._rows(float(shift))
+            weight = self._weight[has]
+            mine, theirs = self._moves[:, has] * weight, moves[:, has] * weight
+            power = float((mine**2).sum()) * float((theirs**2).sum())
+            both = float((mine * theirs).sum())
+            if power > 0 and both > 0:
+                left[k] = max(0.0, 1 - both * both / power)
+        return left
+
+    def _independent(self, shift: float) -> float:
+        """Return how many moves say something of their own: few large ones count little, slow ones too."""
+        _, has = self._rows(shift)
+        rows = np.flatnonzero(has)[:: self._far]  # moves that do not overlap
+        mine = self._moves[:, rows] * self._weight[rows]
+        size = (mine**2).sum(axis=0)
+        if not size.any():
+            return 0.0
+        count = float(size.sum() ** 2 / (size**2).sum())
+        alike = float(np.clip((mine[:, 1:] * mine[:, :-1]).sum() / size.sum(), 0, 0.99))
+        return count * (1 - alike**2) / (1 + alike**2)
+
+
+def _weights(moves: Array) -> Array:
+    """Return weights with which a take-off counts hardly more than what is usual in the air."""
+    size = np.sqrt((moves**2).sum(axis=0))
+    size = np.where(np.isnan(size), 0, size)
+    usual = float(np.median(size[size > 0])) if (size > 0).any() else 1.0
+    found: Array = 1 / (usual + size)
+    return found

@@ -1,0 +1,195 @@
+"""Time that runs while something is recorded: holes of a recording and steps of its clock are taken out of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.facts.traffic import times
+from analyzer.flight.thresholds import lasting, threshold
+from analyzer.tables import TRANSFER_ANOMALIES
+from dissectors.kit.cells import numbers
+from dissectors.records import dataclass, field
+from dissectors.times import NO_TIME
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from analyzer.decode.engine import Batch
+    from dissectors.kit import Array
+
+MOST_HOLES = 4096
+ANEW = 255
+_RESTARTED = 1 << TRANSFER_ANOMALIES.index("transfer id restarted")
+
+
+@dataclass(slots=True)
+class Hole:
+    """A time without any frame, or a step of the clock: `t` is before it, `t_end` at the `frame` behind it.
+
+    `steps` counts how the transfer IDs of senders go on behind it: in order, with a jump, from their start. `uptimes`
+    is by how many nanoseconds nodes grew older in it, as far as they say.
+    """
+
+    frame: int
+    t: int
+    t_end: int
+    steps: list[int] = field(default_factory=lambda: [0, 0, 0])
+    uptimes: list[int] = field(default_factory=list)
+
+    @property
+    def length(self) -> int:
+        """How far the clock went, negative for back."""
+        return self.t_end - self.t
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """When and where rows were: `t` by the capture's clock, `ran` while it was recorded, first and last `frame`.
+
+    Times in nanoseconds, `NO_TIME` for none, frames from 0. `step` is how far the transfer ID went from the one before,
+    `ANEW` where its sender began again.
+    """
+
+    t: Array
+    ran: Array
+    frame: Array
+    frame_end: Array
+    step: Array
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.t)
+
+    def take(self, rows: Array | slice) -> Places:
+        """Return some of them."""
+        return Places(self.t[rows], self.ran[rows], self.frame[rows], self.frame_end[rows], self.step[rows])
+
+    def followed_by(self, others: Places) -> Places:
+        """Return these, and others behind them."""
+        names = ("t", "ran", "frame", "frame_end", "step")
+        return Places(*(np.concatenate((getattr(self, name), getattr(others, name))) for name in names))
+
+    def at(self, row: int) -> Spot:
+        """Return one of them."""
+        numbers_ = self.t, self.ran, self.frame, self.frame_end, self.step
+        return Spot(*(int(column[row]) for column in numbers_))
+
+
+class Spot(NamedTuple):
+    """One place, as `Places` has them."""
+
+    t: int
+    ran: int
+    frame: int
+    frame_end: int
+    step: int
+
+
+class RecordedClock:
+    """Follows the frames of a capture. Bound: `MOST_HOLES`, of which the first are kept as they were."""
+
+    def __init__(self) -> None:
+        self.holes: list[Hole] = []
+        self.last: int | None = None  # time of the last frame
+        self._borders = [np.iinfo(np.int64).min]  # frames from which on each shift holds
+        self._shifts = [0]
+        self._first: int | None = None
+        self._count = 0
+        self._transfers = Places(*(np.zeros(0, np.int64),) * 5)
+        self._base = 0
+
+    def feed(self, batch: Batch) -> None:
+        """Take the frames of the next batch, then the places of its transfers."""
+        t, timed = times(batch.frames)
+        rows = None if timed.all() else np.flatnonzero(timed)
+        if rows is not None:
+            t = t[rows]
+        if len(t):
+            self._note(t, rows, batch.first_frame)
+        self._base = batch.first_transfer
+        column = batch.transfers.column("frame")
+        frames = numbers(column.values).astype(np.int64)
+        ends = np.asarray(column.offsets)
+        first, last = (frames[ends[:-1]], frames[ends[1:] - 1]) if len(column) else (frames[:0], frames[:0])
+        start, has = times(batch.transfers)
+        step = numbers(batch.transfers.column("step")).astype(np.int64)
+        step[numbers(batch.transfers.column("anomaly")) & _RESTARTED != 0] = ANEW
+        self._transfers = self._placed(np.where(has, start, NO_TIME), first, last, step)
+
+    def _note(self, t: Array, rows: Array | None, base: int) -> None:
+        """Take times, and the rows that have them, None for all."""
+        before = int(t[0]) if self.last is None else self.last
+        if self._first is None:
+            self._first = before
+        apart = np.diff(t, prepend=before)
+        far, back = lasting("hole"), -lasting("clock_back")
+        odd = apart.max() > far or apart.min() < back
+        for k in np.flatnonzero((apart > far) | (apart < back)).tolist() if odd else ():
+            frame = base + (k if rows is None else int(rows[k]))
+            since = int(t[k - 1]) if k else before
+            step = int(apart[k])
+            if step > 0 and step <= self._usual(self._count + k, since + self._shifts[-1] - self._first):
+                continue
+            if len(self.holes) < MOST_HOLES:
+                self.holes.append(Hole(frame, since, int(t[k])))
+            self._borders.append(frame)
+            self._shifts.append(self._shifts[-1] - step)
+        self._count += len(t)
+        self.last = int(t[-1])
+        self._trim()
+
+    @staticmethod
+    def _usual(count: int, ran: int) -> int:
+        """Return how long nothing may come after so many frames in so much time."""
+        slow = lasting("slow_hole")
+        if count < threshold("hole_frames"):
+            return slow
+        mean = ran / count
+        far = threshold("hole_factor") * mean
+        return int(max(lasting("hole"), far) if far < slow else max(slow, far / 10))
+
+    def _trim(self) -> None:
+        """Forget where shifts began that no transfer can ask for any more."""
+        if len(self._borders) > 2 * MOST_HOLES:
+            del self._borders[1:-MOST_HOLES]
+            del self._shifts[1:-MOST_HOLES]
+
+    def _placed(self, t: Array, frame: Array, frame_end: Array, step: Array) -> Places:
+        if len(self._borders) == 1:
+            return Places(t, t, frame, frame_end, step)
+        at = np.searchsorted(np.array(self._borders), frame, "right") - 1
+        return Places(t, np.where(t == NO_TIME, NO_TIME, t + np.array(self._shifts)[at]), frame, frame_end, step)
+
+    @property
+    def transfers(self) -> Places:
+        """The transfers of the batch; `t` is `NO_TIME` for those without a time."""
+        return self._transfers
+
+    @property
+    def ran(self) -> int | None:
+        """The end of the recording so far; None without times."""
+        return None if self.last is None else self.last + self._shifts[-1]
+
+    @property
+    def start(self) -> int | None:
+        """The start of the recording, at which `ran` begins; None without times."""
+        return self._first
+
+    def of(self, table: pa.RecordBatch) -> Places:
+        """Return the places of the rows of a message table of the batch."""
+        return self._transfers.take(numbers(table.column("transfer")).astype(np.int64) - self._base)
+
+    def shifted(self, t: Array, frame: Array) -> Places:
+        """Return the places of what else has a time, and the frame that it is at."""
+        return self._placed(t, frame, frame, np.zeros(len(t), np.int64))
+
+    def places_of(self, hole: Hole) -> int:
+        """Return the recorded time at which a hole is."""
+        return int(self.shifted(np.array([hole.t_end]), np.array([hole.frame])).ran[0])
+
+    def holes_before(self, frame: Array) -> Array:
+        """Return how many of the kept holes end at or before each frame."""
+        found: Array = np.searchsorted(np.array([hole.frame for hole in self.holes], np.int64), frame, "right")
+        return found

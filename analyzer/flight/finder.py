@@ -1,0 +1,91 @@
+"""Everything that finds events of flights, in one pass over the batches of a capture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from analyzer.flight.autopilot.events import AutopilotEvents
+from analyzer.flight.channels import ToldChannels
+from analyzer.flight.clock import RecordedClock
+from analyzer.flight.commands import CommandEvents
+from analyzer.flight.holes import hole_events
+from analyzer.flight.log import EventLog, event_table
+from analyzer.flight.motors.events import MotorEvents
+from analyzer.flight.nodes import NodeEvents
+from analyzer.flight.orders import CommandReader
+from analyzer.flight.reports import EventOrder
+from analyzer.flight.sags import SagEvents
+from analyzer.flight.silences import SilenceEvents
+from analyzer.flight.states import StateEvents
+from analyzer.flight.trouble import TroubleEvents
+from dissectors import picture
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from analyzer.decode.engine import Batch
+    from analyzer.flight.log import FlightEvent
+    from analyzer.sources.dataflash import AutopilotLog
+    from dissectors import Registry
+
+
+class EventFinder:
+    """Adds up batches, with the bounds of its parts; `more` is how many events it did not keep.
+
+    Args:
+        registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
+        log: what the vehicle's autopilot wrote, whose words become events, too, if it can be aligned.
+    """
+
+    def __init__(self, registry: Registry, log: AutopilotLog | None = None) -> None:
+        self.clock, self._channels, self._log = RecordedClock(), ToldChannels(), EventLog()
+        add = self._log.add
+        plots = tuple(picture.load(registry).plots.values())
+        self.commands = CommandReader(registry, plots, self.clock)
+        self.order = EventOrder(registry, plots, self.clock, add)
+        order = self.order
+        self.silences = silences = SilenceEvents(
+            registry, self.clock, add, [plot.table for plot in self.commands.plots]
+        )
+        self._parts = (
+            StateEvents(order), CommandEvents(self.commands, add), silences, SagEvents(order),
+            MotorEvents(order, self.commands), NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
+        )  # fmt: skip
+        self._told = None if log is None else AutopilotEvents(log, order)
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        self.clock.feed(batch)
+        self._channels.feed(batch)
+        self.commands.feed(batch)
+        for part in self._parts:
+            part.feed(batch)
+        if self._told is not None:
+            self._told.feed(batch)
+
+    def finish(self) -> pa.Table:
+        """Return the events in the order of the capture: `FLIGHT_EVENTS`."""
+        return event_table(self.events())
+
+    def events(self) -> list[FlightEvent]:
+        """Return the events in the order of the capture, after the last batch."""
+        for part in self._parts:
+            part.finish()
+        if self._told is not None:
+            self._told.finish()
+        return self._log.events(self._channels, hole_events(self.clock))
+
+    @property
+    def autopilot(self) -> dict[str, Any] | None:
+        """What became of the autopilot's log, after `finish`, as `Alignment.plain` has it; None without a log."""
+        return None if self._told is None else self._told.plain()
+
+    @property
+    def notes(self) -> list[str]:
+        """What is to be said of the autopilot's log, after `finish`."""
+        return [] if self._told is None else self._told.notes
+
+    @property
+    def more(self) -> int:
+        """How many events there are beside those that are kept."""
+        return self._log.more

@@ -1,0 +1,161 @@
+"""Flights: when motors turned, or else were commanded to, or else the vehicle was armed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+
+from analyzer.devices import fields
+from analyzer.devices.rows import keyed, split, usable
+from analyzer.flight.basis import FlightBasis
+from analyzer.flight.channels import ToldChannels
+from analyzer.flight.clock import RecordedClock
+from analyzer.flight.orders import by_sender, orders
+from analyzer.flight.thresholds import lasting, threshold
+from analyzer.tables import FLIGHTS
+from dissectors import picture
+from dissectors.kit.cells import numbers
+from dissectors.kit.order import groups
+from dissectors.records import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable
+
+    from analyzer.decode.engine import Batch
+    from analyzer.flight.basis import Stretch
+    from analyzer.flight.clock import Spot
+    from dissectors import Registry
+    from dissectors.kit import Array
+    from dissectors.picture import Plot
+
+ARMING = "uavcan.equipment.safety.ArmingStatus"
+ARMED = 255
+MOST_CHANNEL = 62
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """One flight: `end` is how it ended, `chs` the channels that turned, `by` what tells it."""
+
+    number: int
+    first: Spot
+    last: Spot
+    end: str
+    chs: tuple[int, ...]
+    by: str
+    frame_end: int
+
+
+class FlightFinder:
+    """Adds up batches, with the bounds of `FlightBasis`.
+
+    Args:
+        registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
+        clock: of the capture, if somebody else feeds it before.
+    """
+
+    def __init__(self, registry: Registry, clock: RecordedClock | None = None) -> None:
+        self._registry = registry
+        self._own_clock = clock is None
+        plots = picture.load(registry).plots.values()
+        self._reports = [plot for plot in plots if plot.esc.rpm]
+        self._orders = [plot for plot in plots if plot.esc.commanded]
+        self._clock = RecordedClock() if clock is None else clock
+        self._channels = ToldChannels()
+        self._by = {
+            "telemetry": FlightBasis(self._clock, lasting("silent_motor")),
+            "commands": FlightBasis(self._clock, lasting("silent_motor")),
+            "arming": FlightBasis(self._clock, lasting("silent_arming")),
+        }
+        self._last_frame = -1
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        if self._own_clock:
+            self._clock.feed(batch)
+        self._channels.feed(batch)
+        self._last_frame = max(self._last_frame, batch.first_frame + len(batch.frames) - 1)
+        for name, plots, feed in (
+            ("telemetry", self._reports, self._feed_reports),
+            ("commands", self._orders, self._feed_orders),
+        ):
+            for plot in plots:
+                if (table := batch.messages.get(plot.table)) is not None:
+                    feed(plot, usable(table))
+            if self._by[name].heard:  # what says less is not asked any more
+                return
+        table = batch.messages.get(ARMING)
+        if table is not None and "status" in table.schema.names:  # a folder may have another type of this name
+            self._feed_arming(usable(table))
+
+    def flights(self) -> list[Flight]:
+        """Return the flights in the order of the capture."""
+        by = next((name for name, basis in self._by.items() if basis.heard), "telemetry")
+        end = self._clock.ran
+        found = []
+        for number, one in enumerate([] if end is None else self._by[by].stretches(), 1):
+            how = _end(one, end or 0, lasting("silent_arming" if by == "arming" else "lost"))
+            frame_end = self._last_frame if how == "cut" else one.last.frame_end
+            found.append(Flight(number, one.first, one.last, how, tuple(self._chs(one)), by, frame_end))
+        return found
+
+    def finish(self) -> pa.Table:
+        """Return the flights in the order of the capture: `FLIGHTS`."""
+        rows = [
+            {
+                "flight": one.number, "t": one.first.t, "t_end": one.last.t, "ran": one.last.ran - one.first.ran,
+                "end": one.end, "chs": list(one.chs), "by": one.by, "frame": one.first.frame,
+                "frame_end": one.frame_end,
+            }
+            for one in self.flights()
+        ]  # fmt: skip
+        return pa.Table.from_pylist(rows, schema=FLIGHTS)
+
+    def _chs(self, one: Stretch) -> list[int]:
+        """Return the channels of those that turned; whose node is all that is known, it is the one it told."""
+        told = (self._channels.of(*who) if isinstance(who, tuple) else who for who in one.who)
+        return sorted({ch for ch in told if isinstance(ch, int)})
+
+    def _feed_reports(self, plot: Plot, table: pa.RecordBatch) -> None:
+        """Take what ESCs say of their speeds."""
+        table, device = keyed(table, plot.who)
+        found = fields.column(self._registry.definition(plot.table), table, plot.esc.rpm)
+        if not found or not len(table):
+            return
+        (rpm,), at = found, self._clock.of(table)
+        on = np.abs(rpm.values.astype(np.float64)) > (plot.idle_rpm or threshold("idle_rpm"))
+        for key, rows in groups(device):
+            bus, node, number = split(key)
+            who: Hashable = number + plot.who.first if plot.who.column else (bus, node)
+            good = rows if rpm.has is None else rows[rpm.has[rows]]
+            self._by["telemetry"].feed((plot.table, key), on[good], at.take(good), who)
+
+    def _feed_orders(self, plot: Plot, table: pa.RecordBatch) -> None:
+        """Take what ESCs are commanded."""
+        found = orders(self._registry, plot, table)
+        if found is None:
+            return
+        at, chs, idle = self._clock.of(table), np.zeros(len(table), np.int64), threshold("command_idle_percent")
+        for place, column in enumerate(found.columns):
+            chs |= (column > idle).astype(np.int64) << min(place + plot.who.first, MOST_CHANNEL)
+        for key, rows in by_sender(found.sender, np.ones(len(table), bool)):
+            self._by["commands"].feed((plot.table, key), chs[rows] != 0, at.take(rows), chs=chs[rows])
+
+    def _feed_arming(self, table: pa.RecordBatch) -> None:
+        on, at = numbers(table.column("status")) == ARMED, self._clock.of(table)
+        for key, rows in groups(_nodes(table)):
+            self._by["arming"].feed(key, on[rows], at.take(rows))
+
+
+def _end(one: Stretch, end: int, silent: int) -> str:
+    """Return how a flight ended; `end` is that of the recording, `silent` what its reports leave out at most."""
+    if one.over:
+        return "lost" if one.silent else "landed"
+    return "lost" if end - one.last.ran > silent else "cut"
+
+
+def _nodes(table: pa.RecordBatch) -> Array:
+    node: Array = numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src"))
+    return node

@@ -1,0 +1,65 @@
+"""Triage of a capture: what a witness saw becomes an answer."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from analyzer.flight.thresholds import lasting
+from analyzer.flight.verdict.judge import judge
+from analyzer.flight.verdict.model import Triage, Verdict
+from dissectors.records import replace
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from analyzer.flight.flights import Flight
+    from analyzer.flight.log import FlightEvent
+    from analyzer.flight.witness import Witness
+
+NOT_SEEN = ("attitude", "GPS", "pilot", "who decided a command")
+
+
+def inquest(
+    witness: Witness, captures: Sequence[str], buses: Sequence[str], *, start: int | None, end: int | None,
+    frames: int, commands: Callable[[Verdict, Flight | None], Sequence[str]],
+) -> Triage:  # fmt: skip
+    """Return what happened, after the last batch: of the last flight. `commands` are what to do next."""
+    events, flights = witness.events(), witness.flights()
+    made = partial(
+        Triage, captures, buses, start, end, frames, flights, events=events, more=witness.more, not_seen=NOT_SEEN
+    )
+    if not flights:
+        why = _unjudged(witness, start)
+        verdict = Verdict("none", why, "possible")
+        empty = start is None or not witness.losses.transfers
+        return made(None, [verdict], judged=why, empty=empty, commands=commands(verdict, None))
+    flight = flights[-1]
+    border = max([witness.clock.ran or flight.last.ran, *(one.first.ran for one in events)])
+    found = judge(witness, events, _whole(flights, events), border)
+    return made(
+        flight, found.verdicts, after=found.after, earlier=found.earlier, excluded=found.excluded, looked=found.looked,
+        lines=found.lines, primary=found.primary, commands=commands(found.verdicts[0], flight),
+    )  # fmt: skip
+
+
+def _whole(flights: Sequence[Flight], events: Sequence[FlightEvent]) -> Flight:
+    """Return the last flight, with those before it that it goes on from: nobody lands and starts again at once."""
+    whole, powered = flights[-1], [one.first.ran for one in events if one.kind in {"restart", "join"}]
+    for one in reversed(flights[:-1]):
+        apart = whole.first.ran - one.last.ran > lasting("landed")
+        if apart or any(one.last.ran <= at <= whole.first.ran for at in powered):
+            break
+        whole = replace(whole, first=one.first, chs=tuple(sorted({*one.chs, *whole.chs})))
+    return whole
+
+
+def _unjudged(witness: Witness, start: int | None) -> str:
+    if start is None:
+        return "not judged: the capture has no times"
+    if not witness.losses.transfers:
+        return "not judged: no transfer of DroneCAN"
+    reports = sum(one.count for one in witness.escs)
+    if witness.escs:
+        return f"not judged: {reports} reports of {len(witness.escs)} ESCs, motors never turned"
+    return "not judged: no ESC reports, nobody was armed"

@@ -1,0 +1,176 @@
+"""Motors that do not do what they did at such a command: faster or slower, with more or less current."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.devices.rows import split, usable
+from analyzer.flight.log import FlightEvent
+from analyzer.flight.motors.reports import reports
+from analyzer.flight.motors.throttle import RecentOrders
+from analyzer.flight.motors.watch import MotorWatch
+from analyzer.flight.reports import ReportEvents
+from analyzer.flight.spells import Spells
+from analyzer.flight.thresholds import lasting, threshold
+from dissectors.records import dataclass, field
+
+if TYPE_CHECKING:
+    from analyzer.decode.engine import Batch
+    from analyzer.flight.motors.watch import Compared
+    from analyzer.flight.orders import CommandReader
+    from analyzer.flight.reports import EventOrder
+    from analyzer.flight.spells import Spell, SpellPart
+    from dissectors.picture import Plot
+
+MOST_DEVICES = 256
+UNLOADED, DRAGGED, UNDRIVEN, SLOW = "unloaded", "dragged", "undriven", "slow"
+_TOLD = 8  # reports by which it is told what happens
+_STANDS, _SAME, _TIMES = 0.02, 0.015, 2.0  # shares of what was before
+_WORDS = {
+    UNLOADED: "its load is gone",
+    DRAGGED: "something brakes it, or it is out of step",
+    UNDRIVEN: "it is not driven as commanded",
+    SLOW: "it is slower",
+}
+
+
+@dataclass(slots=True)
+class _Memory:
+    """The first reports of a spell, as shares of the past and of the command; `sure` if one is far off."""
+
+    speed: list[float] = field(default_factory=list)
+    current: list[float] = field(default_factory=list)
+    reported: list[float] = field(default_factory=list)
+    count: int = 0
+    sure: bool = False
+
+    def note(self, some: Compared, rows: slice) -> None:
+        """Take the next reports."""
+        low = (some.speed[rows] < threshold("motor_once_slow")) | (
+            some.current[rows] < threshold("motor_once_unloaded")
+        )
+        self.add(_Memory(
+            some.speed[rows][:_TOLD].tolist(), some.current[rows][:_TOLD].tolist(),
+            some.reported[rows][:_TOLD].tolist(), len(some.speed[rows]), bool(low.any()),
+        ))  # fmt: skip
+
+    def add(self, other: _Memory) -> None:
+        """Take what follows."""
+        for mine, its in ((self.speed, other.speed), (self.current, other.current), (self.reported, other.reported)):
+            mine.extend(its[: _TOLD - len(mine)])
+        self.count += other.count
+        self.sure |= other.sure
+
+
+class MotorEvents(ReportEvents):
+    """Adds up batches. Bound: `MOST_DEVICES`.
+
+    Args:
+        order: the plots, the clock, and who takes the events.
+        commands: of the batch, fed before.
+    """
+
+    def __init__(self, order: EventOrder, commands: CommandReader) -> None:
+        super().__init__(order)
+        self._commands = commands
+        self._orders = RecentOrders()
+        self._watches: dict[tuple[str, int], MotorWatch] = {}
+        self._spells = Spells(lasting("silent_motor"))
+        self._open: dict[tuple[str, int], Spell] = {}  # that may go on
+
+    @staticmethod
+    def of_use(plot: Plot) -> bool:
+        """Return whether it tells speeds, voltages and currents of numbered ESCs."""
+        return bool(plot.esc.rpm and plot.esc.voltage and plot.esc.current and plot.who.column)
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        self._orders.feed(self._commands.now)
+        if not self._orders:
+            return
+        for plot in self._plots:
+            if (table := batch.messages.get(plot.table)) is None:
+                continue
+            for key, some in reports(self._registry, plot, usable(table), self._clock, self._orders):
+                watch = self._watches.get((plot.table, key))
+                if watch is None:
+                    if len(self._watches) >= MOST_DEVICES:
+                        continue
+                    watch = self._watches[plot.table, key] = MotorWatch()
+                for compared in watch.feed(some):
+                    self._follow((plot.table, key), compared)
+
+    def finish(self) -> None:
+        """Tell what lasts to the end."""
+        for spell in self._spells.finish():
+            self._end(spell)
+        for spell in self._open.values():
+            self._tell(spell)
+
+    def _follow(self, key: tuple[str, int], some: Compared) -> None:
+        for part in self._spells.feed(key, some.off, some.at):
+            self._note(part, some)
+            if part.over:
+                self._end(part.spell)
+
+    @staticmethod
+    def _note(part: SpellPart, some: Compared) -> None:
+        if part.spell.memory is None:
+            part.spell.memory = _Memory()
+            if part.stop > part.start and some.before[part.start] is not None:
+                part.spell.before = some.before[part.start]
+        part.spell.memory.note(some, slice(part.start, part.stop))
+
+    def _end(self, spell: Spell) -> None:
+        """Take a spell that is over; those of a motor that follow each other closely are one."""
+        known = self._open.get(spell.key)
+        if known is not None and spell.first.ran - known.last.ran <= lasting("motor_again"):
+            known.last, known.after = spell.last, spell.after
+            known.memory.add(spell.memory)
+            return
+        if known is not None:
+            self._tell(known)
+        self._open[spell.key] = spell
+
+    def _tell(self, spell: Spell) -> None:
+        memory: _Memory = spell.memory
+        if memory.count <= 1 and not memory.sure:
+            return
+        table, key = spell.key
+        bus, node, number = split(key)
+        plot = next(plot for plot in self._plots if plot.table == table)
+        sign, speed, current, reported = _told(memory)
+        words = _WORDS[sign] if speed > _STANDS else "it stands"
+        text = f"speed {_change(speed)}, current {_change(current)} at such a command: {words}"
+        if sign == UNDRIVEN and isfinite(reported):
+            text += f" (it reports {100 * reported:.0f} % of the throttle)"
+        values = {"speed_share": round(speed, 3), "current_share": round(current, 3), "reports": memory.count}
+        self._add(FlightEvent(
+            "motor", text, spell.before, spell.first, spell.after, bus, node, number + plot.who.first, table, "",
+            values, sign,
+        ))  # fmt: skip
+
+
+def _change(share: float) -> str:
+    """Return a share of what was before as people say it."""
+    if share >= _TIMES:
+        return f"{share:.1f} times"
+    return f"{100 * (share - 1):+.0f} %" if abs(share - 1) >= _SAME else "as before"
+
+
+def _told(memory: _Memory) -> tuple[str, float, float, float]:
+    """Return of what it is a sign, and the shares of speed, current and throttle that show it."""
+    speed = float(np.median(memory.speed))
+    currents = [share for share in memory.current if isfinite(share)] or [1.0]
+    given = [share for share in memory.reported if isfinite(share)]
+    middle, most, reported = float(np.median(currents)), max(currents), float(np.median(given)) if given else np.nan
+    if reported < threshold("motor_given"):
+        return UNDRIVEN, speed, middle, reported
+    if speed >= (1 + threshold("motor_slow")) / 2:
+        return (UNLOADED, speed, middle, reported) if middle < 1 else (DRAGGED, speed, most, reported)
+    if most >= 1 / threshold("motor_once_slow"):
+        return DRAGGED, speed, most, reported
+    return (UNDRIVEN if middle < threshold("motor_once_slow") else SLOW), speed, middle, reported

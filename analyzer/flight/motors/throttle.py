@@ -1,0 +1,87 @@
+"""What each motor was commanded before a report."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.flight.thresholds import lasting
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.flight.clock import Places
+    from analyzer.flight.orders import Commands
+    from dissectors.kit import Array
+
+MOST_RECENT = 4096  # commands within the window
+
+
+class ThrottleWindow(NamedTuple):
+    """The throttle before each report, within the window: the least, the most, the mean and the last, in %."""
+
+    least: Array
+    most: Array
+    mean: Array
+    last: Array
+
+    def take(self, rows: slice) -> ThrottleWindow:
+        """Return that of some reports."""
+        return ThrottleWindow(*(one[rows] for one in self))
+
+
+class _Orders(NamedTuple):
+    """Commands of a bus: when, the last frame of each, and the throttle of each channel (rows)."""
+
+    ran: Array
+    frame_end: Array
+    columns: Array
+
+
+class RecentOrders:
+    """Keeps the commands of a batch, and those of the window before it; `MOST_RECENT` of a bus."""
+
+    def __init__(self) -> None:
+        self._all: dict[int, _Orders] = {}
+
+    def __bool__(self) -> bool:
+        """Return whether there are any."""
+        return bool(self._all)
+
+    def feed(self, commands: Sequence[Commands]) -> None:
+        """Take those of the next batch."""
+        for some in commands:
+            first = some.plot.who.first
+            columns = np.full((len(some.columns) + first, len(some.at)), np.nan, np.float32)
+            columns[first:] = some.columns
+            ran, ends = some.at.ran, some.at.frame_end
+            known = self._all.get(some.bus)
+            if known is not None and len(known.columns) == len(columns):
+                kept = int(np.searchsorted(known.ran, known.ran[-1] - 2 * lasting("motor_window")))
+                kept = max(kept, len(known.ran) - MOST_RECENT)
+                ran, ends = np.concatenate((known.ran[kept:], ran)), np.concatenate((known.frame_end[kept:], ends))
+                columns = np.concatenate((known.columns[:, kept:], columns), axis=1)
+            self._all[some.bus] = _Orders(np.maximum.accumulate(ran), np.maximum.accumulate(ends), columns)
+
+    def before(self, bus: int, ch: int, at: Places) -> tuple[ThrottleWindow, Array] | None:
+        """Return the throttles of a channel before reports, and for which reports there are any: only they are in it.
+
+        Commands count that were whole before a report began, however batches are cut.
+        """
+        orders = self._all.get(bus)
+        if orders is None or ch >= len(orders.columns):
+            return None
+        column = orders.columns[ch]
+        stop = np.minimum(np.searchsorted(orders.frame_end, at.frame), np.searchsorted(orders.ran, at.ran, "right"))
+        start = np.searchsorted(orders.ran, at.ran - lasting("motor_window"))
+        has = (start < stop) & ~np.isnan(column[np.minimum(start, len(column) - 1)])
+        start, stop = start[has], stop[has]
+        if not len(start):
+            return None
+        borders = np.column_stack((start, stop)).ravel()
+        column = np.append(column, column[-1])
+        sums = np.concatenate(([0.0], np.cumsum(column, dtype=np.float64)))
+        least, most = (one.reduceat(column, borders)[::2].astype(np.float64) for one in (np.minimum, np.maximum))
+        mean = (sums[stop] - sums[start]) / (stop - start)
+        return ThrottleWindow(least, most, mean, column[stop - 1].astype(np.float64)), has

@@ -1,0 +1,98 @@
+"""The commands of a vehicle as a pulse: how far apart they are, how high, how many, in steps of 20 ms."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.times import MILLISECOND
+
+if TYPE_CHECKING:
+    from analyzer.flight.clock import RecordedClock
+    from analyzer.flight.orders import CommandReader
+    from dissectors.kit import Array
+
+STEP = 20 * MILLISECOND
+MOST_STEPS = 1 << 22  # 23 hours
+_MOST_PERCENT = 255
+
+
+class CommandPulse:
+    """Adds up batches, of the first `MOST_STEPS`; the `clock` and the `commands` are fed before.
+
+    Steps count from the start of the recording. What there is of several senders is the farthest apart, and the
+    highest.
+    """
+
+    def __init__(self, clock: RecordedClock, commands: CommandReader) -> None:
+        self._clock, self._commands = clock, commands
+        self._spread = np.zeros(0, np.uint8)
+        self._mean = np.zeros(0, np.uint8)
+        self._count = np.zeros(0, np.uint16)
+        self._pause = np.zeros(0, np.uint16)
+        self._last: int | None = None
+
+    def feed(self) -> None:
+        """Add the commands of the batch."""
+        for some in self._commands.now:
+            ran = some.at.ran
+            step = (ran - (self._clock.start or 0)) // STEP
+            good = (step >= 0) & (step < MOST_STEPS)
+            if not good.any():
+                continue
+            self._grow(int(step[good].max()) + 1)
+            pause = np.diff(ran, prepend=ran[0] if self._last is None else self._last)
+            self._last = int(ran[-1])
+            with np.errstate(invalid="ignore"):
+                mean = np.nanmean(some.columns, axis=0)
+            order = None if (step[1:] >= step[:-1]).all() and good.all() else np.argsort(step, kind="stable")
+            if order is not None:
+                order = order[good[order]]
+            values = (step, some.highest - some.lowest, mean, pause)
+            step, spread, mean, pause = values if order is None else tuple(one[order] for one in values)
+            starts = np.flatnonzero(np.diff(step, prepend=step[0] - 1))
+            at, count = step[starts], np.diff(np.append(starts, len(step)))
+            for kept, new in ((self._spread, spread), (self._mean, mean)):
+                high = np.ceil(np.clip(np.maximum.reduceat(new, starts), 0, _MOST_PERCENT)).astype(np.uint8)
+                kept[at] = np.maximum(kept[at], high)
+            longest = np.clip(np.maximum.reduceat(pause, starts) // MILLISECOND, 0, 65535).astype(np.uint16)
+            self._pause[at] = np.maximum(self._pause[at], longest)
+            self._count[at] += count.astype(np.uint16)
+
+    def spread(self, start: int, stop: int) -> Array:
+        """Return how far apart they were in the steps of a time, in %; no step without a command."""
+        rows = self._rows(start, stop)
+        return self._spread[rows][self._count[rows] > 0]
+
+    def mean(self, start: int, stop: int) -> Array:
+        """Return how high they were in the mean of all channels, in %."""
+        rows = self._rows(start, stop)
+        return self._mean[rows][self._count[rows] > 0]
+
+    def count(self, start: int, stop: int) -> int:
+        """Return how many there were."""
+        return int(self._count[self._rows(start, stop)].sum())
+
+    def longest(self, start: int, stop: int) -> int:
+        """Return the longest time without one, in ms, as far as it ended in this time."""
+        found = self._pause[self._rows(start, stop)]
+        return int(found.max()) if len(found) else 0
+
+    def first_above(self, limit: float, start: int, stop: int) -> int | None:
+        """Return the start of the first step in which they are farther apart than a limit, in %."""
+        rows = self._rows(start, stop)
+        found = np.flatnonzero(self._spread[rows] > limit)
+        return None if not len(found) else (rows.start + int(found[0])) * STEP + (self._clock.start or 0)
+
+    def _rows(self, start: int, stop: int) -> slice:
+        base = self._clock.start or 0
+        first = max(0, (start - base) // STEP)
+        return slice(first, max(first, min(len(self._count), -(-(stop - base) // STEP))))
+
+    def _grow(self, count: int) -> None:
+        if count > len(self._count):
+            wide = max(count, min(2 * len(self._count), MOST_STEPS), 1024)
+            for name in ("_spread", "_mean", "_count", "_pause"):
+                old: Array = getattr(self, name)
+                setattr(self, name, np.concatenate((old, np.zeros(wide - len(old), old.dtype))))

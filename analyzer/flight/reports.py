@@ -1,0 +1,36 @@
+"""The common part of what finds events in reports and commands that `plots.toml` speaks of."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from analyzer.flight.clock import RecordedClock
+    from analyzer.flight.log import FlightEvent
+    from dissectors import Registry
+    from dissectors.picture import Plot
+
+
+class EventOrder(NamedTuple):
+    """The types, what is known of their tables, the clock of the capture, fed before, and who takes the events."""
+
+    registry: Registry
+    plots: Sequence[Plot]
+    clock: RecordedClock
+    add: Callable[[FlightEvent], None]
+
+
+class ReportEvents(ABC):
+    """Adds up batches of the tables that are of use to it."""
+
+    def __init__(self, order: EventOrder) -> None:
+        self._registry, self._clock, self._add = order.registry, order.clock, order.add
+        self._plots = [plot for plot in order.plots if self.of_use(plot)]
+
+    @staticmethod
+    @abstractmethod
+    def of_use(plot: Plot) -> bool:
+        """Return whether a table tells what it looks for."""

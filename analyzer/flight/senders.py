@@ -1,0 +1,69 @@
+"""Who sends what, and what of it did not come: broken transfers and missing IDs of each node, by second."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.tables import STATUSES, TRANSFER_ANOMALIES
+from dissectors.kit.cells import numbers
+from dissectors.times import NO_TIME, SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from analyzer.decode.engine import Batch
+    from analyzer.flight.clock import RecordedClock
+
+MOST_ENTRIES = 1 << 18
+_GAP = 1 << TRANSFER_ANOMALIES.index("transfer id gap")
+_BROKEN = [STATUSES.index(name) for name in ("bad crc", "interrupted", "timed out", "too short")]
+
+Node = tuple[int, int]  # bus, node
+
+
+class LossesBySecond:
+    """Adds up batches; the `clock` is fed before. Of more than `MOST_ENTRIES` nothing is told apart any more."""
+
+    def __init__(self, clock: RecordedClock) -> None:
+        self._clock = clock
+        self._broken: Counter[tuple[Node, int]] = Counter()
+        self._missing: Counter[tuple[Node, int]] = Counter()
+        self.transfers = 0
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        transfers, at = batch.transfers, self._clock.transfers
+        self.transfers += len(transfers)
+        anomaly, status = numbers(transfers.column("anomaly")), numbers(transfers.column("status"))
+        timed = at.t != NO_TIME
+        gaps = np.flatnonzero((anomaly & _GAP != 0) & timed)
+        broken = np.flatnonzero(np.isin(status, _BROKEN) & timed)
+        if not len(gaps) and not len(broken):
+            return
+        bus, src, step = (numbers(transfers.column(name)) for name in ("bus", "src", "step"))
+        for rows, kept, counts in ((gaps, self._missing, step[gaps].astype(int) - 1), (broken, self._broken, None)):
+            seconds = (at.ran[rows] - (self._clock.start or 0)) // SECOND
+            places = zip(bus[rows].tolist(), src[rows].tolist(), seconds.tolist(), strict=True)
+            for k, (one, node, second) in enumerate(places):
+                key = (one, node), second
+                if key in kept or len(kept) < MOST_ENTRIES:
+                    kept[key] += 1 if counts is None else int(counts[k]) % 32
+
+    def broken(self, start: int, stop: int, nodes: Iterable[Node] | None = None) -> int:
+        """Return how many transfers of some nodes, or of all, were not whole in a time."""
+        return self._sum(self._broken, start, stop, nodes)
+
+    def missing(self, start: int, stop: int, nodes: Iterable[Node] | None = None) -> int:
+        """Return how many transfer IDs of some nodes, or of all, were left out in a time."""
+        return self._sum(self._missing, start, stop, nodes)
+
+    def _sum(self, kept: Counter[tuple[Node, int]], start: int, stop: int, nodes: Iterable[Node] | None) -> int:
+        base, wanted = self._clock.start or 0, None if nodes is None else set(nodes)
+        first, last = (start - base) // SECOND, (stop - base) // SECOND
+        return sum(
+            count for (node, second), count in kept.items()
+            if first <= second <= last and (wanted is None or node in wanted)
+        )  # fmt: skip

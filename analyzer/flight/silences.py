@@ -1,0 +1,216 @@
+"""Nodes that send evenly and fall silent, or go slower; and how their transfer IDs go on over holes."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.flight.clock import ANEW
+from analyzer.flight.log import FlightEvent
+from analyzer.flight.thresholds import lasting, threshold
+from analyzer.tables import KINDS
+from dissectors.kit.cells import numbers
+from dissectors.kit.order import groups
+from dissectors.records import dataclass, field
+from dissectors.times import MILLISECOND, NO_TIME, SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
+    from analyzer.decode.engine import Batch
+    from analyzer.flight.clock import Places, RecordedClock, Spot
+    from dissectors import Registry
+    from dissectors.kit import Array
+
+MOST_SESSIONS = 8192
+_MESSAGE = KINDS.index("message")
+
+
+@dataclass(frozen=True, slots=True)
+class SenderPace:
+    """A type that a node sends: `usual` is its period, 0 if it is not even; `first` and `last` are recorded times."""
+
+    bus: int
+    node: int
+    type: str
+    usual: int
+    first: int
+    last: int
+
+
+@dataclass(slots=True)
+class _Session:
+    """One sender and type. `usual` is its period, `limit` what is too long; 0 while that is not known."""
+
+    bus: int
+    node: int
+    type: str
+    last: Spot | None = None
+    first: int = 0
+    usual: int = 0
+    limit: int = 0
+    learned: list[int] = field(default_factory=list)
+    pauses: list[FlightEvent] = field(default_factory=list)  # in a row
+    holes: int = 0
+
+
+class SilenceEvents:
+    """Adds up batches; bound: `MOST_SESSIONS`.
+
+    Args:
+        registry: the types.
+        clock: of the capture, fed before.
+        add: takes the events.
+        commands: types whose silence is that of commands.
+    """
+
+    def __init__(
+        self, registry: Registry, clock: RecordedClock, add: Callable[[FlightEvent], None], commands: Collection[str]
+    ) -> None:
+        self._registry, self._clock, self._add, self._commands = registry, clock, add, commands
+        self._sessions: dict[int, _Session] = {}
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        transfers = batch.transfers
+        kind, src = (numbers(transfers.column(name)) for name in ("kind", "src"))
+        rows = np.flatnonzero((kind == _MESSAGE) & (src > 0) & (self._clock.transfers.t != NO_TIME))
+        if not len(rows):
+            return
+        bus, type_id = (numbers(transfers.column(name))[rows].astype(np.int64) for name in ("bus", "type_id"))
+        at = self._clock.transfers.take(rows)
+        behind = self._clock.holes_before(at.frame) if self._clock.holes else None
+        for key, places in groups(bus << 24 | type_id << 8 | src[rows]):
+            session = self._sessions.get(key)
+            if session is None:
+                if len(self._sessions) >= MOST_SESSIONS:
+                    continue
+                about = self._registry.message(_MESSAGE, key >> 8 & 0xFFFF)
+                name = about.table if about is not None else f"type {key >> 8 & 0xFFFF}"
+                session = self._sessions[key] = _Session(key >> 24, key & 0xFF, name)
+                session.holes = 0 if behind is None else int(behind[places[0]])
+            mine = at.take(places)
+            if behind is None:
+                self._take(session, mine)
+            else:
+                self._cross(session, mine, behind[places])
+
+    def finish(self) -> None:
+        """Tell who is silent to the end of the recording."""
+        end = self._clock.ran
+        for session in self._sessions.values():
+            for event in session.pauses:
+                self._add(event)
+            last = session.last
+            if session.limit and end is not None and last is not None and end - last.ran > session.limit:
+                self._add(self._silence(session, last, None, end))
+
+    def paces(self) -> list[SenderPace]:
+        """Return who sends what, and how evenly."""
+        return [
+            SenderPace(one.bus, one.node, one.type, one.usual, one.first, one.last.ran)
+            for one in self._sessions.values()
+            if one.last is not None
+        ]
+
+    def _cross(self, session: _Session, at: Places, behind: Array) -> None:
+        """Take transfers, and note how their IDs go on behind holes in which the sender would have sent."""
+        borders = np.flatnonzero(np.diff(behind, prepend=session.holes)).tolist()
+        for start, stop in pairwise([0, *borders, len(at)]):
+            if start in borders:
+                hole, step = self._clock.holes[int(behind[start]) - 1], int(at.step[start])
+                if session.usual and abs(hole.length) > 2 * session.usual:
+                    hole.steps[0 if step == 1 else 2 if step == ANEW else 1] += 1
+            if start < stop:
+                self._take(session, at.take(slice(start, stop)))
+        session.holes = int(behind[-1])
+
+    def _take(self, session: _Session, at: Places) -> None:
+        latest = np.maximum.accumulate(at.ran)
+        if session.last is not None:
+            latest = np.maximum(latest, session.last.ran)
+        at = at.take(at.ran >= latest)  # a torn transfer is told only when the next one with its ID comes
+        if not len(at):
+            return
+        if session.last is None:
+            session.first = int(at.ran[0])
+        start = at.ran[0] if session.last is None else session.last.ran
+        gaps = np.diff(at.ran, prepend=start)
+        k = 1 if session.last is None else 0
+        while k < len(gaps):
+            if not session.limit:
+                k = self._learn(session, gaps, k)
+                continue
+            over = np.flatnonzero(gaps[k:] > session.limit)
+            if not len(over) or over[0] > 0:
+                self._calm(session)
+            if not len(over):
+                break
+            k += int(over[0])
+            last = at.at(k - 1) if k else session.last
+            if last is not None:
+                session.pauses.append(self._silence(session, last, at.at(k), int(at.ran[k])))
+            if len(session.pauses) >= threshold("slower_after"):
+                self._slower(session)
+            k += 1
+        session.last = at.at(-1)
+
+    def _learn(self, session: _Session, gaps: Array, k: int) -> int:
+        """Take periods until they are enough; return where to go on."""
+        wanted = int(threshold("usual_count"))
+        some = gaps[k : k + wanted - len(session.learned)].tolist()
+        session.learned += some
+        if len(session.learned) >= wanted:
+            usual = int(np.median(session.learned))
+            if usual > 0 and max(session.learned) <= threshold("usual_spread") * usual:
+                session.usual = usual
+                session.limit = max(int(threshold("silence_factor") * usual), lasting("silence"))
+            session.learned = []
+        return k + len(some)
+
+    def _calm(self, session: _Session) -> None:
+        """Tell the pauses after which it went on as usual."""
+        for event in session.pauses:
+            self._add(event)
+        session.pauses = []
+
+    def _slower(self, session: _Session) -> None:
+        """Tell that it goes slower, instead of the pauses that showed it; what is usual now is learned anew."""
+        first = session.pauses[0]
+        pauses = sorted(event.values["silent_s"] for event in session.pauses)
+        text = f"{session.type} comes slower: every {_span(int(pauses[1] * SECOND))}, {_span(session.usual)} before"
+        values = {"period_s": pauses[1], "period_before_s": session.usual / SECOND}
+        self._add(FlightEvent(
+            "rate", text, first.before, first.first, None, session.bus, session.node, None, session.type, "", values
+        ))  # fmt: skip
+        session.pauses, session.usual, session.limit = [], 0, 0
+
+    def _silence(self, session: _Session, last: Spot, back: Spot | None, end: int) -> FlightEvent:
+        """Return that nothing came behind `last`: it was due one period later."""
+        pause = end - last.ran
+        due = last._replace(t=last.t + session.usual, ran=last.ran + session.usual)
+        ordered = session.type in self._commands
+        jumped = back is not None and back.step != ANEW and (back.step - 1) % 32 > 0
+        nothing = "no command is recorded" if jumped else "nothing is commanded"
+        what = nothing if ordered else f"{session.type} stops"
+        text = f"{what}, " + ("to the end" if back is None else f"back after {_span(pause)}")
+        values: dict[str, float] = {"silent_s": pause / SECOND, "period_s": session.usual / SECOND}
+        if back is not None and back.step == ANEW:
+            text += ", begins anew"
+        elif back is not None:
+            missing = (back.step - 1) % 32
+            text += ", no transfer ID missing" if not missing else f", transfer IDs jump by {back.step}"
+            values["missing"] = float(missing)
+        kind = "commands stop" if ordered else "silence"
+        return FlightEvent(
+            kind, text, last, due, back, session.bus, session.node, None, session.type, "", values
+        )  # fmt: skip
+
+
+def _span(ns: int) -> str:
+    """Return a duration as people write it."""
+    if ns < SECOND:
+        return f"{ns / MILLISECOND:.3g} ms"
+    return f"{ns / SECOND:.3f} s" if ns < 100 * SECOND else f"{ns / SECOND:.0f} s"

@@ -1,0 +1,245 @@
+"""Events that devices tell of themselves: faults from onset to end, and changes of mode and health."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from analyzer.devices import fields
+from analyzer.devices.readings import holding
+from analyzer.devices.rows import keyed, split, usable
+from analyzer.facts.meaning import meaning
+from analyzer.facts.node_status import NODE_STATUS
+from analyzer.flight.log import FlightEvent
+from analyzer.flight.reports import ReportEvents
+from analyzer.flight.spells import Spells
+from dissectors.kit.cells import numbers, valid
+from dissectors.kit.order import changes, groups
+from dissectors.records import dataclass
+from dissectors.times import NO_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from analyzer.decode.engine import Batch
+    from analyzer.facts.meaning import Meaning
+    from analyzer.flight.clock import Places, Spot
+    from analyzer.flight.reports import EventOrder
+    from analyzer.flight.spells import Spell
+    from dissectors.kit import Array
+    from dissectors.picture import Plot, States
+    from dissectors.schema import Message, Packet
+
+MOST_DEVICES = 4096
+_MEASURED = ("voltage", "current", "temperature", "speed")
+_LOWEST = frozenset({"voltage", "speed"})  # are worst next to 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Flag:
+    """A bit of a word: `name` is its column, `title` what people call it, `sign` the trouble that it is a sign of."""
+
+    name: str
+    title: str
+    clause: str
+    sign: str
+
+
+class _Report(NamedTuple):
+    """Reports of one device: their rows in the table, and their places. `of` defines the table."""
+
+    plot: Plot
+    of: Message | Packet | None
+    table: pa.RecordBatch
+    key: int
+    rows: Array
+    at: Places
+
+    @property
+    def who(self) -> tuple[int, int, int | None]:
+        """Bus, node and channel; None where the number of the device is none."""
+        bus, node, number = split(self.key)
+        numbered = bool(self.plot.who.column) and bool(self.plot.esc.rpm)
+        return bus, node, number + self.plot.who.first if numbered else None
+
+    def known(self, column: pa.Array) -> _Report:
+        """Return those that have a value in a column."""
+        if not column.null_count:
+            return self
+        has = valid(column)[self.rows]
+        return self._replace(rows=self.rows[has], at=self.at.take(has))
+
+    def measured(self, rows: slice) -> Iterator[tuple[str, Array]]:
+        """Yield what some of them measured by quantity, numbers alone."""
+        places = self.rows[rows]
+        if not len(places):
+            return
+        near = self.table.slice(int(places[0]), int(places[-1]) + 1 - int(places[0]))
+        for line in self.plot.lines:
+            if line.quantity in _MEASURED and not line.role and (found := fields.column(self.of, near, line.column)):
+                values, has = found[0].values[places - places[0]].astype(np.float64), found[0].has
+                has = None if has is None else has[places - places[0]]
+                good = ~np.isnan(values) if has is None else has & ~np.isnan(values)
+                if good.any():
+                    yield line.quantity, values[good]
+
+
+class StateEvents(ReportEvents):
+    """Adds up batches. Bounds: those of `Spells`, and `MOST_DEVICES`."""
+
+    @staticmethod
+    def of_use(plot: Plot) -> bool:
+        """Return whether it tells states that are no parameters."""
+        return bool(plot.states) and not plot.parameters
+
+    def __init__(self, order: EventOrder) -> None:
+        super().__init__(order)
+        self._spells = Spells()
+        self._last: dict[tuple[int, str], Spot] = {}  # report of a device and word
+        self._known: dict[tuple[str, str], tuple[list[str], list[_Flag], list[str]]] = {}
+        self._modes: dict[tuple[int, str], tuple[int, Spot]] = {}
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        for plot in self._plots:
+            if (table := batch.messages.get(plot.table)) is not None:
+                self._feed_table(plot, usable(table))
+
+    def finish(self) -> None:
+        """Tell the faults that last to the end."""
+        for spell in self._spells.finish():
+            self._tell(spell)
+
+    def _feed_table(self, plot: Plot, table: pa.RecordBatch) -> None:
+        table, device = keyed(table, plot.who)
+        if not len(table):
+            return
+        of, at = self._registry.definition(plot.table), self._clock.of(table)
+        timed = at.t != NO_TIME
+        devices = [_Report(plot, of, table, key, rows, at.take(rows)) for key, rows in groups(device)]
+        for states in plot.states:
+            rows = holding(states.only, table)
+            good = timed if rows is None else timed & rows
+            flags, modes = self._columns(plot, of, table, states)
+            for one in devices:
+                held = good[one.rows]
+                some = one if held.all() else one._replace(rows=one.rows[held], at=one.at.take(held))
+                if len(some.rows) and flags:
+                    self._feed_flags(states, flags, some.known(table.column(states.column)))
+                for name in modes:
+                    self._feed_mode(name, some.known(table.column(name)), states.signs)
+
+    def _columns(
+        self, plot: Plot, of: Message | Packet | None, table: pa.RecordBatch, states: States
+    ) -> tuple[list[_Flag], list[str]]:
+        """Return the faults of a word, and the columns with named values."""
+        key, names = (plot.table, states.column), table.schema.names
+        known = self._known.get(key)
+        if known is None or known[0] != names:
+            known = self._known[key] = names, list(_flags(of, table, states)), list(_modes(of, table, states))
+        return known[1:]
+
+    def _feed_flags(self, states: States, flags: list[_Flag], some: _Report) -> None:
+        if not len(some.rows):
+            return
+        word = some.key, f"{some.plot.table}.{states.column}"
+        if word not in self._last and len(self._last) >= MOST_DEVICES:
+            return
+        for flag in flags:
+            key, column = (*word, flag.name), some.table.column(flag.name)
+            if not column.true_count and not self._spells.open(key):
+                continue
+            on = (numbers(column) & valid(column))[some.rows]
+            for part in self._spells.feed(key, on, some.at, last=self._last.get(word)):
+                if part.spell.memory is None:
+                    part.spell.memory = _Memory(flag, some.plot.table, some.who, {}, {})
+                part.spell.memory.note(some.measured(slice(part.start, part.stop)))
+                if part.over:
+                    self._tell(part.spell)
+        self._last[word] = some.at.at(-1)
+
+    def _tell(self, spell: Spell) -> None:
+        about: _Memory = spell.memory
+        self._add(FlightEvent(
+            "fault", about.flag.title, spell.before, spell.first, spell.after, *about.who, about.table,
+            about.flag.clause, about.values(), about.flag.sign,
+        ))  # fmt: skip
+
+    def _feed_mode(self, name: str, some: _Report, signs: Mapping[str, str]) -> None:
+        if not len(some.rows):
+            return
+        word = some.key, f"{some.plot.table}.{name}"
+        before = self._modes.get(word)
+        if before is None and len(self._modes) >= MOST_DEVICES:
+            return
+        values, about = numbers(some.table.column(name))[some.rows].astype(np.int64), meaning(some.of, name)
+        kind = "health" if (some.plot.table, name) == (NODE_STATUS, "health") else "mode"
+        if before is None and kind == "health" and values[0]:
+            self._change(kind, _word(about, int(values[0])), None, some, 0, about.clause)
+        part = name.rpartition(".")[2]
+        for k in changes(values, values[0] if before is None else before[0]).tolist():
+            old, spot = (int(values[k - 1]), some.at.at(k - 1)) if k else before or (0, some.at.at(0))
+            text, sign = f"{_word(about, old)} -> {_word(about, int(values[k]))}", signs.get(f"{part}={values[k]}", "")
+            self._change(kind, text, spot, some, k, about.clause, sign)
+        self._modes[word] = int(values[-1]), some.at.at(-1)
+
+    def _change(
+        self, kind: str, text: str, before: Spot | None, some: _Report, k: int, clause: str, sign: str = ""
+    ) -> None:
+        values = {name: round(float(found[0]), 3) for name, found in some.measured(slice(k, k + 1))}
+        self._add(FlightEvent(
+            kind, text, before, some.at.at(k), None, *some.who, some.plot.table, clause, values, sign
+        ))  # fmt: skip
+
+
+@dataclass(slots=True)
+class _Memory:
+    """The memory of a fault: what was measured at its onset, and what was worst until it was over."""
+
+    flag: _Flag
+    table: str
+    who: tuple[int, int, int | None]
+    onset: dict[str, float]
+    worst: dict[str, float]
+
+    def note(self, measured: Iterator[tuple[str, Array]]) -> None:
+        """Take what was measured in the next reports of the fault."""
+        for name, values in measured:
+            worst = float(values[np.argmin(np.abs(values)) if name in _LOWEST else np.argmax(values)])
+            self.onset.setdefault(name, float(values[0]))
+            both = self.worst.get(name, worst), worst
+            self.worst[name] = min(both, key=abs) if name in _LOWEST else max(both)
+
+    def values(self) -> dict[str, float]:
+        """Return both by name."""
+        worst = {f"worst_{name}": value for name, value in self.worst.items()}
+        return {name: round(value, 3) for name, value in (self.onset | worst).items()}
+
+
+def _parts(table: pa.RecordBatch, word: str) -> Iterator[str]:
+    return (name for name in table.schema.names if name.startswith(f"{word}."))
+
+
+def _flags(of: Message | Packet | None, table: pa.RecordBatch, states: States) -> Iterator[_Flag]:
+    """Yield the bits of a word that are faults."""
+    for name in _parts(table, states.column):
+        if pa.types.is_boolean(table.column(name).type):
+            part = meaning(of, name).part
+            title = part.title if part is not None and part.title else name.rpartition(".")[2].replace("_", " ")
+            sign = states.signs.get(name.rpartition(".")[2], "")
+            yield _Flag(name, title, meaning(of, states.column).clause, sign)
+
+
+def _modes(of: Message | Packet | None, table: pa.RecordBatch, states: States) -> Iterator[str]:
+    """Yield the columns with named values."""
+    for name in (states.column, *_parts(table, states.column)):
+        about, kind = meaning(of, name), table.column(name).type if name in table.schema.names else pa.null()
+        enum = about.part.enum if about.part is not None else about.note.enum if about.note is not None else {}
+        if enum and pa.types.is_integer(kind):
+            yield name
+
+
+def _word(about: Meaning, code: int) -> str:
+    return about.texts.get(code, f"{code} (undefined)")

@@ -1,0 +1,195 @@
+"""One flight as a case: its events, its commands, and whether these were calm."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.flight.pulse import STEP
+from analyzer.flight.thresholds import lasting, threshold
+from dissectors.records import dataclass
+from dissectors.times import SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from analyzer.flight.extents import EscExtent
+    from analyzer.flight.flights import Flight
+    from analyzer.flight.log import FlightEvent
+    from analyzer.flight.silences import SenderPace
+    from analyzer.flight.witness import Witness
+
+_NEARLY_ALL = 98  # percent
+Node = tuple[int, int]  # bus, node
+ROLES = (
+    ("RawCommand", "autopilot"), ("Fix", "GPS"), ("MagneticFieldStrength", "compass"), ("BatteryInfo", "power module"),
+    ("CircuitStatus", "power module"), ("StaticPressure", "barometer"), ("TrueAirspeed", "airspeed"),
+    ("IndicatedAirspeed", "airspeed"), ("Measurement", "range finder"), ("IceReciprocatingStatus", "engine"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Excursion:
+    """Commands that went apart: calm until `start`, not any more at `stop`; `most` is how far they went, in %.
+
+    `again` is when they were calm again for long enough, None if they never were.
+    """
+
+    start: int
+    stop: int
+    most: float
+    again: int | None
+    event: FlightEvent
+
+
+class Case:
+    """What is known of one flight. All times are recorded ones, in nanoseconds.
+
+    Args:
+        witness: after the last batch.
+        events: of the whole capture.
+        flight: the flight, and
+        border: where the next one begins, or the recording ends.
+    """
+
+    def __init__(self, witness: Witness, events: Iterable[FlightEvent], flight: Flight, border: int) -> None:
+        self.flight, self.pulse, self.losses, self.clock = flight, witness.pulse, witness.losses, witness.clock
+        self.start, self.stop, self.border = flight.first.ran, flight.last.ran, border
+        self.events = [one for one in events if self.start <= one.first.ran <= border]
+        self.before = [one for one in events if one.first.ran < self.start]
+        telling = [one for one in witness.escs if one.last >= self.start and one.first <= border]
+        self.escs: list[EscExtent] = telling
+        self.paces: list[SenderPace] = [one for one in witness.paces if one.last >= self.start and one.first <= border]
+        self.esc_nodes: set[Node] = {(one.bus, one.node) for one in telling}
+        self.escs_by_channel = {one.ch for one in telling if one.ch is not None}
+        self.calm_limit = self._usual_spread()
+        self.swings = self._swings()
+        self.excursion = self.swings[-1] if self.swings and self.swings[-1].again is None else None
+        self.joint = self._joint_losses()
+
+    def commanders(self) -> set[Node]:
+        """Return who commands."""
+        types = {one.type for one in self.events if one.kind in {"commands stop", "commands zero", "spread"}}
+        return {(one.bus, one.node) for one in self.paces if one.type in types or "Command" in one.type}
+
+    def esc_of(self, ch: int) -> EscExtent | None:
+        """Return who reports as a channel, None if nobody does, or several."""
+        found = [one for one in self.escs if one.ch == ch]
+        return found[0] if len({(one.bus, one.node) for one in found}) == 1 else None
+
+    def turning(self) -> list[str]:
+        """Return that the motors do not turn half one way and half the other, if that is so."""
+        ways = {one.ch: sum(one.ranges["rpm"]) > 0 for one in self.escs if one.ch is not None and "rpm" in one.ranges}
+        count, forwards = len(ways), sum(ways.values())
+        if count % 2 or forwards in {0, count // 2, count}:
+            return []
+        return [f"{forwards} of {count} motors turn forwards: not half of them"]
+
+    def role(self, bus: int | None, node: int | None) -> str:
+        """Return what a node is by what it sends, in brackets; empty if that says nothing."""
+        sends = {one.type.rpartition(".")[2] for one in self.paces if (one.bus, one.node) == (bus, node)}
+        roles = [role for word, role in ROLES if any(name.startswith(word) for name in sends)]
+        return f" ({', '.join(dict.fromkeys(roles))})" if roles else ""
+
+    def period(self, bus: int | None, node: int | None) -> int:
+        """Return the shortest period in which a node reports, 0 if it does not."""
+        return min((one.usual for one in self.paces if (one.bus, one.node) == (bus, node) and one.usual), default=0)
+
+    def unrest(self, at: int) -> tuple[int, float] | None:
+        """Return since when commands were apart at a time, and how far (%); None if they were calm."""
+        since = self._onset(at)
+        spread = self.pulse.spread(since, at)
+        if at - since < lasting("unrest") or not len(spread):
+            return None
+        return since, float(spread.max())
+
+    def others_lost(self, node: Node, event: FlightEvent) -> bool:
+        """Return whether IDs of other nodes are missing where one is silent."""
+        low, high = self.span(event)[0], (event.after or event.first).ran
+        return self.losses.missing(low, high, {(one.bus, one.node) for one in self.paces} - {node}) > 0
+
+    def in_joint_loss(self, event: FlightEvent) -> bool:
+        """Return whether an event lies in a time in which the recorder lost frames of everybody."""
+        low, high = self.span(event)
+        return any(low <= stop and high >= start for start, stop in self.joint)
+
+    def in_hole(self, at: int) -> bool:
+        """Return whether the recorder lost frames of everybody then."""
+        return any(start - 3 * STEP <= at <= stop + 3 * STEP for start, stop in self.joint)
+
+    @staticmethod
+    def span(event: FlightEvent) -> tuple[int, int]:
+        """Return the time in which an event happened."""
+        return (event.first if event.before is None else event.before).ran, event.first.ran
+
+    def lasts(self, event: FlightEvent) -> bool:
+        """Return whether it goes on to the end of the flight, or nearly so."""
+        return event.after is None or event.after.ran > self.stop - lasting("harmless")
+
+    def _usual_spread(self) -> float:
+        """Return how far apart commands may be, in %: somewhat more than nearly all of the first half of the flight."""
+        begin = self.start + lasting("take_off")
+        spread = self.pulse.spread(begin, max(begin + lasting("take_off"), (self.start + self.stop) // 2))
+        usual = float(np.percentile(spread, _NEARLY_ALL)) if len(spread) else 0.0
+        most = threshold("spread_percent") / threshold("calm_share")
+        return min(max(threshold("calm_percent"), threshold("calm_factor") * usual), most)
+
+    def _swings(self) -> list[Excursion]:
+        """Return the times that commands went apart; the last one may never have calmed down."""
+        found: list[Excursion] = []
+        for one in self.events:
+            if one.kind != "spread" or (found and (found[-1].again is None or one.first.ran <= found[-1].again)):
+                continue
+            start = self._onset(one.first.ran)
+            found.append(
+                Excursion(start, start + STEP, one.values.get("spread", 0.0), self._calm_again(one.first.ran), one)
+            )
+        return found
+
+    def _onset(self, at: int) -> int:
+        """Return until when commands were calm before a time: where the first step begins in which they were not."""
+        step = at
+        while step > self.start:
+            spread = self.pulse.spread(step - STEP, step)
+            if len(spread) and float(spread.max()) <= self.calm_limit:
+                return step
+            step -= STEP
+        return self.start
+
+    def _calm_again(self, at: int) -> int | None:
+        """Return when commands were calm for long, after a time."""
+        need, step = lasting("calm_again"), at
+        while step + need <= self.stop:
+            above = self.pulse.first_above(self.calm_limit, step, step + need)
+            if above is None:
+                return step
+            step = above + STEP
+        return None
+
+    def _joint_losses(self) -> list[tuple[int, int]]:
+        """Return the times in which several senders were silent together though they sent: the recorder's losses."""
+        silent = [
+            one for one in self.events
+            if one.kind in {"silence", "commands stop"} and one.values.get("missing", 0) > 0 and one.before is not None
+        ]  # fmt: skip
+        errors = [one.first.ran for one in self.events if one.kind == "errors"]
+        found = [
+            (one.before.ran, one.first.ran) for one in self.events
+            if one.kind == "gap" and one.before
+            and not any(0 <= one.first.ran - t <= lasting("follows") for t in errors)
+        ]  # fmt: skip
+        for one in silent:
+            low, high = one.before.ran, one.after.ran if one.after else one.first.ran  # type: ignore[union-attr]
+            together = {
+                (other.bus, other.node) for other in silent
+                if other.before.ran < high and (other.after or other.first).ran > low  # type: ignore[union-attr]
+            }  # fmt: skip
+            if len(together) >= threshold("joint_senders"):
+                found.append((low, high))
+        return found
+
+
+def seconds(ns: int) -> float:
+    """Return nanoseconds as seconds."""
+    return ns / SECOND

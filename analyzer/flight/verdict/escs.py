@@ -1,0 +1,117 @@
+"""What one ESC alone shows: it fails, its load is gone, its wire or its power is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from analyzer.flight.motors.events import UNDRIVEN, UNLOADED
+from analyzer.flight.pulse import STEP
+from analyzer.flight.thresholds import lasting, threshold
+from analyzer.flight.verdict.trouble import by_node, counts, harmless, made, text, together
+from dissectors.times import SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from analyzer.flight.log import FlightEvent
+    from analyzer.flight.verdict.case import Case, Node
+    from analyzer.flight.verdict.trouble import Trouble
+
+_FAILS = ("motor", "electronics", "failed")  # signs by which an ESC says so
+_WARNINGS = ("heat", "current", "supply")  # signs that speak for a failure, and are none
+_PAUSE_MS = 100  # in commands, that an ESC does not mind
+
+
+def esc_troubles(case: Case) -> Iterator[Trouble]:
+    """Yield what one ESC alone shows."""
+    telling = [
+        one for one in case.events
+        if (one.kind in {"fault", "motor"} or (one.kind == "mode" and one.sign)) and counts(case, one)
+    ]  # fmt: skip
+    quiet = [one for one in case.events if one.kind in {"silence", "restart"} and not case.in_joint_loss(one)]
+    everybody = together(case, [one for one in telling if one.sign == "throttle"])
+    gone = together(case, quiet)
+    for node, events in by_node(sorted((*telling, *quiet), key=lambda one: one.first.ran)).items():
+        if node not in case.esc_nodes:
+            continue
+        signs = [one for one in events if one.kind in {"fault", "motor", "mode"}]
+        lost = [one for one in signs if one.sign == "throttle"]
+        own = [one for one in signs if one.sign in _FAILS or one.kind == "motor"]
+        off = [one for one in events if one.kind in {"silence", "restart"}]
+        if lost and not everybody and _commanded(case, lost[0]):
+            yield made("wiring", "got no throttle, though the bus carried it", lost + own, 1, [
+                f"{text(lost[0])}; commands at {_rate(case, lost[0]):.0f}/s all the time",
+            ])  # fmt: skip
+            own = [one for one in own if one.first.ran < lost[0].first.ran - lasting("together")]
+        if off and not gone:
+            yield from _quiet(case, node, off)
+            own = [one for one in own if one.first.ran < off[0].first.ran]
+        if own and not everybody:
+            warned = [one for one in signs if one.sign in _WARNINGS and one.first.ran <= own[0].first.ran]
+            now = [one for one in own if one.first.ran - own[0].first.ran <= lasting("together")]
+            yield _cut_off(case, node, now) or _own(now, warned)
+
+
+def _cut_off(case: Case, node: Node, own: list[FlightEvent]) -> Trouble | None:
+    """Return an ESC that is not driven while its transfers get lost: its wire carries neither way."""
+    if own[0].kind != "motor" or own[0].sign != UNDRIVEN:
+        return None
+    missing = case.losses.missing(case.start, own[0].first.ran, [node])
+    others = case.losses.missing(case.start, own[0].first.ran, case.esc_nodes - {node})
+    if missing < threshold("cut_off_missing") or others:
+        return None
+    return made("wiring", "lost contact again and again: its plug or its wire", own, 2, [
+        text(own[0]), f"{missing} of its transfer IDs are missing, none of the other ESCs'",
+    ])  # fmt: skip
+
+
+def _own(own: list[FlightEvent], warned: list[FlightEvent]) -> Trouble:
+    """Return what an ESC's own signs say: its load is gone, or it does not drive its motor."""
+    motor = next((one for one in own if one.kind == "motor"), None)
+    told = [one for one in own if one.kind != "motor" and one.sign in _FAILS]
+    if not told and motor is not None and motor.sign == UNLOADED:
+        return made("propulsion", "lost the load of its motor: propeller or blade", own, 2, [
+            f"{text(motor)}", "no fault bit of it",
+        ])  # fmt: skip
+    reasons = [*(text(one) for one in warned[:1]), *(text(one) for one in own[:3])]
+    title = "does not drive its motor as commanded" if not told else "stopped driving its motor as it should"
+    return made("esc", title, own, 2, reasons)
+
+
+def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Iterator[Trouble]:
+    """Yield an ESC that stops reporting: for good, with holes, or to start anew."""
+    restarts = [one for one in off if one.kind == "restart"]
+    silent = [one for one in off if one.kind == "silence" and not case.others_lost(node, one)]
+    if not silent and not restarts:
+        return
+    lasting_ = [one for one in silent if one.after is None]
+    others = [esc for esc in case.esc_nodes if esc != node]
+    begin = silent or restarts
+    reasons = []
+    if restarts and any(one.first.ran >= begin[0].first.ran for one in restarts):
+        title = "restarted in flight: its power was away"
+        reasons.append(restarts[0].text)
+    elif lasting_:
+        title = "stopped reporting: its power, its wire or its transmitter"
+        reasons.append(text(lasting_[0]))
+    elif all(harmless(case, one) for one in silent) and len(silent) < 2:
+        return
+    else:
+        title = "lost contact again and again: its plug or its wire"
+        jumps = sum(one.values.get("missing", 0) > 0 for one in silent)
+        reasons.append(f"{len(silent)} silences, behind {jumps} of them transfer IDs are missing: it went on sending")
+    low, high = begin[0].first.ran - lasting("looked_back"), begin[-1].first.ran
+    if others:
+        reasons.append(f"the others: {case.losses.missing(low, high, others)} transfer IDs missing in that time")
+    yield made("wiring", title, sorted(off, key=lambda one: one.first.ran), 3, reasons)
+
+
+def _commanded(case: Case, one: FlightEvent) -> bool:
+    """Return whether the bus carried commands all the time before an ESC said that it got none."""
+    start = (one.before or one.first).ran - lasting("together")
+    return case.pulse.count(start, one.first.ran) > 0 and case.pulse.longest(start, one.first.ran) < _PAUSE_MS
+
+
+def _rate(case: Case, one: FlightEvent) -> float:
+    start = one.first.ran - lasting("together")
+    return case.pulse.count(start, one.first.ran) * SECOND / (one.first.ran - start + STEP)

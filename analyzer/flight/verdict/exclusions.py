@@ -1,0 +1,89 @@
+"""What was looked for and not found, in numbers: commands that stop, sag, a broken bus, a hole in the recording."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from analyzer.flight.thresholds import lasting
+from analyzer.flight.verdict.model import Excluded
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from analyzer.flight.verdict.case import Case
+    from analyzer.flight.verdict.model import Verdict
+
+
+def excluded(case: Case, verdict: Verdict, began: int) -> Sequence[Excluded]:
+    """Return the facts that speak against other causes, up to when it began."""
+    return [] if verdict.kind in {"none", "unknown"} else list(_excluded(case, verdict, began))
+
+
+def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
+    start, span = max(case.start, began - lasting("looked_back")), lasting("looked_back") / 1e9
+    span = min(span, (began - start) / 1e9)
+    count = case.pulse.count(case.start, case.stop)
+    if count and verdict.kind not in {"commands-lost", "commanded"}:
+        length = max((case.stop - case.start) / 1e9, 0.001)
+        longest = case.pulse.longest(case.start, case.stop)
+        yield Excluded("commands stopping", f"{count / length:.0f} Hz to the end, longest pause {longest} ms")
+    if verdict.kind != "battery" and (sag := _lowest(case)):
+        yield Excluded("pack sag", sag)
+    if verdict.kind != "bus":
+        errors = sum(
+            int(one.values.get("count", 0)) for one in case.events if one.kind == "errors" and one.first.ran < began
+        )
+        broken = case.losses.broken(start, began - 1)
+        if not errors and not broken:
+            yield Excluded("a broken bus before it", f"0 broken transfers in {span:.0f} s")
+    if verdict.kind != "wiring":
+        missing = case.losses.missing(start, began - 1)
+        if not missing and not case.joint:
+            yield Excluded("a hole in the recording", f"no transfer ID missing in {span:.0f} s")
+
+
+def _lowest(case: Case) -> str:
+    sags = [one for one in case.events if one.kind == "sag"]
+    if sags:
+        one = min(sags, key=lambda one: one.values["worst_voltage"])
+        expected = one.values.get("expected_voltage")
+        low = one.values["worst_voltage"]
+        if expected is None or not isfinite(expected):
+            return f"{low:.1f} V at {one.values.get('current_then', 0):.0f} A of an ESC, the load of take-off"
+        return f"{low:.1f} V, where its current explains {expected:.1f} V"
+    lows = [one.ranges["voltage"] for one in case.escs if "voltage" in one.ranges]
+    return f"none; {min(low for low, _ in lows):.1f} V at the lowest" if lows else ""
+
+
+def looked_at(case: Case) -> Sequence[str]:
+    """Return what was looked at, in numbers."""
+    parts = []
+    if case.escs:
+        parts.append(f"{len(case.escs)} ESCs, {sum(one.count for one in case.escs)} reports")
+    count = case.pulse.count(case.start, case.stop)
+    if count:
+        parts.append(f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz")
+    for name, unit in (("voltage", "V"), ("temperature", "C")):
+        ranges = [one.ranges[name] for one in case.escs if name in one.ranges]
+        if ranges:
+            digits = 1 if unit == "V" else 0
+            low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
+            parts.append(f"{low:.{digits}f}-{high:.{digits}f} {unit}")
+    broken = case.losses.broken(case.start, case.border)
+    parts.append(f"{broken} broken transfers")
+    return parts
+
+
+def recorder_lines(case: Case) -> Sequence[tuple[str, str]]:
+    """Return what has to be known of clock and recorder before anything else, with a label each."""
+    lines = []
+    for one in case.events:
+        if one.kind == "clock":
+            lines.append(("Clock", f"{one.text}; one flight, no gap"))
+        elif one.kind == "loss":
+            lines.append(("Recorder", one.text))
+    if case.joint:
+        times = "once" if len(case.joint) == 1 else f"{len(case.joint)} times"
+        lines.append(("Recorder", f"lost frames of several senders together, {times}: nothing in there is evidence"))
+    return lines

@@ -1,0 +1,221 @@
+"""Which trouble began it: order by intervals, commands as the sensor of attitude, consequences never as causes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from analyzer.flight.pulse import STEP
+from analyzer.flight.thresholds import lasting
+from analyzer.flight.verdict.case import Case
+from analyzer.flight.verdict.exclusions import excluded, looked_at, recorder_lines
+from analyzer.flight.verdict.model import SUPPORTS, Verdict
+from analyzer.flight.verdict.troubles import troubles
+from dissectors.records import dataclass
+from dissectors.times import SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.flight.flights import Flight
+    from analyzer.flight.log import FlightEvent
+    from analyzer.flight.verdict.case import Excursion
+    from analyzer.flight.verdict.model import Excluded
+    from analyzer.flight.verdict.trouble import Trouble
+    from analyzer.flight.witness import Witness
+
+_WELL, _LIKELY, _POSSIBLE = SUPPORTS
+_TIPPED = "it tipped over at take-off, with every ESC obeying: a motor, propeller, index or setting is wrong"
+_STATES = frozenset({"thrust", "address"})  # are so all the time
+_WHOLE = frozenset({"commands-lost", "commanded", "bus"})  # after which commands say nothing any more
+_ORDINARY = frozenset({"mode", "join", "arming"})
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What broke first in one flight, what came after it, and what was over before."""
+
+    verdicts: Sequence[Verdict]
+    primary: Sequence[FlightEvent]
+    after: Sequence[FlightEvent]
+    earlier: Sequence[FlightEvent]
+    excluded: Sequence[Excluded]
+    looked: Sequence[str]
+    lines: Sequence[tuple[str, str]]
+
+
+def judge(witness: Witness, events: Sequence[FlightEvent], flight: Flight, border: int) -> Judgement:
+    """Judge a flight; `border` is where the next one begins, or the recording ends (recorded time)."""
+    case = Case(witness, events, flight, border)
+    found = [one for one in troubles(case) if _matters(case, one)]
+    verdicts = _verdicts(case, found)
+    first = next((one for one in found if one.kind == verdicts[0].kind and one.node == verdicts[0].node), None)
+    began = _began(case, verdicts[0], first)
+    primary = [] if first is None else first.events
+    after = [
+        one for one in case.events
+        if one not in primary and one.first.ran >= began and one.kind not in _ORDINARY and verdicts[0].kind != "none"
+    ]  # fmt: skip
+    earlier = [one for one in case.events if one not in primary and one.first.ran < began and one.kind not in _ORDINARY]
+    return Judgement(
+        verdicts, primary, after, earlier, excluded(case, verdicts[0], began), looked_at(case), recorder_lines(case)
+    )
+
+
+def _began(case: Case, verdict: Verdict, first: Trouble | None) -> int:
+    if first is not None:
+        return first.high
+    if verdict.kind in {"control", "setup"} and case.excursion is not None:
+        return case.excursion.start
+    return case.stop + STEP
+
+
+def _matters(case: Case, one: Trouble) -> bool:
+    """Return whether a trouble can have mattered: it began in flight, or has been there all the time."""
+    return one.low <= case.stop + lasting("lost") if one.events else True
+
+
+def _verdicts(case: Case, found: list[Trouble]) -> list[Verdict]:
+    """Return the causes in order; what came after control was lost is none of them."""
+    lost = case.excursion
+    if lost is not None and case.in_hole(lost.start):
+        return [_missed(lost)]
+    hit = _impact(found)
+    if hit is not None and (lost is None or hit <= lost.start):
+        lost = None  # what goes apart behind it is thrown about
+        found = [one for one in found if one.high < hit or one.kind in _STATES]
+        if not found:
+            return [Verdict("none", "nothing wrong seen on this bus until it hit something", _LIKELY)]
+    before = [one for one in found if one.kind in _STATES or lost is None or _may_be_first(case, lost, one)]
+    if lost is not None and not [one for one in before if one.kind != "thrust"]:
+        return [_control(case, lost, found), *(_verdict(case, one) for one in before)]
+    if before:
+        first = before[0]
+        unrest = case.unrest(first.low) if first.kind in _WHOLE else None
+        late = lost is not None and first.high > lost.stop + 2 * case.period(first.bus, first.node)
+        if lost is not None and late and first.kind not in _STATES:
+            unrest = lost.start, lost.most
+        shown = [_verdict(case, one) for one in before]
+        return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]
+    if case.flight.end == "landed":
+        return [Verdict("none", "nothing wrong seen on this bus", _LIKELY)]
+    return [_end(case)]
+
+
+def _impact(found: list[Trouble]) -> int | None:
+    """Return from when on everything is that of an impact: rotors of several ESCs stand within a moment."""
+    stand = [one for one in found if one.kind == "esc" and one.stands]
+    for one in stand:
+        others = [
+            other for other in stand if other.node != one.node and abs(other.high - one.high) <= lasting("impact")
+        ]
+        if others:
+            return min(one.high, *(other.high for other in others)) - lasting("impact")
+    return None
+
+
+def _missed(lost: Excursion) -> Verdict:
+    """Return that the recorder lost the moment that matters."""
+    event = lost.event
+    return Verdict(
+        "unknown", "cannot tell: the recorder lost frames when it began", _POSSIBLE, t=(event.before or event.first).t,
+        t_end=event.first.t, frame=event.first.frame, notes=(
+            ("seen", "calm commands before the hole, commands apart behind it"),
+            ("would tell", "the autopilot's own log; a recorder that keeps up (candump -d tells what it loses)"),
+        ),
+    )  # fmt: skip
+
+
+def _may_be_first(case: Case, lost: Excursion, one: Trouble) -> bool:
+    """Return whether a trouble came before control was lost, or may have: reports are late by their period."""
+    return one.high <= lost.stop or one.low <= lost.start + case.period(one.bus, one.node)
+
+
+def _either(shown: Verdict, one: Trouble, since: int, spread: float) -> Verdict:
+    """Return that nobody can tell: the commands were not calm any more when it happened."""
+    return Verdict(
+        "unknown", "cannot tell: commands went apart before it, or because of it", _POSSIBLE, one.bus, one.node, one.ch,
+        one.chs, shown.t, shown.t_end, shown.frame, notes=(
+            ("seen", f"{shown.title} ({shown.kind})"),
+            ("but", f"commands went {spread:.0f} % apart, {abs(one.high - since) / SECOND:.2f} s before it is seen"),
+            ("would tell", "the autopilot's own log: attitude, and what it says of itself"),
+        ),
+    )  # fmt: skip
+
+
+def _verdict(case: Case, one: Trouble) -> Verdict:
+    """Return a trouble as a verdict: how well it is supported is counted from what speaks for and against it."""
+    reasons, against = list(one.reasons), []
+    lost = case.excursion
+    support = _WELL if len(one.reasons) > 1 else _LIKELY
+    if one.kind not in _STATES:
+        if lost is not None and one.high > lost.start:
+            against.append("the reports are too slow to say whether it came before the commands went apart")
+            support = _LIKELY if support == _WELL else _POSSIBLE
+        elif lost is not None:
+            reasons.append(
+                f"commands were calm until then, and went apart {(lost.start - one.high) / SECOND:.2f} s later"
+            )
+        elif case.unrest(one.low) is None:
+            reasons.append("commands were calm until then")
+    first = one.first
+    t, t_end, frame = (
+        (None, None, None) if first is None else ((first.before or first.first).t, first.first.t, first.first.frame)
+    )
+    return Verdict(
+        one.kind, f"{_who(case, one)}{one.title}", support, one.bus, one.node, one.ch, one.chs, t, t_end, frame,
+        tuple(reasons), tuple(against),
+    )  # fmt: skip
+
+
+def _who(case: Case, one: Trouble) -> str:
+    if one.node is None or one.kind == "address":
+        return ""
+    if one.ch is not None:
+        return f"ESC ch{one.ch} (node {one.node}): "
+    if (one.bus, one.node) in case.esc_nodes:
+        return f"ESC node {one.node}: "
+    return "" if one.kind in {"commands-lost", "commanded"} else f"node {one.node}{case.role(one.bus, one.node)}: "
+
+
+def _control(case: Case, lost: Excursion, found: list[Trouble]) -> Verdict:
+    """Return that control was lost before anything else, or was never there."""
+    event = lost.event
+    took = max(0, event.first.ran - lost.start) / SECOND
+    reasons = [f"commands go from {case.calm_limit:.0f} % apart or less to {lost.most:.0f} % within {took:.2f} s"]
+    later = next((one for one in found if one.events), None)
+    healthy = f"until {(later.high - lost.start) / SECOND:.1f} s later" if later is not None else "to the end"
+    escs = len(case.esc_nodes)
+    reasons.append(f"{'all ' * (escs > 1)}{escs} ESCs obey without a fault bit {healthy}" if escs else "no ESC reports")
+    t = (event.before or event.first).t
+    if lost.start - case.start <= lasting("tip"):
+        esc = case.esc_of(int(event.values.get("highest_ch", 0)))
+        reasons.append(f"it tips over {(lost.start - case.start) / SECOND:.1f} s after the motors began to turn")
+        if esc is not None:
+            reasons.append(f"ch{esc.ch} is commanded up most, in vain: it lifts least, or the wrong way")
+        reasons += case.turning()
+        node, ch = (None, None) if esc is None else (esc.node, esc.ch)
+        return Verdict(
+            "setup", _TIPPED, _POSSIBLE, event.bus, node, ch, (), t, event.first.t, event.first.frame, tuple(reasons),
+            ("no report says so; a broken airframe or sensor looks alike",),
+        )  # fmt: skip
+    return Verdict(
+        "control", "not an ESC: control was lost first", _LIKELY, event.bus, None, None, (), t, event.first.t,
+        event.first.frame, tuple(reasons), (),
+    )  # fmt: skip
+
+
+def _end(case: Case) -> Verdict:
+    """Return what can be said of a flight that just ends."""
+    flight = case.flight
+    turning = f"{len(case.esc_nodes)} ESCs reporting, " if case.esc_nodes else ""
+    calm = case.pulse.spread(case.stop - lasting("calm_again"), case.stop)
+    commands = "commands calm" if not len(calm) or float(calm.max()) <= case.calm_limit else "commands apart"
+    seen = f"{turning}{commands}, nothing wrong until then"
+    would = ("would tell", "the autopilot's own log; a recorder with a battery of its own; error frames (candump -e)")
+    then = "the recording ends" if flight.end == "cut" else "the reports end, and others go on"
+    fits = "the vehicle flew on; or its power, the recorder's power, plug or disk, or a wire: nothing tells which"
+    notes = [("last seen", f"{seen}; then {then}"), *([("fits", fits)] if flight.end == "cut" else []), would]
+    return Verdict(
+        "unknown", "cannot tell: the recording ends in flight" if flight.end == "cut" else "cannot tell",
+        _POSSIBLE, t=flight.last.t, t_end=flight.last.t, frame=flight.frame_end, notes=notes,
+    )  # fmt: skip

@@ -1,0 +1,87 @@
+"""The answer of triage, as tables and texts are made of it. Times are nanoseconds of the capture's clock."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dissectors.records import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.flight.flights import Flight
+    from analyzer.flight.log import FlightEvent
+
+SUPPORTS = ("well supported", "likely", "possible")
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """A cause of some kind (a page of `explain`), of whom, between `t` and `t_end`, and how well it is supported.
+
+    `reasons` speak for it, `against` against it, each in one line; `notes` say more, with a label each.
+    """
+
+    kind: str
+    title: str
+    support: str
+    bus: int | None = None
+    node: int | None = None
+    ch: int | None = None
+    chs: tuple[int, ...] = ()
+    t: int | None = None
+    t_end: int | None = None
+    frame: int | None = None
+    reasons: Sequence[str] = ()
+    against: Sequence[str] = ()
+    notes: Sequence[tuple[str, str]] = ()
+
+    @property
+    def told(self) -> bool:
+        """Whether it tells a cause."""
+        return self.kind not in {"none", "unknown"}
+
+
+@dataclass(frozen=True, slots=True)
+class Excluded:
+    """A fact that was looked for, and what was seen instead."""
+
+    fact: str
+    seen: str
+
+
+@dataclass(frozen=True, slots=True)
+class Triage:
+    """What happened in a capture: the verdicts on one flight, the first of them is what broke first.
+
+    `judged` is why nothing could be judged, empty if it could, and `empty` that nothing of DroneCAN, or no time, is in
+    it at all. `primary` are the events that began it, `after`
+    consequences, `earlier` what was over before. `lines` speak of the clock and the recorder, with a label each,
+    `not_seen` of what is not on the bus, `looked` of what was looked at, `commands` of what to do next.
+    """
+
+    captures: Sequence[str]
+    buses: Sequence[str]
+    start: int | None
+    end: int | None
+    frames: int
+    flights: Sequence[Flight]
+    flight: Flight | None
+    verdicts: Sequence[Verdict]
+    judged: str = ""
+    empty: bool = False
+    after: Sequence[FlightEvent] = ()
+    earlier: Sequence[FlightEvent] = ()
+    events: Sequence[FlightEvent] = ()
+    more: int = 0
+    excluded: Sequence[Excluded] = ()
+    not_seen: Sequence[str] = ()
+    looked: Sequence[str] = ()
+    lines: Sequence[tuple[str, str]] = ()
+    commands: Sequence[str] = ()
+    primary: Sequence[FlightEvent] = ()
+
+    @property
+    def first(self) -> Verdict:
+        """The verdict of the screen."""
+        return self.verdicts[0]

@@ -1,0 +1,116 @@
+"""What befalls the vehicle as a whole: other nodes, its commands, its bus, its thrust."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.flight.pulse import STEP
+from analyzer.flight.thresholds import lasting, threshold
+from analyzer.flight.verdict.trouble import Trouble, by_node, harmless, made, text
+from dissectors.times import SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from analyzer.flight.log import FlightEvent
+    from analyzer.flight.verdict.case import Case
+
+_NEARLY_ALL = 0.9  # of the last quarter of the flight
+
+
+def device_troubles(case: Case) -> Iterator[Trouble]:
+    """Yield any other node that restarts, falls silent or says that it is ill."""
+    commanders = case.commanders()
+    some = [
+        one for one in case.events
+        if one.kind in {"silence", "restart"} or (one.kind == "health" and not one.text.endswith("ok"))
+    ]  # fmt: skip
+    for node, events in by_node(some).items():
+        if node in case.esc_nodes or node in commanders:
+            continue
+        mine = [one for one in events if not case.in_joint_loss(one)]
+        restarts = [one for one in mine if one.kind == "restart"]
+        gone = [one for one in mine if one.kind == "silence" and one.after is None]
+        if not restarts and not gone and not any(one.kind == "health" for one in mine):
+            continue
+        title = "restarted in flight" if restarts else "stopped reporting" if gone else "says that it is not well"
+        said = [one for one in case.events if one.kind == "message" and (one.bus, one.node) == node]
+        reasons = [text(one) for one in (*restarts[:1], *gone[:2], *said[:1])] or [text(mine[0])]
+        yield made("device", title, mine, 4, reasons)
+
+
+def command_troubles(case: Case) -> Iterator[Trouble]:
+    """Yield commands that stop, or are zero while the vehicle flies."""
+    for one in case.events:
+        if one.kind == "commands stop" and not case.in_joint_loss(one):
+            felt = _felt(case, one)
+            if not felt and one.after is not None and one.values["silent_s"] < threshold("commands_gone_s"):
+                continue
+            reasons = [one.text]
+            if felt:
+                reasons.append(f"{len({(o.bus, o.node) for o in felt})} ESCs say that they get no throttle")
+            yield made("commands-lost", "the commands stopped", [one, *felt], 0, reasons)
+        elif one.kind == "commands zero" and (share := _thrown(case, one)) is not None:
+            before, usual = share
+            yield made("commanded", "all motors were commanded to stop in the air", [one], 0, [
+                f"commands go from {before:.0f} % to 0 at once; {usual:.0f} % was usual in this flight",
+                "every ESC obeyed",
+            ])  # fmt: skip
+
+
+def _felt(case: Case, one: FlightEvent) -> list[FlightEvent]:
+    """Return how ESCs say that they get no throttle, while commands are away: several of them have to."""
+    until = (case.border if one.after is None else one.after.ran) + lasting("together")
+    felt = [other for other in case.events if other.sign == "throttle" and one.first.ran <= other.first.ran <= until]
+    nodes = {(other.bus, other.node) for other in felt}
+    return felt if 2 * len(nodes) >= max(len(case.esc_nodes), 2) or nodes == case.esc_nodes else []
+
+
+def _thrown(case: Case, one: FlightEvent) -> tuple[float, float] | None:
+    """Return the throttle just before all are 0, and the usual one, if the vehicle cannot have stood on the ground."""
+    before = case.pulse.mean(one.first.ran - lasting("before_zero"), one.first.ran - STEP)
+    usual = case.pulse.mean(case.start + lasting("take_off"), one.first.ran)
+    if not len(before) or not len(usual):
+        return None
+    middle = float(np.median(usual))
+    lowest = float(before.min())
+    return (lowest, middle) if lowest >= threshold("zero_share") * middle else None
+
+
+def bus_troubles(case: Case) -> Iterator[Trouble]:
+    """Yield a bus that breaks."""
+    errors = [one for one in case.events if one.kind in {"errors", "bus state"} and not _got_over(case, one)]
+    count = sum(int(one.values.get("count", 0)) for one in errors if one.kind == "errors")
+    if count < threshold("bus_errors") and not any("bus-off" in one.text for one in errors):
+        return
+    reasons = [f"{count} error frames from then on"]
+    gaps = [one for one in case.events if one.kind == "gap" and one.first.ran >= errors[0].first.ran]
+    reasons += [gaps[0].text] if gaps else []
+    yield made("bus", "the bus broke down", errors, 1, reasons, whole=True)
+
+
+def _got_over(case: Case, one: FlightEvent) -> bool:
+    """Return whether the bus was well again, with nothing missing, and the vehicle flew on."""
+    until = (one.after or one.first).ran + lasting("follows")
+    hole = any(other.kind == "gap" and one.first.ran <= other.first.ran <= until for other in case.events)
+    return not hole and harmless(case, one)
+
+
+def thrust_troubles(case: Case) -> Iterator[Trouble]:
+    """Yield throttles that are at their end, of all motors together."""
+    start, stop = case.start + lasting("take_off"), case.stop
+    if case.excursion is not None:
+        stop = case.excursion.start
+    mean = case.pulse.mean(start, stop)
+    high = mean >= threshold("high_percent")
+    if not len(mean) or high.sum() * STEP < lasting("high") or high[-1 - len(high) // 4 :].mean() < _NEARLY_ALL:
+        return
+    first = start + int(np.argmax(high)) * STEP
+    apart = float(np.max(case.pulse.spread(start, stop), initial=0))
+    lasted = high.sum() * STEP / SECOND
+    yield Trouble("thrust", "all motors were at their limit", [], first, first + STEP, order=6, reasons=[
+        f"commands of {float(np.median(mean[high])):.0f} % in the mean for {lasted:.1f} s, {apart:.0f} % apart at most",
+        "every ESC obeyed",
+    ])  # fmt: skip

@@ -1,0 +1,67 @@
+"""All that triage looks at, in one pass: flights, events, and the measurements that speak for or against a cause."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from analyzer.flight.extents import EscExtents
+from analyzer.flight.finder import EventFinder
+from analyzer.flight.flights import FlightFinder
+from analyzer.flight.pulse import CommandPulse
+from analyzer.flight.senders import LossesBySecond
+
+if TYPE_CHECKING:
+    from analyzer.decode.engine import Batch
+    from analyzer.flight.clock import RecordedClock
+    from analyzer.flight.extents import EscExtent
+    from analyzer.flight.flights import Flight
+    from analyzer.flight.log import FlightEvent
+    from analyzer.flight.silences import SenderPace
+    from dissectors import Registry
+
+
+class Witness:
+    """Adds up batches, with the bounds of its parts.
+
+    Args:
+        registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
+    """
+
+    def __init__(self, registry: Registry) -> None:
+        self._finder = EventFinder(registry)
+        self.clock: RecordedClock = self._finder.clock
+        self._flights = FlightFinder(registry, self.clock)
+        self.pulse = CommandPulse(self.clock, self._finder.commands)
+        self.losses = LossesBySecond(self.clock)
+        self._extents = EscExtents(self._finder.order)
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        self._finder.feed(batch)
+        self._flights.feed(batch)
+        self.pulse.feed()
+        self.losses.feed(batch)
+        self._extents.feed(batch)
+
+    def flights(self) -> list[Flight]:
+        """Return the flights, after the last batch."""
+        return self._flights.flights()
+
+    def events(self) -> list[FlightEvent]:
+        """Return the events, after the last batch, in the order of the capture."""
+        return self._finder.events()
+
+    @property
+    def more(self) -> int:
+        """How many events there are beside those that are kept."""
+        return self._finder.more
+
+    @property
+    def escs(self) -> list[EscExtent]:
+        """The ESCs that reported."""
+        return self._extents.all
+
+    @property
+    def paces(self) -> list[SenderPace]:
+        """Who sends what, and how evenly."""
+        return self._finder.silences.paces()
