@@ -31,7 +31,7 @@ def inquest(
     )
     if not flights:
         why = _unjudged(witness, start)
-        verdict = Verdict("none", why, "possible")
+        verdict = Verdict("unknown", why, "possible")
         empty = start is None or not witness.losses.transfers
         return made(None, [verdict], judged=why, empty=empty, commands=commands(verdict, None))
     flight = flights[-1]

@@ -53,12 +53,14 @@ def reports(
     for key, rows in groups(device):
         bus, _, number = split(key)
         mine = rows[good[rows]]
-        found = orders.before(bus, number + plot.who.first, at.take(mine)) if len(mine) else None
+        where = at.take(mine)
+        found = orders.before(bus, number + plot.who.first, where) if len(mine) else None
         if found is not None:
             throttle, has = found
-            some = mine[has]
-            values = (np.abs(speed[some]), volts[some], current[some], reported[some])
-            yield key, MotorReports(*values, throttle, at.take(some))
+            if not has.all():
+                mine, where = mine[has], where.take(has)
+            values = (np.abs(speed[mine]), volts[mine], current[mine], reported[mine])
+            yield key, MotorReports(*values, throttle, where)
 
 
 def _numbers(found: list[fields.Column], count: int) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analyzer.flight.pulse import STEP
-from analyzer.flight.thresholds import lasting
+from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.case import Case
 from analyzer.flight.verdict.exclusions import excluded, looked_at, recorder_lines
 from analyzer.flight.verdict.model import SUPPORTS, Verdict
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _WELL, _LIKELY, _POSSIBLE = SUPPORTS
 _TIPPED = "it tipped over at take-off, with every ESC obeying: a motor, propeller, index or setting is wrong"
+_LOSSY = "the recorder lost frames; nothing wrong seen besides, and the recording ends in flight"
 _STATES = frozenset({"thrust", "address"})  # are so all the time
 _WHOLE = frozenset({"commands-lost", "commanded", "bus"})  # after which commands say nothing any more
 _ORDINARY = frozenset({"mode", "join", "arming"})
@@ -211,6 +212,9 @@ def _end(case: Case) -> Verdict:
     calm = case.pulse.spread(case.stop - lasting("calm_again"), case.stop)
     commands = "commands calm" if not len(calm) or float(calm.max()) <= case.calm_limit else "commands apart"
     seen = f"{turning}{commands}, nothing wrong until then"
+    if flight.end == "cut" and len(case.joint) >= threshold("joint_often"):
+        holes = f"{len(case.joint)} times several senders are silent together, and their transfer IDs run on"
+        return Verdict("recorder", _LOSSY, _LIKELY, reasons=(holes, f"{seen}, as far as it was recorded"))
     would = ("would tell", "the autopilot's own log; a recorder with a battery of its own; error frames (candump -e)")
     then = "the recording ends" if flight.end == "cut" else "the reports end, and others go on"
     fits = "the vehicle flew on; or its power, the recorder's power, plug or disk, or a wire: nothing tells which"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.resources import files
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from analyzer.flight.log import FlightEvent
     from analyzer.flight.verdict.model import Triage, Verdict
 
-VERSION = 1
+SCHEMA = "tailbyte.triage/1"
 
 
 def render(found: Triage) -> str:
@@ -21,11 +22,17 @@ def render(found: Triage) -> str:
     return json.dumps(plain(found), indent=2, allow_nan=False) + "\n"
 
 
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema (2020-12) of `render`."""
+    found: dict[str, Any] = json.loads(files(__package__).joinpath("schema.json").read_text("utf-8"))
+    return found
+
+
 def plain(found: Triage) -> Mapping[str, Any]:
     """Return it; times are nanoseconds of the capture's clock, frames count from 1, channels as people count them."""
     buses = list(found.buses)
     return {
-        "version": VERSION,
+        "schema": SCHEMA,
         "capture": list(found.captures),
         "buses": buses,
         "start_ns": found.start,
@@ -78,8 +85,9 @@ def _event(one: FlightEvent, buses: list[str]) -> Mapping[str, Any]:
         "t_ns": None if one.before is None else one.before.t,
         "t_end_ns": one.first.t,
         "until_ns": None if one.after is None else one.after.t,
-        "frame": one.first.frame + 1,
+        "frame": one.first.frame + 1 if one.first.frame >= 0 else None,
         "kind": one.kind,
+        "source": one.source,
         "bus": None if one.bus is None else buses[one.bus] if one.bus < len(buses) else None,
         "node": one.node,
         "ch": one.ch,
