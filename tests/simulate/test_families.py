@@ -122,6 +122,26 @@ def test_a_recorder_misses_what_began() -> None:
     assert all(one[-1].t > hole[1] for other, one in by_node(flight.log, STATUS).items() if other != node)
 
 
+def test_stalled_rotors_explain_the_voltage() -> None:
+    """What breaks down at the impact is what the current costs, and ESCs say so."""
+    flight = told("control-lost:distract=no:tail=yes", seed=9)
+    (impact,) = [one["t_ns"] for one in flight.key["scenario"]["events"] if one["what"] == "impact"]
+
+    def state(begin: int, end: int) -> tuple[float, float]:
+        """Volts, and amperes of all."""
+        parts = [within(list_, begin, end) for list_ in by_node(flight.log, STATUS).values()]
+        return mean(of(part, "voltage") for part in parts if part), sum(of(part, "current") for part in parts if part)
+
+    calm = state(impact - 4 * SECOND, impact - 3 * SECOND)
+    after = state(impact + SECOND // 5, impact + SECOND // 2)
+    assert after[0] < calm[0] - 4
+    resistance = (calm[0] - after[0]) / (after[1] - calm[1])
+    assert 0.02 < resistance < 0.03
+    bits = [one for list_ in by_node(flight.log, STATUS).values() for one in list_ if one["error_count"] & 2]
+    assert bits
+    assert all(one.t > impact for one in bits)
+
+
 def test_a_crash_is_recorded_in_pieces() -> None:
     flight = told("lossy-crash:distract=no:tail=no")
     loss = next(one["t_ns"] for one in flight.key["scenario"]["events"] if "loses frames" in one["what"])
