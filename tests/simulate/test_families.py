@@ -150,6 +150,17 @@ def test_a_crash_is_recorded_in_pieces() -> None:
     assert len(after) < 0.5 * len(before)
 
 
+def test_times_of_the_key_are_those_of_the_recorders_clock() -> None:
+    for back, by in (("yes", -7213), ("no", 7213)):
+        flight = told(f"clock-crash:{ALONE}:twin=no:back={back}")
+        t, (node, _) = began(flight), esc(flight)
+        assert t == round(flight.key["scenario"]["first_event"]["time"] * SECOND) + flight.key["settings"][
+            "start_ns"
+        ] + (by * SECOND)
+        stalled = [one.t for one in by_node(flight.log, STATUS)[node] if one["error_count"] >> 7 & 1]
+        assert t < min(stalled) < t + SECOND // 5
+
+
 def test_what_ends_a_recording_does_not_show() -> None:
     """Whoever died, the bytes are the same to the last."""
     cut, died = (told(f"{name}:distract=no") for name in ("power-cut", "autopilot-dies"))
