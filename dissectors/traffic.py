@@ -233,12 +233,14 @@ class Truth:
     """The cause that a story is about: its `kind`, and where; `channels` count from 1.
 
     `knowable` are the verdicts that a reader of the bus may come to first: it may not be able to tell some apart, or
-    cannot tell at all (`unknown`). The cause began at `t` (ns); `until` is when the bus has shown it at the latest.
+    cannot tell at all (`unknown`). The cause began at `t` (ns), `stamp` by the recorder's clock; the bus has
+    shown it `within` so many ns.
     """
 
     kind: str
     t: int
-    until: int
+    stamp: int
+    within: int
     knowable: tuple[str, ...]
     nodes: tuple[int, ...]
     channels: tuple[int, ...]

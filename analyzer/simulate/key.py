@@ -75,7 +75,8 @@ def describe_story(scenario: Scenario, story: RecordedStory, start: int) -> dict
 def _truth(truth: Truth, events: Iterable[Mapping[str, Any]], start: int) -> dict[str, Any]:
     """Return cause, right verdicts and first event; where there is no fault, there is no first event of it."""
     told = next((one for one in events if one["time"] >= truth.t / SECOND), None)
-    first = told and {**told, "t_ns": start + truth.t, "time": truth.t / SECOND, "t_end_ns": start + truth.until}
+    begin = start + truth.stamp
+    first = told and {**told, "t_ns": begin, "time": truth.t / SECOND, "t_end_ns": begin + truth.within}
     return {
         "cause": {"kind": truth.kind, "nodes": list(truth.nodes), "channels": list(truth.channels)},
         "knowable": list(truth.knowable),

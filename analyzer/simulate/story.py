@@ -46,8 +46,8 @@ class RecordedStory:
         within: int = 0,
     ) -> None:
         """Note the true cause, from now on."""
-        now = self.world.now
-        self.truth = Truth(kind, now, now + within, knowable or (kind,), nodes, channels)
+        world = self.world
+        self.truth = Truth(kind, world.now, world.stamp(), within, knowable or (kind,), nodes, channels)
 
     def case(self, rule: str, done: str, also: tuple[str, ...] = ()) -> ActiveFault:
         """Return a breach of `rule` that the story brings: an answer of its own in the key, from now on."""

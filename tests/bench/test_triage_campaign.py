@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from bench import triage_campaign as campaign
-from bench.triage_cases import Answer, case, score
+from bench.triage_cases import Answer, Case, case, score
 
 from analyzer.simulate.faults import catalogue
 
@@ -78,10 +78,22 @@ def test_every_family_has_its_turn_in_variants() -> None:
     assert {one.family for one in cases} == set(FAMILIES)
     assert cases == [case(seed, FAMILIES) for seed in range(len(FAMILIES) * 12)]
     seen = {name for one in cases for name in one.variants}
-    assert {"tail", "twin", "distract", "mute", "stock", "10 Hz", "50 Hz", "4 ESCs", "8 ESCs"} <= seen
+    assert {"tail", "twin", "distract", "mute", "stock", "late", "10 Hz", "50 Hz", "4 ESCs", "8 ESCs"} <= seen
     for one in cases:
         assert one.escs >= catalogue.scenario(one.family).least
         assert dict(one.options) == catalogue.story_options(one.scenario)
+
+
+@pytest.mark.slow
+def test_a_late_recording_begins_in_the_air_if_the_cause_comes_then() -> None:
+    for family, cut in (("control-lost", True), ("heavy-lift", False)):
+        late, whole = (
+            Case(3, family, (("tail", False), ("distract", False)), 4, 30, stock=False, late=late).made()
+            for late in (True, False)
+        )
+        assert late[1] == whole[1]
+        assert whole[0].endswith(late[0])
+        assert (len(late[0]) < 0.8 * len(whole[0])) == cut
 
 
 def test_a_sample_goes_round() -> None:

@@ -4,10 +4,10 @@
         [--families desync,tree] [--sample 60 [--turn 7]] [--cases cases.jsonl] [--each]
 
 The function takes the path of a capture and returns (kind, nodes, channels), or that with the two times in ns between
-which it began. Families and variants (tail, twin, distractors, firmware, report rates, ESC counts, standard dialect)
-follow from the seed alone. `--sample` tries so many seeds evenly out of all, each `--turn` others. Exit status 1 if a
-goal is missed: 97 % right (or `unknown` where the key says so), at most 1 % wrong, 97 % of first events right, nothing
-healthy called faulty.
+which it began. Families and variants (tail, twin, distractors, firmware, report rates, ESC counts, standard dialect,
+recordings that begin in the air) follow from the seed alone. `--sample` tries so many seeds evenly out of all, each
+`--turn` others. Exit status 1 if a goal is missed: 97 % right (or `unknown` where the key says so), at most 1 %
+wrong, 97 % of first events right, nothing healthy called faulty.
 """
 
 from __future__ import annotations

@@ -22,6 +22,8 @@ ESCS, RATES = (4, 6, 8), (10, 30, 50)
 FEW = dict.fromkeys(("swapped-esc", "swap-flights"), (4, 6))
 # How often an option is asked for, half of the time if it is not here, and how often ESCs speak the standard only.
 LIKELY, STOCK = {"twin": 0.25, "mute": 0.15}, 0.15
+# Some recordings begin in the air: so often, without this share of the lines, if the cause comes behind this share.
+LATE, WITHOUT, BEHIND = 0.15, 0.25, 0.4
 # Verdicts about one device, which a judge has to name.
 OF_DEVICES = {"esc", "propulsion", "wiring", "address", "device", "setup"}
 # What is told of the start of a flight may be seen so much before it (ns).
@@ -30,7 +32,7 @@ EARLY = 50_000_000
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One capture to judge."""
+    """One capture to judge; of a `late` one the beginning is missing."""
 
     seed: int
     family: str
@@ -38,6 +40,7 @@ class Case:
     escs: int
     rate: int
     stock: bool
+    late: bool
 
     @property
     def scenario(self) -> str:
@@ -48,13 +51,14 @@ class Case:
     def command(self) -> str:
         """What makes it again, behind `tailbyte simulate -o x.log --key x.json`."""
         stock = " --stock" * self.stock
-        return f"--scenario {self.scenario} --seed {self.seed} --esc {self.escs} --rate {self.rate}{stock}"
+        late = f" (without the first {WITHOUT:.0%} of the lines)" * self.late
+        return f"--scenario {self.scenario} --seed {self.seed} --esc {self.escs} --rate {self.rate}{stock}{late}"
 
     @property
     def variants(self) -> tuple[str, ...]:
         """The groups that it counts for."""
         asked = (name for name, on in self.options if on)
-        return (*asked, *["stock"] * self.stock, f"{self.escs} ESCs", f"{self.rate} Hz")
+        return (*asked, *["stock"] * self.stock, *["late"] * self.late, f"{self.escs} ESCs", f"{self.rate} Hz")
 
     def made(self) -> tuple[str, Mapping[str, Any]]:
         """The capture as candump text, and the story in its key."""
@@ -63,8 +67,12 @@ class Case:
             story.seconds, scenario=self.scenario, flight=story.flight, seed=self.seed, escs=self.escs, rate=self.rate,
             stock=self.stock,
         )  # fmt: skip
-        text = text_of(run, run.frames())
-        return text, run.key()["scenario"]
+        lines = text_of(run, run.frames()).splitlines(keepends=True)
+        key = run.key()["scenario"]
+        first = key["first_event"]
+        if self.late and (first is None or first["time"] > BEHIND * story.seconds):
+            del lines[: round(WITHOUT * len(lines))]
+        return "".join(lines), key
 
 
 def case(seed: int, families: Sequence[str]) -> Case:
@@ -73,7 +81,7 @@ def case(seed: int, families: Sequence[str]) -> Case:
     story = catalogue.scenario(family)
     options = tuple((name, dice.random() < LIKELY.get(name, 0.5)) for name in story.options)
     escs = max(dice.choice(FEW.get(family, ESCS)), story.least)
-    return Case(seed, family, options, escs, dice.choice(RATES), dice.random() < STOCK)
+    return Case(seed, family, options, escs, dice.choice(RATES), dice.random() < STOCK, dice.random() < LATE)
 
 
 @dataclass(frozen=True, slots=True)

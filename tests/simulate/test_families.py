@@ -122,12 +122,43 @@ def test_a_recorder_misses_what_began() -> None:
     assert all(one[-1].t > hole[1] for other, one in by_node(flight.log, STATUS).items() if other != node)
 
 
+def test_stalled_rotors_explain_the_voltage() -> None:
+    """What breaks down at the impact is what the current costs, and ESCs say so."""
+    flight = told("control-lost:distract=no:tail=yes", seed=9)
+    (impact,) = [one["t_ns"] for one in flight.key["scenario"]["events"] if one["what"] == "impact"]
+
+    def state(begin: int, end: int) -> tuple[float, float]:
+        """Volts, and amperes of all."""
+        parts = [within(list_, begin, end) for list_ in by_node(flight.log, STATUS).values()]
+        return mean(of(part, "voltage") for part in parts if part), sum(of(part, "current") for part in parts if part)
+
+    calm = state(impact - 4 * SECOND, impact - 3 * SECOND)
+    after = state(impact + SECOND // 5, impact + SECOND // 2)
+    assert after[0] < calm[0] - 4
+    resistance = (calm[0] - after[0]) / (after[1] - calm[1])
+    assert 0.02 < resistance < 0.03
+    bits = [one for list_ in by_node(flight.log, STATUS).values() for one in list_ if one["error_count"] & 2]
+    assert bits
+    assert all(one.t > impact for one in bits)
+
+
 def test_a_crash_is_recorded_in_pieces() -> None:
     flight = told("lossy-crash:distract=no:tail=no")
     loss = next(one["t_ns"] for one in flight.key["scenario"]["events"] if "loses frames" in one["what"])
     before, after = (within(commands(flight), at, at + SECOND // 2) for at in (loss - SECOND // 2, loss))
     assert len(before) > 190
     assert len(after) < 0.5 * len(before)
+
+
+def test_times_of_the_key_are_those_of_the_recorders_clock() -> None:
+    for back, by in (("yes", -7213), ("no", 7213)):
+        flight = told(f"clock-crash:{ALONE}:twin=no:back={back}")
+        t, (node, _) = began(flight), esc(flight)
+        assert t == round(flight.key["scenario"]["first_event"]["time"] * SECOND) + flight.key["settings"][
+            "start_ns"
+        ] + (by * SECOND)
+        stalled = [one.t for one in by_node(flight.log, STATUS)[node] if one["error_count"] >> 7 & 1]
+        assert t < min(stalled) < t + SECOND // 5
 
 
 def test_what_ends_a_recording_does_not_show() -> None:

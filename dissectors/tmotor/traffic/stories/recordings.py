@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dissectors.times import MILLISECOND, SECOND
 from dissectors.tmotor.traffic.flights import hover
-from dissectors.tmotor.traffic.stories.crash import SHOWN, StoryFlight
+from dissectors.tmotor.traffic.stories.crash import OPTIONS, SHOWN, StoryFlight
 from dissectors.traffic import Scenario
 
 if TYPE_CHECKING:
@@ -19,6 +19,8 @@ _LOST, _BETWEEN = (5, 60), (200, 1500)  # ms
 _OVERLOADED, _KEPT, _LOAD = (20, 200), (3, 30), (0.8, 2.0)
 # A hole that hides what began (ms), and when it begins before that (ms).
 _HOLE, _BEFORE = (400, 800), (50, 250)
+# A clock that gets its time from satellites in the air, between these shares of the time.
+_STEPPED, _SET = 7213 * SECOND, (0.42, 0.48)
 # What ends the recording looks alike, whoever it was.
 _CUT = ("unknown", "recorder", "none")
 # A little later than this share of the flight at least.
@@ -87,6 +89,24 @@ def _blind_crash(story: Story) -> None:
     flight.fail(miss, "wiring", ("recorder", "esc", "unknown"), [esc], within=1.0)
 
 
+def _clock_crash(story: Story) -> None:
+    """Set the recorder's clock in the air, some time before the crash."""
+    flight = StoryFlight(story)
+    esc = flight.any_esc()
+    by = -_STEPPED if story.choose("back", 0.5) else _STEPPED
+
+    def step() -> None:
+        story.tell(f"the recorder's clock is set by {by / SECOND:+g} s")
+        story.world.step_clock(by)
+
+    def fail() -> None:
+        story.tell(f"the motor of node {esc.node.number} is blocked")
+        esc.motor.blocked = True
+
+    story.world.at(round(story.world.end * story.random.uniform(*_SET)), step)
+    flight.fail(fail, "esc", escs=[esc])
+
+
 def _power_cut(story: Story) -> None:
     def end() -> None:
         story.tell("vehicle and recorder lose their power in the same moment")
@@ -150,6 +170,16 @@ SCENARIOS = (
         seconds=16.0,
         least=4,
         options=("tail", "distract", "mute"),
+    ),
+    Scenario(
+        "clock-crash",
+        "the recorder's clock is set shortly before a motor is blocked",
+        "The recorder gets its time from a receiver that finds its satellites in the air: all stamps from then on are "
+        "two hours and 13 s later, or earlier. Seconds later something blocks a rotor. It is one flight.",
+        _clock_crash,
+        seconds=16.0,
+        least=4,
+        options=(*OPTIONS, "back"),
     ),
     Scenario(
         "power-cut",
