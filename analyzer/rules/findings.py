@@ -262,7 +262,7 @@ class Findings:
         """Return the key by which occurrences are kept: those beyond `MOST_GROUPS` share one."""
         if key in self._runs or len(self._runs) < MOST_GROUPS:
             return key
-        return key._replace(bus=-1, node=-1, type="", key=FURTHER)
+        return Key(key.rule, key.severity, -1, -1, "", FURTHER, key.dialects)
 
     def _put(self, key: Key, run: OccurrenceRun) -> None:
         self.changes += 1

@@ -148,7 +148,7 @@ class Past:
         known = len(self._latest)
         whole = np.concatenate((self._latest, t))
         apart = np.diff(whole[max(known - 1, 0) :])
-        for at in np.flatnonzero(np.abs(apart) > GAP).tolist():
+        for at in np.flatnonzero(np.abs(apart) > GAP)[-MOST_GAPS:].tolist():
             end = at + max(known, 1)
             usual = whole[max(end - BUSY, 0) : end]
             if apart[at] < 0:
@@ -163,14 +163,6 @@ class Past:
         """Return the end of the last gap before a time, else the first time of the capture."""
         at = bisect_right(self._ends, t)
         return self._ends[at - 1] if at else self.start
-
-    def all_resumed(self, t: Array) -> Array:
-        """Return the same of many times, arbitrary of `NO_TIME`."""
-        timed = t[t != NO_TIME]
-        last = self.resumed(int(timed.max())) if len(timed) else NO_TIME
-        if not len(timed) or self.resumed(int(timed.min())) == last:
-            return np.full(len(t), last)
-        return np.array([self.resumed(one) for one in t.tolist()])
 
     def paused(self, since: int, until: int) -> bool:
         """Return whether there is a gap somewhere between two times that hides something."""
@@ -242,10 +234,6 @@ class BatchView:
     def resumed(self, t: int) -> int:
         """Return the time since when frames have come without a gap."""
         return self._past.resumed(t)
-
-    def all_resumed(self, t: Array) -> Array:
-        """Return the same of many times, arbitrary of `NO_TIME`."""
-        return self._past.all_resumed(t)
 
     def paused(self, since: int, until: int) -> bool:
         """Return whether there is a gap somewhere between two times that hides something."""

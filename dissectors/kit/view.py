@@ -133,9 +133,6 @@ class View(Protocol):
         Nothing is known of what was sent in a gap, so nothing in front of it counts behind it. `NO_TIME` without times.
         """
 
-    def all_resumed(self, t: Array) -> Array:
-        """Return the same of many times, arbitrary of `NO_TIME`."""
-
     def paused(self, since: int, until: int) -> bool:
         """Return whether the capture has a gap between two times (CAP-002) that may hide what is missing.
 

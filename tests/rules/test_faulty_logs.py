@@ -15,11 +15,15 @@ from kit.judged import judge, registry, whole
 
 from analyzer.decode.engine import Engine
 from analyzer.rules.diagnosis import budgets
+from analyzer.rules.recent import Recent
+from analyzer.rules.transfers import missing_start, unassigned
+from analyzer.rules.view import Past
 from analyzer.tables import TRANSFER_ANOMALIES
+from dissectors.kit import Occurrences
 from dissectors.kit.definitions import Types
 
 FRAMES = 2500
-RULES = ("TRF-002", "TRF-003", "TRF-005", "TRF-006", "TRF-007", "TRF-009", "TRF-010", "CAP-002")
+RULES = ("TRF-002", "TRF-003", "TRF-004", "TRF-005", "TRF-006", "TRF-007", "TRF-009", "TRF-010", "TRF-027", "CAP-002")
 CRC, TOGGLE = (1 << TRANSFER_ANOMALIES.index(name) for name in ("crc", "toggle"))
 
 
@@ -69,6 +73,26 @@ def test_any_cut_gives_the_same(kind: str, monkeypatch: pytest.MonkeyPatch) -> N
     # Where the clock jumps, how much of a gap is known decides what it excuses.
     rules = [rule for rule in RULES if kind != "jumps" or rule not in {"TRF-005", "TRF-007"}]
     whole(log(kind), rules, (97, 700))
+
+
+def test_nothing_is_looked_up_of_frames_that_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(missing_start, "MOST_EARLY", 0)  # of those that are held back the lines are kept
+    asked: list[int] = []
+    look_up = Recent.frame
+
+    def frame(recent: Recent, number: int) -> object:
+        asked.append(number)
+        return look_up(recent, number)
+
+    monkeypatch.setattr(Recent, "frame", frame)
+    (batch, *_) = Engine(registry()).run([log("random").encode()])
+    past, rule, told = Past(registry(), {}), unassigned.UnassignedFrames(), dict[str, int]()
+    for found in (*rule.feed(past.feed(batch)), *rule.finish(past.finish())):
+        assert isinstance(found, Occurrences), "they are told one by one"
+        told[found.rule] = told.get(found.rule, 0) + len(found.t)
+    assert told["TRF-005"] > 100 < 10 * told["TRF-002"]
+    # Behind the start of the batch, a few more frames are looked through for the frame before a start.
+    assert all(number < 64 for number in asked)
 
 
 def test_searches_of_a_sender_are_counted_in_order(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from analyzer.rules.counters.misnumbered import meant, meant_before
+from analyzer.rules.resumed import all_resumed
 from analyzer.tables import KINDS, TRANSFER_ANOMALIES, TRANSFER_IDS
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND
 
@@ -166,7 +167,7 @@ def id_steps(view: View, rows: Array, orphans: OrphanFrames) -> IdSteps:
     gap = np.where(t.has("gap")[rows], t.gap[rows], 0)
     since = np.where(timed, at - gap, at)
     keep = timed | (rule != IS_COPY)
-    keep &= ~timed | (since >= view.all_resumed(at))
+    keep &= ~timed | (since >= all_resumed(view, at))
     to = np.where(kind == REQUEST, t.dst[rows], 0).astype(np.int64)
     place = np.where(kind == MESSAGE, type_id << 8, type_id << 16 | 1 << 15 | to << 8 | _SERVICE) | src | bus << 32
     transfer_id = t.transfer_id[rows].astype(np.int64)

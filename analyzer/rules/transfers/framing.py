@@ -8,19 +8,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.anomalies import GONE, flagged
 from analyzer.rules.diagnosis.causes import late_copy
 from analyzer.rules.frames.foreign import session_of
 from analyzer.rules.joint.gathered import Gathered, Sent
 from analyzer.rules.transfers.out_of_order import preceding
-from analyzer.rules.view import node_of
+from analyzer.rules.view import MESSAGE, node_of
 from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS
-from dissectors.kit import MILLISECOND, NO_TIME, SECOND, rule
+from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrences, rule
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from dissectors.kit import Array, Kept, Occurrences, Severity, Values, View
+    from dissectors.kit import Array, Kept, Severity, Values, View
 
 _ORPHAN = tuple(VERDICTS.index(name) for name in ("wrong transfer id", "orphan"))
 _OK = STATUSES.index("ok")
@@ -76,8 +77,11 @@ def paused(view: View) -> Iterator[Occurrences]:
         rows = flagged(t.anomaly, 1 << TRANSFER_ANOMALIES.index("pause"))
     else:
         rows = np.flatnonzero((t.t != NO_TIME) & (t.t_end - t.t > longest * MILLISECOND))
+    begins, numbers = t.frame_lists
+    here = numbers[begins[rows]] >= view.frames.first
+    yield _pauses(view, rows[here], longest)
     found = Gathered()
-    for row in rows.tolist():
+    for row in rows[~here].tolist():
         code = int(t.code[row])
         node = node_of(int(t.src[row]), code)
         for (number, before), (after, frame) in pairwise(_known(view, t.frames(row))):
@@ -86,6 +90,33 @@ def paused(view: View) -> Iterator[Occurrences]:
                 values = {"milliseconds": pause, "previous_frame": number + 1, "frame": after + 1}
                 found.add("TRF-027", Sent(before.t, before.bus, node, code), (number, after), values, drops=False)
     yield from found.occurrences()
+
+
+def _pauses(view: View, rows: Array, longest: float) -> Occurrences:
+    """Return the pauses inside transfers of which all frames are of this batch."""
+    t, f = view.transfers, view.frames
+    begins, numbers = t.frame_lists
+    sizes = begins[rows + 1] - begins[rows]
+    ends = np.cumsum(sizes)
+    places = np.arange(int(sizes.sum())) + np.repeat(begins[rows] - (ends - sizes), sizes)
+    of, number = np.repeat(rows, sizes), numbers[places].astype(np.int64)
+    at = f.t[number - f.first]
+    pause = np.diff(at) / MILLISECOND
+    timed = (at[:-1] != NO_TIME) & (at[1:] != NO_TIME)
+    before = np.flatnonzero((of[1:] == of[:-1]) & timed & (pause > longest))
+    row = of[before]
+    src, code = t.src[row].astype(np.int64), t.code[row]
+
+    def values(k: int) -> Values:
+        place = before.item(k)
+        frames = {"previous_frame": number.item(place) + 1, "frame": number.item(place + 1) + 1}
+        return {"milliseconds": pause.item(place), **frames}
+
+    return Occurrences(
+        rule="TRF-027", t=at[before], bus=f.bus[number[before] - f.first],
+        node=np.where((src == 0) & (code >> 16 != MESSAGE), NOBODY, src), type=code, frame=number[before],
+        values=values, frames=lambda k: tuple(number[before.item(k) : before.item(k) + 2].tolist()), each_named=True,
+    )  # fmt: skip
 
 
 def _known(view: View, numbers: Iterable[int]) -> list[tuple[int, Kept]]:

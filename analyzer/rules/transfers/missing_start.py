@@ -11,6 +11,7 @@ from analyzer.rules.diagnosis.budgets import KnownCauses, SearchBudget, alike, s
 from analyzer.rules.diagnosis.causes import FIRST, FIRSTS, FORMS, LOST_SEVERAL, NOT_SEARCHED
 from analyzer.rules.diagnosis.search import REMAINDER, FrameLists, ask
 from analyzer.rules.recent import MOST_LINES
+from analyzer.rules.resumed import all_resumed
 from analyzer.tables import FD, TAIL_END, TAIL_ID
 from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences
 from dissectors.records import dataclass, replace
@@ -265,7 +266,7 @@ class MissingStart:
         heard = np.array([self._orphaned.get(key, when) for key, when in zip(sessions, last, strict=True)], np.int64)
         heard = np.where(began != NO_TIME, np.minimum(heard, began), heard)
         started = np.array([view.starts.get(one, when) for one, when in zip(bus.tolist(), last, strict=True)], np.int64)
-        since = np.maximum(np.maximum(started, heard), view.all_resumed(t))
+        since = np.maximum(np.maximum(started, heard), all_resumed(view, t))
         return np.where(t == NO_TIME, number <= lead, t - since <= TIMEOUT)
 
 
