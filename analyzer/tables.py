@@ -233,7 +233,7 @@ FLIGHT_EVENTS = pa.schema([
     _field("text", pa.string(), "what happened"),
     _field("clause", pa.string(), "clause of the document that says what is told here; empty for none"),
     _field("values", pa.string(), "numbers that belong to it, as a JSON object"),
-    _field("frame", pa.uint64(), "number of the first frame of the report at `t_end`, from 0; null for words of a log"),
+    _field("frame", pa.uint64(), "number of the first frame of the report at `t_end`, from 0; null in a log"),
 ])  # fmt: skip
 
 

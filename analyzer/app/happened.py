@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from analyzer.sinks.export import HAPPENED
+from analyzer.tables import raw_rows
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -61,13 +62,17 @@ class HappenedTables:
         return next((found for one in self._finders.values() if (found := getattr(one, "autopilot", None))), None)
 
     def rows(self, name: str, extent: Extent | None = None) -> pa.RecordBatch:
-        """Return a table, after the last batch: all of it, or what is at no frame, or at one of a window's `extent`."""
+        """Return a table, after the last batch: all of it, or what is in the `extent` of a window.
+
+        What is at no frame is where its time is.
+        """
         found = self._finders[name].finish()
         if extent is not None:
-            ends = [found.column(end).to_pylist() for end in ("frame", "frame_end") if end in found.column_names]
             inside = [
-                None in frames or extent.has_frames(*(frame + 1 for frame in frames))
-                for frames in zip(*ends, strict=True)
+                extent.has_times(one["t_end"])
+                if one["frame"] is None
+                else extent.has_frames(one["frame"] + 1, one.get("frame_end", one["frame"]) + 1)
+                for one in raw_rows(found)
             ]
             found = found.filter(pa.array(inside, pa.bool_()))
         return next(iter(found.combine_chunks().to_batches()), pa.RecordBatch.from_pylist([], schema=found.schema))

@@ -102,7 +102,7 @@ def align(log: AutopilotLog, pieces: Sequence[Piece], start: int) -> Alignment:
         if not found:
             continue
         parts.append(_part(piece, found))
-        strongest = min((match for *_, match in found), key=lambda match: match.chance)
+        strongest = min(found, key=lambda match: match.chance)
         best = strongest if best is None else min(best, strongest, key=lambda match: match.chance)
     if best is None:
         return Alignment(
@@ -123,14 +123,14 @@ def given(ns: int, start: int, end: int) -> Alignment:
     return Alignment((part,), "given", f"its clock began {_from_start(ns)}, as it is given")
 
 
-def _matches(commands: Signal, mine: Signal) -> list[tuple[float, float, Match]]:
-    """Return the windows of a log that are in a piece: first and last time, and where."""
+def _matches(commands: Signal, mine: Signal) -> list[Match]:
+    """Return where windows of a log are in a piece."""
     if len(commands) < 2:
         return []
     searches: dict[tuple[int, ...], CommandSearch] = {}
     pairs = list(_pairs(commands, mine))
     windows = sorted(_windows(mine, pairs), key=lambda window: -window[2])[:MOST_WINDOWS]
-    found: list[tuple[float, float, Match]] = []
+    found: list[Match] = []
     known: tuple[Array, Array, float, float] | None = None  # rows of both, a place and when
     for tried, (low, high, _) in enumerate(windows):
         part = slice(*np.searchsorted(mine.time, [low, high]))
@@ -142,7 +142,7 @@ def _matches(commands: Signal, mine: Signal) -> list[tuple[float, float, Match]]
             place, left = both.near(shift, around)
             match = both.at(place) if left < threshold("unexplained") else None
             if match is not None and match.proven:
-                found.append((float(time[0]), float(time[-1]), match))
+                found.append(match)
             continue
         if tried >= MOST_SEARCHED:
             break
@@ -153,7 +153,7 @@ def _matches(commands: Signal, mine: Signal) -> list[tuple[float, float, Match]]
                 search, _of(commands, theirs), Signal(time, mine.values[ours, part]), len(pairs) * len(windows)
             )
             if match is not None and match.proven:
-                found.append((float(time[0]), float(time[-1]), match))
+                found.append(match)
                 known = theirs, ours, match.shift, low
                 break
     return found
@@ -199,22 +199,21 @@ def _windows(mine: Signal, pairs: Sequence[tuple[Array, Array]]) -> Iterator[tup
             yield float(low), float(np.nextafter(high, np.inf)), power
 
 
-def _part(piece: Piece, found: Sequence[tuple[float, float, Match]]) -> ClockPart:
-    """Return one clock for windows that were found in a piece, with a drift if they are far enough apart to tell it."""
-    middle = np.array([(low + high) / 2 for low, high, _ in found])
-    shift, error = np.array([match.shift for *_, match in found]), np.array([match.error for *_, match in found])
-    weight = 1 / error
-    at = float(np.average(middle, weights=weight**2))
-    drift = 0.0
-    if len(found) > 1 and np.ptp(middle) >= _STEADY:
-        drift = float(np.polyfit(middle - at, shift, 1, w=weight)[0])
-    offset = float(np.average(shift - drift * (middle - at), weights=weight**2))
+def _part(piece: Piece, found: Sequence[Match]) -> ClockPart:
+    """Return one clock for windows that were found in a piece, with a drift if they tell one."""
+    middle, shift = np.array([match.middle for match in found]), np.array([match.shift for match in found])
+    error = np.array([match.error for match in found])
+    at = float(np.average(middle, weights=error**-2))
+    drift, span = 0.0, float(np.ptp(middle))
+    if span >= _STEADY:
+        drift = float(np.polyfit(middle - at, shift, 1, w=1 / error)[0])
+        drift = drift if abs(drift) * span > 2 * float(np.median(error)) else 0.0
+    offset = float(np.average(shift - drift * (middle - at), weights=error**-2))
     off = float(np.abs(shift - offset - drift * (middle - at)).max())
-    lows, highs = [low for low, *_ in found], [high for _, high, _ in found]
     return ClockPart(
         piece.start, piece.end, piece.ran, piece.start + round(offset * SECOND),
-        round((off + float(np.median(error))) * SECOND), drift, round(at * 1e6), round(min(lows) * 1e6),
-        round(max(highs) * 1e6),
+        round((off + float(np.median(error))) * SECOND), drift, round(at * 1e6),
+        round(min(match.since for match in found) * 1e6), round(max(match.until for match in found) * 1e6),
     )  # fmt: skip
 
 

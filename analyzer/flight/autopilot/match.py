@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, log10
+from math import log10, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,7 +17,8 @@ APART = 0.1  # seconds over which moves are compared: autopilots log their outpu
 AROUND = 0.06  # seconds around a candidate that are looked at: three steps of the search
 RIVAL = 0.3  # seconds: agreement farther away is another place, nearer it is part of the error
 _HOLD = 0.1  # seconds that a command holds
-_SURE = 8.0  # twice the logarithm of the likelihood ratio: a place that is 50 times less likely is left out
+_SURE = 4.0  # standard deviations of what is unexplained: with more, a place is left out
+_BETTER = 2.0  # times less unexplained than anywhere else
 _FINE = 48
 
 
@@ -25,7 +26,8 @@ class Match(NamedTuple):
     """A place: `shift` is added to the times of the outputs, `error` is how far off it may be, both in seconds.
 
     `moves` counts moves that are independent of each other, `unexplained` is their share that the commands do not have,
-    `chance` the decimal logarithm of how likely it is that outputs of something else agree like this anywhere.
+    `chance` the decimal logarithm of how likely it is that outputs of something else agree like this anywhere. What was
+    compared is between `since` and `until`, seconds of the outputs.
     """
 
     shift: float
@@ -33,6 +35,13 @@ class Match(NamedTuple):
     moves: float
     unexplained: float
     chance: float
+    since: float
+    until: float
+
+    @property
+    def middle(self) -> float:
+        """The middle of what was compared."""
+        return (self.since + self.until) / 2
 
     @property
     def proven(self) -> bool:
@@ -71,20 +80,26 @@ class Comparison:
         shifts = self._shifts(shift - RIVAL, shift + RIVAL)
         left = self._unexplained(shifts)
         least = float(left.min())
-        moves = self._independent(float(shifts[int(np.argmin(left))]))
+        _, has = self._rows(float(shifts[int(np.argmin(left))]))
+        rows = np.flatnonzero(has)
+        moves = self._independent(rows)
         if moves <= 2 or least >= 1:
-            return Match(shift, RIVAL, moves, least, 0.0)
-        level = least * exp(_SURE / moves)
+            return Match(shift, RIVAL, moves, least, 0.0, 0.0, 0.0)
+        since, until = float(self._at[rows[0]]), float(self._at[rows[-1] + self._far])
+        sure = 1 + _SURE * sqrt(2 / moves)
+        level = least * sure
         near = shifts[left <= level]
         step = float(shifts[1] - shifts[0])
         fine = np.linspace(near[0] - step, near[-1] + step, _FINE + round((near[-1] - near[0]) / step))
         left = self._unexplained(fine)
         least = max(float(left.min()), 1e-9)
-        inside = fine[left <= max(least, 1e-6) * exp(_SURE / moves)]
+        inside = fine[left <= max(least, 1e-6) * sure]
         middle, half = (inside[0] + inside[-1]) / 2, (inside[-1] - inside[0]) / 2 + (fine[1] - fine[0])
         chance = (moves - 2) / 2 * log10(least) + log10(max(self._trials, 1))
-        ambiguous = rivals < 4 * least and rivals < 1
-        return Match(float(middle), RIVAL * 2 if ambiguous else float(half) + self._period, moves, least, chance)
+        digits = moves / 2 * log10(max(rivals, 1e-9) / least)  # by which it is likelier than the next best place
+        ambiguous = rivals < _BETTER * least or digits < threshold("chance_digits")
+        error = RIVAL * 2 if ambiguous else float(half) + self._period
+        return Match(float(middle), error, moves, least, chance, since, until)
 
     def _shifts(self, low: float, high: float) -> Array:
         return np.linspace(low, high, max(3, 1 + round(2 * (high - low) / self._period)))
@@ -111,10 +126,9 @@ class Comparison:
                 left[k] = max(0.0, 1 - both * both / power)
         return left
 
-    def _independent(self, shift: float) -> float:
+    def _independent(self, rows: Array) -> float:
         """Return how many moves say something of their own: few large ones count little, slow ones too."""
-        _, has = self._rows(shift)
-        rows = np.flatnonzero(has)[:: self._far]  # moves that do not overlap
+        rows = rows[:: self._far]  # moves that do not overlap
         mine = self._moves[:, rows] * self._weight[rows]
         size = (mine**2).sum(axis=0)
         if not size.any():
