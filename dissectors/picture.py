@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dissectors.toml_table import TomlTable
 
 FILE = "plots.toml"
-SIGNS = ("motor", "heat", "supply", "current", "throttle", "electronics", "failed")
+SIGNS = ("motor", "heat", "supply", "current", "uncommanded", "electronics", "failed")
 
 
 @dataclass(frozen=True, slots=True)

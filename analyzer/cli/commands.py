@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 # Modules of this package with `add(parser)`, and what they are for. Each has examples in usage/examples.py, a page of
 # the manual, and a man page that tests/bench/man_pages.py makes of both.
 COMMANDS = {
-    "triage": "what happened: what broke first, why, and what to do next; also tailbyte CAPTURE alone",
     "decode": "list or export the transfers of a capture",
+    "triage": "what happened: what broke first, why, and what to do next; also tailbyte CAPTURE alone",
     "info": "summary of a capture: lines, nodes, types, rates",
     "stats": "rates, talkers, periods, loads, services as tables",
     "events": "the flights of a capture, and what happened in them",

@@ -57,6 +57,11 @@ class Witness:
         return self._finder.more
 
     @property
+    def command_types(self) -> frozenset[str]:
+        """The types that command ESCs."""
+        return frozenset(plot.table for plot in self._finder.commands.plots)
+
+    @property
     def escs(self) -> list[EscExtent]:
         """The ESCs that reported."""
         return self._extents.all

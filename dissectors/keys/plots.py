@@ -33,7 +33,7 @@ STATES = Keys("states.COLUMN", "A column with named values, or a word whose flag
     Key("heat", "texts", "The same: something is too hot.", '["over_temperature"]'),
     Key("supply", "texts", "The same: the supply voltage is too low or too high.", '["under_voltage"]'),
     Key("current", "texts", "The same: the current is too large.", '["over_current"]'),
-    Key("throttle", "texts", "The same: it gets no throttle, or a wrong one.", '["throttle_loss"]'),
+    Key("uncommanded", "texts", "The same: it gets no commands, or wrong ones.", '["throttle_loss"]'),
     Key("electronics", "texts", "The same: its own electronics are broken.", '["bridge_fault"]'),
     Key("failed", "texts", "The same: it has given up.", '["mode=6"]'),
 ))  # fmt: skip

@@ -46,13 +46,6 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             "slcan:/dev/ttyS0@500000",
             "tailbyte: slcan:/dev/ttyS0@500000 is an interface: did you mean tailbyte live slcan:/dev/ttyS0@500000?",
         ),
-        (
-            "flight.log",
-            (
-                "tailbyte: flight.log is a file: did you mean tailbyte info flight.log (what it holds) or tailbyte "
-                "check flight.log (the verdict)?"
-            ),
-        ),
         ("flight.log decode -V", "tailbyte: the command comes first: did you mean tailbyte decode flight.log?"),
         ("'my flight.log' check", "tailbyte: the command comes first: did you mean tailbyte check 'my flight.log'?"),
         ("logs/", "tailbyte: logs/ is a folder: did you mean tailbyte info logs/*?"),

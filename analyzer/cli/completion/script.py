@@ -46,7 +46,7 @@ _OPTIONS = {
 }
 _FILES_AND_FOLDERS = {"files": shtab.FILE, "folders": shtab.DIRECTORY}
 # Beginnings of words that stand for a file.
-_FILES = ("FILE", "OUT", "OLD", "REPORT", "DIR|")
+_FILES = ("FILE", "OUT", "OLD", "REPORT", "DIR|", "FLIGHT.bin")
 
 
 def script(shell: str, registry: Registry) -> str:

@@ -45,10 +45,7 @@ def _file(path: str, named: str | None) -> str:
     name = quote(path)
     if os.path.isdir(path):  # noqa: PTH112 - any bytes
         return f"{name} is a folder: did you mean tailbyte info {name.rstrip('/')}/*?"
-    if named is not None:
-        return f"the command comes first: did you mean tailbyte {named} {name}?"
-    info, check = f"tailbyte info {name} (what it holds)", f"tailbyte check {name} (the verdict)"
-    return f"{name} is a file: did you mean {info} or {check}?"
+    return f"the command comes first: did you mean tailbyte {named} {name}?"
 
 
 def before_command(option: str, others: Sequence[str], parsers: Mapping[str, argparse.ArgumentParser]) -> str:

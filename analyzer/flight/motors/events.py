@@ -9,8 +9,8 @@ import numpy as np
 
 from analyzer.devices.rows import split, usable
 from analyzer.flight.log import FlightEvent
+from analyzer.flight.motors.commanded import RecentOrders
 from analyzer.flight.motors.reports import reports
-from analyzer.flight.motors.throttle import RecentOrders
 from analyzer.flight.motors.watch import MotorWatch
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
@@ -146,7 +146,7 @@ class MotorEvents(ReportEvents):
         words = _WORDS[sign] if speed > _STANDS else "it stands"
         text = f"speed {_change(speed)}, current {_change(current)} at such a command: {words}"
         if sign == UNDRIVEN and isfinite(reported):
-            text += f" (it reports {100 * reported:.0f} % of the throttle)"
+            text += f" (it reports {100 * reported:.0f} % of what is commanded)"
         values = {"speed_share": round(speed, 3), "current_share": round(current, 3), "reports": memory.count}
         self._add(FlightEvent(
             "motor", text, spell.before, spell.first, spell.after, bus, node, number + plot.who.first, table, "",
@@ -162,7 +162,7 @@ def _change(share: float) -> str:
 
 
 def _told(memory: _Memory) -> tuple[str, float, float, float]:
-    """Return of what it is a sign, and the shares of speed, current and throttle that show it."""
+    """Return of what it is a sign, and the shares of speed, current and command that show it."""
     speed = float(np.median(memory.speed))
     currents = [share for share in memory.current if isfinite(share)] or [1.0]
     given = [share for share in memory.reported if isfinite(share)]

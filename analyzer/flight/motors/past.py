@@ -1,4 +1,4 @@
-"""The past of one ESC: speed and current that it had at throttles that were held for a while."""
+"""The past of one ESC: speed and current that it had at commands that were held for a while."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from analyzer.flight.thresholds import threshold
 if TYPE_CHECKING:
     from dissectors.kit import Array
 
-_BIN = 5  # % of throttle
+_BIN = 5  # % of command
 _BINS = 41  # up to 200 %
 _FEWEST = 4  # reports of a bin that counts
 _NEAR = 2  # bins away
@@ -21,7 +21,7 @@ _KEPT = 4096  # reports of a bin that weigh as much as all before
 
 
 class Expected(NamedTuple):
-    """What reports should say at a throttle: speed, current (NaN if unknown); `far` where it never had such a one."""
+    """What reports should say at a command: speed, current (NaN if unknown); `far` where it never had such a one."""
 
     speed: Array
     current: Array
@@ -29,14 +29,14 @@ class Expected(NamedTuple):
 
 
 class MotorPast:
-    """Sums by bins of throttle. What is expected of a report depends on how many came before, not on how they came."""
+    """Sums by bins of commands. What is expected of a report depends on how many came before, not on how they came."""
 
     def __init__(self) -> None:
         self._count = 0
         self._next = _FIRST
-        self._sums = np.zeros((_BINS, 5))  # reports, throttle, speed for a volt, current, volts
+        self._sums = np.zeros((_BINS, 5))  # reports, command, speed for a volt, current, volts
         self._pending: list[tuple[Array, ...]] = []
-        self._known: Array | None = None  # throttle, speed and current of the nearest bin of each, and how far it is
+        self._known: Array | None = None  # command, speed and current of the nearest bin of each, and how far it is
 
     def steps(self, count: int) -> list[int]:
         """Return into how many reports the next ones have to be cut: between them the past is drawn anew."""
@@ -49,23 +49,23 @@ class MotorPast:
                 then = _then(then)
         return out
 
-    def expected(self, throttle: Array, volts: Array) -> Expected | None:
+    def expected(self, command: Array, volts: Array) -> Expected | None:
         """Return what reports should say; None while there is no past."""
         if self._known is None:
             return None
-        bins = np.clip(throttle / _BIN, 0, _BINS - 1).astype(np.int64)
+        bins = np.clip(command / _BIN, 0, _BINS - 1).astype(np.int64)
         at, speed, current, usual, away = self._known[bins].T
-        share = throttle / at
-        # At the same throttle a lower voltage turns the motor slower: its torque falls with the square of the speed.
+        share = command / at
+        # At the same command a lower voltage turns the motor slower: its torque falls with the square of the speed.
         return Expected(speed * volts * share, current * share**LAW * (volts / usual) ** 2, away > _NEAR)
 
-    def add(self, throttle: Array, speed: Array, volts: Array, current: Array, calm: Array) -> None:
+    def add(self, command: Array, speed: Array, volts: Array, current: Array, calm: Array) -> None:
         """Take reports, of which those that are `calm` are as they should be."""
-        self._count += len(throttle)
+        self._count += len(command)
         rows = np.flatnonzero(calm)
         if len(rows):
             one, v = np.ones(len(rows)), volts[rows]
-            self._pending.append((one, throttle[rows], speed[rows] / v, current[rows], v))
+            self._pending.append((one, command[rows], speed[rows] / v, current[rows], v))
         if self._count >= self._next:
             self._next = _then(self._next)
             self._draw()

@@ -17,26 +17,26 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.flight.clock import Places, RecordedClock
-    from analyzer.flight.motors.throttle import RecentOrders, ThrottleWindow
+    from analyzer.flight.motors.commanded import CommandWindow, RecentOrders
     from dissectors import Registry
     from dissectors.kit import Array
     from dissectors.picture import Plot
 
 
 class MotorReports(NamedTuple):
-    """Speed without its sign in rpm, V, A, and the throttle that the ESC says it has in %; NaN where it tells none."""
+    """Speed without its sign in rpm, V, A, and what the ESC says it is commanded, in %; NaN where it tells none."""
 
     speed: Array
     volts: Array
     current: Array
     reported: Array
-    throttle: ThrottleWindow
+    command: CommandWindow
     at: Places
 
     def take(self, rows: slice) -> MotorReports:
         """Return some of them."""
         speed, volts, current, reported = (one[rows] for one in self[:4])
-        return MotorReports(speed, volts, current, reported, self.throttle.take(rows), self.at.take(rows))
+        return MotorReports(speed, volts, current, reported, self.command.take(rows), self.at.take(rows))
 
 
 def reports(
@@ -56,11 +56,11 @@ def reports(
         where = at.take(mine)
         found = orders.before(bus, number + plot.who.first, where) if len(mine) else None
         if found is not None:
-            throttle, has = found
+            command, has = found
             if not has.all():
                 mine, where = mine[has], where.take(has)
             values = (np.abs(speed[mine]), volts[mine], current[mine], reported[mine])
-            yield key, MotorReports(*values, throttle, where)
+            yield key, MotorReports(*values, command, where)
 
 
 def _numbers(found: list[fields.Column], count: int) -> Array:

@@ -22,7 +22,7 @@ _GOOD = 0.85, 1.2  # a current as a share of what it was at that speed
 class Compared(NamedTuple):
     """Reports against the past: `off` are those that differ, `before` is the last good report before a run of them.
 
-    `speed` and `current` are shares of what they were at such a throttle, `reported` of what is commanded.
+    `speed` and `current` are shares of what they were at such a command, `reported` of what is commanded.
     """
 
     off: Array
@@ -50,18 +50,18 @@ class MotorWatch:
             start += count
 
     def _compared(self, some: MotorReports) -> Compared:
-        throttle, steady_percent = some.throttle, threshold("motor_steady_percent")
+        command, steady_percent = some.command, threshold("motor_steady_percent")
         off, speed, current, ratio = _differing(self._past, some)
         worn = self._worn(np.where(self._steady_supply(some.volts), ratio, np.nan))
         good = (ratio > _GOOD[0]) & (ratio < _GOOD[1])
         off = off | worn
         before = self._begun(off, good & ~off, some.at)
-        steady = throttle.most - throttle.least <= steady_percent
-        driven = (throttle.least > steady_percent) & (some.speed > 0)
+        steady = command.most - command.least <= steady_percent
+        driven = (command.least > steady_percent) & (some.speed > 0)
         calm = steady & driven & ~off & np.isfinite(some.current) & (good | np.isnan(ratio))
-        self._past.add(throttle.mean, some.speed, some.volts, some.current, calm)
+        self._past.add(command.mean, some.speed, some.volts, some.current, calm)
         with np.errstate(divide="ignore", invalid="ignore"):
-            reported = some.reported / throttle.last
+            reported = some.reported / command.last
         return Compared(off, before, speed, current, reported, some.at)
 
     def _worn(self, ratio: Array) -> Array:
@@ -99,24 +99,24 @@ class MotorWatch:
 def _differing(past: MotorPast, some: MotorReports) -> tuple[Array, Array, Array, Array]:
     """Return which reports differ, speed and current as shares of the past, and the current as one at this speed.
 
-    The last is NaN where it says nothing: while the throttle changes much, or the motor slows down.
+    The last is NaN where it says nothing: while the commands change much, or the motor slows down.
     """
-    throttle, unknown = some.throttle, np.full(len(some.speed), np.nan)
-    at_mean = past.expected(throttle.mean, some.volts)
-    driven = throttle.least > threshold("motor_steady_percent")
+    command, unknown = some.command, np.full(len(some.speed), np.nan)
+    at_mean = past.expected(command.mean, some.volts)
+    driven = command.least > threshold("motor_steady_percent")
     if at_mean is None or not driven.any():
         return np.zeros(len(unknown), bool), unknown, unknown, unknown
     with np.errstate(divide="ignore", invalid="ignore"):
         speed, current = some.speed / at_mean.speed, some.current / at_mean.current
-        slowest, fastest = (at_mean.speed * one / throttle.mean for one in (throttle.least, throttle.most))
+        slowest, fastest = (at_mean.speed * one / command.mean for one in (command.least, command.most))
         wide = np.where(at_mean.far, threshold("motor_far"), 1.0)
         slow = some.speed / slowest < 1 - (1 - threshold("motor_slow")) * wide
         fast = some.speed / fastest > 1 + (threshold("motor_fast") - 1) * wide
         wanted = at_mean.current * speed**LAW
         ratio = np.where(wanted > threshold("motor_least_a"), some.current / wanted, np.nan)
-        even = throttle.most - throttle.least <= threshold("motor_even_percent")
-        few = throttle.last >= throttle.mean - threshold("motor_steady_percent") / 3
-        much = throttle.last <= throttle.mean + threshold("motor_steady_percent") / 3
+        even = command.most - command.least <= threshold("motor_even_percent")
+        few = command.last >= command.mean - threshold("motor_steady_percent") / 3
+        much = command.last <= command.mean + threshold("motor_steady_percent") / 3
         unloaded = even & few & (ratio < threshold("motor_unloaded") / wide)
         dragged = even & much & (ratio > threshold("motor_dragged") * wide)
     off = driven & (slow | (fast & few & ~(ratio > 1)) | unloaded | dragged)

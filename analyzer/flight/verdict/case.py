@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _NEARLY_ALL = 98  # percent
 Node = tuple[int, int]  # bus, node
 ROLES = (
-    ("RawCommand", "autopilot"), ("Fix", "GPS"), ("MagneticFieldStrength", "compass"), ("BatteryInfo", "power module"),
+    ("Fix", "GPS"), ("MagneticFieldStrength", "compass"), ("BatteryInfo", "power module"),
     ("CircuitStatus", "power module"), ("StaticPressure", "barometer"), ("TrueAirspeed", "airspeed"),
     ("IndicatedAirspeed", "airspeed"), ("Measurement", "range finder"), ("IceReciprocatingStatus", "engine"),
 )  # fmt: skip
@@ -55,6 +55,7 @@ class Case:
 
     def __init__(self, witness: Witness, events: Iterable[FlightEvent], flight: Flight, border: int) -> None:
         self.flight, self.pulse, self.losses, self.clock = flight, witness.pulse, witness.losses, witness.clock
+        self._commands = witness.command_types
         self.start, self.stop, self.border = flight.first.ran, flight.last.ran, border
         self.events = [one for one in events if self.start <= one.first.ran <= border]
         self.before = [one for one in events if one.first.ran < self.start]
@@ -70,8 +71,7 @@ class Case:
 
     def commanders(self) -> set[Node]:
         """Return who commands."""
-        types = {one.type for one in self.events if one.kind in {"commands stop", "commands zero", "spread"}}
-        return {(one.bus, one.node) for one in self.paces if one.type in types or "Command" in one.type}
+        return {(one.bus, one.node) for one in self.paces if one.type in self._commands}
 
     def esc_of(self, ch: int) -> EscExtent | None:
         """Return who reports as a channel, None if nobody does, or several."""
@@ -90,6 +90,8 @@ class Case:
         """Return what a node is by what it sends, in brackets; empty if that says nothing."""
         sends = {one.type.rpartition(".")[2] for one in self.paces if (one.bus, one.node) == (bus, node)}
         roles = [role for word, role in ROLES if any(name.startswith(word) for name in sends)]
+        if (bus, node) in self.commanders():
+            roles.insert(0, "autopilot")
         return f" ({', '.join(dict.fromkeys(roles))})" if roles else ""
 
     def period(self, bus: int | None, node: int | None) -> int:

@@ -29,17 +29,17 @@ def esc_troubles(case: Case) -> Iterator[Trouble]:
         if (one.kind in {"fault", "motor"} or (one.kind == "mode" and one.sign)) and counts(case, one)
     ]  # fmt: skip
     quiet = [one for one in case.events if one.kind in {"silence", "restart"} and not case.in_joint_loss(one)]
-    everybody = together(case, [one for one in telling if one.sign == "throttle"])
+    everybody = together(case, [one for one in telling if one.sign == "uncommanded"])
     gone = together(case, quiet)
     for node, events in by_node(sorted((*telling, *quiet), key=lambda one: one.first.ran)).items():
         if node not in case.esc_nodes:
             continue
         signs = [one for one in events if one.kind in {"fault", "motor", "mode"}]
-        lost = [one for one in signs if one.sign == "throttle"]
+        lost = [one for one in signs if one.sign == "uncommanded"]
         own = [one for one in signs if one.sign in _FAILS or one.kind == "motor"]
         off = [one for one in events if one.kind in {"silence", "restart"}]
         if lost and not everybody and _commanded(case, lost[0]):
-            yield made("wiring", "got no throttle, though the bus carried it", lost + own, 1, [
+            yield made("wiring", "got no commands, though the bus carried them", lost + own, 1, [
                 f"{text(lost[0])}; commands at {_rate(case, lost[0]):.0f}/s all the time",
             ])  # fmt: skip
             own = [one for one in own if one.first.ran < lost[0].first.ran - lasting("together")]

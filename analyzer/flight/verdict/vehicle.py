@@ -50,7 +50,7 @@ def command_troubles(case: Case) -> Iterator[Trouble]:
                 continue
             reasons = [one.text]
             if felt:
-                reasons.append(f"{len({(o.bus, o.node) for o in felt})} ESCs say that they get no throttle")
+                reasons.append(f"{len({(o.bus, o.node) for o in felt})} ESCs say that they get no commands")
             yield made("commands-lost", "the commands stopped", [one, *felt], 0, reasons)
         elif one.kind == "commands zero" and (share := _thrown(case, one)) is not None:
             before, usual = share
@@ -61,15 +61,15 @@ def command_troubles(case: Case) -> Iterator[Trouble]:
 
 
 def _felt(case: Case, one: FlightEvent) -> list[FlightEvent]:
-    """Return how ESCs say that they get no throttle, while commands are away: several of them have to."""
+    """Return how ESCs say that they get no commands, while commands are away: several of them have to."""
     until = (case.border if one.after is None else one.after.ran) + lasting("together")
-    felt = [other for other in case.events if other.sign == "throttle" and one.first.ran <= other.first.ran <= until]
+    felt = [other for other in case.events if other.sign == "uncommanded" and one.first.ran <= other.first.ran <= until]
     nodes = {(other.bus, other.node) for other in felt}
     return felt if 2 * len(nodes) >= max(len(case.esc_nodes), 2) or nodes == case.esc_nodes else []
 
 
 def _thrown(case: Case, one: FlightEvent) -> tuple[float, float] | None:
-    """Return the throttle just before all are 0, and the usual one, if the vehicle cannot have stood on the ground."""
+    """Return the commands just before all are 0, and the usual one, if the vehicle cannot have stood on the ground."""
     before = case.pulse.mean(one.first.ran - lasting("before_zero"), one.first.ran - STEP)
     usual = case.pulse.mean(case.start + lasting("take_off"), one.first.ran)
     if not len(before) or not len(usual):
@@ -99,7 +99,7 @@ def _got_over(case: Case, one: FlightEvent) -> bool:
 
 
 def thrust_troubles(case: Case) -> Iterator[Trouble]:
-    """Yield throttles that are at their end, of all motors together."""
+    """Yield commands that are at their end, of all motors together."""
     start, stop = case.start + lasting("take_off"), case.stop
     if case.excursion is not None:
         stop = case.excursion.start

@@ -18,21 +18,21 @@ if TYPE_CHECKING:
 MOST_RECENT = 4096  # commands within the window
 
 
-class ThrottleWindow(NamedTuple):
-    """The throttle before each report, within the window: the least, the most, the mean and the last, in %."""
+class CommandWindow(NamedTuple):
+    """The command before each report, within the window: the least, the most, the mean and the last, in %."""
 
     least: Array
     most: Array
     mean: Array
     last: Array
 
-    def take(self, rows: slice) -> ThrottleWindow:
+    def take(self, rows: slice) -> CommandWindow:
         """Return that of some reports."""
-        return ThrottleWindow(*(one[rows] for one in self))
+        return CommandWindow(*(one[rows] for one in self))
 
 
 class _Orders(NamedTuple):
-    """Commands of a bus: when, the last frame of each, and the throttle of each channel (rows)."""
+    """Commands of a bus: when, the last frame of each, and the command of each channel (rows)."""
 
     ran: Array
     frame_end: Array
@@ -64,8 +64,8 @@ class RecentOrders:
                 columns = np.concatenate((known.columns[:, kept:], columns), axis=1)
             self._all[some.bus] = _Orders(np.maximum.accumulate(ran), np.maximum.accumulate(ends), columns)
 
-    def before(self, bus: int, ch: int, at: Places) -> tuple[ThrottleWindow, Array] | None:
-        """Return the throttles of a channel before reports, and for which reports there are any: only they are in it.
+    def before(self, bus: int, ch: int, at: Places) -> tuple[CommandWindow, Array] | None:
+        """Return the commands of a channel before reports, and for which reports there are any: only they are in it.
 
         Commands count that were whole before a report began, however batches are cut.
         """
@@ -84,4 +84,4 @@ class RecentOrders:
         sums = np.concatenate(([0.0], np.cumsum(column, dtype=np.float64)))
         least, most = (one.reduceat(column, borders)[::2].astype(np.float64) for one in (np.minimum, np.maximum))
         mean = (sums[stop] - sums[start]) / (stop - start)
-        return ThrottleWindow(least, most, mean, column[stop - 1].astype(np.float64)), has
+        return CommandWindow(least, most, mean, column[stop - 1].astype(np.float64)), has
