@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from analyzer._native import LogRecords
 from analyzer.sources import Source
 from analyzer.sources.errors import CaptureError
-from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from analyzer._native import FrameBatch
     from analyzer.sources import Read
     from analyzer.sources.origin import FileObject, Origin
-    from dissectors.kit import Array
+
+    Array = NDArray[Any]
 
 MOST_BYTES = 256 << 20  # of records that are kept; a log of 10 h has less
 DATAFLASH = "ArduPilot dataflash"

@@ -1,9 +1,10 @@
-"""An autopilot's own records in its dataflash log: read from any cut, damaged ones passed over, foreign files refused."""
+"""An autopilot's own records in its dataflash log: any cut, damage, foreign files."""
 
 from __future__ import annotations
 
 import gzip
 import io
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import pytest
@@ -40,7 +41,7 @@ def log(data: bytes, *names: str) -> AutopilotLog:
 
 def told(found: AutopilotLog) -> dict[str, list[tuple[object, ...]]]:
     return {
-        name: list(zip(table.time.tolist(), table.number.tolist(), *(c.tolist() for c in table.columns.values()), strict=True))
+        name: list(zip(table.number.tolist(), *(column.tolist() for column in table.columns.values()), strict=True))
         for name, table in found.tables.items()
     }  # fmt: skip
 
@@ -66,7 +67,7 @@ def test_any_cut_of_the_bytes_gives_the_same(cuts: list[int]) -> None:
     reader, whole = LogRecords(list(NAMES)), LogRecords(list(NAMES))
     edges = [0, *sorted(cuts), len(LOG)]
     parts: dict[tuple[bytes, ...], list[bytes]] = {}
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges):
         reader.feed(LOG[start:end])
         for *layout, records, numbers in reader.take():
             rows = parts.setdefault(tuple(layout), [b"", b""])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import random
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -16,12 +17,11 @@ from kit.dataflash import rcou, record, words
 from kit.simulated import flown
 from kit.strategies import examples
 
+from analyzer.flight.autopilot.track import OUTPUTS
+from analyzer.flight.autopilot.words import SAID
+from analyzer.flight.finder import EventFinder
 from analyzer.sources.dataflash import AutopilotLog, read_log
 from analyzer.tables import raw_rows
-from analyzer.triage.autopilot.track import OUTPUTS
-from analyzer.triage.autopilot.words import SAID
-from analyzer.triage.finder import EventFinder
-from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -138,7 +138,7 @@ def test_what_cannot_be_proven_is_not_told(told: Callable[..., _Told]) -> None:
         (text, [], "has no outputs (RCOU)"),
         (text, rcou(still, boot), "its outputs do not move"),
         (text_of_others(text), rcou(commands, boot), "no throttles are commanded on the bus"),
-        (text, rcou(commands, boot)[40:48], "nowhere the commands on the bus"),
+        (text, rcou(commands, boot)[22:34], "nowhere the commands on the bus"),
     ):
         rows, found, _ = told(capture, log(outputs, said))
         assert (rows, found["parts"]) == ([], [])
@@ -185,7 +185,8 @@ def test_words_keep_their_order(told: Callable[..., _Told]) -> None:
     said = words(
         BEFORE // MICROS, (-90, "MSG", "ArduCopter V4.5.7 (2a3dc4b7)"), (-5, "MODE", 0, 0, 1), (2, "ARM", 1, 0, 1, 1),
         (6, "ERR", 6, 1), (6, "MODE", 9, 9, 4), (6, "MSG", "Battery 1 is low \x1b[31m"), (8, "MODE", 9, 9, 4),
-        (9, "ERR", 12, 1), (9, "ARM", 0, 0, 0, 12), (9, "EV", 11), (9, "EV", 99), (9, "ERR", 99, 7), (9, "MODE", 77, 77, 99),
+        (9, "ERR", 12, 1), (9, "ARM", 0, 0, 0, 12), (9, "EV", 11), (9, "EV", 99), (9, "ERR", 99, 7),
+        (9, "MODE", 77, 77, 99),
     )  # fmt: skip
     rows, _, notes = told(text, log(rcou(commands, start - BEFORE), said))
     assert [(row["kind"], row["type"], row["text"]) for row in rows] == [
@@ -235,8 +236,9 @@ def test_records_of_another_shape_are_no_words(told: Callable[..., _Told]) -> No
     head = dataflash.HEAD + b"".join(
         dataflash.description(kind, name, form, columns)
         for kind, name, form, columns in (
-            (120, "ERR", "QZB", "TimeUS,Subsys,ECode"), (121, "EV", "Qn", "TimeUS,Id"), (122, "MSG", "QB", "TimeUS,Message"),
-            (123, "BAT", "QB", "TimeUS,Inst"), (124, "MODE", "Qf", "TimeUS,ModeNum"),
+            (120, "ERR", "QZB", "TimeUS,Subsys,ECode"), (121, "EV", "Qn", "TimeUS,Id"),
+            (122, "MSG", "QB", "TimeUS,Message"), (123, "BAT", "QB", "TimeUS,Inst"),
+            (124, "MODE", "Qf", "TimeUS,ModeNum"),
         )
     )  # fmt: skip
     rows = [

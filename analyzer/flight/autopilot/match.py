@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 APART = 0.1  # seconds over which moves are compared: autopilots log their outputs 10 times a second at least
 AROUND = 0.06  # seconds around a candidate that are looked at: three steps of the search
 RIVAL = 0.3  # seconds: agreement farther away is another place, nearer it is part of the error
+PULSE = 10.0  # microseconds of a pulse for a percent of throttle: nearly so on every autopilot
 _HOLD = 0.1  # seconds that a command holds
 _SURE = 4.0  # standard deviations of what is unexplained: with more, a place is left out
+_LEAST_MOVE = 2.0  # microseconds: pulses are whole ones, and moves by one or two say little
 _BETTER = 2.0  # times less unexplained than anywhere else
 _FINE = 48
 
@@ -66,7 +68,9 @@ class Comparison:
         even = outputs.time[self._far :] - outputs.time[: -self._far] < 2.5 * max(APART, spacing * self._far)
         self._even = even & ~np.isnan(self._moves).any(axis=0)
         self._trials = trials
-        self._weight = _weights(self._moves)
+        self._size = _sizes(self._moves)
+        usual = float(np.median(self._size[self._size > 0])) if (self._size > 0).any() else 0.0
+        self._usual = max(usual, _LEAST_MOVE * sqrt(len(self._moves)))
 
     def near(self, shift: float, around: float = AROUND) -> tuple[float, float]:
         """Return the best place around one, and what is unexplained there."""
@@ -118,8 +122,10 @@ class Comparison:
         left = np.ones(len(shifts))
         for k, shift in enumerate(shifts):
             moves, has = self._rows(float(shift))
-            weight = self._weight[has]
-            mine, theirs = self._moves[:, has] * weight, moves[:, has] * weight
+            mine, theirs = self._moves[:, has], moves[:, has]
+            # A take-off counts hardly more than what is usual in the air, on whatever side it is a little earlier.
+            weight = 1 / (self._usual + np.maximum(self._size[has], PULSE * _sizes(theirs)))
+            mine, theirs = mine * weight, theirs * weight
             power = float((mine**2).sum()) * float((theirs**2).sum())
             both = float((mine * theirs).sum())
             if power > 0 and both > 0:
@@ -129,7 +135,7 @@ class Comparison:
     def _independent(self, rows: Array) -> float:
         """Return how many moves say something of their own: few large ones count little, slow ones too."""
         rows = rows[:: self._far]  # moves that do not overlap
-        mine = self._moves[:, rows] * self._weight[rows]
+        mine = self._moves[:, rows] / (self._usual + self._size[rows])
         size = (mine**2).sum(axis=0)
         if not size.any():
             return 0.0
@@ -138,10 +144,7 @@ class Comparison:
         return count * (1 - alike**2) / (1 + alike**2)
 
 
-def _weights(moves: Array) -> Array:
-    """Return weights with which a take-off counts hardly more than what is usual in the air."""
-    size = np.sqrt((moves**2).sum(axis=0))
-    size = np.where(np.isnan(size), 0, size)
-    usual = float(np.median(size[size > 0])) if (size > 0).any() else 1.0
-    found: Array = 1 / (usual + size)
+def _sizes(moves: Array) -> Array:
+    """Return how large moves of all channels together are; 0 where they are not known."""
+    found: Array = np.nan_to_num(np.sqrt((moves**2).sum(axis=0)))
     return found
