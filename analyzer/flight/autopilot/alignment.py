@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 WINDOW = 60.0  # seconds of a log that are compared at once: clocks drift little in them
 MOST_SEARCHED, MOST_WINDOWS = 8, 64
+GLANCE = 0.005  # seconds between places at a first look
+MOST_LOOKED_AT = 8  # more closely
 _ALWAYS = 1 << 60
 _LEAST_WINDOW = 2.0
 _STEADY = 60.0  # seconds over which a drift can be told
@@ -130,9 +132,14 @@ def _matches(commands: Signal, mine: Signal) -> list[Match]:
     searches: dict[tuple[int, ...], CommandSearch] = {}
     pairs = list(_pairs(commands, mine))
     windows = sorted(_windows(mine, pairs), key=lambda window: -window[2])[:MOST_WINDOWS]
+    if not windows:
+        return []
+    whole = min(low for low, *_ in windows), max(high for _, high, _ in windows), 0.0
     found: list[Match] = []
     known: tuple[Array, Array, float, float] | None = None  # rows of both, a place and when
-    for tried, (low, high, _) in enumerate(windows):
+    at_once: list[Match] = []
+    # A short capture may be anywhere in a long log: all of it is searched first, then the parts that move the most.
+    for tried, (low, high, _) in enumerate([whole, *windows]):
         part = slice(*np.searchsorted(mine.time, [low, high]))
         time = mine.time[part]
         if known is not None:
@@ -144,7 +151,7 @@ def _matches(commands: Signal, mine: Signal) -> list[Match]:
             if match is not None and match.proven:
                 found.append(match)
             continue
-        if tried >= MOST_SEARCHED:
+        if tried > MOST_SEARCHED:
             break
         for theirs, ours in pairs:
             key = tuple(theirs.tolist())
@@ -153,18 +160,19 @@ def _matches(commands: Signal, mine: Signal) -> list[Match]:
                 search, _of(commands, theirs), Signal(time, mine.values[ours, part]), len(pairs) * len(windows)
             )
             if match is not None and match.proven:
-                found.append(match)
-                known = theirs, ours, match.shift, low
+                (at_once if tried == 0 else found).append(match)
+                known = theirs, ours, match.shift, match.middle
                 break
-    return found
+    return found or at_once
 
 
 def _searched(search: CommandSearch, commands: Signal, mine: Signal, ways: int) -> Match | None:
     """Return the best place of a window, if there is any."""
     both = Comparison(commands, mine, search.places * ways * 16.0)
-    places = [both.near(shift) for shift in search.candidates(mine)]
-    if not places:
+    looked = sorted((both.near(shift, step=GLANCE) for shift in search.candidates(mine)), key=lambda place: place[1])
+    if not looked:
         return None
+    places = [both.near(shift, 2 * GLANCE) for shift, _ in looked[:MOST_LOOKED_AT]] + looked[MOST_LOOKED_AT:]
     best = min(places, key=lambda place: place[1])
     rivals = min((left for shift, left in places if abs(shift - best[0]) > RIVAL), default=1.0)
     return both.at(best[0], rivals)

@@ -72,9 +72,9 @@ class Comparison:
         usual = float(np.median(self._size[self._size > 0])) if (self._size > 0).any() else 0.0
         self._usual = max(usual, _LEAST_MOVE * sqrt(len(self._moves)))
 
-    def near(self, shift: float, around: float = AROUND) -> tuple[float, float]:
-        """Return the best place around one, and what is unexplained there."""
-        shifts = self._shifts(shift - around, shift + around)
+    def near(self, shift: float, around: float = AROUND, step: float = 0.0) -> tuple[float, float]:
+        """Return the best place around one, and what is unexplained there; `step` is for a first look."""
+        shifts = self._shifts(shift - around, shift + around, step)
         left = self._unexplained(shifts)
         best = int(np.argmin(left))
         return float(shifts[best]), float(left[best])
@@ -84,8 +84,7 @@ class Comparison:
         shifts = self._shifts(shift - RIVAL, shift + RIVAL)
         left = self._unexplained(shifts)
         least = float(left.min())
-        _, has = self._rows(float(shifts[int(np.argmin(left))]))
-        rows = np.flatnonzero(has)
+        rows, _ = self._rows(float(shifts[int(np.argmin(left))]))
         moves = self._independent(rows)
         if moves <= 2 or least >= 1:
             return Match(shift, RIVAL, moves, least, 0.0, 0.0, 0.0)
@@ -105,26 +104,31 @@ class Comparison:
         error = RIVAL * 2 if ambiguous else float(half) + self._period
         return Match(float(middle), error, moves, least, chance, since, until)
 
-    def _shifts(self, low: float, high: float) -> Array:
-        return np.linspace(low, high, max(3, 1 + round(2 * (high - low) / self._period)))
+    def _shifts(self, low: float, high: float, step: float = 0.0) -> Array:
+        return np.linspace(low, high, max(3, 1 + round((high - low) / max(step, self._period / 2))))
 
     def _rows(self, shift: float) -> tuple[Array, Array]:
-        """Return moves of the commands at a shift, and where there are some."""
-        t = self._at + shift
-        place = np.searchsorted(self._time, t, "right") - 1
-        place_ = np.maximum(place, 0)
-        has = (place >= 0) & (t - self._time[place_] <= max(_HOLD, 3 * self._period))
-        values = self._values[:, place_]
+        """Return which moves of the outputs are compared at a shift, and the moves of the commands there."""
+        hold = max(_HOLD, 3 * self._period)
+        first, last = np.searchsorted(self._at, [self._time[0] - shift, self._time[-1] + hold - shift])
+        if last - first <= self._far:
+            return np.zeros(0, np.int64), self._moves[:, :0]
+        t = self._at[first:last] + shift
+        place = np.maximum(np.searchsorted(self._time, t, "right") - 1, 0)
+        has = (t >= self._time[0]) & (t - self._time[place] <= hold)
+        values = self._values[:, place]
         moves = values[:, self._far :] - values[:, : -self._far]
-        return moves, has[self._far :] & has[: -self._far] & self._even & ~np.isnan(moves).any(axis=0)
+        has = has[self._far :] & has[: -self._far] & self._even[first : last - self._far]
+        has &= ~np.isnan(moves).any(axis=0)
+        return first + np.flatnonzero(has), moves[:, has]
 
     def _unexplained(self, shifts: Array) -> Array:
         left = np.ones(len(shifts))
         for k, shift in enumerate(shifts):
-            moves, has = self._rows(float(shift))
-            mine, theirs = self._moves[:, has], moves[:, has]
+            rows, theirs = self._rows(float(shift))
+            mine = self._moves[:, rows]
             # A take-off counts hardly more than what is usual in the air, on whatever side it is a little earlier.
-            weight = 1 / (self._usual + np.maximum(self._size[has], PULSE * _sizes(theirs)))
+            weight = 1 / (self._usual + np.maximum(self._size[rows], PULSE * _sizes(theirs)))
             mine, theirs = mine * weight, theirs * weight
             power = float((mine**2).sum()) * float((theirs**2).sum())
             both = float((mine * theirs).sum())
