@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 APART = 0.1  # seconds over which moves are compared: autopilots log their outputs 10 times a second at least
 AROUND = 0.06  # seconds around a candidate that are looked at: three steps of the search
+GLANCE = 0.005  # seconds between places at a first look
 RIVAL = 0.3  # seconds: agreement farther away is another place, nearer it is part of the error
 PULSE = 10.0  # microseconds of a pulse for a percent of throttle: nearly so on every autopilot
 _HOLD = 0.1  # seconds that a command holds
@@ -81,7 +82,8 @@ class Comparison:
 
     def at(self, shift: float, rivals: float = 1.0) -> Match:
         """Return the place at a shift that `near` found; `rivals` is the least unexplained of any place far from it."""
-        shifts = self._shifts(shift - RIVAL, shift + RIVAL)
+        step = max(GLANCE, self._period / 2)
+        shifts = shift + step * np.arange(-round(RIVAL / step), round(RIVAL / step) + 1)
         left = self._unexplained(shifts)
         least = float(left.min())
         rows, _ = self._rows(float(shifts[int(np.argmin(left))]))
@@ -92,7 +94,6 @@ class Comparison:
         sure = 1 + _SURE * sqrt(2 / moves)
         level = least * sure
         near = shifts[left <= level]
-        step = float(shifts[1] - shifts[0])
         fine = np.linspace(near[0] - step, near[-1] + step, _FINE + round((near[-1] - near[0]) / step))
         left = self._unexplained(fine)
         least = max(float(left.min()), 1e-9)
