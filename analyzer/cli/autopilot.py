@@ -60,11 +60,12 @@ class LogBeside:
         """Read the log, if there is one, and say what is wrong with it; None if nothing of it can be read."""
         if self._name is None:
             return None
+        from dataclasses import replace  # noqa: PLC0415
+
         from analyzer.flight.autopilot.track import OUTPUTS  # noqa: PLC0415
         from analyzer.flight.autopilot.words import SAID  # noqa: PLC0415
         from analyzer.sources.dataflash import read_log  # noqa: PLC0415 - few have a log
         from analyzer.sources.errors import CaptureError  # noqa: PLC0415
-        from dissectors.records import replace  # noqa: PLC0415
 
         try:
             log = read_log(self._name, (OUTPUTS, *SAID))

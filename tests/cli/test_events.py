@@ -240,6 +240,6 @@ def test_every_threshold_says_where_it_comes_from() -> None:
     assert all(set(entry) == {"value", "origin"} and len(entry["origin"]) > 20 for entry in entries.values())
     assert lasting("turning") == 300_000_000
     assert threshold("saturated_percent") == 99.5
-    product = "".join(path.read_text() for path in FILE.parent.glob("*.py"))
+    product = "".join(path.read_text() for path in FILE.parent.rglob("*.py"))
     for name in entries:
         assert f'"{name}"' in product or f'"{name.removesuffix("_s")}"' in product, name

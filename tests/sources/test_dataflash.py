@@ -5,19 +5,13 @@ from __future__ import annotations
 import struct
 
 import pytest
+from kit.dataflash import FMT, description
 from kit.encode import DLC_LENGTHS
 from kit.rows import FD, Frame, read, traffic
 
-FMT, CANF, CAFD, PARM = 128, 216, 217, 64
+CANF, CAFD, PARM = 216, 217, 64
 BYTES = ",".join(f"B{at}" for at in range(8))
 QUADS = ",".join(f"D{at}" for at in range(8))
-
-
-def description(kind: int, name: str, form: str, columns: str) -> bytes:
-    sizes = {"Q": 8, "B": 1, "I": 4, "N": 16, "f": 4, "n": 4, "Z": 64}
-    length = 3 + sum(sizes[character] for character in form)
-    values = [text.encode() for text in (name, form, columns)]
-    return b"\xa3\x95" + struct.pack("<BBB4s16s64s", FMT, kind, length, *values)
 
 
 HEAD = (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analyzer.flight.autopilot.match import AROUND, RIVAL, Comparison, Match
+from analyzer.flight.autopilot.match import AROUND, GLANCE, RIVAL, Comparison, Match
 from analyzer.flight.autopilot.search import CommandSearch
 from analyzer.flight.autopilot.track import Signal, outputs
 from analyzer.flight.thresholds import threshold
@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 WINDOW = 60.0  # seconds of a log that are compared at once: clocks drift little in them
 MOST_SEARCHED, MOST_WINDOWS = 8, 64
+MOST_LOOKED_AT = 8  # more closely
 _ALWAYS = 1 << 60
+_FOLLOWED = 1e3  # places that are tried for a window, once one is known
+_Window = tuple[float, float, float]  # first and last time in a log, and how much moves there
 _LEAST_WINDOW = 2.0
 _STEADY = 60.0  # seconds over which a drift can be told
 
@@ -124,47 +127,50 @@ def given(ns: int, start: int, end: int) -> Alignment:
 
 
 def _matches(commands: Signal, mine: Signal) -> list[Match]:
-    """Return where windows of a log are in a piece."""
-    if len(commands) < 2:
-        return []
-    searches: dict[tuple[int, ...], CommandSearch] = {}
+    """Return where windows of a log are in a piece.
+
+    A short capture may be anywhere in a long log, so all of it is searched first, then the windows that move the most.
+    """
     pairs = list(_pairs(commands, mine))
     windows = sorted(_windows(mine, pairs), key=lambda window: -window[2])[:MOST_WINDOWS]
+    if not windows:
+        return []
+    whole = min(low for low, *_ in windows), max(high for _, high, _ in windows), 0.0
+    searches: dict[int, CommandSearch] = {}  # by the pair
+    for window in (whole, *windows[:MOST_SEARCHED]):
+        for k, (theirs, ours) in enumerate(pairs):
+            bus, log = _of(commands, theirs), _of(mine, ours)
+            search = searches.setdefault(k, CommandSearch(bus))
+            match = _searched(search, bus, _within(log, window), len(pairs) * len(windows))
+            if match is not None and match.proven:
+                return _followed(bus, log, windows, match) or [match]
+    return []
+
+
+def _followed(bus: Signal, log: Signal, windows: Sequence[_Window], last: Match) -> list[Match]:
+    """Return where windows are, of which one is known: each is near the one before, as far as clocks drift."""
     found: list[Match] = []
-    known: tuple[Array, Array, float, float] | None = None  # rows of both, a place and when
-    for tried, (low, high, _) in enumerate(windows):
-        part = slice(*np.searchsorted(mine.time, [low, high]))
-        time = mine.time[part]
-        if known is not None:
-            theirs, ours, shift, when = known
-            around = AROUND + threshold("drift_ppm") / 1e6 * abs(low - when)
-            both = Comparison(_of(commands, theirs), Signal(time, mine.values[ours, part]), 1e3)
-            place, left = both.near(shift, around)
-            match = both.at(place) if left < threshold("unexplained") else None
-            if match is not None and match.proven:
-                found.append(match)
-            continue
-        if tried >= MOST_SEARCHED:
-            break
-        for theirs, ours in pairs:
-            key = tuple(theirs.tolist())
-            search = searches.setdefault(key, CommandSearch(_of(commands, theirs)))
-            match = _searched(
-                search, _of(commands, theirs), Signal(time, mine.values[ours, part]), len(pairs) * len(windows)
-            )
-            if match is not None and match.proven:
-                found.append(match)
-                known = theirs, ours, match.shift, low
-                break
+    waiting = list(windows)
+    while waiting:
+        window = min(waiting, key=lambda window: abs(window[0] - last.middle))
+        waiting.remove(window)
+        both = Comparison(bus, _within(log, window), _FOLLOWED)
+        around = AROUND + threshold("drift_ppm") / 1e6 * abs(window[0] - last.middle)
+        place, left = both.near(last.shift, around)
+        match = both.at(place) if left < threshold("unexplained") else None
+        if match is not None and match.proven:
+            found.append(match)
+            last = match
     return found
 
 
 def _searched(search: CommandSearch, commands: Signal, mine: Signal, ways: int) -> Match | None:
     """Return the best place of a window, if there is any."""
     both = Comparison(commands, mine, search.places * ways * 16.0)
-    places = [both.near(shift) for shift in search.candidates(mine)]
-    if not places:
+    looked = sorted((both.near(shift, step=GLANCE) for shift in search.candidates(mine)), key=lambda place: place[1])
+    if not looked:
         return None
+    places = [both.near(shift, 2 * GLANCE) for shift, _ in looked[:MOST_LOOKED_AT]] + looked[MOST_LOOKED_AT:]
     best = min(places, key=lambda place: place[1])
     rivals = min((left for shift, left in places if abs(shift - best[0]) > RIVAL), default=1.0)
     return both.at(best[0], rivals)
@@ -180,7 +186,7 @@ def _pairs(commands: Signal, mine: Signal) -> Iterator[tuple[Array, Array]]:
             yield theirs, ours
 
 
-def _windows(mine: Signal, pairs: Sequence[tuple[Array, Array]]) -> Iterator[tuple[float, float, float]]:
+def _windows(mine: Signal, pairs: Sequence[tuple[Array, Array]]) -> Iterator[_Window]:
     """Yield stretches of a log in which outputs move: first and last time, and how much."""
     rows = sorted({int(row) for _, ours in pairs for row in ours})
     if not rows or len(mine) < 3:
@@ -228,6 +234,11 @@ def _moving(values: Array, least: float) -> Array:
 
 def _of(signal: Signal, rows: Array) -> Signal:
     return Signal(signal.time, signal.values[rows])
+
+
+def _within(signal: Signal, window: _Window) -> Signal:
+    part = slice(*np.searchsorted(signal.time, window[:2]))
+    return Signal(signal.time[part], signal.values[:, part])
 
 
 def _from_start(ns: int) -> str:

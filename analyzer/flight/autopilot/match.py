@@ -15,9 +15,12 @@ if TYPE_CHECKING:
 
 APART = 0.1  # seconds over which moves are compared: autopilots log their outputs 10 times a second at least
 AROUND = 0.06  # seconds around a candidate that are looked at: three steps of the search
+GLANCE = 0.005  # seconds between places at a first look
 RIVAL = 0.3  # seconds: agreement farther away is another place, nearer it is part of the error
+PULSE = 10.0  # microseconds of a pulse for a percent of throttle: nearly so on every autopilot
 _HOLD = 0.1  # seconds that a command holds
 _SURE = 4.0  # standard deviations of what is unexplained: with more, a place is left out
+_LEAST_MOVE = 2.0  # microseconds: pulses are whole ones, and moves by one or two say little
 _BETTER = 2.0  # times less unexplained than anywhere else
 _FINE = 48
 
@@ -66,22 +69,24 @@ class Comparison:
         even = outputs.time[self._far :] - outputs.time[: -self._far] < 2.5 * max(APART, spacing * self._far)
         self._even = even & ~np.isnan(self._moves).any(axis=0)
         self._trials = trials
-        self._weight = _weights(self._moves)
+        self._size = _sizes(self._moves)
+        usual = float(np.median(self._size[self._size > 0])) if (self._size > 0).any() else 0.0
+        self._usual = max(usual, _LEAST_MOVE * sqrt(len(self._moves)))
 
-    def near(self, shift: float, around: float = AROUND) -> tuple[float, float]:
-        """Return the best place around one, and what is unexplained there."""
-        shifts = self._shifts(shift - around, shift + around)
+    def near(self, shift: float, around: float = AROUND, step: float = 0.0) -> tuple[float, float]:
+        """Return the best place around one, and what is unexplained there; `step` is for a first look."""
+        shifts = self._shifts(shift - around, shift + around, step)
         left = self._unexplained(shifts)
         best = int(np.argmin(left))
         return float(shifts[best]), float(left[best])
 
     def at(self, shift: float, rivals: float = 1.0) -> Match:
         """Return the place at a shift that `near` found; `rivals` is the least unexplained of any place far from it."""
-        shifts = self._shifts(shift - RIVAL, shift + RIVAL)
+        step = max(GLANCE, self._period / 2)
+        shifts = shift + step * np.arange(-round(RIVAL / step), round(RIVAL / step) + 1)
         left = self._unexplained(shifts)
         least = float(left.min())
-        _, has = self._rows(float(shifts[int(np.argmin(left))]))
-        rows = np.flatnonzero(has)
+        rows, _ = self._rows(float(shifts[int(np.argmin(left))]))
         moves = self._independent(rows)
         if moves <= 2 or least >= 1:
             return Match(shift, RIVAL, moves, least, 0.0, 0.0, 0.0)
@@ -89,7 +94,6 @@ class Comparison:
         sure = 1 + _SURE * sqrt(2 / moves)
         level = least * sure
         near = shifts[left <= level]
-        step = float(shifts[1] - shifts[0])
         fine = np.linspace(near[0] - step, near[-1] + step, _FINE + round((near[-1] - near[0]) / step))
         left = self._unexplained(fine)
         least = max(float(left.min()), 1e-9)
@@ -101,25 +105,32 @@ class Comparison:
         error = RIVAL * 2 if ambiguous else float(half) + self._period
         return Match(float(middle), error, moves, least, chance, since, until)
 
-    def _shifts(self, low: float, high: float) -> Array:
-        return np.linspace(low, high, max(3, 1 + round(2 * (high - low) / self._period)))
+    def _shifts(self, low: float, high: float, step: float = 0.0) -> Array:
+        return np.linspace(low, high, max(3, 1 + round((high - low) / max(step, self._period / 2))))
 
     def _rows(self, shift: float) -> tuple[Array, Array]:
-        """Return moves of the commands at a shift, and where there are some."""
-        t = self._at + shift
-        place = np.searchsorted(self._time, t, "right") - 1
-        place_ = np.maximum(place, 0)
-        has = (place >= 0) & (t - self._time[place_] <= max(_HOLD, 3 * self._period))
-        values = self._values[:, place_]
+        """Return which moves of the outputs are compared at a shift, and the moves of the commands there."""
+        hold = max(_HOLD, 3 * self._period)
+        first, last = np.searchsorted(self._at, [self._time[0] - shift, self._time[-1] + hold - shift])
+        if last - first <= self._far:
+            return np.zeros(0, np.int64), self._moves[:, :0]
+        t = self._at[first:last] + shift
+        place = np.maximum(np.searchsorted(self._time, t, "right") - 1, 0)
+        has = (t >= self._time[0]) & (t - self._time[place] <= hold)
+        values = self._values[:, place]
         moves = values[:, self._far :] - values[:, : -self._far]
-        return moves, has[self._far :] & has[: -self._far] & self._even & ~np.isnan(moves).any(axis=0)
+        has = has[self._far :] & has[: -self._far] & self._even[first : last - self._far]
+        has &= ~np.isnan(moves).any(axis=0)
+        return first + np.flatnonzero(has), moves[:, has]
 
     def _unexplained(self, shifts: Array) -> Array:
         left = np.ones(len(shifts))
         for k, shift in enumerate(shifts):
-            moves, has = self._rows(float(shift))
-            weight = self._weight[has]
-            mine, theirs = self._moves[:, has] * weight, moves[:, has] * weight
+            rows, theirs = self._rows(float(shift))
+            mine = self._moves[:, rows]
+            # A take-off counts hardly more than what is usual in the air, on whatever side it is a little earlier.
+            weight = 1 / (self._usual + np.maximum(self._size[rows], PULSE * _sizes(theirs)))
+            mine, theirs = mine * weight, theirs * weight
             power = float((mine**2).sum()) * float((theirs**2).sum())
             both = float((mine * theirs).sum())
             if power > 0 and both > 0:
@@ -129,7 +140,7 @@ class Comparison:
     def _independent(self, rows: Array) -> float:
         """Return how many moves say something of their own: few large ones count little, slow ones too."""
         rows = rows[:: self._far]  # moves that do not overlap
-        mine = self._moves[:, rows] * self._weight[rows]
+        mine = self._moves[:, rows] / (self._usual + self._size[rows])
         size = (mine**2).sum(axis=0)
         if not size.any():
             return 0.0
@@ -138,10 +149,7 @@ class Comparison:
         return count * (1 - alike**2) / (1 + alike**2)
 
 
-def _weights(moves: Array) -> Array:
-    """Return weights with which a take-off counts hardly more than what is usual in the air."""
-    size = np.sqrt((moves**2).sum(axis=0))
-    size = np.where(np.isnan(size), 0, size)
-    usual = float(np.median(size[size > 0])) if (size > 0).any() else 1.0
-    found: Array = 1 / (usual + size)
+def _sizes(moves: Array) -> Array:
+    """Return how large moves of all channels together are; 0 where they are not known."""
+    found: Array = np.nan_to_num(np.sqrt((moves**2).sum(axis=0)))
     return found
