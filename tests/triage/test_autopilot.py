@@ -117,6 +117,15 @@ def test_noise_and_drift_are_in_its_error(noise: float, drift: float, told: Call
     assert row["t_end"] - row["t"] < 60_000_000
 
 
+def test_frames_that_the_recorder_lost_are_no_hindrance(told: Callable[..., _Told]) -> None:
+    text, commands, start = flight()
+    dice = random.Random(5)
+    thinned = "".join(line for line in text.splitlines(keepends=True) if dice.random() > 0.3)
+    _, found, _ = told(thinned, log(rcou(commands, start - BEFORE)))
+    far, error = off(found, start - BEFORE)
+    assert far <= error < 20_000_000
+
+
 def test_no_other_flight_is_taken_for_it(told: Callable[..., _Told]) -> None:
     flights = [flight(), flight(seed=2), flight("mission", 2, 20)]
     for text, _, start in flights:

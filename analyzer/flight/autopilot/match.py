@@ -18,7 +18,7 @@ AROUND = 0.06  # seconds around a candidate that are looked at: three steps of t
 GLANCE = 0.005  # seconds between places at a first look
 RIVAL = 0.3  # seconds: agreement farther away is another place, nearer it is part of the error
 PULSE = 10.0  # microseconds of a pulse for a percent of throttle: nearly so on every autopilot
-_HOLD = 0.1  # seconds that a command holds
+_HOLD = 0.02  # seconds that a command holds: of one that was lost nothing is known
 _SURE = 4.0  # standard deviations of what is unexplained: with more, a place is left out
 _LEAST_MOVE = 2.0  # microseconds: pulses are whole ones, and moves by one or two say little
 _BETTER = 2.0  # times less unexplained than anywhere else
@@ -94,11 +94,13 @@ class Comparison:
         sure = 1 + _SURE * sqrt(2 / moves)
         level = least * sure
         near = shifts[left <= level]
-        fine = np.linspace(near[0] - step, near[-1] + step, _FINE + round((near[-1] - near[0]) / step))
+        low, high = near[0] - step, near[-1] + step
+        grain = (high - low) / (_FINE + round((near[-1] - near[0]) / step))
+        fine = np.sort(np.append(np.arange(low, high, grain), shift))
         left = self._unexplained(fine)
         least = max(float(left.min()), 1e-9)
         inside = fine[left <= max(least, 1e-6) * sure]
-        middle, half = (inside[0] + inside[-1]) / 2, (inside[-1] - inside[0]) / 2 + (fine[1] - fine[0])
+        middle, half = (inside[0] + inside[-1]) / 2, (inside[-1] - inside[0]) / 2 + grain
         chance = (moves - 2) / 2 * log10(least) + log10(max(self._trials, 1))
         digits = moves / 2 * log10(max(rivals, 1e-9) / least)  # by which it is likelier than the next best place
         ambiguous = rivals < _BETTER * least or digits < threshold("chance_digits")

@@ -90,8 +90,8 @@ class CommandTrack(ReportEvents):
             for start, end, ran, first, last in _stretches(self._clock, frame)
             if last > first
         ]
-        kept = sorted(found, key=lambda piece: len(piece.commands))[-MOST_PIECES:]
-        return [piece for piece in found if piece in kept]
+        longest = sorted(range(len(found)), key=lambda k: len(found[k].commands))[-MOST_PIECES:]
+        return [found[k] for k in sorted(longest)]
 
 
 class _Kept:
