@@ -125,7 +125,7 @@ def _columns(form: str, names: str, records: bytes) -> dict[str, Array]:
     fields = [(f"{place}", _STORED[character]) for place, character in enumerate(form)]
     found = np.frombuffer(records, np.dtype([("header", _HEADER), *fields]))
     columns: dict[str, Array] = {}
-    for (place, _), name, character in zip(fields, names.split(","), form, strict=True):
+    for (place, _), name, character in zip(fields, names.split(","), form, strict=False):  # names may be too many
         if name not in columns:
             columns[name] = found[place] * _SCALES[character] if character in _SCALES else found[place]
     return columns

@@ -119,6 +119,11 @@ def test_a_name_that_is_described_anew_keeps_its_order() -> None:
     assert set(table.columns) == {"TimeUS", "Id"}
 
 
+def test_more_names_than_fields() -> None:
+    named = description(93, "EV", "QB", "TimeUS,Id,More,Than,There,Are")
+    assert log(HEAD + named + RECORDS[2]).table("EV").columns["Id"].tolist() == [10]
+
+
 def test_records_without_a_time_are_no_table() -> None:
     bare = description(93, "EV", "B", "Id")
     assert log(HEAD + bare + b"\xa3\x95\x5d\x0a").tables == {}

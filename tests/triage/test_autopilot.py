@@ -126,6 +126,17 @@ def test_frames_that_the_recorder_lost_are_no_hindrance(told: Callable[..., _Tol
     assert far <= error < 20_000_000
 
 
+def test_wrong_times_in_the_log_hide_nothing(told: Callable[..., _Told]) -> None:
+    """Records have no checksum: a flipped bit may be a time in years from now."""
+    text, commands, start = flight()
+    outputs = rcou(commands, start - BEFORE)
+    for at, micros in ((20, 2**51), (40, 0), (41, 2**40), (70, 2**51)):
+        outputs[at] = (outputs[at][0], outputs[at][1][:3] + micros.to_bytes(8, "little") + outputs[at][1][11:])
+    _, found, _ = told(text, log(outputs))
+    far, error = off(found, start - BEFORE)
+    assert far <= error < 6_000_000
+
+
 def test_no_other_flight_is_taken_for_it(told: Callable[..., _Told]) -> None:
     flights = [flight(), flight(seed=2), flight("mission", 2, 20)]
     for text, _, start in flights:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 GRID = 0.02  # seconds: finer is not needed to find a place, and slower moves tell it
 SLOWEST = 4.0  # seconds: slower moves are left out, all flights have them
+MOST_ROWS = 4  # channels that a place is searched by: with more it is not found better
 MOST_CANDIDATES = 24  # by each of two measures
 _NEAR = 3  # grid steps that are one place
 
@@ -92,11 +93,12 @@ def _peaks(measure: Array) -> list[int]:
 def _gridded(signal: Signal, start: float, end: float) -> _Gridded:
     size = int((end - start) / GRID) + 1
     cell = np.clip(((signal.time - start) / GRID).astype(np.int64), 0, size - 1)
-    good = ~np.isnan(signal.values).any(axis=0)
+    rows = signal.values[:MOST_ROWS]
+    good = ~np.isnan(rows).any(axis=0)
     cell = cell[good]
     count = np.bincount(cell, minlength=size)
     has = (count > 0).astype(np.float64)
-    sums = np.array([np.bincount(cell, row[good], size) for row in signal.values])
+    sums = np.array([np.bincount(cell, row[good], size) for row in rows])
     values = sums / np.maximum(count, 1)
     return _Gridded(start, (values - _slow(values, has)) * has, has)
 

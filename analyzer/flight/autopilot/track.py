@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 MOST_COMMANDS = 1 << 21  # 90 minutes of 400 Hz; of more every second one is kept
 MOST_PIECES = 8
+MOST_SPAN = 86_400.0  # seconds that are compared
+_BESIDE, _APART = 2, 10.0  # records on each side that tell whether a time is credible, and how far off it may be
 MOST_CHANNELS = 14  # that a record of outputs has
 OUTPUTS = "RCOU"
 
@@ -140,6 +142,7 @@ def _stretches(clock: RecordedClock, frame: Array) -> Iterator[tuple[int, int, i
 
 def _signal(t: Array, values: Array, start: int) -> Signal:
     order = np.argsort(t, kind="stable")
+    order = order[t[order] <= start + MOST_SPAN * SECOND]
     return Signal((t[order] - start) / SECOND, values[:, order])
 
 
@@ -147,9 +150,18 @@ def outputs(log: AutopilotLog) -> Signal:
     """Return the outputs of the log, in microseconds of pulse; times are seconds since the autopilot started."""
     table = log.table(OUTPUTS)
     names = [name for k in range(1, MOST_CHANNELS + 1) if (name := f"C{k}") in table.columns]
-    numeric = [name for name in names if table.columns[name].dtype.kind in "iuf"]
-    if not len(table) or not numeric:
+    pulses = [table.columns[name].astype(np.float64) for name in names if table.columns[name].dtype.kind in "iu"]
+    if not len(table) or not pulses:
         return Signal(np.zeros(0), np.zeros((0, 0)))
-    time = table.time / 1e6
-    later = np.flatnonzero(np.diff(np.maximum.accumulate(time), prepend=-1.0) > 0)  # each time once, none back
-    return Signal(time[later], np.array([table.columns[name][later].astype(np.float64) for name in numeric]))
+    rows = _credible(table.time / 1e6)
+    return Signal(table.time[rows] / 1e6, np.array(pulses)[:, rows])
+
+
+def _credible(time: Array) -> Array:
+    """Return the rows whose times go on: records have no checksum, and one wrong time would hide all behind it."""
+    around = np.pad(time, _BESIDE, mode="edge")
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(around, 2 * _BESIDE + 1), axis=1)
+    near = (np.abs(time - usual) < _APART) & (np.abs(time - np.median(time)) < MOST_SPAN / 2)
+    rows = np.flatnonzero(near)
+    found: Array = rows[np.diff(np.maximum.accumulate(time[rows]), prepend=-1.0) > 0]  # each time once, none back
+    return found
