@@ -93,14 +93,14 @@ def _explained(
     words: list[str], phrase: str, registry: Registry, pages: Mapping[str, Page], width: int, palette: Palette
 ) -> str:
     """Return the pages of rules in their order, then those of other words. Raises `LookupError` with near names."""
-    from analyzer.flight.verdict.pages import verdict_pages  # noqa: PLC0415
+    from analyzer.flight.verdict.pages import VERDICTS  # noqa: PLC0415
     from analyzer.report.explain import render  # noqa: PLC0415
     from analyzer.report.triage.explain import render as verdict  # noqa: PLC0415
     from analyzer.rules.catalogue import matching  # noqa: PLC0415
 
     rules, others, verdicts = set[str](), list[str](), list[str]()
     for word in words:
-        if word.lower() in verdict_pages():
+        if word.lower() in VERDICTS:
             verdicts.append(word.lower())
             continue
         try:

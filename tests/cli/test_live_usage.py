@@ -49,7 +49,7 @@ def nothing_opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         (f"{BUS} -w - -T json", "-T json and -w - contradict each other"),
         (f"{BUS} -T fields", "-T fields and -e FIELD go together"),
         (f"{BUS} -e dronecan.src", "-T fields and -e FIELD go together"),
-        (f"{BUS} -T fields -e dronecan.scr", "no field 'dronecan.scr'; did you mean dronecan.src"),
+        (f"{BUS} -T fields -e dronecan.scr", "no field or type is called 'dronecan.scr'; did you mean dronecan.src"),
         (f"{BUS} -O Nonsense", "no message is called 'Nonsense'"),
         (f"{BUS} --list --json -", "standard output is taken"),
         (f"{BUS} -w - --json -", "standard output is taken"),

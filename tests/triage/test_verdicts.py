@@ -13,7 +13,7 @@ from kit.simulated import simulation, text_of
 
 import analyzer
 from analyzer.flight.inquest import inquest
-from analyzer.flight.verdict.pages import verdict_pages
+from analyzer.flight.verdict.pages import VERDICTS, verdict_pages
 from analyzer.flight.witness import Witness
 from analyzer.report.triage import json as as_json
 from analyzer.simulate.faults import catalogue
@@ -116,7 +116,7 @@ def test_it_does_not_matter_how_batches_are_cut(
 
 def test_every_kind_has_a_page_and_a_place_in_the_schema() -> None:
     kinds = as_json.schema()["$defs"]["verdict"]["properties"]["kind"]["enum"]
-    assert set(kinds) == set(verdict_pages())
+    assert set(kinds) == set(VERDICTS) == set(verdict_pages())
     known = {cause["cause"]["kind"] for cause in STORIES.values()} | {"control"}
     assert known <= set(kinds)
 

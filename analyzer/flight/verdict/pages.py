@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +11,10 @@ from dissectors.records import dataclass
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+VERDICTS = (
+    "esc", "propulsion", "thrust", "control", "setup", "commanded", "commands-lost", "wiring", "bus", "battery",
+    "recorder", "address", "device", "none", "unknown",
+)  # fmt: skip
 FILE = Path(__file__).with_name("pages.toml")
 LABELS = {"speaks": "For it", "against": "Against", "near": "Near", "next": "Next"}
 
@@ -30,5 +33,7 @@ class VerdictPage:
 
 @cache
 def verdict_pages() -> Mapping[str, VerdictPage]:
-    """Return the pages by kind."""
+    """Return the pages of `VERDICTS`, by kind."""
+    import tomllib  # noqa: PLC0415 - only for who reads a page
+
     return {kind: VerdictPage(**page) for kind, page in tomllib.loads(FILE.read_text(encoding="utf-8")).items()}
