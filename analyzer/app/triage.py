@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.flight.flights import Flight
     from analyzer.flight.verdict.model import Triage, Verdict
+    from analyzer.sources.dataflash import AutopilotLog
     from analyzer.sources.origin import Origin
 
 _AROUND = "100ms"
@@ -70,11 +71,12 @@ class RunTriage:
 
     Args:
         run: not read yet. Raises `ProfileError` for a wrong `plots.toml`.
+        log: the autopilot's own log of the flight.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, log: AutopilotLog | None = None) -> None:
         self._run = run
-        self._witness = Witness(run.registry)
+        self._witness = Witness(run.registry, log)
         self._frames = 0
 
     def over(self, batches: Iterable[Batch]) -> Iterator[Batch]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.app.targets import refuse_input
 from analyzer.cli import options, reports, status
+from analyzer.cli.autopilot import LogBeside, add_log
 from analyzer.report.triage.formats import FORMATS
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add_reader(parser)
     options.add_threads(parser)
     parser.add_argument("--story", action="store_true", help="every event in order, instead of the screen")
+    add_log(parser)
     options.add_dialect(parser)
     reports.add(parser, forms=FORMATS, everything="what does not fit on a screen")
     options.add_window(parser)
@@ -41,19 +43,22 @@ def run(args: argparse.Namespace) -> int:
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
 
     try:
+        beside = LogBeside(args)
         request = options.request(args)
         files = list(reports.files(args, FORMATS))
         for _, path in files:
             refuse_input(request.names, path)
         with ExitStack() as stack:
-            return _answer(request, reports.opened(files, stack), args)
+            return _answer(request, reports.opened(files, stack), beside, args)
     except (argparse.ArgumentTypeError, LookupError, ValueError) as error:
         return status.usage(error, NAME)
     except TargetError as error:
         return status.damaged(error)
 
 
-def _answer(request: Request, targets: list[reports.Opened], args: argparse.Namespace) -> int:
+def _answer(
+    request: Request, targets: list[reports.Opened], beside: LogBeside, args: argparse.Namespace
+) -> int:  # fmt: skip
     from analyzer.app.triage import RunTriage  # noqa: PLC0415
     from analyzer.cli.complaints import Complaints  # noqa: PLC0415
     from analyzer.cli.reading import reading, watched  # noqa: PLC0415
@@ -62,7 +67,7 @@ def _answer(request: Request, targets: list[reports.Opened], args: argparse.Name
     complaints = Complaints()
     with reading(request, complaints) as run:
         checked(request.rules.readings(), run.registry)
-        triage = RunTriage(run)
+        triage = RunTriage(run, beside.read())
         with watched(run.source, complaints) as progress:
             for _ in progress.over(triage.over(run.inside())):
                 pass
@@ -74,7 +79,8 @@ def _answer(request: Request, targets: list[reports.Opened], args: argparse.Name
     written = reports.all_written(targets, found, everything=args.all, forms=FORMATS)
     if not any(target.name == "standard output" for _, target, _ in targets):
         _tell(found, args)
-    return _status(run, found, written=written)
+    beside.conclude(found.autopilot)
+    return beside.status(_status(run, found, written=written))
 
 
 def _status(run: Run, found: Triage, *, written: bool) -> int:

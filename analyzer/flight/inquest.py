@@ -24,10 +24,23 @@ def inquest(
     witness: Witness, captures: Sequence[str], buses: Sequence[str], *, start: int | None, end: int | None,
     frames: int, commands: Callable[[Verdict, Flight | None], Sequence[str]],
 ) -> Triage:  # fmt: skip
-    """Return what happened, after the last batch: of the last flight. `commands` are what to do next."""
+    """Return what happened, after the last batch: of the last flight. `commands` are what to do next.
+
+    What the autopilot's own log says is told beside it; the verdict is that of the bus.
+    """
     events, flights = witness.events(), witness.flights()
     made = partial(
-        Triage, captures, buses, start, end, frames, flights, events=events, more=witness.more, not_seen=NOT_SEEN
+        Triage,
+        captures,
+        buses,
+        start,
+        end,
+        frames,
+        flights,
+        events=events,
+        more=witness.more,
+        not_seen=NOT_SEEN if witness.autopilot is None else (),
+        autopilot=witness.autopilot,
     )
     if not flights:
         why = _unjudged(witness, start)
@@ -35,11 +48,14 @@ def inquest(
         empty = start is None or not witness.losses.transfers
         return made(None, [verdict], judged=why, empty=empty, commands=commands(verdict, None))
     flight = flights[-1]
-    border = max([witness.clock.ran or flight.last.ran, *(one.first.ran for one in events)])
-    found = judge(witness, events, _whole(flights, events), border)
+    bus = [one for one in events if one.source == "bus"]
+    border = max([witness.clock.ran or flight.last.ran, *(one.first.ran for one in bus)])
+    found = judge(witness, bus, _whole(flights, bus), border)
+    near = lasting("said_around")
+    said = [one for one in events if one.source != "bus" and abs(one.first.ran - found.began) <= near]
     return made(
         flight, found.verdicts, after=found.after, earlier=found.earlier, excluded=found.excluded, looked=found.looked,
-        lines=found.lines, primary=found.primary, commands=commands(found.verdicts[0], flight),
+        lines=found.lines, primary=found.primary, said=said, commands=commands(found.verdicts[0], flight),
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from analyzer.flight.extents import EscExtents
 from analyzer.flight.finder import EventFinder
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
     from analyzer.flight.silences import SenderPace
+    from analyzer.sources.dataflash import AutopilotLog
     from dissectors import Registry
 
 
@@ -25,10 +26,11 @@ class Witness:
 
     Args:
         registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
+        log: what the vehicle's autopilot wrote, whose words become events, too, if it can be aligned.
     """
 
-    def __init__(self, registry: Registry) -> None:
-        self._finder = EventFinder(registry)
+    def __init__(self, registry: Registry, log: AutopilotLog | None = None) -> None:
+        self._finder = EventFinder(registry, log)
         self.clock: RecordedClock = self._finder.clock
         self._flights = FlightFinder(registry, self.clock)
         self.pulse = CommandPulse(self.clock, self._finder.commands)
@@ -50,6 +52,11 @@ class Witness:
     def events(self) -> list[FlightEvent]:
         """Return the events, after the last batch, in the order of the capture."""
         return self._finder.events()
+
+    @property
+    def autopilot(self) -> dict[str, Any] | None:
+        """What became of the autopilot's log, after `events`; None without one."""
+        return self._finder.autopilot
 
     @property
     def more(self) -> int:

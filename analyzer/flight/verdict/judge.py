@@ -33,7 +33,7 @@ _ORDINARY = frozenset({"mode", "join", "arming"})
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What broke first in one flight, what came after it, and what was over before."""
+    """What broke first in one flight, what came after it, and what was over before; `began` is a recorded time."""
 
     verdicts: Sequence[Verdict]
     primary: Sequence[FlightEvent]
@@ -42,6 +42,7 @@ class Judgement:
     excluded: Sequence[Excluded]
     looked: Sequence[str]
     lines: Sequence[tuple[str, str]]
+    began: int
 
 
 def judge(witness: Witness, events: Sequence[FlightEvent], flight: Flight, border: int) -> Judgement:
@@ -58,7 +59,14 @@ def judge(witness: Witness, events: Sequence[FlightEvent], flight: Flight, borde
     ]  # fmt: skip
     earlier = [one for one in case.events if one not in primary and one.first.ran < began and one.kind not in _ORDINARY]
     return Judgement(
-        verdicts, primary, after, earlier, excluded(case, verdicts[0], began), looked_at(case), recorder_lines(case)
+        verdicts,
+        primary,
+        after,
+        earlier,
+        excluded(case, verdicts[0], began),
+        looked_at(case),
+        recorder_lines(case),
+        began,
     )
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
@@ -55,9 +55,10 @@ class Triage:
     """What happened in a capture: the verdicts on one flight, the first of them is what broke first.
 
     `judged` is why nothing could be judged, empty if it could, and `empty` that nothing of DroneCAN, or no time, is in
-    it at all. `primary` are the events that began it, `after`
-    consequences, `earlier` what was over before. `lines` speak of the clock and the recorder, with a label each,
-    `not_seen` of what is not on the bus, `looked` of what was looked at, `commands` of what to do next.
+    it at all. `primary` are the events that began it, `after` consequences, `earlier` what was over before. `said` is
+    what the autopilot's log says around it, `autopilot` how that log lies on the capture, None without one. `lines`
+    speak of the clock and the recorder, with a label each, `not_seen` of what is not on the bus, `looked` of what was
+    looked at, `commands` of what to do next.
     """
 
     captures: Sequence[str]
@@ -80,6 +81,8 @@ class Triage:
     lines: Sequence[tuple[str, str]] = ()
     commands: Sequence[str] = ()
     primary: Sequence[FlightEvent] = ()
+    said: Sequence[FlightEvent] = ()
+    autopilot: Mapping[str, Any] | None = None
 
     @property
     def first(self) -> Verdict:

@@ -51,6 +51,8 @@ def plain(found: Triage) -> Mapping[str, Any]:
         "recording": [{"label": label, "text": text} for label, text in found.lines],
         "events": [_event(one, buses) for one in found.events],
         "more_events": found.more,
+        "said": [_event(one, buses) for one in found.said],
+        "autopilot": None if found.autopilot is None else dict(found.autopilot),
         "next": list(found.commands),
     }
 

@@ -35,6 +35,7 @@ def _parts(found: Triage, words: TriageWords) -> Iterator[tuple[str, Sequence[st
     yield "For", one.reasons
     yield "Against", one.against
     yield "Ruled out", [f"{excluded.fact}: {excluded.seen}" for excluded in found.excluded]
+    yield "Autopilot", [f"{words.time(x.first.t)} {x.kind}: {x.text}" for x in found.said]
     yield "After it", [f"{words.time(x.first.t)} {x.kind}: {x.text}" for x in found.after[:_MOST_AFTER]]
     yield "Recording", [f"{label}: {text}" for label, text in found.lines]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _LABEL = 11
 LINES = 24
-_AFTER, _EARLIER = 3, 2
+_SAID, _AFTER, _EARLIER = 4, 3, 2
 
 
 def render(
@@ -42,9 +42,8 @@ class _Screen:
         found = self._found
         yield from self._head()
         yield from self._verdict(found.first, "What broke first")
-        parts = [
-            list(part) for part in (self._others(), self._after(), self._excluded(), self._seen(), self._earlier())
-        ]
+        below = self._said, self._others, self._after, self._excluded, self._seen, self._earlier
+        parts = [list(part()) for part in below]
         closing = [*self._next()]
         room = LINES - 1 - len(list(self._head())) - len(list(self._verdict(found.first, ""))) - len(closing)
         for part in parts:
@@ -99,6 +98,14 @@ class _Screen:
             yield from self._rows(" for", one.reasons)
             yield from self._rows(" against", one.against or ("nothing found",))
 
+    def _said(self) -> Iterator[str]:
+        """Yield what the autopilot's log says around it."""
+        log = self._found.autopilot
+        if log is not None and log["parts"]:
+            yield from self._events("Autopilot", self._found.said, _SAID, " around it, of the autopilot's log")
+            if not self._found.said:
+                yield from self._row("Autopilot", "its log says nothing within 5 s of it")
+
     def _others(self) -> Iterator[str]:
         for one in self._found.verdicts[1:3]:
             yield from self._row("Then, or", f"{self._words.time(one.t_end)}  {one.title} ({one.support})")
@@ -126,7 +133,7 @@ class _Screen:
         if self._found.looked and (not self._found.first.told or self._all):
             yield from self._row("Looked at", "; ".join(self._found.looked))
         if self._found.not_seen:
-            yield from self._row("Not on CAN", f"{', '.join(self._found.not_seen)}")
+            yield from self._row("Not on CAN", f"{', '.join(self._found.not_seen)}.  Add --with flight.bin")
 
     def _next(self) -> Iterator[str]:
         for label, command in zip(
