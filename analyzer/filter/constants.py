@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 ARITHMETIC = {"+": operator.add, "-": operator.sub, "*": operator.mul}
 LITERALS = (Number, QuotedText, Octets)
 _NUMBER = re.compile(r"\s*[-+]?[\d.]")
+_OCTET = re.compile(r"(?:0[xX])?[0-9A-Fa-f]{2}")
 _TRUE, _FALSE = ("true", "set", "yes"), ("false", "unset", "no")
 
 
@@ -97,8 +98,15 @@ class Constants:
             raise self.fail('a time is written "12:49:54.89" or "2026-03-14 12:49:54.89", with the quotes', node)
         return Moment("absolute", int(self.scaled(number, Kind("duration", unit="s"))))
 
+    def octet(self, node: Syntax) -> Number | None:
+        """Return one byte as it is written, two hexadecimal digits as a number; None for anything else."""
+        written = self.text[slice(*node.span)].strip()
+        if isinstance(node, (Number, Word)) and _OCTET.fullmatch(written):
+            return Number(written, int(written, 16), "", node.span)
+        return None
+
     def _number(self, node: Syntax, kind: Kind, *, code: bool) -> float:
-        number = self.constant(node)
+        number = (self.octet(node) if kind.octet else None) or self.constant(node)
         if number is None:
             return self._named(node, kind)
         found = self.scaled(number, kind)
@@ -197,10 +205,8 @@ class Constants:
             return node.value
         if isinstance(node, QuotedText):
             return text_bytes(text_value(node, self.text))
-        written = self.text[slice(*node.span)].strip()
-        digits = written[2:] if written[:2].lower() == "0x" else written
-        if isinstance(node, (Number, Word)) and len(digits) == 2 and set(digits) <= set("0123456789abcdefABCDEF"):
-            return bytes.fromhex(digits)
+        if one := self.octet(node):
+            return bytes([int(one.value)])
         raise self.fail("the field is bytes: they are written 0a:ff, one alone 0a or 0x0a", node)
 
 

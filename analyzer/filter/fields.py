@@ -21,6 +21,7 @@ class Kind:
 
     `texts` name numbers; if they are `closed`, others are mistakes. `special` are numbers that stand for no number.
     `low` and `high` are what the field can hold. `mask` are the bits that say whether a word of flags is set.
+    An `octet` is written as a byte is: two digits are hexadecimal.
     """
 
     sort: Sort
@@ -32,6 +33,7 @@ class Kind:
     high: float | None = None
     whole: bool = False
     mask: int = 0
+    octet: bool = False
 
     @property
     def numeric(self) -> bool:

@@ -38,11 +38,17 @@ class Operands(Constants):
     def __init__(self, text: str, names: FilterNames) -> None:
         super().__init__(text, names)
         self.lags: list[LagNode] = []
+        self._made: dict[int, tuple[Syntax, ValueNode]] = {}  # asked for more than once at every level of a tree
 
     # ---- values that rows have
 
     def make(self, node: Syntax) -> ValueNode:
         """Return the values of a tree that is no constant. Raises `FilterError`."""
+        if id(node) not in self._made:
+            self._made[id(node)] = node, self._value(node)
+        return self._made[id(node)][1]
+
+    def _value(self, node: Syntax) -> ValueNode:
         if isinstance(node, Word):
             return FieldNode(self.names.find(node.text, self.text, node.span[0]))
         if isinstance(node, Slice):
@@ -62,7 +68,7 @@ class Operands(Constants):
         """Return values that can be added; a piece of one byte is a number. Raises `FilterError`."""
         found = self.make(node)
         if found.kind.sort == "bytes" and isinstance(node, Slice) and one_byte(node.pieces):
-            return MappedNode(found, Kind("number", low=0, high=255, whole=True), byte_values)
+            return MappedNode(found, Kind("number", low=0, high=255, whole=True, octet=True), byte_values)
         if not found.kind.numeric or (found.kind.sort == "number" and found.kind.closed and found.kind.texts):
             if found.kind.numeric:
                 return found
@@ -87,7 +93,7 @@ class Operands(Constants):
             for side, of in ((left, node.left), (right, node.right)):
                 if not side.kind.whole and side.kind.sort != "flag":
                     raise self.fail("bits are taken of whole numbers only", of)
-            kind = Kind("number", whole=True, mask=-1)
+            kind = Kind("number", whole=True, mask=-1, octet=left.kind.octet or right.kind.octet)
             return PairNode(left, right, kind, lambda a, b: (_whole(a) & _whole(b), None))
         if node.op in ("+", "-") and left.kind.unit and right.kind.unit and left.kind.unit != right.kind.unit:
             raise self.fail(f"{left.kind.unit} and {right.kind.unit} cannot be added", node)
@@ -109,6 +115,11 @@ class Operands(Constants):
         """Return both sides, constants in the unit of the other side where that has to be the same."""
         same = node.op in ("+", "-", "%")
         constant = [self.constant(side) for side in (node.left, node.right)]
+        if node.op == "&":  # bits of a byte are written as a byte is
+            for place, (side, other) in enumerate(((node.left, node.right), (node.right, node.left))):
+                one = self.octet(side)
+                if one is not None and constant[1 - place] is None and self.number(other).kind.octet:
+                    constant[place] = one
         if constant[0] is not None and constant[1] is not None:
             raise self.fail("a calculation needs a field", node)
         sides: list[ValueNode] = []

@@ -23,7 +23,12 @@ WORDS = {
     "in": "in", "bitwise_and": "&", "mod": "%", "any": "any", "all": "all",
 }  # fmt: skip
 # What other languages call it.
-_MEANT = {"=": "==", "=>": ">=", "=<": "<=", "<>": "!=", "|": "||", "^": "", "#": "", ";": "", "?": "", "@": ""}
+_MEANT = {
+    "=": "==", "=>": ">=", "=<": "<=", "<>": "!=", "|": "||", "^": "", "#": "", ";": "", "?": "", "@": "",
+    "\u2265": ">=", "\u2264": "<=", "\u2260": "!=",
+}  # fmt: skip
+_CAPITALS = ("AND", "OR", "NOT", "IN", "CONTAINS", "MATCHES")
+_CURLED = "\u201c\u201d\u201e\u2018\u2019\u00ab\u00bb"
 
 _SPACE = re.compile(r"\s+")
 _OCTETS = re.compile(r"[0-9A-Fa-f]{2}(?::[0-9A-Fa-f]{2})+(?![\w:])")
@@ -91,6 +96,8 @@ class Scanner:
                 "one character stands between single quotes, text between double quotes", start, found.end()
             )
         if found := _WORD.match(text, start):
+            if found[0] in _CAPITALS:
+                raise self.fail(f"{found[0]} is written {found[0].lower()}", start, found.end())
             return self._took(WORDS.get(found[0], "word"), found, found[0])
         return self._mark(start)
 
@@ -105,6 +112,8 @@ class Scanner:
             return self._took(OPERATORS[found[0]], found, found[0])
         if text[start] in "\"'" or text.startswith('r"', start):
             raise self.fail("the text that begins here has no quote at its end", start, len(text))
+        if text[start] in _CURLED:
+            raise self.fail('text stands between straight quotes: "text"', start, start + 1)
         raise self.fail(f"{text[start]!r} has no meaning here", start, start + 1)
 
     def pieces(self) -> list[tuple[int | None, str, int | None, int, int]]:
@@ -156,6 +165,8 @@ class Scanner:
             value = Fraction(text)
         self._at, unit = end, ""
         behind = _UNIT.match(self.text, end)
-        if behind is not None and behind[1] not in WORDS:
+        if behind is not None and behind[1] not in (*WORDS, *_CAPITALS):
             unit, self._at = behind[1], behind.end()
+        if text == "0" and unit[:1] in ("x", "X"):
+            raise self.fail("digits of a hexadecimal number are 0 to 9 and a to f", start, self._at)
         return FilterToken("number", text, start, self._at, value=value, unit=unit)

@@ -251,6 +251,12 @@ def test_what_means_the_same(text: str, same: str, command: Callable[..., tuple[
     ("text", "holds"),
     [
         ("frame.data[7] & 0x20", lambda data: len(data) > 7 and data[7] & 0x20),
+        ("frame.data[7] & 20", lambda data: len(data) > 7 and data[7] & 0x20),
+        ("20 & frame.data[7]", lambda data: len(data) > 7 and data[7] & 0x20),
+        ("frame.data[7] & e0 == c0", lambda data: len(data) > 7 and data[7] & 0xE0 == 0xC0),
+        ("(frame.data[7] & f0) & 10 == 10", lambda data: len(data) > 7 and data[7] & 0x10),
+        ("frame.data[7] & 8", lambda data: len(data) > 7 and data[7] & 8),
+        ("frame.data[7] + 20 > 212", lambda data: len(data) > 7 and data[7] + 20 > 212),
         ("(data.data[-1] & 0x1f) == 3", lambda data: data and data[-1] & 0x1F == 3),
         ("frame.data[0:1] & 0x80", lambda data: data and data[0] & 0x80),
         ("frame.data[2-2] + 1 > 200", lambda data: len(data) > 2 and data[2] + 1 > 200),

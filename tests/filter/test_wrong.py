@@ -108,6 +108,30 @@ WRONG = [
     ("«a.b.c»", "no field or type is called 'a.b.c'"),
     ("RawCommand.«nothing»", "it has: cmd, percent"),
     ("ESCStatus.«nothing»", "it has: error_count, status, voltage, current"),
+    ("can.len == 8 «AND» can.id", "AND is written and"),
+    ("can.len «IN» {8}", "IN is written in"),
+    ("«NOT» can.id", "NOT is written not"),
+    ("ESCStatus.voltage «≥» 4", "write >="),
+    ("ESCStatus.voltage «≠» 4", "write !="),
+    ("dronecan.type == «“»ESCStatus”", 'text stands between straight quotes: "text"'),
+    ("can.id == «0xZZ»", "digits of a hexadecimal number are 0 to 9 and a to f"),
+    ("can.len == 8 &&«&» can.id", "a field, a value or a parenthesis is expected, not &"),
+    ("(«)»", "a field, a value or a parenthesis is expected, not )"),
+    ("can.id == 5 and not« »", "the filter ends here, but a field"),
+    ("«and» can.id", "a field, a value or a parenthesis is expected, not and"),
+    ("1 < «x» < 5", "no field or type is called 'x'"),
+    ('1 < can.len < «"a"»', "the field is a number, not text"),
+    ("can.len >= «1 <= 8»", "two values are compared here"),
+    ("can.len in {1,«,»2}", "a field, a value or a parenthesis is expected, not ,"),
+    ("can.len in {1..«}»", "a field, a value or a parenthesis is expected, not }"),
+    ("can.len in «(»1,2)", "a set in braces, such as {1, 3..5} is expected"),
+    ("frame.data[7] & «zz»", "no field or type is called 'zz'"),
+    ("frame.data[«-1:0»] == 00", "a length of at least 1"),
+    ("node.label == «5»", "put what it is compared with in double quotes"),
+    ('dronecan.type matches «"["»', "a closing bracket is missing"),
+    ("«can.len» contains 8", "contains looks into text and bytes only"),
+    ("ESCStatus.voltage > «44 km»", "km does not fit: the field is in V"),
+    ("ESCStatus.voltage «between» 1 and 2", "an operator such as && or == is expected, not a name"),
 ]  # fmt: skip
 
 
@@ -191,6 +215,13 @@ def test_a_type_has_any_of_its_names(text: str, name: str, command: Callable[...
     code, out, _ = command("decode", CAPTURES / "hover.log", "-Y", text, "-T", "fields", "-e", "dronecan.type")
     assert code == 0
     assert set(out.splitlines()) == {name}
+
+
+@pytest.mark.parametrize("step", ["+ 1", "& 10", "- can.len"])
+def test_what_is_nested_is_read_in_no_time(step: str) -> None:
+    """Each level was read twice or three times: 40 of them would not have ended."""
+    text = "(" * 40 + "frame.data[0]" + f" {step})" * 40 + " > 3"
+    assert compile_filter(text, dissectors.load()).text == text
 
 
 @pytest.mark.parametrize(("text", "reason"), WRONG)

@@ -1,0 +1,64 @@
+"""Asks tshark which frames filters select, and writes its answers to tests/filter/tshark.json.
+
+    python tests/bench/filter_tshark.py [FILTER...]
+
+Filters that stand there are asked for again, and those on the command line, too. Needs tshark.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from itertools import groupby
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from kit import CAPTURES, TESTS
+
+from analyzer.cli import main as tailbyte
+
+KNOWN = TESTS / "filter" / "tshark.json"
+
+
+def asked(tshark: str, capture: Path, text: str) -> list[int]:
+    """Return the numbers of the frames that tshark selects."""
+    arguments = [tshark, "-r", str(capture), "-Y", text, "-T", "fields", "-e", "frame.number"]
+    found = subprocess.run(arguments, capture_output=True, text=True, check=False, env={"TZ": "UTC"})
+    if found.returncode:
+        sys.exit(f"tshark does not take {text!r}: {found.stderr.strip()}")
+    return list(map(int, found.stdout.split()))
+
+
+def spans(numbers: list[int]) -> str:
+    """Write numbers as the file has them: `1-5 7`."""
+    runs = ([n for _, n in run] for _, run in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]))
+    return " ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+
+
+def main(more: list[str]) -> None:
+    """Write the file anew."""
+    tshark = shutil.which("tshark")
+    if tshark is None:
+        sys.exit("tshark is not installed")
+    known = json.loads(KNOWN.read_text())
+    version = subprocess.run([tshark, "--version"], capture_output=True, text=True, check=True).stdout
+    known["tshark"] = version.split()[2].rstrip(".")
+    with tempfile.TemporaryDirectory() as folder:
+        captures = {}
+        for name, (first, last) in known["parts"].items():
+            lines = (CAPTURES / f"{name}.log").read_text().splitlines(keepends=True)[first - 1 : last]
+            part, captures[name] = Path(folder, f"{name}.log"), Path(folder, f"{name}.pcapng")
+            part.write_text("".join(lines))
+            tailbyte(["convert", str(part), str(captures[name])])
+        known["frames"] = {
+            text: {name: spans(asked(tshark, capture, text)) for name, capture in captures.items()}
+            for text in dict.fromkeys([*known["frames"], *more])
+        }
+    KNOWN.write_text(json.dumps(known, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
