@@ -151,7 +151,8 @@ def test_the_old_name_of_the_flight_still_works(command: Command) -> None:
 @pytest.mark.slow
 def test_a_scenario_brings_its_flight_and_its_time(command: Command) -> None:
     for story in catalogue.stories().values():
-        status, _, err = command("simulate", "-o", "a.log", "--key", "key.json", "--scenario", story.name)
+        least = ("--esc", str(story.least)) if story.least > 4 else ()
+        status, _, err = command("simulate", "-o", "a.log", "--key", "key.json", "--scenario", story.name, *least)
         assert status == 0, err
         key = json.loads(Path("key.json").read_text())
         assert key["settings"]["profile"] == story.flight

@@ -45,7 +45,7 @@ PARSED = {
     r"\b(can|vcan)\d|slcan:|--interface pcan": "needs a SocketCAN interface or an adapter",
     r"udp_multicast:|\$BUS": "goes on until somebody ends it; test_terminals.py does",
     r"--follow": "waits for more",
-    r"--with 0+42\.BIN": "needs the autopilot's log of the flight; tests/cli/test_events_with.py has one",
+    r"--with (0+42\.BIN|flight\.bin)": "needs the autopilot's log of the flight; tests/cli/test_events_with.py has one",
     r"completion bash --dissector": "the examples of the help do it",
     r"plot (captures/|flight\.log$)": "the page on plot draws it",
     r"live -D": "asks every driver there is; tests/live/test_listing.py does",
@@ -180,7 +180,8 @@ class Reader:
             assert len(colour_rules(str(path), registry)) > len(found["colour"])
         else:
             load_vehicle(path, rule_pages(registry), registry)
-            shutil.copy(path, "vehicle.toml")
+            named = re.match(r"# ([\w-]+\.toml)\n", block.text)
+            shutil.copy(path, named[1] if named else "vehicle.toml")
 
     def yaml(self, block: Block) -> None:
         """Only the commands: no reader of YAML is among the dependencies."""
