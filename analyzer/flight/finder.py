@@ -17,6 +17,7 @@ from analyzer.flight.reports import EventOrder
 from analyzer.flight.sags import SagEvents
 from analyzer.flight.silences import SilenceEvents
 from analyzer.flight.states import StateEvents
+from analyzer.flight.tables import ReportReader
 from analyzer.flight.trouble import TroubleEvents
 from dissectors import picture
 
@@ -42,7 +43,7 @@ class EventFinder:
         add = self._log.add
         plots = tuple(picture.load(registry).plots.values())
         self.commands = CommandReader(registry, plots, self.clock)
-        self.order = EventOrder(registry, plots, self.clock, add)
+        self.order = EventOrder(registry, plots, self.clock, add, ReportReader(registry, self.clock))
         order = self.order
         self.silences = silences = SilenceEvents(
             registry, self.clock, add, [plot.table for plot in self.commands.plots]

@@ -7,20 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.devices import fields
-from analyzer.devices.rows import keyed, split, usable
+from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
 from analyzer.flight.supply import SupplyLine
 from analyzer.flight.thresholds import lasting, threshold
-from dissectors.kit.order import groups
 from dissectors.records import dataclass
-from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
-    import pyarrow as pa
-
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import Places
     from analyzer.flight.reports import EventOrder
@@ -70,32 +65,20 @@ class SagEvents(ReportEvents):
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
         for plot in self._plots:
-            if (table := batch.messages.get(plot.table)) is None:
+            if (table := self._reader.table(plot, batch)) is None:
                 continue
-            table, device = keyed(usable(table), plot.who)
-            if not len(table):
-                continue
-            at = self._clock.of(table)
-            volts, amperes = (self._measured(plot, table, name) for name in (_VOLTAGE, _CURRENT))
-            good = (at.t != NO_TIME) & np.isfinite(volts)
-            for key, rows in groups(device):
-                mine = rows[good[rows]]
+            volts, amperes = (table.numbers(_measured(plot, name)) for name in (_VOLTAGE, _CURRENT))
+            good = table.timed & np.isfinite(volts)
+            whole = bool(good.all())
+            for key, rows, at in table.devices:
+                mine = rows if whole else rows[good[rows]]
                 if len(mine):
-                    self._judge(plot, key, volts[mine], amperes[mine], at.take(mine))
+                    self._judge(plot, key, volts[mine], amperes[mine], at if whole else table.at.take(mine))
 
     def finish(self) -> None:
         """Tell what lasts to the end."""
         for spell in self._spells.finish():
             self._tell(spell)
-
-    def _measured(self, plot: Plot, table: pa.RecordBatch, quantity: str) -> Array:
-        """Return what the reports measured, NaN where one does not say."""
-        names = [line.column for line in plot.lines if line.quantity == quantity]
-        found = fields.column(self._registry.definition(plot.table), table, names[0]) if names else []
-        if not found:
-            return np.full(len(table), np.nan)
-        values = found[0].values.astype(np.float64)
-        return values if found[0].has is None else np.where(found[0].has, values, np.nan)
 
     def _judge(self, plot: Plot, key: int, volts: Array, amperes: Array, at: Places) -> None:
         known = self._recent.get((plot.table, key))
@@ -139,6 +122,11 @@ class SagEvents(ReportEvents):
         self._add(FlightEvent(
             "sag", text, spell.before, spell.first, spell.after, bus, node, None, table, "", values
         ))  # fmt: skip
+
+
+def _measured(plot: Plot, quantity: str) -> str:
+    """Return the column of a quantity, empty if there is none."""
+    return next((line.column for line in plot.lines if line.quantity == quantity), "")
 
 
 def _worse(one: _Sag, new: _Sag) -> _Sag:

@@ -9,16 +9,15 @@ import pyarrow as pa
 
 from analyzer.devices import fields
 from analyzer.devices.readings import holding
-from analyzer.devices.rows import keyed, split, usable
+from analyzer.devices.rows import split
 from analyzer.facts.meaning import meaning
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
 from dissectors.kit.cells import numbers, valid
-from dissectors.kit.order import changes, groups
+from dissectors.kit.order import changes
 from dissectors.records import dataclass
-from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from analyzer.flight.clock import Places, Spot
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.spells import Spell
+    from analyzer.flight.tables import ReportTable
     from dissectors.kit import Array
     from dissectors.picture import Plot, States
     from dissectors.schema import Message, Packet
@@ -104,21 +104,17 @@ class StateEvents(ReportEvents):
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
         for plot in self._plots:
-            if (table := batch.messages.get(plot.table)) is not None:
-                self._feed_table(plot, usable(table))
+            if (table := self._reader.table(plot, batch)) is not None:
+                self._feed_table(table)
 
     def finish(self) -> None:
         """Tell the faults that last to the end."""
         for spell in self._spells.finish():
             self._tell(spell)
 
-    def _feed_table(self, plot: Plot, table: pa.RecordBatch) -> None:
-        table, device = keyed(table, plot.who)
-        if not len(table):
-            return
-        of, at = self._registry.definition(plot.table), self._clock.of(table)
-        timed = at.t != NO_TIME
-        devices = [_Report(plot, of, table, key, rows, at.take(rows)) for key, rows in groups(device)]
+    def _feed_table(self, read: ReportTable) -> None:
+        plot, of, table, timed = read.plot, read.of, read.table, read.timed
+        devices = [_Report(plot, of, table, *device) for device in read.devices]
         for states in plot.states:
             rows = holding(states.only, table)
             good = timed if rows is None else timed & rows
