@@ -33,7 +33,9 @@ class ReportTable:
         at: their places.
     """
 
-    def __init__(self, plot: Plot, of: Message | Packet | None, table: pa.RecordBatch, device: Array, at: Places) -> None:
+    def __init__(
+        self, plot: Plot, of: Message | Packet | None, table: pa.RecordBatch, device: Array, at: Places
+    ) -> None:
         self.plot, self.of, self.table, self.at = plot, of, table, at
         self._device = device
         self._numbers: dict[str, Array] = {}
@@ -41,7 +43,8 @@ class ReportTable:
     @cached_property
     def timed(self) -> Array:
         """The rows that have a time, as a mask."""
-        return self.at.t != NO_TIME
+        timed: Array = self.at.t != NO_TIME
+        return timed
 
     @cached_property
     def devices(self) -> list[tuple[int, Array, Places]]:

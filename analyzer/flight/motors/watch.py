@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from analyzer import _native
+from analyzer.decode.sent import cells
 from analyzer.flight.thresholds import lasting, threshold
 
 if TYPE_CHECKING:
@@ -52,15 +53,15 @@ class MotorWatch:
         at = some.at
         columns = some.speed, some.volts, some.current, some.reported, at.ran, at.frame
         found, off, good, shares, last = self._native.feed(columns, orders)
-        rows = np.frombuffer(found, np.int64)
+        rows = cells(found, np.int64)
         if not len(rows):
             return None
         at = at if len(rows) == len(at) else at.take(rows)
-        speed, current, reported = (np.frombuffer(column, np.float64) for column in shares)
-        before, earlier = np.frombuffer(good, np.int64), self._good
+        speed, current, reported = (cells(column, np.float64) for column in shares)
+        before, earlier = cells(good, np.int64), self._good
         if last >= 0:
             self._good = at.at(last)
-        return Compared(np.frombuffer(off, bool), before, earlier, speed, current, reported, at)
+        return Compared(cells(off, np.uint8).view(bool), before, earlier, speed, current, reported, at)
 
 
 @cache
