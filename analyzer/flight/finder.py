@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from analyzer.flight.autopilot.events import AutopilotEvents
 from analyzer.flight.channels import ToldChannels
 from analyzer.flight.clock import RecordedClock
 from analyzer.flight.commands import CommandEvents
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
+    from analyzer.flight.autopilot.events import AutopilotEvents
     from analyzer.flight.log import FlightEvent
     from analyzer.sources.dataflash import AutopilotLog
     from dissectors import Registry
@@ -52,7 +52,11 @@ class EventFinder:
             StateEvents(order), CommandEvents(self.commands, add), silences, SagEvents(order),
             MotorEvents(order, self.commands), NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
         )  # fmt: skip
-        self._told = None if log is None else AutopilotEvents(log, order)
+        self._told: AutopilotEvents | None = None
+        if log is not None:
+            from analyzer.flight.autopilot.events import AutopilotEvents  # noqa: PLC0415 - few captures have one
+
+            self._told = AutopilotEvents(log, order)
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import Places
     from analyzer.flight.reports import EventOrder
-    from analyzer.flight.spells import Spell
+    from analyzer.flight.spells import Spell, SpellPart
     from dissectors.kit import Array
     from dissectors.picture import Plot
 
@@ -36,6 +36,12 @@ class _Recent:
     voltage: Array
     current: Array
 
+    def followed_by(self, at: Places, voltage: Array, current: Array) -> _Recent:
+        """Return these, and others behind them."""
+        return _Recent(
+            self.at.followed_by(at), np.concatenate((self.voltage, voltage)), np.concatenate((self.current, current))
+        )
+
 
 @dataclass(slots=True)
 class _Sag:
@@ -46,6 +52,37 @@ class _Sag:
     current_before: float
     current: float
     expected: float
+
+
+class _Fall:
+    """Reports among which a voltage fell: `every` with those before them, the last ones `at` their places."""
+
+    def __init__(self, every: _Recent, at: Places) -> None:
+        self._every, self._first = every, len(every.voltage) - len(at)
+        since = np.searchsorted(np.maximum.accumulate(every.at.ran), at.ran - lasting("sag"))
+        self._then = np.minimum(since, np.arange(self._first, len(every.voltage)))
+
+    @property
+    def before(self) -> Array:
+        """The voltage that each is compared with."""
+        return self._every.voltage[self._then]
+
+    def note(self, part: SpellPart, expected: Array) -> None:
+        """Let a spell know of its next part; what is `expected` of each report goes by its current."""
+        every, rows = self._every, slice(part.start, part.stop)
+        high = int(self._then[rows][np.argmax(self.before[rows])])
+        deep = part.start + int(np.argmin(every.voltage[self._first :][rows]))
+        new = _Sag(*map(float, (
+            every.voltage[high], every.voltage[self._first + deep], every.current[high],
+            every.current[self._first + deep], expected[deep],
+        )))  # fmt: skip
+        if part.spell.memory is not None:
+            part.spell.memory = _worse(part.spell.memory, new)
+            return
+        part.spell.memory = new
+        good = np.flatnonzero(every.voltage[: self._first + part.start] >= new.before * _share("sag_begun_percent"))
+        if len(good):
+            part.spell.before = every.at.at(int(good[-1]))
 
 
 class SagEvents(ReportEvents):
@@ -84,30 +121,18 @@ class SagEvents(ReportEvents):
         known = self._recent.get((plot.table, key))
         if known is None and len(self._recent) >= MOST_DEVICES:
             return
-        where = at if known is None else known.at.followed_by(at)
-        ran = where.ran
-        every = volts if known is None else np.concatenate((known.voltage, volts))
-        currents = amperes if known is None else np.concatenate((known.current, amperes))
-        self._recent[plot.table, key] = _recent(where, every, currents)
+        highest = volts.max() if known is None else max(volts.max(), known.voltage.max())
         expected = self._lines.setdefault((plot.table, key), SupplyLine()).feed(volts, amperes)
-        share = 1 - threshold("sag_percent") / 100
-        low, then = np.zeros(len(volts), bool), np.arange(len(every) - len(volts), len(every))
-        if volts.min() < every.max() * share:
-            since = np.searchsorted(np.maximum.accumulate(ran), at.ran - lasting("sag"))
-            then = np.minimum(since, then)
-            low = volts < every[then] * share
+        low, fall = np.zeros(len(volts), bool), None
+        if volts.min() < highest * _share("sag_percent"):
+            fall = _Fall(_Recent(at, volts, amperes) if known is None else known.followed_by(at, volts, amperes), at)
+            low = volts < fall.before * _share("sag_percent")
         for part in self._spells.feed((plot.table, key), low, at):
-            if part.stop > part.start:
-                high = then[part.start + int(np.argmax(every[then[part.start : part.stop]]))]
-                deep = part.start + int(np.argmin(volts[part.start : part.stop]))
-                new = _Sag(*map(float, (every[high], volts[deep], currents[high], amperes[deep], expected[deep])))
-                if part.spell.memory is None:
-                    first = len(every) - len(volts) + part.start
-                    good = np.flatnonzero(every[:first] >= new.before * (1 - threshold("sag_begun_percent") / 100))
-                    part.spell.before = where.at(int(good[-1])) if len(good) else part.spell.before
-                part.spell.memory = new if part.spell.memory is None else _worse(part.spell.memory, new)
+            if fall is not None and part.stop > part.start:
+                fall.note(part, expected)
             if part.over:
                 self._tell(part.spell)
+        self._recent[plot.table, key] = _kept(known, at, volts, amperes)
 
     def _tell(self, spell: Spell) -> None:
         table, key = spell.key
@@ -135,7 +160,17 @@ def _worse(one: _Sag, new: _Sag) -> _Sag:
     return _Sag(high.before, deep.least, high.current_before, deep.current, deep.expected)
 
 
-def _recent(at: Places, voltage: Array, current: Array) -> _Recent:
+def _kept(known: _Recent | None, at: Places, voltage: Array, current: Array) -> _Recent:
     """Return the reports that later ones are compared with."""
-    first = max(len(at) - MOST_RECENT, int(np.argmax(at.ran >= at.ran.max() - lasting("sag"))))
-    return _Recent(at.take(slice(first, None)), voltage[first:], current[first:])
+    oldest = at.ran.max() - lasting("sag")
+    if known is not None and known.at.ran.max() >= oldest:
+        every = known.followed_by(at, voltage, current)
+        at, voltage, current = every.at, every.voltage, every.current
+        oldest = at.ran.max() - lasting("sag")
+    first = max(len(at) - MOST_RECENT, int(np.argmax(at.ran >= oldest)))
+    return _Recent(at.take(slice(first, None)).settled(), voltage[first:].copy(), current[first:].copy())
+
+
+def _share(name: str) -> float:
+    """Return what is left where so many % are gone."""
+    return 1 - threshold(name) / 100

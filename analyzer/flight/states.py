@@ -21,6 +21,7 @@ from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+    from collections.abc import Set as AbstractSet
 
     from analyzer.decode.engine import Batch
     from analyzer.facts.meaning import Meaning
@@ -119,11 +120,13 @@ class StateEvents(ReportEvents):
             rows = holding(states.only, table)
             good = timed if rows is None else timed & rows
             flags, modes = self._columns(plot, of, table, states)
+            told = {flag.name for flag in flags if table.column(flag.name).true_count}
+            whole = bool(good.all())
             for one in devices:
-                held = good[one.rows]
-                some = one if held.all() else one._replace(rows=one.rows[held], at=one.at.take(held))
+                held = None if whole else good[one.rows]
+                some = one if held is None else one._replace(rows=one.rows[held], at=one.at.take(held))
                 if len(some.rows) and flags:
-                    self._feed_flags(states, flags, some.known(table.column(states.column)))
+                    self._feed_flags(states, flags, told, some.known(table.column(states.column)))
                 for name in modes:
                     self._feed_mode(name, some.known(table.column(name)), states.signs)
 
@@ -137,16 +140,18 @@ class StateEvents(ReportEvents):
             known = self._known[key] = names, list(_flags(of, table, states)), list(_modes(of, table, states))
         return known[1:]
 
-    def _feed_flags(self, states: States, flags: list[_Flag], some: _Report) -> None:
+    def _feed_flags(self, states: States, flags: list[_Flag], told: AbstractSet[str], some: _Report) -> None:
+        """Take words of a device; `told` are the flags that are set in any of the table."""
         if not len(some.rows):
             return
         word = some.key, f"{some.plot.table}.{states.column}"
         if word not in self._last and len(self._last) >= MOST_DEVICES:
             return
         for flag in flags:
-            key, column = (*word, flag.name), some.table.column(flag.name)
-            if not column.true_count and not self._spells.open(key):
+            key = *word, flag.name
+            if flag.name not in told and not self._spells.open(key):
                 continue
+            column = some.table.column(flag.name)
             on = (numbers(column) & valid(column))[some.rows]
             for part in self._spells.feed(key, on, some.at, last=self._last.get(word)):
                 if part.spell.memory is None:
