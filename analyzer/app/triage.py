@@ -72,19 +72,24 @@ class RunTriage:
     Args:
         run: not read yet. Raises `ProfileError` for a wrong `plots.toml`.
         log: the autopilot's own log of the flight.
+        drawn: it is to have time lines.
     """
 
-    def __init__(self, run: Run, log: AutopilotLog | None = None) -> None:
+    def __init__(self, run: Run, log: AutopilotLog | None = None, *, drawn: bool = False) -> None:
         self._run = run
-        self._witness = Witness(run.registry, log)
+        self._witness = Witness(run.registry, log, drawn=drawn)
         self._frames = 0
 
     def over(self, batches: Iterable[Batch]) -> Iterator[Batch]:
         """Yield the batches, and look at each."""
         for batch in batches:
-            self._witness.feed(batch)
-            self._frames += len(batch.frames)
+            self.feed(batch)
             yield batch
+
+    def feed(self, batch: Batch) -> None:
+        """Look at the next batch."""
+        self._witness.feed(batch)
+        self._frames += len(batch.frames)
 
     def found(self) -> Triage:
         """Return what happened, after the last batch."""
