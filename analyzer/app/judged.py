@@ -6,6 +6,7 @@ from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
+from analyzer.app.triage import RunTriage
 from analyzer.report.draft import JudgedCapture
 from analyzer.rules.checking import Check
 from analyzer.sources.errors import CaptureError, StopReading
@@ -30,13 +31,17 @@ class JudgedRun:
         run: not read yet.
         criteria: of the same types.
         named: is told which frames are named.
+        drawn: it is told, and drawn, what happened in it.
     """
 
-    def __init__(self, run: Run, criteria: Criteria, named: TakesOccurrences | None = None) -> None:
+    def __init__(
+        self, run: Run, criteria: Criteria, named: TakesOccurrences | None = None, *, drawn: bool = False
+    ) -> None:  # fmt: skip
         self.run = run
         run.engine.core.measured = True
         self._ends = not run.request.window.leaves_off
         self._check = Check(run.registry, criteria.settings_of(run.request.window), named)
+        self._triage = RunTriage(run, drawn=True) if drawn else None
         self._unopened = ""
 
     @property
@@ -47,7 +52,7 @@ class JudgedRun:
     def feed(self, batch: Batch) -> Iterator[Measured]:
         """Judge a batch of the run in this thread, and yield it."""
         for measured in self._check.measured([batch]):
-            self._check.feed(measured)
+            self._feed(measured)
             yield measured
 
     def batches(self, decoded: Iterable[Batch]) -> Iterator[Measured]:
@@ -60,7 +65,7 @@ class JudgedRun:
             part.hashed = True
         try:
             for measured in self._check.measured(decoded):
-                self._check.feed(measured)
+                self._feed(measured)
                 yield measured
         except CaptureError as error:
             self._unopened = _reason(error, parts[0].name)
@@ -77,12 +82,17 @@ class JudgedRun:
         waiting = deque[Future[None]]()
         with ThreadPoolExecutor(1, "judging") as thread:
             for measured in self._check.measured(decoded):
-                waiting.append(thread.submit(self._check.feed, measured))
+                waiting.append(thread.submit(self._feed, measured))
                 if len(waiting) > _ROOM:
                     waiting.popleft().result()
                 yield measured.batch
             for judged in waiting:
                 judged.result()
+
+    def _feed(self, measured: Measured) -> None:
+        self._check.feed(measured)
+        if self._triage is not None:
+            self._triage.feed(measured.batch)
 
     def taken(self, label: str, arguments: Iterable[str] = ()) -> JudgedCapture:
         """Return what a report needs of the capture, which it calls `label`, after the last batch.
@@ -100,6 +110,7 @@ class JudgedRun:
             live=run.source.live,
             ends=self._ends,
             arguments=(*run.request.again(), *arguments),
+            triage=None if self._triage is None or self._unopened else self._triage.found(),
         )
 
 

@@ -59,7 +59,7 @@ def inquest(
     return made(
         flight, found.verdicts, after=found.after, earlier=found.earlier, excluded=found.excluded, looked=found.looked,
         lines=found.lines, primary=found.primary, said=said, commands=commands(found.verdicts[0], flight),
-        timelines=_timelines(witness, events, flight, found.verdicts[0]),
+        timelines=_timelines(witness, events, flights, found.verdicts[0]),
     )  # fmt: skip
 
 
@@ -75,12 +75,14 @@ def _whole(flights: Sequence[Flight], events: Sequence[FlightEvent]) -> Flight:
 
 
 def _timelines(
-    witness: Witness, events: Sequence[FlightEvent], flight: Flight, verdict: Verdict
+    witness: Witness, events: Sequence[FlightEvent], flights: Sequence[Flight], verdict: Verdict
 ) -> Sequence[TimeLine]:  # fmt: skip
     clock = witness.clock
     if witness.courses is None or clock.start is None or clock.ran is None:
         return ()
-    return list(time_lines(Drawn(witness.courses, events, flight, _onset(events, verdict), clock.start, clock.ran)))
+    last = max([clock.ran, *(one.first.ran for one in events if one.source == "bus")])
+    onset = _onset(events, verdict)
+    return list(time_lines(Drawn(witness.courses, events, flights, flights[-1], onset, clock.start, last)))
 
 
 def _onset(events: Sequence[FlightEvent], verdict: Verdict) -> tuple[Spot, Spot] | None:

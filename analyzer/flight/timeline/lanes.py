@@ -119,7 +119,7 @@ def _stays(devices: Sequence[DeviceCourse], strands: Mapping[str, Strand], span:
     stays = next((one.modes for one in devices if one.modes), ())
     seen = next((one.spans for name, one in strands.items() if name != COMMANDED), [])
     begins = [span.axis.at(one.ran) for one in stays]
-    for stay, begin, end in zip(stays, begins, [*begins[1:], span.end], strict=True):
+    for stay, begin, end in zip(stays, begins, [*begins[1:], span.end], strict=False):
         for low, high in seen:
             start, stop = max(begin, low, span.start), min(end, high, span.end)
             if start < stop:

@@ -23,32 +23,36 @@ LONGEST = 60 * SECOND
 _BEHIND = 5 * SECOND  # that is shown behind a flight
 _MOMENT, _WIDEST = 3 * SECOND, 12 * SECOND
 _LEAST = 100 * MILLISECOND
+_AFTER_END = 100 * MILLISECOND  # so that the end of a recording is seen
 
 
 @dataclass(frozen=True, slots=True)
 class TimeLine:
     """A span of time with its lanes. Times are ns on its axis: the capture's clock as it was at the onset.
 
-    `onset` is the last good report and the first bad one, `flight` from when to when it goes.
+    `onset` is the last good report and the first bad one; `flights` are from when to when they go, `recorded` is the
+    recording.
     """
 
     start: int
     end: int
     onset: tuple[int, int] | None
-    flight: tuple[int, int]
+    flights: Sequence[tuple[int, int, Flight]]
+    recorded: tuple[int, int]
     lanes: Sequence[TimeLane] = field(default_factory=list)
     breaks: Sequence[AxisBreak] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """What is drawn: the courses, all events, the flight, and where it began, if that is known.
+    """What is drawn: the courses, all events, all flights, the one that is judged, and where it began, if that is known.
 
     `first` and `last` are the recorded times of the first and the last frame.
     """
 
     courses: Courses
     events: Sequence[FlightEvent]
+    flights: Sequence[Flight]
     flight: Flight
     onset: tuple[Spot, Spot] | None
     first: int
@@ -59,7 +63,7 @@ def time_lines(drawn: Drawn) -> Iterator[TimeLine]:
     """Yield the last minute of the flight, or the one with the onset in its middle; then the moment around that."""
     onset, flight = drawn.onset, drawn.flight
     axis = Axis(drawn.events, flight.last if onset is None else onset[1])
-    first, last = axis.at(drawn.first), axis.at(drawn.last)
+    first, last = axis.at(drawn.first), axis.at(drawn.last) + _AFTER_END
     if onset is None:
         end = min(last, axis.at(flight.last.ran) + _BEHIND)
         yield _line(drawn, axis, max(first, end - LONGEST), end, None)
@@ -84,6 +88,8 @@ def _line(drawn: Drawn, axis: Axis, start: int, end: int, onset: tuple[int, int]
         until = at if one.after is None else axis.at(one.after.ran)
         if start <= until and at <= end:
             marks.append(EventMark(number, max(at, start), min(until, end), one))
-    flight = axis.at(drawn.flight.first.ran), axis.at(drawn.flight.last.ran)
+    flights = [(axis.at(one.first.ran), axis.at(one.last.ran), one) for one in drawn.flights]
+    flights = [one for one in flights if one[0] < end and one[1] > start]
     breaks = [one for one in axis.breaks if one.start <= end and one.end >= start]
-    return TimeLine(start, end, onset, flight, lanes(drawn.courses, span, marks), breaks)
+    recorded = axis.at(drawn.first), axis.at(drawn.last)
+    return TimeLine(start, end, onset, flights, recorded, lanes(drawn.courses, span, marks), breaks)
