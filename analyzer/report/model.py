@@ -275,4 +275,5 @@ class Report:
     def as_json(self) -> dict[str, Any]:
         """Return plain dictionaries and lists, `schema` first."""
         alone = {name: getattr(self, name) for name in self.__match_args__ if name not in ("schema", *NOT_IN_JSON)}
-        return {"schema": self.schema} | as_dict(alone)
+        found: dict[str, Any] = {"schema": self.schema} | as_dict(alone)
+        return found

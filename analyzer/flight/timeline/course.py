@@ -1,6 +1,7 @@
 """Courses: values over recorded time, of which each step keeps the lowest and the highest, in bounded memory.
 
-The last minutes are kept in fine steps, what is older in coarser ones: nobody knows before the end which minute matters.
+The last minutes are kept in fine steps, what is older in coarser ones: nobody knows before the end which minute it is
+that matters.
 """
 
 from __future__ import annotations

@@ -145,11 +145,12 @@ class Courses(ReportEvents):
         found = fields.column(self._registry.definition(plot.table), table, name) if name else []
         if not found:
             return None
-        word = next((one for one in plot.states if name in {one.column, f"{one.column}.{name.rpartition('.')[2]}"}), None)
+        last = name.rpartition(".")[2]
+        word = next((one for one in plot.states if name in {one.column, f"{one.column}.{last}"}), None)
         has = None if word is None else holding(word.only, table)
         if found[0].has is not None:
             has = found[0].has if has is None else has & found[0].has
-        return found[0].values, has, _Words(found[0].texts, name.rpartition(".")[2], {} if word is None else word.signs)
+        return found[0].values, has, _Words(found[0].texts, last, {} if word is None else word.signs)
 
     def _of(self, plot: Plot, key: int) -> DeviceCourse | None:
         known = self.devices.get((plot.table, key))

@@ -42,7 +42,10 @@ class EventMark:
 
 @dataclass(slots=True)
 class TimeLane:
-    """One lane: `kind` is bus, autopilot, commands, supply, device or node; whose it is, what is drawn in it, and what happened."""
+    """One lane: whose it is, what is drawn in it, and what happened.
+
+    `kind` is bus, autopilot, commands, supply, device or node.
+    """
 
     kind: str
     bus: int | None = None

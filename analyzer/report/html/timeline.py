@@ -35,7 +35,8 @@ _TITLE, _MOST_TITLES = 160, 6
 _ORDER = ("speed", "current", "temperature", "commanded", "voltage")
 _FROM = {"voltage": 0.5}  # share of its top at which a scale begins, if not at 0
 _SCALES: Mapping[str, tuple[str, float]] = {  # unit, and what a scale reaches at least
-    "speed": ("rpm", 100), "current": ("A", 10), "temperature": ("°C", 60), "commanded": ("%", 100), "voltage": ("V", 10),
+    "speed": ("rpm", 100), "current": ("A", 10), "temperature": ("°C", 60), "commanded": ("%", 100),
+    "voltage": ("V", 10),
 }  # fmt: skip
 _BREAKS = 3  # that are told in words
 _CODES = 8  # colours of modes
@@ -202,7 +203,10 @@ def _places(one: Strand, sheet: _Sheet, scale: _Scale, *, turned: bool) -> tuple
     length = max(sheet.span.end - sheet.span.start, 1)
     across = ((one.t - sheet.span.start) * _WIDE // length).tolist()
     low, high = (-one.high, -one.low) if turned else (one.low, one.high)
-    ups = [np.clip(_TALL - _TALL * (values - scale[0]) / (scale[1] - scale[0]), 0, _TALL).astype(int).tolist() for values in (low, high)]
+    ups = [
+        np.clip(_TALL - _TALL * (values - scale[0]) / (scale[1] - scale[0]), 0, _TALL).astype(int).tolist()
+        for values in (low, high)
+    ]
     return across, *ups
 
 
