@@ -75,7 +75,7 @@ def time_lines(drawn: Drawn) -> Iterator[TimeLine]:
     yield _line(drawn, axis, start, end, (low, high))
     around = min(max(_MOMENT, 2 * (high - low)), _WIDEST)
     near = max(start, high - around // 2), min(end, high + around // 2)
-    if 2 * (near[1] - near[0]) < end - start:
+    if 3 * (near[1] - near[0]) < end - start:
         yield _line(drawn, axis, *near, (low, high))
 
 

@@ -134,7 +134,7 @@ def _lane(lane: TimeLane, sheet: _Sheet) -> Markup:
     parts += [_stay(stay, sheet.span, height) for stay in lane.stays]
     told = [mark for mark in lane.marks if not lane.stays or mark.event.kind != "mode"]  # modes are bands
     parts += [_mark(marks, sheet, room) for marks in _joined(told, sheet)]
-    events = f", {len(told)} events" if told else ""
+    events = f", {len(told)} event{'s' * (len(told) > 1)}" if told else ""
     return Markup('<svg class="course-lane" role="group" aria-label="{}{}" height="{}">{}</svg>').format(
         _name(lane), events, height, Markup("").join(parts)
     )
