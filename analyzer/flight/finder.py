@@ -13,6 +13,7 @@ from analyzer.flight.log import EventLog, event_table
 from analyzer.flight.motors.events import MotorEvents
 from analyzer.flight.nodes import NodeEvents
 from analyzer.flight.orders import CommandReader
+from analyzer.flight.parameters import ParameterEvents
 from analyzer.flight.reports import EventOrder
 from analyzer.flight.sags import SagEvents
 from analyzer.flight.silences import SilenceEvents
@@ -50,6 +51,7 @@ class EventFinder:
         self._parts = (
             StateEvents(order), CommandEvents(self.commands, add), silences, SagEvents(order),
             MotorEvents(order, self.commands), NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
+            ParameterEvents(order),
         )  # fmt: skip
         self._told = None if log is None else AutopilotEvents(log, order)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 MOST_ALIKE = 200  # of one kind and sender
 MOST_EVENTS = 100_000
-_TOLD_TWICE = ("fault", "sag")
+_TOLD_TWICE = ("fault", "sag", "power-up")
 
 
 @dataclass(slots=True)

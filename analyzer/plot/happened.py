@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from analyzer.plot.canvas import Canvas
 
 EVENTS, FLIGHTS = "events", "flights"
-_CALM = frozenset({"mode", "join", "arming", "message"})  # kinds that are no trouble by themselves
+_CALM = frozenset({"mode", "join", "arming", "message", "parameter", "save"})  # kinds that are no trouble by themselves
 _BAD = re.compile(r"\b(error|critical|fault)\b")
 _Rows = list[tuple[int, int, dict[str, Any]]]  # time of the first report, its frame from 1, and the event
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 ROWS = 500  # of a table
 _AFTER = 12
-_CALM = frozenset({"mode", "join", "arming"})
+_CALM = frozenset({"mode", "join", "arming", "parameter", "save"})
 
 
 def section(found: Triage, number: int = 1) -> dict[str, Any]:
