@@ -10,7 +10,6 @@ from analyzer.facts.meaning import meaning
 
 if TYPE_CHECKING:
     from dissectors import Registry
-    from dissectors.picture import Plot
     from dissectors.schema import Message, Packet
 
 GET_SET = "uavcan.protocol.param.GetSet"
@@ -20,10 +19,10 @@ _DIGITS = 7  # of a 32-bit float
 _SOFTWARE = "software_version"  # is told as firmware
 
 
-def commands(registry: Registry, plot: Plot) -> bool:
+def commands(registry: Registry, table: str) -> bool:
     """Return whether a table is what somebody else sets: no report of a device."""
     try:
-        return registry.resolve(plot.table.partition(".")[0]).actuates
+        return registry.resolve(table.partition(".")[0]).actuates
     except LookupError:
         return False
 

@@ -39,7 +39,7 @@ class EventFinder:
     """
 
     def __init__(self, registry: Registry, log: AutopilotLog | None = None) -> None:
-        self.clock, self._channels, self._log = RecordedClock(), ToldChannels(), EventLog()
+        self.clock, self._channels, self._log = RecordedClock(), ToldChannels(registry), EventLog()
         add = self._log.add
         plots = tuple(picture.load(registry).plots.values())
         self.commands = CommandReader(registry, plots, self.clock)
@@ -76,6 +76,10 @@ class EventFinder:
         if self._told is not None:
             self._told.finish()
         return self._log.events(self._channels, hole_events(self.clock))
+
+    def fresh(self) -> list[FlightEvent]:
+        """Return the events that were told since the last time, in no order; a fault is told when it is over."""
+        return self._log.fresh(self._channels)
 
     @property
     def autopilot(self) -> dict[str, Any] | None:

@@ -63,7 +63,7 @@ class FlightFinder:
         self._reports = [plot for plot in plots if plot.esc.rpm]
         self._orders = [plot for plot in plots if plot.esc.commanded]
         self._clock = RecordedClock() if clock is None else clock
-        self._channels = ToldChannels()
+        self._channels = ToldChannels(registry)
         self._by = {
             "telemetry": FlightBasis(self._clock, lasting("silent_motor")),
             "commands": FlightBasis(self._clock, lasting("silent_motor")),

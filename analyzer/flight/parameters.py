@@ -54,7 +54,7 @@ class ParameterEvents(ReportEvents):
 
     def __init__(self, order: EventOrder) -> None:
         super().__init__(order)
-        self._told = [plot for plot in self._plots if plot.parameters and not commands(order.registry, plot)]
+        self._told = [plot for plot in self._plots if plot.parameters and not commands(order.registry, plot.table)]
         self._known: dict[tuple[object, ...], _Known] = {}
         # What was asked for and in which frame, by bus, who asks and who is asked.
         self._opcodes: dict[tuple[int, int, int], deque[tuple[int, str]]] = {}

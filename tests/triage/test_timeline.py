@@ -119,7 +119,7 @@ def test_a_lane_a_channel_with_what_it_did() -> None:
     verdict = found.first
     assert minute.onset == (verdict.t, verdict.t_end)
     assert [(one.kind, one.ch) for one in minute.lanes] == [
-        ("commands", None), ("supply", None), *(("device", ch) for ch in (1, 2, 3, 4)),
+        ("commands", None), ("supply", None), *(("device", ch) for ch in (1, 2, 3, 4)), ("node", None),
     ]  # fmt: skip
     odd = lane(minute, "device", 4)
     assert set(odd.strands) == {"speed", "current", "temperature", "commanded"}
@@ -128,7 +128,7 @@ def test_a_lane_a_channel_with_what_it_did() -> None:
     assert speed.low[behind].min() < -4500  # it turns the other way, and runs up
     assert current.high[current.t > verdict.t_end + SECOND].max() < 10 < current.high.max()
     assert [stay.name for stay in odd.stays] == ["off", "idle", "soft start", "operating"]
-    assert [mark.event.kind for mark in odd.marks if mark.event.kind != "mode"] == ["motor"]
+    assert [mark.event.kind for mark in odd.marks if mark.event.kind not in {"mode", "parameter"}] == ["motor"]
     assert [found.events[mark.number - 1] for mark in odd.marks] == [mark.event for mark in odd.marks]
     assert lane(minute, "commands").strands["commanded"].high.max() > 95
     assert 47 < lane(minute, "supply").strands["voltage"].low.min() < 48

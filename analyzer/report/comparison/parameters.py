@@ -62,7 +62,7 @@ class Parameters:
         self.serials: dict[tuple[int, int], str] = {}
         self._registry = registry
         plots = picture.load(registry).plots.values()
-        self._plots = [plot for plot in plots if plot.parameters and not commands(registry, plot)]
+        self._plots = [plot for plot in plots if plot.parameters and not commands(registry, plot.table)]
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""

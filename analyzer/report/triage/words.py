@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from analyzer.flight.verdict.model import Triage, Verdict
 
 _YEAR_2000 = 946_684_800 * SECOND
+_BY_TEXT = frozenset({"fault", "message", "parameter", "save"})  # kinds that are the same only in the same words
 
 
 class TriageWords:
@@ -73,4 +74,4 @@ def together(events: Sequence[FlightEvent]) -> Iterator[tuple[FlightEvent, str]]
 
 
 def _gist(one: FlightEvent) -> str:
-    return one.text if one.kind == "fault" else one.sign
+    return one.text if one.kind in _BY_TEXT else one.sign
