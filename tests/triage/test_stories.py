@@ -122,7 +122,9 @@ def test_nothing_befalls_a_healthy_flight(name: str, told: Told) -> None:
 def test_stories(told: Told) -> None:
     """By what their keys say was done."""
     found = {
-        name: [one for one in told((CAPTURES / f"{name}.log").read_bytes())[1] if one["kind"] not in {"mode", "parameter"}]
+        name: [
+            one for one in told((CAPTURES / f"{name}.log").read_bytes())[1] if one["kind"] not in {"mode", "parameter"}
+        ]
         for name in ("command-loss", "bus-break", "pack-sag", "startup")
     }
     stop = json.loads((CAPTURES / "command-loss.key.json").read_text())["scenario"]["events"][0]["t_ns"]
