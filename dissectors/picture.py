@@ -125,7 +125,8 @@ class Plot:
     """The picture of one table. Columns in `hidden` say nothing that is not shown otherwise.
 
     Tables of `parameters` are shown beside the commands; of their columns those in `own` are of one device and no
-    settings, and `identity` tells one piece of hardware from all others. A motor faster than `idle_rpm` is driven; 0 if
+    settings, and `identity` tells one piece of hardware from all others; what sets them says in `saved` whether that
+    is kept. `starts` counts how often a device was powered up. A motor faster than `idle_rpm` is driven; 0 if
     the vendor says nothing.
     """
 
@@ -140,6 +141,8 @@ class Plot:
     parameters: bool = False
     own: frozenset[str] = frozenset()
     identity: str = ""
+    saved: str = ""
+    starts: str = ""
     esc: EscColumns = EscColumns()
     idle_rpm: int = 0
 
@@ -219,6 +222,8 @@ class _Reader:
             parameters=table.flag("parameters"),
             own=frozenset(table.strings("own")),
             identity=table.string("identity"),
+            saved=table.string("saved"),
+            starts=table.string("starts"),
             esc=_esc(table),
             idle_rpm=table.integer("idle_rpm") or 0,
         )

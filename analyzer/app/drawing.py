@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 from analyzer.app.criteria import Criteria
 from analyzer.app.filtered.frames import matching_frames
-from analyzer.app.happened import HappenedTables
 from analyzer.app.judged import JudgedRun
+from analyzer.app.marks import EventMarks
 from analyzer.app.request import short_names
 from analyzer.plot import MOST_POINTS
-from analyzer.sinks.export import HAPPENED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -42,7 +41,7 @@ class Drawing:
         self._most_points = (default if most_points is None else most_points) or None
         self._criteria = Criteria(run.request.rules, run.registry)
         self._judged = JudgedRun(run, self._criteria)
-        self._happened = HappenedTables(run, HAPPENED)
+        self._marks = EventMarks(run.registry)
         self._shown = 0
         self._batches: Iterator[Measured] = iter(())
         self._chosen = matching_frames(run)
@@ -74,8 +73,9 @@ class Drawing:
         run.require_inside(self._shown)
         taken = self._judged.taken(short_names([run.request.names])[0])
         report = self._criteria.report([taken])
-        flights, events = (self._happened.table(name) for name in HAPPENED)
-        picture.take_happened(flights, events, run.engine.buses)
+        found = self._marks.finish()
+        picture.take_events(found.events, run.engine.buses)
+        picture.take_flights(found.flights)
         picture.finish(report, taken.checked.facts, ", ".join(run.request.window_words))
 
     def _again(self) -> Iterator[Batch] | None:
@@ -85,7 +85,7 @@ class Drawing:
     def _looked_at(self, picture: Picture, batches: Iterable[Measured]) -> Iterator[Measured]:
         for measured in batches:
             picture.note_start(measured.batch)
-            self._happened.feed(measured.batch)
+            self._marks.feed(measured.batch)
             if self._chosen is not None:
                 (marked,) = self._chosen.mark([measured.batch])
                 measured = measured._replace(batch=marked)  # noqa: PLW2901

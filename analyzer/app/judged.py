@@ -91,7 +91,7 @@ class JudgedRun:
             live=run.source.live,
             ends=self._ends,
             arguments=(*run.request.again(), *arguments),
-            triage=triage,
+            triage=None if self._unopened else triage,
         )
 
 

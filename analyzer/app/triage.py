@@ -73,11 +73,12 @@ class RunTriage:
     Args:
         run: not read yet. Raises `ProfileError` for a wrong `plots.toml`.
         log: the autopilot's own log of the flight.
+        drawn: it is to have time lines.
     """
 
-    def __init__(self, run: Run, log: AutopilotLog | None = None) -> None:
+    def __init__(self, run: Run, log: AutopilotLog | None = None, *, drawn: bool = False) -> None:
         self._run = run
-        self._witness = Witness(run.registry, log)
+        self._witness = Witness(run.registry, log, drawn=drawn)
         self._frames = 0
 
     def over(self, batches: Iterable[Batch]) -> Iterator[Batch]:

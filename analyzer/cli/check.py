@@ -186,7 +186,7 @@ class _Wanted:
         with reading(request, complaints, self._criteria.registry) as run:
             named, indexes = self._named(run, label)
             judged = JudgedRun(run, self._criteria, named)
-            looked = RunTriage(run)
+            looked = RunTriage(run, drawn=any(form == "html" for form, _ in self.files))
             decoded = looked.beside(run.inside() if periods is None else periods.over(run.inside()))
             with watched(run.source, complaints) as progress:
                 for _ in progress.over(judged.batches(decoded)):

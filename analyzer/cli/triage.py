@@ -64,18 +64,20 @@ def _answer(
     from analyzer.cli.reading import reading, watched  # noqa: PLC0415
     from analyzer.facts.dialects import checked  # noqa: PLC0415
 
-    complaints = Complaints()
+    complaints, found = Complaints(), None
     with reading(request, complaints) as run:
         checked(request.rules.readings(), run.registry)
-        triage = RunTriage(run, beside.read())
+        triage = RunTriage(run, beside.read(), drawn=any(form == "html" for form, *_ in targets))
         with watched(run.source, complaints) as progress:
             for _ in progress.over(triage.over(run.inside())):
                 pass
         if run.state == "refused":
-            return status.USAGE
+            raise SystemExit(status.USAGE)  # no report is left, not even an empty one
         if run.stopped:
             complaints("interrupted: this is of what was read until then")
         found = triage.found()
+    if found is None:  # it could not be opened, and that has been said
+        raise SystemExit(status.of_run(run))
     written = reports.all_written(targets, found, everything=args.all, forms=FORMATS)
     if not any(target.name == "standard output" for _, target, _ in targets):
         _tell(found, args)

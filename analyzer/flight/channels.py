@@ -9,22 +9,30 @@ import pyarrow as pa
 
 from analyzer.devices.escs import CHANNEL
 from analyzer.devices.rows import usable
+from analyzer.devices.settings import commands
 from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
+    from dissectors import Registry
 
 
 class ToldChannels:
-    """Adds up batches; bounded by the nodes that there can be. Of a node with several channels none is known."""
+    """Adds up batches; bounded by the nodes that there can be. Of a node with several channels none is known.
 
-    def __init__(self) -> None:
+    Args:
+        registry: the types. Whoever commands a channel has none of its own by that.
+    """
+
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
         self._told: dict[tuple[int, int], set[int]] = {}
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
-        for table in batch.messages.values():
-            if CHANNEL in table.schema.names and "src" in table.schema.names:
+        for name, table in batch.messages.items():
+            told = CHANNEL in table.schema.names and "src" in table.schema.names
+            if told and not commands(self._registry, name):
                 self._note(usable(table))
 
     def _note(self, table: pa.RecordBatch) -> None:

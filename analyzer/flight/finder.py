@@ -12,6 +12,7 @@ from analyzer.flight.log import EventLog, event_table
 from analyzer.flight.motors.events import MotorEvents
 from analyzer.flight.nodes import NodeEvents
 from analyzer.flight.orders import CommandReader
+from analyzer.flight.parameters import ParameterEvents
 from analyzer.flight.reports import EventOrder
 from analyzer.flight.sags import SagEvents
 from analyzer.flight.silences import SilenceEvents
@@ -39,7 +40,7 @@ class EventFinder:
     """
 
     def __init__(self, registry: Registry, log: AutopilotLog | None = None) -> None:
-        self.clock, self._channels, self._log = RecordedClock(), ToldChannels(), EventLog()
+        self.clock, self._channels, self._log = RecordedClock(), ToldChannels(registry), EventLog()
         add = self._log.add
         plots = tuple(picture.load(registry).plots.values())
         self.commands = CommandReader(registry, plots, self.clock)
@@ -51,6 +52,7 @@ class EventFinder:
         self._parts = (
             StateEvents(order), CommandEvents(self.commands, add), silences, SagEvents(order),
             MotorEvents(order, self.commands), NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
+            ParameterEvents(order),
         )  # fmt: skip
         self._told: AutopilotEvents | None = None
         if log is not None:
@@ -79,6 +81,10 @@ class EventFinder:
         if self._told is not None:
             self._told.finish()
         return self._log.events(self._channels, hole_events(self.clock))
+
+    def fresh(self) -> list[FlightEvent]:
+        """Return the events that were told since the last time, in no order; a fault is told when it is over."""
+        return self._log.fresh(self._channels)
 
     @property
     def autopilot(self) -> dict[str, Any] | None:

@@ -66,7 +66,7 @@ class FlightFinder:
         self._orders = [plot for plot in plots if plot.esc.commanded]
         self._clock = RecordedClock() if order is None else order.clock
         self._reader = ReportReader(registry, self._clock) if order is None else order.reader
-        self._channels = ToldChannels()
+        self._channels = ToldChannels(registry)
         self._by = {
             "telemetry": FlightBasis(self._clock, lasting("silent_motor")),
             "commands": FlightBasis(self._clock, lasting("silent_motor")),

@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from analyzer.flight.thresholds import lasting
+from analyzer.flight.timeline.timeline import Drawn, time_lines
 from analyzer.flight.verdict.judge import judge
 from analyzer.flight.verdict.model import Triage, Verdict
 from dissectors.records import replace
@@ -13,8 +14,10 @@ from dissectors.records import replace
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from analyzer.flight.clock import Spot
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
+    from analyzer.flight.timeline.timeline import TimeLine
     from analyzer.flight.witness import Witness
 
 NOT_SEEN = ("attitude", "GPS", "pilot", "who decided a command")
@@ -56,6 +59,7 @@ def inquest(
     return made(
         flight, found.verdicts, after=found.after, earlier=found.earlier, excluded=found.excluded, looked=found.looked,
         lines=found.lines, primary=found.primary, said=said, commands=commands(found.verdicts[0], flight),
+        timelines=_timelines(witness, events, flights, found.verdicts[0]),
     )  # fmt: skip
 
 
@@ -68,6 +72,25 @@ def _whole(flights: Sequence[Flight], events: Sequence[FlightEvent]) -> Flight:
             break
         whole = replace(whole, first=one.first, chs=tuple(sorted({*one.chs, *whole.chs})))
     return whole
+
+
+def _timelines(
+    witness: Witness, events: Sequence[FlightEvent], flights: Sequence[Flight], verdict: Verdict
+) -> Sequence[TimeLine]:  # fmt: skip
+    clock = witness.clock
+    if witness.courses is None or clock.start is None or clock.ran is None:
+        return ()
+    last = max([clock.ran, *(one.first.ran for one in events if one.source == "bus")])
+    onset = _onset(events, verdict)
+    return list(time_lines(Drawn(witness.courses, events, flights, flights[-1], onset, clock.start, last)))
+
+
+def _onset(events: Sequence[FlightEvent], verdict: Verdict) -> tuple[Spot, Spot] | None:
+    """Return the last good report and the first bad one, where an event tells them."""
+    for one in events:
+        if one.source == "bus" and (one.first.t, one.first.frame) == (verdict.t_end, verdict.frame):
+            return one.before or one.first, one.first
+    return None
 
 
 def _unjudged(witness: Witness, start: int | None) -> str:

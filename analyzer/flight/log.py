@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 MOST_ALIKE = 200  # of one kind and sender
 MOST_EVENTS = 100_000
-_TOLD_TWICE = ("fault", "sag")
+_TOLD_TWICE = ("fault", "sag", "power-up")
 
 
 @dataclass(slots=True)
@@ -54,6 +54,7 @@ class EventLog:
         self._all: list[FlightEvent] = []
         self._count: Counter[tuple[object, ...]] = Counter()
         self.more = 0  # that are not kept
+        self._given = 0
 
     def add(self, event: FlightEvent) -> None:
         """Take one."""
@@ -64,15 +65,25 @@ class EventLog:
             return
         self._all.append(event)
 
+    def fresh(self, channels: ToldChannels) -> list[FlightEvent]:
+        """Return those that were told since the last time, in no order."""
+        found, self._given = self._all[self._given :], len(self._all)
+        _know(found, channels)
+        return found
+
     def events(self, channels: ToldChannels, late: Iterable[FlightEvent] = ()) -> list[FlightEvent]:
         """Return them, and those that are found at the end, in the order of the capture."""
         for event in late:
             self.add(event)
-        for one in self._all:
-            if one.ch is None and one.bus is not None and one.node is not None:
-                one.ch = channels.of(one.bus, one.node)
+        _know(self._all, channels)
         ordered = sorted(self._all, key=lambda one: (one.first.ran, one.first.frame, one.kind, one.node or 0, one.text))
         return _united(ordered)
+
+
+def _know(events: Iterable[FlightEvent], channels: ToldChannels) -> None:
+    for one in events:
+        if one.ch is None and one.bus is not None and one.node is not None:
+            one.ch = channels.of(one.bus, one.node)
 
 
 def event_table(events: Iterable[FlightEvent]) -> pa.Table:

@@ -9,6 +9,7 @@ from analyzer.flight.finder import EventFinder
 from analyzer.flight.flights import FlightFinder
 from analyzer.flight.pulse import CommandPulse
 from analyzer.flight.senders import LossesBySecond
+from analyzer.flight.timeline.courses import Courses
 
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
@@ -27,15 +28,17 @@ class Witness:
     Args:
         registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
         log: what the vehicle's autopilot wrote, whose words become events, too, if it can be aligned.
+        drawn: keep the courses of what was measured and commanded, for a time line.
     """
 
-    def __init__(self, registry: Registry, log: AutopilotLog | None = None) -> None:
+    def __init__(self, registry: Registry, log: AutopilotLog | None = None, *, drawn: bool = False) -> None:
         self._finder = EventFinder(registry, log)
         self.clock: RecordedClock = self._finder.clock
         self._flights = FlightFinder(registry, self._finder.order)
         self.pulse = CommandPulse(self.clock, self._finder.commands)
         self.losses = LossesBySecond(self.clock)
         self._extents = EscExtents(self._finder.order)
+        self.courses = Courses(self._finder.order, self._finder.commands) if drawn else None
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -44,6 +47,8 @@ class Witness:
         self.pulse.feed()
         self.losses.feed(batch)
         self._extents.feed(batch)
+        if self.courses is not None:
+            self.courses.feed(batch)
 
     def flights(self) -> list[Flight]:
         """Return the flights, after the last batch."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from array import array
+from bisect import bisect_right
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array, FrameTable
 
 LOAD, RATE = "bus_load", "frame_rate"
+MOST_SECONDS = 1 << 17  # of each bus, whose loads are remembered: 36 hours
 _OPEN = 2 * SECOND  # a second is over when a frame of this much later is there
 
 
@@ -47,6 +50,7 @@ class BusPlots:
         self._span: dict[int, tuple[int, int]] = {}  # first and last frame number drawn
         self._ends: list[tuple[int, int]] = []  # time and frame of the first and of the last second drawn
         self._buses: tuple[str, ...] = ()
+        self._loads: dict[int, tuple[array[int], array[float]]] = {}  # seconds in order, and the load in each
 
     def feed(
         self, frames: FrameTable, places: Array, start: int | None, buses: tuple[str, ...], bits: Array | None = None
@@ -101,8 +105,18 @@ class BusPlots:
             )
             columns.append((series, values, None))
         self._canvas.lines(columns, moments)
+        seconds_, kept = self._loads.setdefault(bus, (array("q"), array("d")))
+        if len(kept) < MOST_SECONDS and (not seconds_ or rows[0][0] >= seconds_[-1]):
+            seconds_.extend(t for t, _ in rows)
+            kept.extend(loads.tolist())
         places = [*self._ends, *((t, one.frame) for t, one in rows)]
         self._ends = [min(places), max(places)]
+
+    def load(self, bus: int, t: int) -> float:
+        """Return the load that is drawn at a time, in percent."""
+        seconds, loads = self._loads.get(bus, (array("q"), array("d")))
+        place = bisect_right(seconds, t)
+        return loads[max(place - 1, 0)] if loads else 0.0
 
     def _with_silence(self, bus: int, seconds: list[tuple[int, _Second]]) -> Iterable[tuple[int, _Second]]:
         """Put a zero behind and in front of seconds between which there were none."""

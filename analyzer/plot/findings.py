@@ -44,7 +44,11 @@ def draw(canvas: Canvas, findings: Iterable[Finding], *, several: bool) -> None:
                     np.array([NO_TIME if one.first.t_ns is None else one.first.t_ns for one in rows], np.int64),
                     np.array([NO_FRAME if one.first.frame is None else one.first.frame for one in rows], np.int64),
                 )
-                texts = [line(one, several=several) for one in rows]
+                texts = [
+                    f"{'' if one.first.t_ns is None else canvas.clock.written(one.first.t_ns)} "
+                    f"{line(one, several=several)}".lstrip()
+                    for one in rows
+                ]
                 canvas.texts(series, texts, [level] * len(rows), moments)
 
 

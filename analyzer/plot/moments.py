@@ -8,7 +8,8 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.facts.summary import YEAR_2000
-from dissectors.kit import NO_TIME
+from analyzer.report.moments import clock
+from dissectors.kit import NO_TIME, SECOND
 from dissectors.kit.cells import numbers, valid
 from dissectors.records import dataclass
 
@@ -57,6 +58,12 @@ class PlotClock:
         if len(moments) and moments.frame[0] != NO_FRAME:
             found.append((FRAME, pa.array(moments.frame.astype(np.int64, copy=False))))
         return found
+
+    def written(self, t: int) -> str:
+        """Write a time of day, or seconds since the start where times are no dates: columns of a viewer are narrow."""
+        if t == NO_TIME or self.start is None:
+            return ""
+        return clock(t) if self.absolute else f"+{(t - self.start) / SECOND:.3f} s"
 
     def parts(self, moments: Moments) -> list[slice | Array]:
         """Return rows that have the same timelines; all in one piece if they can be."""

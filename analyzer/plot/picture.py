@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.plot import broken, findings, happened, summary
+from analyzer.plot import broken, findings, summary
 from analyzer.plot.bus import BusPlots
 from analyzer.plot.canvas import Canvas
 from analyzer.plot.chunks import path
+from analyzer.plot.happened import HappenedPlots
 from analyzer.plot.inventory import Series
 from analyzer.plot.layout.whole import layout
 from analyzer.plot.messages import MessagePlots
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.facts.summary import Facts
+    from analyzer.plot.happened import MarkedEvent
     from analyzer.plot.inventory import Inventory
     from analyzer.plot.thinning import Thinning
     from analyzer.report.model import Finding, Report
@@ -59,6 +61,7 @@ class Picture:
         self._canvas = Canvas(send, most)
         self._messages = MessagePlots(self._canvas, registry, waiting=most is not None)
         self._buses = BusPlots(self._canvas, bit_rate)
+        self._happened = HappenedPlots(self._canvas, self._messages.pictures, self._buses.load)
         self._from, self._to = NO_TIME, NO_TIME
         self._first = self._last = 0
         self._told: set[Hashable] = set()
@@ -110,11 +113,18 @@ class Picture:
         findings.draw(self._canvas, new.values(), several=several)
         self._canvas.flush()
 
-    def take_happened(self, flights: pa.Table, events: pa.Table, buses: Sequence[str]) -> None:
-        """Draw what is shown of flights and their events: `FLIGHTS`, `FLIGHT_EVENTS`; before it is closed."""
-        if self._from != NO_TIME:
+    def take_events(self, events: Sequence[MarkedEvent], buses: Sequence[str]) -> None:
+        """Draw events that have not been told yet, in the part that is shown; before it is closed."""
+        if events and self._from != NO_TIME:
             self._messages.finish()
-            happened.draw(self._canvas, flights, events, buses, (self._from, self._to))
+            self._happened.events(events, buses, (self._from, self._to))
+            self._canvas.flush()
+
+    def take_flights(self, flights: pa.Table) -> None:
+        """Draw when the vehicle flew, `FLIGHTS`, once that is known."""
+        if self._from != NO_TIME:
+            self._happened.flights(flights, (self._from, self._to))
+            self._canvas.flush()
 
     def close(self, limits: Mapping[str, float]) -> None:
         """End the capture: draw what was held back. `limits` are frames a second by what they hold for."""

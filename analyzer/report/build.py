@@ -64,6 +64,7 @@ def build(
         gate=_gate(taken, findings, requirements, options, [one for one in rules if one.rule in enabled]),
         waivers=tuple(use for excuses in options.excuses for use in excuses(findings)),
         events=draft.events,
+        triages=tuple(one.triage for one in taken if one.triage is not None),
     )
 
 

@@ -8,6 +8,8 @@ from dataclasses import fields, is_dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
+from analyzer.report.model import NOT_IN_JSON
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -26,7 +28,8 @@ def written(form: str, record: Any) -> str:
 
     Numbers that are not finite become null, bytes of names that are not UTF-8 become `\xNN`.
     """
-    return "\n".join(_lines({"schema": form} | _fields(record))) + "\n"
+    content = {name: value for name, value in _fields(record).items() if name not in NOT_IN_JSON}
+    return "\n".join(_lines({"schema": form} | content)) + "\n"
 
 
 def render_finding(finding: Finding) -> str:

@@ -13,6 +13,7 @@ from analyzer.rules import verdicts
 from dissectors.records import as_dict, dataclass, field
 
 if TYPE_CHECKING:
+    from analyzer.flight.verdict.model import Triage
     from analyzer.rules.verdicts import Excused
 
 SCHEMA = "tailbyte.check/1"
@@ -26,6 +27,7 @@ Judgeable = Literal["yes", "no", "unknown", "coarse"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 CATEGORIES: tuple[Category, ...] = ("device", "protocol", "capture")
 VERDICTS: tuple[Verdict, ...] = verdicts.RANKED
+NOT_IN_JSON = ("triages",)  # of a report
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,6 +282,8 @@ class Report:
 
     `events`, by time, are no findings: no count, no verdict and no gate knows of them.
 
+    `triages` say what happened in each capture, if that was looked at; they have a JSON of their own.
+
     `settings` names the `profile` (empty for the defaults), in `limits` the numbers of each rule that has some, and in
     `changed` those (`RULE.name`) that are not the default; other options are shown as they are.
     """
@@ -293,8 +297,11 @@ class Report:
     gate: Gate
     waivers: tuple[WaiverUse, ...] = ()
     events: tuple[DeviceEvent, ...] = ()
+    triages: tuple[Triage, ...] = ()
     schema: str = field(default=SCHEMA)
 
     def as_json(self) -> dict[str, Any]:
         """Return plain dictionaries and lists, `schema` first."""
-        return {"schema": self.schema} | {name: value for name, value in as_dict(self).items() if name != "schema"}
+        alone = {name: getattr(self, name) for name in self.__match_args__ if name not in ("schema", *NOT_IN_JSON)}
+        found: dict[str, Any] = {"schema": self.schema} | as_dict(alone)
+        return found

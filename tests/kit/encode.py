@@ -70,6 +70,8 @@ uavcan.protocol.GetNodeInfo.Response response 1 EE468A8121C46A9E status:Status s
 uavcan.protocol.param.GetSet.Request request 11 A7B622F939D1A4D5 index:u13 value:Value name:u8[<92]
 uavcan.protocol.param.GetSet.Response response 11 A7B622F939D1A4D5 :v5 value:Value :v5 default_value:Value
     :v6 max_value:Number :v6 min_value:Number name:u8[<92]
+uavcan.protocol.param.ExecuteOpcode.Request request 10 3B131AC5EB69D2CD opcode:u8 argument:i48
+uavcan.protocol.param.ExecuteOpcode.Response response 10 3B131AC5EB69D2CD argument:i48 ok:u1
 uavcan.protocol.file.Read.Request request 48 8DCDCA939F33F678 offset:u40 path:Path
 uavcan.protocol.file.Read.Response response 48 8DCDCA939F33F678 error:Error data:u8[<256]
 """

@@ -28,7 +28,7 @@ SHOWN = {
     "zero-in-air": ("commands zero", 0.02, False),
     "gps-restart": ("silence", 0.11, False),
 }
-USUAL = {"mode", "join", "arming"}
+USUAL = {"mode", "join", "arming", "parameter"}
 
 
 @pytest.mark.sampled(3)

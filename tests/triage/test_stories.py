@@ -111,18 +111,20 @@ def test_the_story_of_an_esc_that_fails(registry: Registry) -> None:
         assert one["t"] <= said["t_ns"] <= one["t_end"]
     assert fault["until"] is None
     assert [one["text"] for one in kinds(events, "health")] == ["ok -> error"]
-    assert {one["node"] for one in events if one["t_end"] > key[0]["t_ns"]} == {11}
+    assert {one["node"] for one in events if one["t_end"] > key[0]["t_ns"] and one["kind"] != "parameter"} == {11}
 
 
 @pytest.mark.parametrize("name", ["hover-4", "hover", "fd", "recording-ends", "hobbywing", "reordering"])
 def test_nothing_befalls_a_healthy_flight(name: str, told: Told) -> None:
-    assert {one["kind"] for one in told((CAPTURES / f"{name}.log").read_bytes())[1]} <= {"mode"}
+    assert {one["kind"] for one in told((CAPTURES / f"{name}.log").read_bytes())[1]} <= {"mode", "parameter"}
 
 
 def test_stories(told: Told) -> None:
     """By what their keys say was done."""
     found = {
-        name: [one for one in told((CAPTURES / f"{name}.log").read_bytes())[1] if one["kind"] != "mode"]
+        name: [
+            one for one in told((CAPTURES / f"{name}.log").read_bytes())[1] if one["kind"] not in {"mode", "parameter"}
+        ]
         for name in ("command-loss", "bus-break", "pack-sag", "startup")
     }
     stop = json.loads((CAPTURES / "command-loss.key.json").read_text())["scenario"]["events"][0]["t_ns"]

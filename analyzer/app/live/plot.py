@@ -6,6 +6,7 @@ import os
 import time
 from typing import TYPE_CHECKING
 
+from analyzer.app.marks import EventMarks
 from analyzer.plot import LOG_LEVEL
 from analyzer.plot.address import Address
 from analyzer.plot.parts import whole
@@ -71,6 +72,8 @@ class LivePlot:
         settings = criteria.settings
         self._output, self._tell, self._several, self._now = output, tell, several, now
         self._picture = Picture(output.send, criteria.registry, bit_rate=settings.bit_rate)
+        self._marks = EventMarks(criteria.registry)
+        self._buses: tuple[str, ...] = ()
         self._shown = 0
         self._laid = -_LAYOUT
         self._problem: str | None = None
@@ -79,7 +82,10 @@ class LivePlot:
         """Draw what is in it, at once."""
         if self._problem is None:
             self._picture.note_start(measured.batch)
+            self._marks.feed(measured.batch)
+            self._buses = measured.batch.buses
             self._picture.feed(whole(measured.batch), measured.bits)
+            self._picture.take_events(self._marks.fresh(), self._buses)
 
     def found(self, changes: Sequence[Change]) -> None:
         """Draw findings, as they begin."""
@@ -103,6 +109,9 @@ class LivePlot:
     def end(self, report: Report, facts: Facts) -> None:
         """Draw the verdict and the summary."""
         if self._problem is None:
+            found = self._marks.finish()
+            self._picture.take_events(found.events, self._buses)
+            self._picture.take_flights(found.flights)
             self._picture.finish(report, facts)
             self._output.layout(self._picture.layout())
         if self._output.dropped:

@@ -28,7 +28,7 @@ _TIPPED = "it tipped over at take-off, with every ESC obeying: a motor, propelle
 _LOSSY = "the recorder lost frames; nothing wrong seen besides, and the recording ends in flight"
 _STATES = frozenset({"thrust", "address"})  # are so all the time
 _WHOLE = frozenset({"commands-lost", "commanded", "bus"})  # after which commands say nothing any more
-_ORDINARY = frozenset({"mode", "join", "arming"})
+_ORDINARY = frozenset({"mode", "join", "arming", "parameter", "save"})
 
 
 @dataclass(frozen=True, slots=True)

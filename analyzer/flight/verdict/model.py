@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dissectors.records import dataclass
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
+    from analyzer.flight.timeline.timeline import TimeLine
 
 SUPPORTS = ("well supported", "likely", "possible")
 
@@ -58,7 +59,7 @@ class Triage:
     it at all. `primary` are the events that began it, `after` consequences, `earlier` what was over before. `said` is
     what the autopilot's log says around it, `autopilot` how that log lies on the capture, None without one. `lines`
     speak of the clock and the recorder, with a label each, `not_seen` of what is not on the bus, `looked` of what was
-    looked at, `commands` of what to do next.
+    looked at, `commands` of what to do next. `timelines` are there to be drawn, if that was asked for.
     """
 
     captures: Sequence[str]
@@ -83,6 +84,7 @@ class Triage:
     primary: Sequence[FlightEvent] = ()
     said: Sequence[FlightEvent] = ()
     autopilot: Mapping[str, Any] | None = None
+    timelines: Sequence[TimeLine] = field(default=(), compare=False)
 
     @property
     def first(self) -> Verdict:

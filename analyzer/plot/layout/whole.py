@@ -104,14 +104,20 @@ def _devices(found: _Sorted) -> Iterator[rrb.Container]:
 
 
 def _overview(found: _Sorted, own: Sequence[Series], name: str) -> Iterator[rrb.Container]:
-    """Lay out a plot a quantity with all devices, and the states that are not just off."""
+    """Lay out a plot a quantity with all devices, and beside them the states that are not just off, from top to bottom.
+
+    States have as much room as they have lanes: those of all devices are to be seen.
+    """
     details = {name for name, quantity in found.pictures.quantities.items() if quantity.detail}
     parts: list[rrb.View | rrb.Container] = []
     for title, series in found.plots(own, lambda one: one.quantity not in details):
         parts.append(views.plot(title, series, legend=not parts))
-    parts += _states([one for one in own if one.active])
-    if parts:
-        yield views.grid(parts, name, first=True)
+    states, lanes = _states(shown := [one for one in own if one.active]), _lanes(shown)
+    if states and parts:
+        beside = rrb.Vertical(contents=states, row_shares=[1 + count for count in lanes])
+        yield rrb.Horizontal(contents=[views.grid(parts, first=True), beside], column_shares=[3, 1], name=name)
+    elif states or parts:
+        yield views.grid([*parts, *states], name, first=True)
 
 
 def _each(found: _Sorted, own: Sequence[Series], title: str) -> Iterator[rrb.Container]:
@@ -128,9 +134,19 @@ def _each(found: _Sorted, own: Sequence[Series], title: str) -> Iterator[rrb.Con
 
 def _states(series: Sequence[Series]) -> list[rrb.View]:
     """Lay out modes and the like, and the flags."""
-    states = [one for one in series if one.kind == "state" and not one.flag]
-    flags = [one for one in series if one.kind == "state" and one.flag]
-    return [views.lanes(title, here) for title, here in (("States", states), ("Status bits", flags)) if here]
+    return [views.lanes(title, here) for title, here in _kinds_of_states(series)]
+
+
+def _lanes(series: Sequence[Series]) -> list[int]:
+    """Return how many lanes each of these views has."""
+    return [len(here) for _, here in _kinds_of_states(series)]
+
+
+def _kinds_of_states(series: Sequence[Series]) -> Iterator[tuple[str, list[Series]]]:
+    for title, flag in (("States", False), ("Status bits", True)):
+        here = [one for one in series if one.kind == "state" and one.flag == flag]
+        if here:
+            yield title, here
 
 
 def _beside(plots: Parts, states: Parts, name: str) -> rrb.Container:

@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from analyzer.devices import fields
 from analyzer.devices.rows import usable
+from analyzer.devices.settings import GET_SET, MOST_TEXT, commands, given, is_setting, written
 from analyzer.facts.meaning import meaning
 from analyzer.facts.traffic import times
 from dissectors import picture
@@ -26,13 +27,9 @@ if TYPE_CHECKING:
     from dissectors import Registry
     from dissectors.picture import Plot
 
-GET_SET = "uavcan.protocol.param.GetSet.Response"
+ANSWERS = f"{GET_SET}.Response"
 MOST_PARAMETERS = 1 << 15
 MOST_VALUES = 8  # of one parameter
-MOST_TEXT = 80  # characters
-_VALUES = ("integer_value", "real_value", "boolean_value", "string_value")
-_DIGITS = 7  # of a 32-bit float
-_SOFTWARE = "software_version"  # is told as firmware
 
 ParameterKey = tuple[int, int, str, str]  # bus, node, table, name
 
@@ -65,7 +62,7 @@ class Parameters:
         self.serials: dict[tuple[int, int], str] = {}
         self._registry = registry
         plots = picture.load(registry).plots.values()
-        self._plots = [plot for plot in plots if plot.parameters and not self._commands(plot)]
+        self._plots = [plot for plot in plots if plot.parameters and not commands(registry, plot.table)]
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -73,21 +70,15 @@ class Parameters:
             table = batch.messages.get(plot.table)
             if table is not None and len(table := usable(table)):
                 self._add(plot, table)
-        table = batch.messages.get(GET_SET)
+        table = batch.messages.get(ANSWERS)
         if table is not None and {"name.text", "value"} <= {*table.schema.names}:
             self._add_named(usable(table))
-
-    def _commands(self, plot: Plot) -> bool:
-        try:
-            return self._registry.resolve(plot.table.partition(".")[0]).actuates
-        except LookupError:
-            return False
 
     def _add(self, plot: Plot, table: pa.RecordBatch) -> None:
         of = self._registry.definition(plot.table)
         node = numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src"))
         leave = fields.ABOUT_ROWS | plot.hidden | plot.own | {plot.identity}
-        names = [name for name in table.schema.names if name not in leave and _is_setting(of, table, name)]
+        names = [name for name in table.schema.names if name not in leave and is_setting(of, table, name)]
         t, timed = times(table)
         for code in np.unique(node).tolist():
             rows = np.flatnonzero(node == code)
@@ -99,7 +90,7 @@ class Parameters:
                 for row, value in _changes(column):
                     text = found.texts.get(value) if isinstance(value, (int, float)) else None
                     unit = "" if found.unit in ("", "unspecified") else f" {found.unit}"
-                    self._note((*at, plot.table, name), f"{text or _written(value)}{unit}", when[row], len(rows))
+                    self._note((*at, plot.table, name), f"{text or written(value)}{unit}", when[row], len(rows))
             if plot.identity in table.schema.names:
                 self.serials[at] = str(table.column(plot.identity)[int(rows[-1])].as_py())
 
@@ -107,11 +98,10 @@ class Parameters:
         t, timed = times(table)
         columns = [pylist(table.column(name)) for name in ("bus", "src", "name.text", "value")]
         for row, (bus, src, name, value) in enumerate(zip(*columns, strict=True)):
-            given = [value.get(one) for one in _VALUES] if isinstance(value, dict) else []
-            told = next((one for one in given if one is not None), None)
+            told = given(value)
             if name and told is not None:
-                text = _written(bytes(told).decode("utf-8", "backslashreplace") if isinstance(told, list) else told)
-                self._note((bus, src, "", str(name)[:MOST_TEXT]), text, int(t[row]) if timed[row] else None, 1)
+                when = int(t[row]) if timed[row] else None
+                self._note((bus, src, "", str(name)[:MOST_TEXT]), written(told), when, 1)
 
     def _note(self, key: ParameterKey, text: str, t: int | None, reports: int) -> None:
         told = self.all.get(key)
@@ -123,16 +113,6 @@ class Parameters:
         told.take(text, t)
 
 
-def _is_setting(of: Any, table: pa.RecordBatch, name: str) -> bool:
-    """Return whether a column is a value of its own: no list, nothing derived, no word whose parts are there."""
-    kind = table.schema.field(name).type
-    if pa.types.is_nested(kind) or name.startswith(("reading.", _SOFTWARE)):
-        return False
-    if any(other.startswith(f"{name}.") and not other.endswith(".text") for other in table.schema.names):
-        return False
-    return not meaning(of, name).source
-
-
 def _changes(column: pa.Array) -> Iterator[tuple[int, Any]]:
     """Yield row and value wherever it is another one than before, the first one too; nulls tell nothing."""
     before: Any = None
@@ -140,11 +120,3 @@ def _changes(column: pa.Array) -> Iterator[tuple[int, Any]]:
         if value is not None and value != before:
             before = value
             yield row, value
-
-
-def _written(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.{_DIGITS}g}"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return str(value)[:MOST_TEXT]

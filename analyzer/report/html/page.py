@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from analyzer.report import headline
 from analyzer.report.html import figures, sections
 from analyzer.report.html.parts import environment, policy
+from analyzer.report.html.triage import section
 from analyzer.report.model import CATEGORIES, SEVERITIES, VERDICTS
 from analyzer.report.wording import captures_by_id, events, waived
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 FINDINGS_BYTES = 8_500_000
 EVIDENCE_LINES = 20_000  # of all findings together
 _FEWEST_LINES, _MOST_LINES = 3, 60  # of one finding
+_TRIAGES = 8
 
 
 def render(report: Report) -> str:
@@ -33,6 +35,8 @@ def render(report: Report) -> str:
         report=report,
         policy=policy(templates, "report.js"),
         headline=head,
+        triages=[section(found, k) for k, found in enumerate(report.triages[:_TRIAGES], 1)],
+        more_triages=len(report.triages[_TRIAGES:]),
         tally=sections.tally(head.problems),
         captures=[sections.capture_facts(capture) for capture in report.captures],
         timelines=figures.timelines(report, len(shown)),

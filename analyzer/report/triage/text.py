@@ -5,9 +5,8 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from analyzer.report.triage.words import TriageWords, who
+from analyzer.report.triage.words import TriageWords, together
 from analyzer.views.terminal import PLAIN, display_width, escape, fit
-from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -56,7 +55,7 @@ class _Screen:
         """Yield every event in a line, those that began it marked."""
         found = self._found
         yield from self._head()
-        for one, whose in _together(found.events):
+        for one, whose in together(found.events):
             mark = "*" if any(one is first for first in found.primary) else " "
             text = f"{mark}{self._words.time(one.first.t)}  {f'{whose:<8}'} {one.kind}: {one.text}"
             first, *rest = wrap(escape(text), self._width, subsequent_indent=" " * 24) or [""]
@@ -117,7 +116,7 @@ class _Screen:
         yield from self._events("Earlier", self._found.earlier, _EARLIER, "")
 
     def _events(self, label: str, events: Sequence[FlightEvent], most: int, note: str) -> Iterator[str]:
-        told = list(_together(events))
+        told = list(together(events))
         shown = told if self._all else told[:most]
         for number, (one, whose) in enumerate(shown):
             text = f"{self._words.time(one.first.t)}  {whose + ' ' if whose else ''}{one.kind}: {one.text}"
@@ -152,22 +151,3 @@ class _Screen:
         lines = wrap(escape(text), self._width - _LABEL, break_on_hyphens=False) or [""]
         for number, line in enumerate(lines):
             yield f"{self._palette.paint('head', f'{label:<{_LABEL}}') if not number else ' ' * _LABEL}{line}"
-
-
-def _together(events: Sequence[FlightEvent]) -> Iterator[tuple[FlightEvent, str]]:
-    """Yield events, and of whom they are: what befalls several within half a second is one."""
-    open_: list[tuple[FlightEvent, list[str]]] = []
-    for one in events:
-        for first, whose in open_:
-            same = (first.kind, _gist(first)) == (one.kind, _gist(one))
-            if same and one.first.ran - first.first.ran < SECOND // 2:
-                if who(one) not in whose:
-                    whose.append(who(one))
-                break
-        else:
-            open_.append((one, [who(one)]))
-    yield from ((one, " ".join(sorted(filter(None, whose)))) for one, whose in open_)
-
-
-def _gist(one: FlightEvent) -> str:
-    return one.text if one.kind == "fault" else one.sign

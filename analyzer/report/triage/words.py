@@ -8,10 +8,13 @@ from analyzer.views.times import TimeFormat
 from dissectors.times import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from analyzer.flight.log import FlightEvent
     from analyzer.flight.verdict.model import Triage, Verdict
 
 _YEAR_2000 = 946_684_800 * SECOND
+_BY_TEXT = frozenset({"fault", "message", "parameter", "save"})  # kinds that are the same only in the same words
 
 
 class TriageWords:
@@ -53,3 +56,22 @@ def who(event: FlightEvent) -> str:
     if event.ch is not None:
         return f"ch{event.ch}"
     return "" if event.node is None else f"node {event.node}"
+
+
+def together(events: Sequence[FlightEvent]) -> Iterator[tuple[FlightEvent, str]]:
+    """Yield events, and of whom they are: what befalls several within half a second is one."""
+    open_: list[tuple[FlightEvent, list[str]]] = []
+    for one in events:
+        for first, whose in open_:
+            same = (first.kind, _gist(first)) == (one.kind, _gist(one))
+            if same and one.first.ran - first.first.ran < SECOND // 2:
+                if who(one) not in whose:
+                    whose.append(who(one))
+                break
+        else:
+            open_.append((one, [who(one)]))
+    yield from ((one, " ".join(sorted(filter(None, whose)))) for one, whose in open_)
+
+
+def _gist(one: FlightEvent) -> str:
+    return one.text if one.kind in _BY_TEXT else one.sign

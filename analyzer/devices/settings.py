@@ -1,0 +1,53 @@
+"""Settings of devices: which columns of a table are such, and how their values are written."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from analyzer.facts.meaning import meaning
+
+if TYPE_CHECKING:
+    from dissectors import Registry
+    from dissectors.schema import Message, Packet
+
+GET_SET = "uavcan.protocol.param.GetSet"
+VALUES = ("integer_value", "real_value", "boolean_value", "string_value")  # of its union
+MOST_TEXT = 80  # characters
+_DIGITS = 7  # of a 32-bit float
+_SOFTWARE = "software_version"  # is told as firmware
+
+
+def commands(registry: Registry, table: str) -> bool:
+    """Return whether a table is what somebody else sets: no report of a device."""
+    try:
+        return registry.resolve(table.partition(".")[0]).actuates
+    except LookupError:
+        return False
+
+
+def is_setting(of: Message | Packet | None, table: pa.RecordBatch, name: str) -> bool:
+    """Return whether a column is a value of its own: no list, nothing derived, no word whose parts are there."""
+    kind = table.schema.field(name).type
+    if pa.types.is_nested(kind) or name.startswith(("reading.", _SOFTWARE)):
+        return False
+    if any(other.startswith(f"{name}.") and not other.endswith(".text") for other in table.schema.names):
+        return False
+    return not meaning(of, name).source
+
+
+def given(value: Any) -> Any:
+    """Return what a value of the standard's `GetSet` holds; None if it is empty."""
+    cells = [value.get(one) for one in VALUES] if isinstance(value, dict) else []
+    told = next((one for one in cells if one is not None), None)
+    return bytes(told).decode("utf-8", "backslashreplace") if isinstance(told, list) else told
+
+
+def written(value: Any) -> str:
+    """Write a value as people do."""
+    if isinstance(value, float):
+        return f"{value:.{_DIGITS}g}"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return str(value)[:MOST_TEXT]

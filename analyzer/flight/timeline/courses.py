@@ -1,0 +1,180 @@
+"""The courses of all devices and commands of a capture, and the modes of the devices."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.devices import fields
+from analyzer.devices.readings import holding
+from analyzer.devices.rows import keyed, split, usable
+from analyzer.flight.reports import ReportEvents
+from analyzer.flight.timeline.course import Course
+from dissectors.kit.order import changes, groups
+from dissectors.records import dataclass, field
+from dissectors.times import NO_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import pyarrow as pa
+
+    from analyzer.decode.engine import Batch
+    from analyzer.flight.orders import CommandReader
+    from analyzer.flight.reports import EventOrder
+    from dissectors.kit import Array
+    from dissectors.picture import Plot
+
+MOST_DEVICES = 64
+MOST_MODES = 256  # changes of one device, the last ones
+QUANTITIES = ("speed", "current", "temperature", "voltage")
+
+
+class Stay(NamedTuple):
+    """A mode from a recorded time on: its code, its name, and whether it is one of a device that failed."""
+
+    ran: int
+    code: int
+    name: str
+    failed: bool
+
+
+@dataclass(slots=True)
+class DeviceCourse:
+    """What one device reported in a table: `QUANTITIES`, and its modes. `ch` as people count, None if it has none.
+
+    `esc` says that it is the table in which an ESC tells its speed.
+    """
+
+    table: str
+    bus: int
+    node: int
+    ch: int | None
+    esc: bool
+    course: Course
+    modes: deque[Stay] = field(default_factory=lambda: deque(maxlen=MOST_MODES))
+
+
+@dataclass(slots=True)
+class CommandCourse:
+    """What one sender commanded, a row a channel, the first of which is called `first`."""
+
+    bus: int
+    node: int
+    first: int
+    width: int
+    course: Course
+
+
+class Courses(ReportEvents):
+    """Adds up batches; bound: `MOST_DEVICES`, and as many senders of commands.
+
+    Args:
+        order: the plots and the clock.
+        commands: of the batch, fed before.
+    """
+
+    def __init__(self, order: EventOrder, commands: CommandReader) -> None:
+        super().__init__(order)
+        self._commands = commands
+        self.devices: dict[tuple[str, int], DeviceCourse] = {}
+        self.commands: dict[tuple[str, int, int], CommandCourse] = {}
+
+    @staticmethod
+    def of_use(plot: Plot) -> bool:
+        """Return whether it tells one of the quantities of devices that can be told apart."""
+        return not plot.who.elements and any(line.quantity in QUANTITIES for line in plot.lines)
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        for some in self._commands.now:
+            key, width = (some.plot.table, some.bus, some.node), len(some.columns)
+            known = self.commands.get(key)
+            if known is None:
+                if len(self.commands) >= MOST_DEVICES:
+                    continue
+                known = CommandCourse(some.bus, some.node, some.plot.who.first, width, Course(width))
+                self.commands[key] = known
+            if width > known.width:
+                known.course.widen(width)
+                known.width = width
+            columns = np.full((known.width, len(some.at)), np.nan, np.float32)
+            columns[:width] = some.columns
+            known.course.feed(some.at.ran, columns)
+        for plot in self._plots:
+            if (table := batch.messages.get(plot.table)) is not None:
+                self._feed_table(plot, usable(table))
+
+    def finish(self) -> None:
+        """Take the end: everything is known."""
+
+    def _feed_table(self, plot: Plot, table: pa.RecordBatch) -> None:
+        table, device = keyed(table, plot.who)
+        if not len(table):
+            return
+        at = self._clock.of(table)
+        values, modes = self._values(plot, table), self._modes(plot, table)
+        timed = at.t != NO_TIME
+        for key, places in groups(device):
+            rows = places[timed[places]]
+            one = self._of(plot, key) if len(rows) else None
+            if one is None:
+                continue
+            ran = at.ran[rows]
+            one.course.feed(ran, values[:, rows])
+            if modes is not None:
+                _note(one, modes[0], rows if modes[1] is None else rows[modes[1][rows]], at.ran, modes[2])
+
+    def _values(self, plot: Plot, table: pa.RecordBatch) -> Array:
+        """Return the quantities as rows, NaN where one is not told."""
+        out = np.full((len(QUANTITIES), len(table)), np.nan, np.float32)
+        of = self._registry.definition(plot.table)
+        for line in plot.lines:
+            place = QUANTITIES.index(line.quantity) if line.quantity in QUANTITIES else None
+            if place is None or line.role == "commanded" or not np.isnan(out[place]).all():
+                continue
+            for found in fields.column(of, table, line.column)[:1]:
+                out[place] = found.values if found.has is None else np.where(found.has, found.values, np.nan)
+        return out
+
+    def _modes(self, plot: Plot, table: pa.RecordBatch) -> tuple[Array, Array | None, _Words] | None:
+        """Return the modes of the rows, which rows have one (None: all), and what they are called."""
+        name = plot.esc.mode
+        found = fields.column(self._registry.definition(plot.table), table, name) if name else []
+        if not found:
+            return None
+        last = name.rpartition(".")[2]
+        word = next((one for one in plot.states if name in {one.column, f"{one.column}.{last}"}), None)
+        has = None if word is None else holding(word.only, table)
+        if found[0].has is not None:
+            has = found[0].has if has is None else has & found[0].has
+        return found[0].values, has, _Words(found[0].texts, last, {} if word is None else word.signs)
+
+    def _of(self, plot: Plot, key: int) -> DeviceCourse | None:
+        known = self.devices.get((plot.table, key))
+        if known is None and len(self.devices) < MOST_DEVICES:
+            bus, node, number = split(key)
+            ch = number + plot.who.first if plot.who.column and plot.esc.rpm else None
+            known = DeviceCourse(plot.table, bus, node, ch, bool(plot.esc.rpm), Course(len(QUANTITIES)))
+            self.devices[plot.table, key] = known
+        return known
+
+
+class _Words(NamedTuple):
+    """What modes are called, and of which trouble they are a sign, by `part=code`."""
+
+    texts: Mapping[float, str]
+    part: str
+    signs: Mapping[str, str]
+
+
+def _note(one: DeviceCourse, codes: Array, rows: Array, ran: Array, words: _Words) -> None:
+    """Note where the mode of a device changes."""
+    mine = codes[rows]
+    for k in changes(mine, one.modes[-1].code if one.modes else -1).tolist():
+        code = int(mine[k])
+        name = words.texts.get(code) or f"{code} (undefined)"
+        failed = words.signs.get(f"{words.part}={code}") == "failed"
+        one.modes.append(Stay(int(ran[rows[k]]), code, name, failed))
