@@ -26,7 +26,7 @@ class CommandWindow(NamedTuple):
     mean: Array
     last: Array
 
-    def take(self, rows: slice) -> CommandWindow:
+    def take(self, rows: Array | slice) -> CommandWindow:
         """Return that of some reports."""
         return CommandWindow(*(one[rows] for one in self))
 

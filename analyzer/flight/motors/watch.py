@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.flight.clock import Places, Spot
-    from analyzer.flight.motors.reports import MotorReports
+    from analyzer.flight.motors.reports import EscReports
     from dissectors.kit import Array
 
 _GOOD = 0.85, 1.2  # a current as a share of what it was at that speed
@@ -42,14 +42,14 @@ class MotorWatch:
         self._volts = np.full(int(threshold("motor_many")), -np.inf)
         self._good: Spot | None = None  # the last report that was as it should be
 
-    def feed(self, some: MotorReports) -> Iterator[Compared]:
+    def feed(self, some: EscReports) -> Iterator[Compared]:
         """Compare the next reports; a past is drawn after certain numbers of them, however they come."""
         start = 0
         for count in self._past.steps(len(some.speed)):
             yield self._compared(some.take(slice(start, start + count)))
             start += count
 
-    def _compared(self, some: MotorReports) -> Compared:
+    def _compared(self, some: EscReports) -> Compared:
         command, steady_percent = some.command, threshold("motor_steady_percent")
         off, speed, current, ratio = _differing(self._past, some)
         worn = self._worn(np.where(self._steady_supply(some.volts), ratio, np.nan))
@@ -96,7 +96,7 @@ class MotorWatch:
         return before
 
 
-def _differing(past: MotorPast, some: MotorReports) -> tuple[Array, Array, Array, Array]:
+def _differing(past: MotorPast, some: EscReports) -> tuple[Array, Array, Array, Array]:
     """Return which reports differ, speed and current as shares of the past, and the current as one at this speed.
 
     The last is NaN where it says nothing: while the commands change much, or the motor slows down.
