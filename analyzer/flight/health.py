@@ -244,7 +244,7 @@ def _compared(rows: list[EscHealth]) -> list[EscHealth]:
         z = {}
         for name, tolerated in _COMPARED:
             values = np.array([getattr(one, name) or np.nan for one in others])
-            z[name] = against_others(np.log(values), threshold(tolerated))
+            z[name] = against_others(100 * np.log(values), threshold(tolerated))
         warm = np.array([np.nan if one.temperature_median is None else one.temperature_median for one in others])
         z["temperature"] = against_others(warm, threshold("tolerated_temperature"))
         at = others.index(row)
