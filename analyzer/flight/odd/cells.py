@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dissectors.picture import Plot
 
 SLOTS = 128  # of time; when they are full, two become one
-ONE = float(1 << 20)  # a logarithm, degree or watt as a whole number
+ONE = float(1 << 20)  # of anything that is measured, as a whole number
 NEVER = np.iinfo(np.int64).max
 _PERIODS = 32  # until one is known; one round of transfer IDs
 MEASURED = ("temperature", "voltage", "power")  # sums by time alone

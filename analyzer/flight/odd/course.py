@@ -74,9 +74,12 @@ def _told(devices: Sequence[EscCells], quantity: Quantity) -> int:
 
 
 def _binned_level(count: Array, total: Array) -> Array:
-    """Return how far the mean of each device is from the median of all in its bins; sums by device and bin."""
+    """Return how far the mean of each device is from the median of all in its bins, as a natural logarithm.
+
+    `count` and `total` are by device and bin.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean = total / count
+        mean = np.log(total / count)
     at = np.arange(count.shape[1])
     apart = np.full((len(count), len(count)), np.nan)
     for k, (many, own) in enumerate(zip(count, mean, strict=True)):

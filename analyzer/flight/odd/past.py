@@ -60,6 +60,8 @@ class Past(ABC):
 class BinnedPast(Past):
     """Compared within bins: what was commanded, or how fast it turned, is the same before and after.
 
+    Changes are natural logarithms of shares.
+
     Args:
         count: reports by device, slot and bin.
         total: what they say, added up.
@@ -69,16 +71,18 @@ class BinnedPast(Past):
         self._count, self._total = (_summed(one) for one in (count, total))
         with np.errstate(divide="ignore", invalid="ignore"):
             usual = np.nan_to_num(self._total[:, -1:] / self._count[:, -1:])
-            self.series = (total - count * usual).sum(axis=2) / count.sum(axis=2)
+            self.series = np.log(total.sum(axis=2) / (count * usual).sum(axis=2))
 
     def change(self, before: Array, after: Array) -> Array:
         """Return the mean of the changes of all bins, those that have most on both sides weighing most."""
         n, sums = self._count[:, before], self._total[:, before]
         behind, its = self._count[:, -1:] - self._count[:, after], self._total[:, -1:] - self._total[:, after]
+        both = (n > 0) & (behind > 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            weight = np.nan_to_num(n * behind / (n + behind))
+            weight = np.where(both, n * behind / (n + behind), 0.0)
+            shares = np.where(both, np.log(its / behind) - np.log(sums / n), 0.0)
             whole = weight.sum(axis=2)
-            found = (weight * np.nan_to_num(its / behind - sums / n)).sum(axis=2) / whole
+            found = (weight * shares).sum(axis=2) / whole
         good = (whole >= threshold("odd_reports") / 2) & self.enough(before, after)
         return np.where(good, found, np.nan)
 

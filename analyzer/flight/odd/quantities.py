@@ -73,28 +73,27 @@ BINNED = 4  # kinds of sums by bins
 
 
 def binned(some: EscReports, steady: Array) -> list[tuple[Array, Array, Array]]:
-    """Return for each kind of sums by bins the reports that count, their bins, and the natural logarithm of what they say.
+    """Return for each kind of sums by bins the reports that count, their bins, and what they say.
 
     Those are speed for a percent of throttle and a volt, speed for a percent alone, power by the cube of the speed,
-    current by it: at equal speed the product of current and voltage stays the same whatever the pack gives.
+    current by it: at equal speed the product of current and voltage stays the same whatever the pack gives. Means of
+    them are those of an even speed, as much as a motor gains speed and loses it again.
     """
     throttle = commanded(some)
     with np.errstate(divide="ignore", invalid="ignore"):
         driven = steady & (throttle > threshold("motor_steady_percent"))
         drawn = steady & (some.current > threshold("motor_least_a"))
         supplied = some.volts > 1
-        speed, volts = np.log(some.speed), np.log(some.volts)
         by_command = np.clip(np.nan_to_num(throttle) / _COMMAND_BIN, 0, BINS - 1).astype(np.int64)
-        steps = (np.where(np.isfinite(speed), speed, 0) - _SLOWEST) / _SPEED_BIN
-        by_speed = np.clip(steps, 0, BINS - 1).astype(np.int64)
-        gained = speed - np.log(throttle)
-        taken = np.log(some.current) - LAW * speed
+        turns = np.where(some.speed > 0, some.speed, 1.0)
+        by_speed = np.clip((np.log(turns) - _SLOWEST) / _SPEED_BIN, 0, BINS - 1).astype(np.int64)
+        gained, taken = some.speed / throttle, some.current / (turns / 1000) ** LAW
         return [
             (np.flatnonzero(good), bins, values)
             for good, bins, values in (
-                (driven & supplied, by_command, gained - volts),
+                (driven & supplied, by_command, gained / some.volts),
                 (driven, by_command, gained),
-                (drawn & supplied, by_speed, taken + volts),
+                (drawn & supplied, by_speed, taken * some.volts),
                 (drawn, by_speed, taken),
             )
         ]
