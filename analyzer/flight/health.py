@@ -41,9 +41,10 @@ class EscHealth:
     """The figures of one ESC in one flight; None where its reports do not tell one.
 
     Currents are A, speeds rpm without their sign, temperatures degC, voltages V, of the reports in which it turned.
-    `speed_per_command` is in rpm a percent, `current_per_speed2` in A/(1000 rpm)^2, `power_per_speed3` in W/(1000 rpm)^3,
-    which depends least on how fast it turned: medians of the `steady` reports, with an even speed above a floor. `lost` are reports missing by transfer IDs, `gap_p99_ms` is between two reports. `z_`
-    say how far it is from the other ESCs of this flight, in robust standard deviations; None with fewer than three.
+    `speed_per_command` is in rpm a percent, `current_per_speed2` in A/(1000 rpm)^2, `power_per_speed3`, which depends
+    least on how fast it turned, in W/(1000 rpm)^3: medians of the `steady` reports, with an even speed above a floor.
+    `lost` are reports missing by transfer IDs, `gap_p99_ms` is between two reports. `z_` say how far it is from the
+    other ESCs of this flight, in robust standard deviations; None with fewer than three.
     """
 
     flight: int
@@ -231,7 +232,8 @@ def _figures(flight: Flight, device: _Device, events: Sequence[FlightEvent]) -> 
         running_s=(whole.last - whole.first) / SECOND, reports=max(one.count for one in whole.measured.values()),
         voltage_min=volts.low if volts.count else None, steady=whole.per_speed2.count,
         speed_per_command=whole.per_command.quantile(0.5), current_per_speed2=whole.per_speed2.quantile(0.5),
-        power_per_speed3=whole.per_speed3.quantile(0.5), lost=whole.lost, gap_p99_ms=whole.gaps.quantile(0.99), faults=mine.count("fault"),
+        power_per_speed3=whole.per_speed3.quantile(0.5), lost=whole.lost, gap_p99_ms=whole.gaps.quantile(0.99),
+        faults=mine.count("fault"),
         restarts=mine.count("restart"), **figures,
     )  # fmt: skip
 

@@ -7,15 +7,19 @@ from typing import TYPE_CHECKING, Any
 from analyzer.flight.extents import EscExtents
 from analyzer.flight.finder import EventFinder
 from analyzer.flight.flights import FlightFinder
+from analyzer.flight.odd.finder import OddFinder
 from analyzer.flight.pulse import CommandPulse
 from analyzer.flight.senders import LossesBySecond
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import RecordedClock
     from analyzer.flight.extents import EscExtent
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
+    from analyzer.flight.odd.judge import OddReport
     from analyzer.flight.silences import SenderPace
     from analyzer.sources.dataflash import AutopilotLog
     from dissectors import Registry
@@ -36,6 +40,7 @@ class Witness:
         self.pulse = CommandPulse(self.clock, self._finder.commands)
         self.losses = LossesBySecond(self.clock)
         self._extents = EscExtents(self._finder.order)
+        self._odd = OddFinder(registry, self.clock, self._finder.reader)
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -44,6 +49,7 @@ class Witness:
         self.pulse.feed()
         self.losses.feed(batch)
         self._extents.feed(batch)
+        self._odd.feed(batch)
 
     def flights(self) -> list[Flight]:
         """Return the flights, after the last batch."""
@@ -52,6 +58,10 @@ class Witness:
     def events(self) -> list[FlightEvent]:
         """Return the events, after the last batch, in the order of the capture."""
         return self._finder.events()
+
+    def odd(self, flights: Sequence[Flight]) -> OddReport:
+        """Return which ESCs are odd, after the last batch."""
+        return self._odd.found(flights)
 
     @property
     def autopilot(self) -> dict[str, Any] | None:

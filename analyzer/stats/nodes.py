@@ -32,6 +32,7 @@ COLUMNS = (
     StatColumn("first_ns", "First", "time", rank=-1),
     StatColumn("last_ns", "Last", "time", rank=-1),
     StatColumn("odd", "Odd", "text", rank=-1),
+    StatColumn("mark", "", "mark"),
 )
 
 

@@ -68,7 +68,7 @@ def _stacked(devices: Sequence[EscCells], name: str) -> tuple[Array, Array]:
 
 
 def _told(devices: Sequence[EscCells], quantity: Quantity) -> int:
-    """Return the kind of sums by which a quantity is told: that which needs no voltage if there are too few of those."""
+    """Return the kind of sums that tell a quantity: those without voltages if too few reports have one."""
     whole, plain = (sum(one.count[kind].sum() for one in devices) for kind in (quantity.number, quantity.plain))
     return quantity.number if 2 * whole >= plain else quantity.plain
 

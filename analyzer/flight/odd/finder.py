@@ -35,9 +35,7 @@ class OddFinder:
         reader: of the reports of each batch, if somebody else feeds them before.
     """
 
-    def __init__(
-        self, registry: Registry, clock: RecordedClock | None = None, reader: EscReader | None = None
-    ) -> None:
+    def __init__(self, registry: Registry, clock: RecordedClock | None = None, reader: EscReader | None = None) -> None:
         self._clock = RecordedClock() if clock is None else clock
         self._commands: CommandReader | None = None
         if reader is None:

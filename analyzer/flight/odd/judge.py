@@ -37,7 +37,7 @@ class OddEsc:
     """An ESC that is odd in one quantity, by `difference` in `unit`, `z` standard deviations.
 
     `against` its own past it is so since `since` (capture clock, ns; `ran` is recorded time); against its peers all the
-    time, which is a fact of the vehicle and no cause.
+    time, which is a fact of the vehicle and no cause. `gist` says it in words, `at` what was equal.
     """
 
     bus: int
@@ -50,7 +50,13 @@ class OddEsc:
     against: str
     since: int
     ran: int
-    text: str
+    gist: str
+    at: str = ""
+
+    @property
+    def text(self) -> str:
+        """Return its gist, and what was equal."""
+        return f"{self.gist}, {self.at}" if self.at else self.gist
 
     @property
     def always(self) -> bool:
@@ -81,7 +87,7 @@ class OddReport:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A difference that may be told: place of the device, z, difference (unit of the quantity), and the slot it began."""
+    """A difference that may be told: of which device, how far (unit of the quantity), and the slot in which it began."""
 
     device: int
     course: Course
@@ -232,7 +238,7 @@ def _told(
             bus, node, channel(device.plot, device.key), quantity.name, round(one.difference, 3), quantity.unit,
             round(one.z, 2), PEERS if one.slot is None else OWN_PAST, t, ran, "",
         )  # fmt: skip
-        yield replace(made, text=odd_words(quantity, made, flights))
+        yield replace(made, gist=odd_words(quantity, made, flights), at=quantity.at)
 
 
 def _begun(ran: int, t: int, width: int, flights: Sequence[Flight]) -> tuple[int, int]:

@@ -140,7 +140,8 @@ class WarmthPast(SlotPast):
         at = np.arange(self.series.shape[1])
         warmer = np.nan_to_num(self._warmth.change(at, at))
         unsure = threshold("odd_cooling") / np.sqrt(1 + self._square[:, at] / self._known_by)
-        return np.hypot(super().noise(common), unsure * warmer)
+        found: Array = np.hypot(super().noise(common), unsure * warmer)
+        return found
 
 
 class RatePast(Past):
@@ -168,7 +169,7 @@ class RatePast(Past):
         good = told & self.enough(before, after)
         return np.where(good, np.where(often | (high <= low), high - low, 0.0), np.nan)
 
-    def noise(self, common: Array) -> Array:
+    def noise(self, _: Array) -> Array:
         """Return the standard deviation of the difference of two shares; what gets lost comes in bursts."""
         share = (self._hits[:, -1:] + 1) / (self._all[:, -1:] + 2)
         before = self._all[:, :-1]

@@ -22,7 +22,8 @@ _SLOWEST, _SPEED_BIN = np.log(300.0), 0.12  # natural logarithm of rpm: 300 to 3
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A quantity: `name` for programs and people, `unit` of a difference, what more and less of it is called.
+    """A quantity: `name` for programs and people, `unit` of a difference, what `more` and `less` of it is called, and
+    `at` which equal conditions it is compared.
 
     `number` is that of its sums, `plain` of those that need one measurement less. A `scale` turns a difference of what
     is summed up into the unit; numbers of thresholds are in the unit.
@@ -33,6 +34,7 @@ class Quantity:
     unit: str
     more: str
     less: str
+    at: str = ""
     number: int = -1
     plain: int = -1
     scale: float = 1.0
@@ -54,14 +56,14 @@ class Quantity:
         return threshold(f"tolerated_{self.key}")
 
 
-SPEED = Quantity("speed per command", "speed", "%", "faster at equal command", "slower at equal command", 0, 1, 100.0)
+SPEED = Quantity("speed per command", "speed", "%", "faster", "slower", "at equal command", 0, 1, 100.0)
 CURRENT = Quantity(
-    "current at equal speed", "current", "%", "more current at equal speed", "less current at equal speed", 2, 3, 100.0
-)
-TEMPERATURE = Quantity(
-    "temperature at equal power", "temperature", "C", "hotter at equal power", "colder at equal power"
-)
-VOLTAGE = Quantity("supply voltage", "voltage", "%", "more supply voltage", "less supply voltage", scale=100.0, digits=1)
+    "current at equal speed", "current", "%", "more current", "less current", "at equal speed", 2, 3, 100.0
+)  # fmt: skip
+TEMPERATURE = Quantity("temperature at equal power", "temperature", "C", "hotter", "colder", "at equal power")
+VOLTAGE = Quantity(
+    "supply voltage", "voltage", "%", "more supply voltage", "less supply voltage", scale=100.0, digits=1
+)  # fmt: skip
 LOST = Quantity(
     "lost reports", "lost", "%", "more of its reports lost", "fewer of its reports lost", scale=100.0, digits=1
 )

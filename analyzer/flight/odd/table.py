@@ -53,7 +53,7 @@ COMPARED = (
     StatColumn("odd", "Odd", "text"),
 )  # fmt: skip
 _ABOUT = "each ESC against its own past first, then against the others"
-_COMPARED = "how far each is from the median of all: speed at equal command, current at equal speed, ..."
+_COMPARED = "how far each ESC is from the median of those that report alike"
 
 
 class _OddLook:

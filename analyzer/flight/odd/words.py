@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def odd_words(quantity: Quantity, odd: OddEsc, flights: Sequence[Flight]) -> str:
-    """Return a sentence without its subject: by how much it is odd, and against what."""
+    """Return by how much it is odd, and against what."""
     what = _difference(quantity, odd.difference)
     if odd.always:
         return f"{what} than the others, always so"
@@ -25,7 +25,8 @@ def layer_words(quantity: Quantity, names: Sequence[str], gap: float) -> str:
     who = ", ".join(names)
     if quantity.key == "voltage":
         return f"{who} share a supply: {gap:.1f} % more voltage than the others'"
-    return f"{who} have {_difference(quantity, gap)} than the others, always so: a fact of the vehicle, not a cause"
+    at = f" {quantity.at}" * bool(quantity.at)
+    return f"{who}: {_difference(quantity, gap)} than the others{at}, always so: a fact of the vehicle, no cause"
 
 
 def _difference(quantity: Quantity, difference: float) -> str:
@@ -39,4 +40,4 @@ def _before(ran: int, flights: Sequence[Flight]) -> str:
     if number is not None and number > 0 and ran == flights[number].first.ran:
         before = flights[:number]
         return f"its own flight {before[0].number}" if number == 1 else f"its own flights 1-{before[-1].number}"
-    return "earlier in this flight" if len(flights) < 2 else "itself before"
+    return "before"

@@ -9,6 +9,7 @@ from dissectors.times import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
     from analyzer.flight.log import FlightEvent
+    from analyzer.flight.odd.judge import OddEsc
     from analyzer.flight.verdict.model import Triage, Verdict
 
 _YEAR_2000 = 946_684_800 * SECOND
@@ -53,3 +54,8 @@ def who(event: FlightEvent) -> str:
     if event.ch is not None:
         return f"ch{event.ch}"
     return "" if event.node is None else f"node {event.node}"
+
+
+def odd_who(odd: OddEsc) -> str:
+    """Return which ESC is odd."""
+    return f"ch{odd.ch}" if odd.ch is not None else f"node {odd.node}"

@@ -116,7 +116,8 @@ class StatText:
         if column.kind == "span":
             return f"{value // 3600}:{value // 60 % 60:02}:{value % 60:02}"
         if column.kind in ("number", "since"):
-            return f"{value:.{0 if abs(value) >= _LARGE and column.kind == 'number' else column.digits}f}"
+            digits = 0 if abs(value) >= _LARGE and column.kind == "number" else column.digits
+            return f"{round(value, digits) + 0.0:.{digits}f}"  # not -0.0
         return escape(str(value))
 
     def _since(self, t: int) -> str:
