@@ -31,6 +31,7 @@ __all__ = [
     "frame_bits",
     "joint",
     "message_records",
+    "ordered",
     "protobuf",
     "unrecognized",
 ]
@@ -217,9 +218,12 @@ def joint(given: tuple[Any, Any, Any, Any, Any, Any], apart: int, nearby: int) -
 class MotorWatch:
     def __new__(cls, limits: Mapping[str, float]) -> MotorWatch: ...
     def feed(
-        self, reports: tuple[Any, Any, Any, Any, Any, Any], orders: tuple[Any, Any, Any]
-    ) -> tuple[Cells, Cells, Cells, tuple[Cells, Cells, Cells], int]: ...
+        self, reports: tuple[Any, Any, Any, Any], commanded: tuple[Any, Any, Any, Any]
+    ) -> tuple[Cells, Cells, tuple[Cells, Cells, Cells], int]: ...
 
+def ordered(
+    orders: tuple[Any, Any, Any], ran: Any, frame: Any, window_ns: int
+) -> tuple[Cells, Cells, Cells, Cells]: ...
 def frame_bits(id: bytes, flags: bytes, offsets: bytes, data: bytes) -> bytes: ...  # noqa: A002
 def crc32(data: bytes, value: int = 0, start: int = 0, end: int = ...) -> int: ...
 

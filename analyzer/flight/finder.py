@@ -10,6 +10,7 @@ from analyzer.flight.commands import CommandEvents
 from analyzer.flight.holes import hole_events
 from analyzer.flight.log import EventLog, event_table
 from analyzer.flight.motors.events import MotorEvents
+from analyzer.flight.motors.reports import EscReader
 from analyzer.flight.nodes import NodeEvents
 from analyzer.flight.orders import CommandReader
 from analyzer.flight.parameters import ParameterEvents
@@ -46,12 +47,13 @@ class EventFinder:
         self.commands = CommandReader(registry, plots, self.clock)
         self.order = EventOrder(registry, plots, self.clock, add, ReportReader(registry, self.clock))
         order = self.order
+        self.escs = EscReader(order, self.commands)
         self.silences = silences = SilenceEvents(
             registry, self.clock, add, [plot.table for plot in self.commands.plots]
         )
         self._parts = (
             StateEvents(order), CommandEvents(self.commands, add), silences, SagEvents(order),
-            MotorEvents(order, self.commands), NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
+            MotorEvents(order, self.escs), NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
             ParameterEvents(order),
         )  # fmt: skip
         self._told: AutopilotEvents | None = None
@@ -65,6 +67,7 @@ class EventFinder:
         self.clock.feed(batch)
         self._channels.feed(batch)
         self.commands.feed(batch)
+        self.escs.feed(batch)
         for part in self._parts:
             part.feed(batch)
         if self._told is not None:

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from analyzer.flight.clock import Spot
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
+    from analyzer.flight.odd.judge import OddEsc, OddReport
     from analyzer.flight.timeline.timeline import TimeLine
+    from analyzer.flight.verdict.judge import Judgement
     from analyzer.flight.witness import Witness
 
 NOT_SEEN = ("attitude", "GPS", "pilot", "who decided a command")
@@ -32,6 +34,7 @@ def inquest(
     What the autopilot's own log says is told beside it; the verdict is that of the bus.
     """
     events, flights = witness.events(), witness.flights()
+    odd = witness.odd(flights)
     made = partial(
         Triage,
         captures,
@@ -44,6 +47,8 @@ def inquest(
         more=witness.more,
         not_seen=NOT_SEEN if witness.autopilot is None else (),
         autopilot=witness.autopilot,
+        odd=odd.odd,
+        facts=odd.facts,
     )
     if not flights:
         why = _unjudged(witness, start)
@@ -60,7 +65,15 @@ def inquest(
         flight, found.verdicts, after=found.after, earlier=found.earlier, excluded=found.excluded, looked=found.looked,
         lines=found.lines, primary=found.primary, said=said, commands=commands(found.verdicts[0], flight),
         timelines=_timelines(witness, events, flights, found.verdicts[0]),
+        odd_before=_odd_before(odd, found),
     )  # fmt: skip
+
+
+def _odd_before(odd: OddReport, found: Judgement) -> Sequence[OddEsc]:
+    """Return the odd ones that matter for an answer: of a fault those that became so before it."""
+    if not found.verdicts[0].told:
+        return odd.odd
+    return [one for one in odd.odd if not one.always and one.ran < found.began]
 
 
 def _whole(flights: Sequence[Flight], events: Sequence[FlightEvent]) -> Flight:

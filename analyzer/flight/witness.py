@@ -7,16 +7,20 @@ from typing import TYPE_CHECKING, Any
 from analyzer.flight.extents import EscExtents
 from analyzer.flight.finder import EventFinder
 from analyzer.flight.flights import FlightFinder
+from analyzer.flight.odd.finder import OddFinder
 from analyzer.flight.pulse import CommandPulse
 from analyzer.flight.senders import LossesBySecond
 from analyzer.flight.timeline.courses import Courses
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import RecordedClock
     from analyzer.flight.extents import EscExtent
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
+    from analyzer.flight.odd.judge import OddReport
     from analyzer.flight.silences import SenderPace
     from analyzer.sources.dataflash import AutopilotLog
     from dissectors import Registry
@@ -39,6 +43,7 @@ class Witness:
         self.losses = LossesBySecond(self.clock)
         self._extents = EscExtents(self._finder.order)
         self.courses = Courses(self._finder.order, self._finder.commands) if drawn else None
+        self._odd = OddFinder(registry, self.clock, self._finder.escs)
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -49,6 +54,7 @@ class Witness:
         self._extents.feed(batch)
         if self.courses is not None:
             self.courses.feed(batch)
+        self._odd.feed(batch)
 
     def flights(self) -> list[Flight]:
         """Return the flights, after the last batch."""
@@ -57,6 +63,10 @@ class Witness:
     def events(self) -> list[FlightEvent]:
         """Return the events, after the last batch, in the order of the capture."""
         return self._finder.events()
+
+    def odd(self, flights: Sequence[Flight]) -> OddReport:
+        """Return which ESCs are odd, after the last batch."""
+        return self._odd.found(flights)
 
     @property
     def autopilot(self) -> dict[str, Any] | None:

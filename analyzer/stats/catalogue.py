@@ -26,12 +26,13 @@ STATISTICS = {
     "findings": "what check finds, a row a rule",
     "flights": "when motors turned, and how each flight ended",
     "events": "what happened: faults, modes, silences, restarts, gaps",
+    "odd": "which ESC differs from its own past, or from the others",
 }
 # Where each stands; it is imported when it is asked for, from a room above if it needs one.
 _HOMES = {
     "io": "analyzer.stats.io:IntervalTable",
     "hierarchy": "analyzer.stats.hierarchy:Hierarchy",
-    "nodes": "analyzer.stats.nodes:NodeTable",
+    "nodes": "analyzer.flight.odd.table:MarkedNodeTable",
     "talkers": "analyzer.stats.talkers:TalkerTable",
     "services": "analyzer.stats.services:ServiceTable",
     "periods": "analyzer.stats.periods:PeriodTable",
@@ -40,6 +41,7 @@ _HOMES = {
     "findings": "analyzer.stats.findings:FindingTable",
     "flights": "analyzer.flight.flight_table:FlightTable",
     "events": "analyzer.flight.event_table:FlightEventTable",
+    "odd": "analyzer.flight.odd.table:OddTable",
 }
 # What other programs call them.
 _ELSEWHERE = {

@@ -62,6 +62,23 @@ class Distribution:
         self._fill(np.concatenate((self._kept, values)) if len(self._kept) else values)
         self._kept = _NONE
 
+    def join(self, other: Distribution) -> None:
+        """Add all values that another one has."""
+        if not other.count:
+            return
+        self.low = min(self.low, other.low) if self.count else other.low
+        self.high = max(self.high, other.high) if self.count else other.high
+        self.count += other.count
+        self.left_out += other.left_out
+        self._sum += other._sum
+        kept = np.concatenate((self._kept, other._kept))
+        if self.count <= EXACT and not self._buckets and not other._buckets:
+            self._kept = kept
+            return
+        self._fill(kept)
+        self._kept = _NONE
+        self._buckets.update(other._buckets)
+
     @property
     def mean(self) -> float | None:
         """The mean, None of no values."""

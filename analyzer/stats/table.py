@@ -11,8 +11,9 @@ if TYPE_CHECKING:
 
 # How the cells of a column are written; None is what is not known. `time` is nanoseconds of the capture's clock, `span`
 # a length in seconds, `since` seconds from the first frame, with all decimals however many; `stay` is a first and a
-# last time, for people only: others have both as columns.
-ColumnKind = Literal["text", "count", "number", "time", "span", "since", "stay"]
+# last time, for people only: others have both as columns. So is `mark`, a word that says where to look.
+ColumnKind = Literal["text", "count", "number", "time", "span", "since", "stay", "mark"]
+FOR_PEOPLE = frozenset({"stay", "mark"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +62,10 @@ class StatTable:
     @property
     def names(self) -> list[str]:
         """Names of the columns of machine formats."""
-        return [column.name for column in self.columns if column.kind != "stay"]
+        return [column.name for column in self.columns if column.kind not in FOR_PEOPLE]
 
     @property
     def plain(self) -> list[Sequence[Any]]:
         """The rows of machine formats."""
-        places = [k for k, column in enumerate(self.columns) if column.kind != "stay"]
+        places = [k for k, column in enumerate(self.columns) if column.kind not in FOR_PEOPLE]
         return list(self.rows) if len(places) == len(self.columns) else [[row[k] for k in places] for row in self.rows]

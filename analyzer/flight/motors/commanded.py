@@ -1,4 +1,4 @@
-"""What each motor was commanded lately."""
+"""What each motor was commanded before a report."""
 
 from __future__ import annotations
 
@@ -6,23 +6,31 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer import _native
+from analyzer.decode.sent import cells
 from analyzer.flight.thresholds import lasting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from analyzer.flight.clock import Places
     from analyzer.flight.orders import Commands
     from dissectors.kit import Array
 
 MOST_RECENT = 4096  # commands within the window
 
 
-class ChannelOrders(NamedTuple):
-    """Commands of a channel in order: when (i64, ns), the last frame of each (i64), and how much, in % (f32)."""
+class CommandWindow(NamedTuple):
+    """The command before each report, within the window: least, most, mean and last, in %; NaN for none."""
 
-    ran: Array
-    frame_end: Array
-    percent: Array
+    least: Array
+    most: Array
+    mean: Array
+    last: Array
+
+    def take(self, rows: Array | slice) -> CommandWindow:
+        """Return that of some reports."""
+        return CommandWindow(*(one[rows] for one in self))
 
 
 class _Orders(NamedTuple):
@@ -39,10 +47,6 @@ class RecentOrders:
     def __init__(self) -> None:
         self._all: dict[int, _Orders] = {}
 
-    def __bool__(self) -> bool:
-        """Return whether there are any."""
-        return bool(self._all)
-
     def feed(self, commands: Sequence[Commands]) -> None:
         """Take those of the next batch."""
         for some in commands:
@@ -58,9 +62,14 @@ class RecentOrders:
                 columns = np.concatenate((known.columns[:, kept:], columns), axis=1)
             self._all[some.bus] = _Orders(np.maximum.accumulate(ran), np.maximum.accumulate(ends), columns)
 
-    def of(self, bus: int, ch: int) -> ChannelOrders | None:
-        """Return the commands of a channel; None if the bus has none for it."""
+    def before(self, bus: int, ch: int, at: Places) -> CommandWindow | None:
+        """Return the commands of a channel before reports; None if the bus has none for it.
+
+        Commands count that were whole before a report began, however batches are cut.
+        """
         orders = self._all.get(bus)
         if orders is None or ch >= len(orders.columns):
             return None
-        return ChannelOrders(orders.ran, orders.frame_end, orders.columns[ch])
+        given = orders.ran, orders.frame_end, orders.columns[ch]
+        found = _native.ordered(given, at.ran, at.frame, lasting("motor_window"))
+        return CommandWindow(*(cells(column, np.float64) for column in found))

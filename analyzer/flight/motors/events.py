@@ -9,8 +9,6 @@ import numpy as np
 
 from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
-from analyzer.flight.motors.commanded import RecentOrders
-from analyzer.flight.motors.reports import reports
 from analyzer.flight.motors.watch import MotorWatch
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
@@ -19,8 +17,8 @@ from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
+    from analyzer.flight.motors.reports import EscReader, EscReports
     from analyzer.flight.motors.watch import Compared
-    from analyzer.flight.orders import CommandReader
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.spells import Spell, SpellPart
     from dissectors.picture import Plot
@@ -70,13 +68,13 @@ class MotorEvents(ReportEvents):
 
     Args:
         order: the plots, the clock, and who takes the events.
-        commands: of the batch, fed before.
+        escs: the batch's reports, fed before.
     """
 
-    def __init__(self, order: EventOrder, commands: CommandReader) -> None:
+    def __init__(self, order: EventOrder, escs: EscReader) -> None:
         super().__init__(order)
-        self._commands = commands
-        self._orders = RecentOrders()
+        self._escs = escs
+        self._tables = {plot.table for plot in self._plots}
         self._watches: dict[tuple[str, int], MotorWatch] = {}
         self._spells = Spells(lasting("silent_motor"))
         self._open: dict[tuple[str, int], Spell] = {}  # that may go on
@@ -86,25 +84,18 @@ class MotorEvents(ReportEvents):
         """Return whether it tells speeds, voltages and currents of numbered ESCs."""
         return bool(plot.esc.rpm and plot.esc.voltage and plot.esc.current and plot.who.column)
 
-    def feed(self, batch: Batch) -> None:
+    def feed(self, _: Batch) -> None:
         """Add the next batch."""
-        self._orders.feed(self._commands.now)
-        if not self._orders:
-            return
-        for plot in self._plots:
-            if (table := self._reader.table(plot, batch)) is None:
+        for plot, key, told in self._escs.now:
+            some = _whole(told) if plot.table in self._tables else None
+            if some is None:
                 continue
-            for key, some in reports(table):
-                bus, _, number = split(key)
-                if (orders := self._orders.of(bus, number + plot.who.first)) is None:
+            watch = self._watches.get((plot.table, key))
+            if watch is None:
+                if len(self._watches) >= MOST_DEVICES:
                     continue
-                watch = self._watches.get((plot.table, key))
-                if watch is None:
-                    if len(self._watches) >= MOST_DEVICES:
-                        continue
-                    watch = self._watches[plot.table, key] = MotorWatch()
-                if (compared := watch.feed(some, orders)) is not None:
-                    self._follow((plot.table, key), compared)
+                watch = self._watches[plot.table, key] = MotorWatch()
+            self._follow((plot.table, key), watch.feed(some))
 
     def finish(self) -> None:
         """Tell what lasts to the end."""
@@ -155,6 +146,14 @@ class MotorEvents(ReportEvents):
             "motor", text, spell.before, spell.first, spell.after, bus, node, number + plot.who.first, table, "",
             values, sign,
         ))  # fmt: skip
+
+
+def _whole(some: EscReports) -> EscReports | None:
+    """Return the reports that have a speed, a voltage and commands before them."""
+    good = np.isfinite(some.speed) & (some.volts > 1) & np.isfinite(some.command.last)
+    if good.all():
+        return some
+    return some.take(good) if good.any() else None
 
 
 def _change(share: float) -> str:

@@ -1,4 +1,4 @@
-"""Reports of one ESC, as a motor is compared with its past."""
+"""Reports of ESCs, device by device, each with what it was commanded before; read once for all who look at them."""
 
 from __future__ import annotations
 
@@ -6,33 +6,94 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer.devices.rows import split
+from analyzer.flight.motors.commanded import CommandWindow, RecentOrders
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from analyzer.decode.engine import Batch
     from analyzer.flight.clock import Places
+    from analyzer.flight.orders import CommandReader
+    from analyzer.flight.reports import EventOrder
     from analyzer.flight.tables import ReportTable
     from dissectors.kit import Array
+    from dissectors.picture import Plot
 
 
-class MotorReports(NamedTuple):
-    """Speed without its sign in rpm, V, A, and what the ESC says it is commanded, in %; NaN where it tells none."""
+class EscReports(NamedTuple):
+    """Speed without its sign in rpm, V, A, degC, and what the ESC says it is commanded, in %; NaN where it tells none.
+
+    `command` is NaN where nothing was commanded before.
+    """
 
     speed: Array
     volts: Array
     current: Array
+    temperature: Array
     reported: Array
+    command: CommandWindow
     at: Places
 
+    def take(self, rows: Array | slice) -> EscReports:
+        """Return some of them."""
+        speed, volts, current, temperature, reported = (one[rows] for one in self[:5])
+        return EscReports(
+            speed, volts, current, temperature, reported, self.command.take(rows), self.at.take(rows)
+        )  # fmt: skip
 
-def reports(table: ReportTable) -> Iterator[tuple[int, MotorReports]]:
-    """Yield the device of a key, and those of its reports that have a time, a speed and a voltage."""
-    esc = table.plot.esc
-    speed, volts, current, reported = map(table.numbers, (esc.rpm, esc.voltage, esc.current, esc.reported))
-    good = table.timed & np.isfinite(speed) & (volts > 1)
-    whole = bool(good.all())
-    for key, rows, _ in table.devices:
-        mine = rows if whole else rows[good[rows]]
-        if len(mine):
-            yield key, MotorReports(
-                np.abs(speed[mine]), volts[mine], current[mine], reported[mine], table.at.take(mine)
-            )  # fmt: skip
+
+class EscReader:
+    """Reads the reports of each batch that have a time; `clock` and `commands` are fed before.
+
+    Args:
+        order: the types, what is known of their tables, and the clock.
+        commands: of the batch.
+    """
+
+    def __init__(self, order: EventOrder, commands: CommandReader) -> None:
+        self.now: list[tuple[Plot, int, EscReports]] = []
+        self.orders = RecentOrders()
+        self._reader, self._commands = order.reader, commands
+        self._plots = [plot for plot in order.plots if _tells(plot)]
+
+    def feed(self, batch: Batch) -> None:
+        """Take the next batch: `now` are its reports, with plot and key of the device that they are of."""
+        self.orders.feed(self._commands.now)
+        self.now = [
+            (plot, key, some)
+            for plot in self._plots
+            if (table := self._reader.table(plot, batch)) is not None
+            for key, some in self._read(table)
+        ]
+
+    def _read(self, table: ReportTable) -> Iterator[tuple[int, EscReports]]:
+        esc, timed = table.plot.esc, table.timed
+        names = esc.rpm, esc.voltage, esc.current, esc.temperature, esc.reported
+        columns = [table.numbers(name) for name in names]
+        whole = bool(timed.all())
+        for key, rows, at in table.devices:
+            mine, where = (rows, at) if whole else (rows[timed[rows]], at.take(timed[rows]))
+            if len(mine):
+                speed, volts, current, temperature, reported = (column[mine] for column in columns)
+                yield key, EscReports(
+                    np.abs(speed), volts, current, temperature, reported,
+                    self._commanded(table.plot, key, where), where,
+                )  # fmt: skip
+
+    def _commanded(self, plot: Plot, key: int, at: Places) -> CommandWindow:
+        bus, _, number = split(key)
+        found = self.orders.before(bus, number + plot.who.first, at) if plot.who.column else None
+        if found is not None:
+            return found
+        return CommandWindow(*(np.full(len(at), np.nan) for _ in CommandWindow._fields))
+
+
+def channel(plot: Plot, key: int) -> int | None:
+    """Return the channel of a device as people count them, None if its table numbers none."""
+    return split(key)[2] + plot.who.first if plot.who.column and plot.who.first else None
+
+
+def _tells(plot: Plot) -> bool:
+    esc = plot.esc
+    return bool(esc.rpm or esc.voltage or esc.current or esc.temperature)

@@ -9,19 +9,18 @@ import numpy as np
 
 from analyzer import _native
 from analyzer.decode.sent import cells
-from analyzer.flight.thresholds import lasting, threshold
+from analyzer.flight.thresholds import threshold
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from analyzer.flight.clock import Places, Spot
-    from analyzer.flight.motors.commanded import ChannelOrders
-    from analyzer.flight.motors.reports import MotorReports
+    from analyzer.flight.motors.reports import EscReports
     from dissectors.kit import Array
 
 
 class Compared(NamedTuple):
-    """Reports that have commands before them, against the past: `off` are those that differ.
+    """Reports against the past: `off` are those that differ.
 
     `speed` and `current` are shares of what they were at such a command, `reported` of what is commanded. `good` are
     the rows of the last good report before each, -1 where that is `earlier`.
@@ -48,15 +47,10 @@ class MotorWatch:
         self._native = _native.MotorWatch(_limits())
         self._good: Spot | None = None  # the last report that was as it should be
 
-    def feed(self, some: MotorReports, orders: ChannelOrders) -> Compared | None:
-        """Compare the next reports, however they come in pieces; None if none of them has a command before it."""
-        at = some.at
-        columns = some.speed, some.volts, some.current, some.reported, at.ran, at.frame
-        found, off, good, shares, last = self._native.feed(columns, orders)
-        rows = cells(found, np.int64)
-        if not len(rows):
-            return None
-        at = at if len(rows) == len(at) else at.take(rows)
+    def feed(self, some: EscReports) -> Compared:
+        """Compare the next reports, in any pieces; all have a speed, a voltage and commands before them."""
+        at, columns = some.at, (some.speed, some.volts, some.current, some.reported)
+        off, good, shares, last = self._native.feed(columns, some.command)
         speed, current, reported = (cells(column, np.float64) for column in shares)
         before, earlier = cells(good, np.int64), self._good
         if last >= 0:
@@ -67,7 +61,6 @@ class MotorWatch:
 @cache
 def _limits() -> Mapping[str, float]:
     return {
-        "window_ns": lasting("motor_window"),
         "learned": threshold("motor_learned"),
         "steady_percent": threshold("motor_steady_percent"),
         "even_percent": threshold("motor_even_percent"),

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
+    from analyzer.flight.odd.judge import OddEsc
     from analyzer.flight.timeline.timeline import TimeLine
 
 SUPPORTS = ("well supported", "likely", "possible")
@@ -57,8 +58,10 @@ class Triage:
 
     `judged` is why nothing could be judged, empty if it could, and `empty` that nothing of DroneCAN, or no time, is in
     it at all. `primary` are the events that began it, `after` consequences, `earlier` what was over before. `said` is
-    what the autopilot's log says around it, `autopilot` how that log lies on the capture, None without one. `lines`
-    speak of the clock and the recorder, with a label each, `not_seen` of what is not on the bus, `looked` of what was
+    what the autopilot's log says around it, `autopilot` how that log lies on the capture, None without one.
+
+    `odd` are the ESCs that differ from their own past, or always from the others, `odd_before` those of them that did
+    so before what is told here, `facts` what whole groups of them have in common. `lines` speak of the clock and the recorder, with a label each, `not_seen` of what is not on the bus, `looked` of what was
     looked at, `commands` of what to do next. `timelines` are there to be drawn, if that was asked for.
     """
 
@@ -85,6 +88,9 @@ class Triage:
     said: Sequence[FlightEvent] = ()
     autopilot: Mapping[str, Any] | None = None
     timelines: Sequence[TimeLine] = field(default=(), compare=False)
+    odd: Sequence[OddEsc] = ()
+    odd_before: Sequence[OddEsc] = ()
+    facts: Sequence[str] = ()
 
     @property
     def first(self) -> Verdict:

@@ -7,8 +7,7 @@ mod orders;
 mod past;
 mod recent;
 
-pub use orders::Orders;
-use orders::{Ordered, Window};
+pub use orders::{ordered, Ordered, Orders};
 use past::{Expected, Past, LAW};
 use recent::Recent;
 
@@ -18,7 +17,6 @@ const GOOD: (f64, f64) = (0.85, 1.2);
 /// The numbers that decide, as `thresholds.toml` names and explains them; commands in %, shares of what was before.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    pub window_ns: i64,
     pub learned: f64,
     pub steady_percent: f64,
     pub even_percent: f64,
@@ -35,35 +33,40 @@ pub struct Limits {
 
 /// Reports of one ESC: speed without its sign in rpm, V, A, and what it says it is commanded, in %; NaN for none.
 ///
-/// `ran` are times in ns while it was recorded, `frame` the first frame of each.
+/// `commanded` is what it was commanded before each of them.
 #[derive(Debug)]
 pub struct Reports<'a> {
     pub speed: &'a [f64],
     pub volts: &'a [f64],
     pub current: &'a [f64],
     pub reported: &'a [f64],
-    pub ran: &'a [i64],
-    pub frame: &'a [i64],
+    pub commanded: [&'a [f64]; 4],
 }
 
 impl Reports<'_> {
     fn fit(&self) -> bool {
         let long = self.speed.len();
-        [self.volts, self.current, self.reported]
-            .iter()
-            .all(|column| column.len() == long)
-            && self.ran.len() == long
-            && self.frame.len() == long
+        let columns = [self.volts, self.current, self.reported];
+        columns.iter().chain(&self.commanded).all(|column| column.len() == long)
+    }
+
+    fn ordered(&self, row: usize) -> Ordered {
+        let [lowest, highest, mean, last] = self.commanded.map(|column| column[row]);
+        Ordered {
+            lowest,
+            highest,
+            mean,
+            last,
+        }
     }
 }
 
-/// Reports beside their past, a row each: `rows` are those that have commands before them, in the order they came.
+/// Reports beside their past, a row each: `off` are those that differ.
 ///
-/// `off` are those that differ, `before` is the place in `rows` of the last good report before each, -1 for none of
-/// these; shares of speed and current are of what they were at such a command, `reported` of what is commanded.
+/// `before` is the row of the last good report before each, -1 for none of these, and `good` that of the last one;
+/// shares of speed and current are of what they were at such a command, `reported` of what is commanded.
 #[derive(Debug, Default, PartialEq)]
 pub struct Compared {
-    pub rows: Vec<i64>,
     pub off: Vec<u8>,
     pub before: Vec<i64>,
     pub speed: Vec<f64>,
@@ -91,20 +94,17 @@ impl Watch {
         }
     }
 
-    /// Takes the next reports and the commands of their time; None if columns do not fit together.
-    pub fn feed(&mut self, reports: &Reports<'_>, orders: &Orders<'_>) -> Option<Compared> {
-        if !reports.fit() || !orders.fit() {
+    /// Takes the next reports; None if columns do not fit together.
+    pub fn feed(&mut self, reports: &Reports<'_>) -> Option<Compared> {
+        if !reports.fit() {
             return None;
         }
         let mut found = Compared {
             good: -1,
             ..Compared::default()
         };
-        let mut window = Window::new(orders, self.limits.window_ns);
         for row in 0..reports.speed.len() {
-            if let Some(ordered) = window.before(reports.ran[row], reports.frame[row]) {
-                self.compare(reports, row, &ordered, &mut found);
-            }
+            self.compare(reports, row, &reports.ordered(row), &mut found);
         }
         Some(found)
     }
@@ -121,16 +121,15 @@ impl Watch {
             .ratios
             .sum()
             .is_some_and(|sum| sum < self.limits.worn * f64::from(self.limits.many));
-        let steady = ordered.most - ordered.least <= self.limits.steady_percent;
-        let driven = ordered.least > self.limits.steady_percent && speed > 0.0;
+        let steady = ordered.highest - ordered.lowest <= self.limits.steady_percent;
+        let driven = ordered.lowest > self.limits.steady_percent && speed > 0.0;
         let calm = steady && driven && !off && current.is_finite() && (good || ratio.is_nan());
         self.past
             .add(calm.then_some([ordered.mean, speed / volts, current, volts]));
         found.before.push(found.good);
         if good && !off {
-            found.good = found.rows.len() as i64;
+            found.good = row as i64;
         }
-        found.rows.push(row as i64);
         found.off.push(u8::from(off));
         found.speed.push(shares.0);
         found.current.push(shares.1);
@@ -152,12 +151,12 @@ impl Watch {
             return (false, (f64::NAN, f64::NAN), f64::NAN);
         };
         let shares = (speed / usual.speed, current / usual.current);
-        if ordered.least.is_nan() || ordered.least <= limits.steady_percent {
+        if ordered.lowest.is_nan() || ordered.lowest <= limits.steady_percent {
             return (false, shares, f64::NAN);
         }
         let (slowest, fastest) = (
-            usual.speed * ordered.least / ordered.mean,
-            usual.speed * ordered.most / ordered.mean,
+            usual.speed * ordered.lowest / ordered.mean,
+            usual.speed * ordered.highest / ordered.mean,
         );
         let wide = if usual.far { limits.far } else { 1.0 };
         let slow = speed / slowest < 1.0 - (1.0 - limits.slow) * wide;
@@ -168,7 +167,7 @@ impl Watch {
         } else {
             f64::NAN
         };
-        let even = ordered.most - ordered.least <= limits.even_percent;
+        let even = ordered.highest - ordered.lowest <= limits.even_percent;
         let about = limits.steady_percent / 3.0;
         let few = ordered.last >= ordered.mean - about;
         let much = ordered.last <= ordered.mean + about;

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
+    from analyzer.flight.odd.judge import OddEsc
     from analyzer.flight.verdict.model import Triage, Verdict
 
 SCHEMA = "tailbyte.triage/1"
@@ -45,6 +46,8 @@ def plain(found: Triage) -> Mapping[str, Any]:
         "verdicts": [_verdict(one, buses) for one in found.verdicts],
         "after": [_event(one, buses) for one in found.after],
         "earlier": [_event(one, buses) for one in found.earlier],
+        "odd": [_odd(one, buses) for one in found.odd],
+        "facts": list(found.facts),
         "excluded": [{"fact": one.fact, "seen": one.seen} for one in found.excluded],
         "looked_at": list(found.looked),
         "not_seen": list(found.not_seen),
@@ -79,6 +82,21 @@ def _verdict(one: Verdict, buses: list[str]) -> Mapping[str, Any]:
         "for": list(one.reasons),
         "against": list(one.against),
         "notes": [{"label": label, "text": text} for label, text in one.notes],
+    }
+
+
+def _odd(one: OddEsc, buses: list[str]) -> Mapping[str, Any]:
+    return {
+        "bus": buses[one.bus] if one.bus < len(buses) else None,
+        "node": one.node,
+        "ch": one.ch,
+        "quantity": one.quantity,
+        "z": one.z,
+        "difference": one.difference,
+        "unit": one.unit,
+        "since_ns": one.since,
+        "against": one.against,
+        "text": one.text,
     }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.report.triage.words import TriageWords
+from analyzer.report.triage.words import TriageWords, odd_who
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -36,6 +36,7 @@ def _parts(found: Triage, words: TriageWords) -> Iterator[tuple[str, Sequence[st
     yield "Against", one.against
     yield "Ruled out", [f"{excluded.fact}: {excluded.seen}" for excluded in found.excluded]
     yield "Autopilot", [f"{words.time(x.first.t)} {x.kind}: {x.text}" for x in found.said]
+    yield "Odd", [*(f"{odd_who(x)}: {x.text}" for x in found.odd_before), *found.facts]
     yield "After it", [f"{words.time(x.first.t)} {x.kind}: {x.text}" for x in found.after[:_MOST_AFTER]]
     yield "Recording", [f"{label}: {text}" for label, text in found.lines]
 

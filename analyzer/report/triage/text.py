@@ -5,7 +5,7 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from analyzer.report.triage.words import TriageWords, together
+from analyzer.report.triage.words import TriageWords, odd_who, together
 from analyzer.views.terminal import PLAIN, display_width, escape, fit
 
 if TYPE_CHECKING:
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 _LABEL = 11
 LINES = 24
-_SAID, _AFTER, _EARLIER = 4, 3, 2
+_SAID, _AFTER, _EARLIER, _ODD = 4, 3, 2, 2
+_STATS = "tailbyte stats odd"
 
 
 def render(
@@ -41,7 +42,9 @@ class _Screen:
         found = self._found
         yield from self._head()
         yield from self._verdict(found.first, "What broke first")
-        below = self._said, self._others, self._after, self._excluded, self._seen, self._earlier
+        below = (
+            self._said, self._others, self._after, self._excluded, self._looked, self._odd, self._seen, self._earlier
+        )  # fmt: skip
         parts = [list(part()) for part in below]
         closing = [*self._next()]
         room = LINES - 1 - len(list(self._head())) - len(list(self._verdict(found.first, ""))) - len(closing)
@@ -115,6 +118,25 @@ class _Screen:
     def _earlier(self) -> Iterator[str]:
         yield from self._events("Earlier", self._found.earlier, _EARLIER, "")
 
+    def _odd(self) -> Iterator[str]:
+        """Yield which ESCs were odd before, and of a flight without a fault what groups of them have in common."""
+        found = self._found
+        if found.judged:
+            return
+        label = "Odd before" if found.first.told else "Notes"
+        told = [f"{odd_who(one)} {one.text if self._all else one.gist}" for one in found.odd_before]
+        shown = told if self._all else told[:_ODD]
+        rest = f"{len(told) - len(shown)} more odd ESCs" if len(told) > len(shown) else ""
+        facts = [] if found.first.told and not self._all else found.facts
+        lines = [*shown, *filter(None, [rest])]
+        for number, text in enumerate((*lines, *facts)):
+            last = lines and number == len(lines) - 1
+            room = self._width - _LABEL - display_width(text) - len(_STATS) - 2
+            more = f"{' ' * (room + 2)}{_STATS}" if last and room >= 0 else ""
+            rows = list(self._row(label if not number else "", text))
+            yield from rows[:-1]
+            yield rows[-1] + more
+
     def _events(self, label: str, events: Sequence[FlightEvent], most: int, note: str) -> Iterator[str]:
         told = list(together(events))
         shown = told if self._all else told[:most]
@@ -128,9 +150,11 @@ class _Screen:
         rows = [f"{one.fact}: {one.seen}" for one in self._found.excluded]
         yield from self._rows("Ruled out", rows)
 
-    def _seen(self) -> Iterator[str]:
+    def _looked(self) -> Iterator[str]:
         if self._found.looked and (not self._found.first.told or self._all):
             yield from self._row("Looked at", "; ".join(self._found.looked))
+
+    def _seen(self) -> Iterator[str]:
         if self._found.not_seen:
             yield from self._row("Not on CAN", f"{', '.join(self._found.not_seen)}.  Add --with flight.bin")
 

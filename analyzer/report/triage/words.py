@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analyzer.flight.log import FlightEvent
+    from analyzer.flight.odd.judge import OddEsc
     from analyzer.flight.verdict.model import Triage, Verdict
 
 _YEAR_2000 = 946_684_800 * SECOND
@@ -75,3 +76,8 @@ def together(events: Sequence[FlightEvent]) -> Iterator[tuple[FlightEvent, str]]
 
 def _gist(one: FlightEvent) -> str:
     return one.text if one.kind in _BY_TEXT else one.sign
+
+
+def odd_who(odd: OddEsc) -> str:
+    """Return which ESC is odd."""
+    return f"ch{odd.ch}" if odd.ch is not None else f"node {odd.node}"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
+from analyzer.stats.table import FOR_PEOPLE
 from analyzer.views.records import harmless
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def render_csv(tables: Sequence[StatTable]) -> Iterator[str]:
 
 def arrow(table: StatTable) -> pa.Table:
     """Return a table as Arrow, what it says of itself as metadata."""
-    fields = [pa.field(column.name, _ARROW[column.kind]) for column in table.columns if column.kind != "stay"]
+    fields = [pa.field(column.name, _ARROW[column.kind]) for column in table.columns if column.kind not in FOR_PEOPLE]
     about = {"name": table.name, "about": table.about, "notes": "\n".join(table.notes)}
     schema = pa.schema(fields, metadata=about)
     columns = list(zip(*table.plain, strict=True)) if table.rows else [()] * len(fields)

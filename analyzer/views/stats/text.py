@@ -6,6 +6,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from analyzer.views.info.stay import StayFormat
+from analyzer.views.stats.odd import NAME, odd_lines
 from analyzer.views.terminal import PLAIN, display_width, escape, fit
 from analyzer.views.times import TimeFormat
 from dissectors.times import SECOND
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from analyzer.views.terminal import Palette
 
 WIDTH = 80
-_WORDS = ("text", "stay")  # kinds that stand to the left
+_WORDS = ("text", "stay", "mark")  # kinds that stand to the left
 _INDENT = "  "
 _SHORT = 6  # a text column is not cut to less
 _BAR, _MOST_BAR = 8, 60  # columns of a bar, at least and at most
@@ -52,6 +53,11 @@ class StatText:
         first, *more = self._wrapped(f"{table.name}  {table.about}")
         yield self._palette.paint("head", table.name) + first.removeprefix(table.name)
         yield from more
+        if table.name == NAME:
+            palette, moment = self._palette, self._since
+            yield from odd_lines(table, width=self._width, buses=buses, palette=palette, moment=moment)
+            yield from self._notes(table)
+            return
         if not table.rows:
             yield "  nothing"
             yield from self._notes(table)
@@ -88,11 +94,12 @@ class StatText:
 
     def _says(self, table: StatTable, k: int) -> bool:
         """Return whether a column has anything to say."""
-        return table.columns[k].kind != "text" or any(row[k] for row in table.rows)
+        return table.columns[k].kind not in ("text", "mark") or any(row[k] for row in table.rows)
 
     def _cells(self, table: StatTable, k: int, shown: Sequence[int]) -> list[str]:
         column = table.columns[k]
-        texts = [self._text(column, table.rows[row][k]) for row in shown]
+        blank = "" if column.kind == "mark" else "-"
+        texts = [self._text(column, table.rows[row][k], blank) for row in shown]
         if k == 0 and table.indent:
             texts = ["  " * table.indent[row] + text for row, text in zip(shown, texts, strict=True)]
         if table.total is not None:
@@ -109,8 +116,12 @@ class StatText:
         if column.kind == "span":
             return f"{value // 3600}:{value // 60 % 60:02}:{value % 60:02}"
         if column.kind in ("number", "since"):
-            return f"{value:.{0 if abs(value) >= _LARGE and column.kind == 'number' else column.digits}f}"
+            digits = 0 if abs(value) >= _LARGE and column.kind == "number" else column.digits
+            return f"{round(value, digits) + 0.0:.{digits}f}"  # not -0.0
         return escape(str(value))
+
+    def _since(self, t: int) -> str:
+        return self._moment(t, _LEAST)
 
     def _moment(self, t: int, digits: int) -> str:
         if self._clock is None:

@@ -12,24 +12,51 @@ pub struct Orders<'a> {
 }
 
 impl Orders<'_> {
-    pub fn fit(&self) -> bool {
+    fn fit(&self) -> bool {
         self.ran.len() == self.frame_end.len() && self.ran.len() == self.percent.len()
     }
 }
 
-/// The command before a report, within the window: the least, the most, the mean and the last, in %.
+/// The command before a report, within the window: the lowest, the highest, the mean and the last, in %.
 ///
 /// The first three are NaN if one command in it says nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ordered {
-    pub least: f64,
-    pub most: f64,
+    pub lowest: f64,
+    pub highest: f64,
     pub mean: f64,
     pub last: f64,
 }
 
+impl Ordered {
+    const NONE: Self = Ordered {
+        lowest: f64::NAN,
+        highest: f64::NAN,
+        mean: f64::NAN,
+        last: f64::NAN,
+    };
+}
+
+/// What was commanded before each report: the commands of a `window` in ns that were whole before it began; NaN for none.
+///
+/// `ran` are times of reports while it was recorded, `frame` the first frame of each. None if columns do not fit together.
+pub fn ordered(orders: &Orders<'_>, ran: &[i64], frame: &[i64], window: i64) -> Option<[Vec<f64>; 4]> {
+    if !orders.fit() || ran.len() != frame.len() {
+        return None;
+    }
+    let mut window = Window::new(orders, window);
+    let mut found: [Vec<f64>; 4] = std::array::from_fn(|_| Vec::with_capacity(ran.len()));
+    for (&ran, &frame) in ran.iter().zip(frame) {
+        let one = window.before(ran, frame).unwrap_or(Ordered::NONE);
+        for (column, value) in found.iter_mut().zip([one.lowest, one.highest, one.mean, one.last]) {
+            column.push(value);
+        }
+    }
+    Some(found)
+}
+
 /// Goes over commands as the reports go on.
-pub struct Window<'a> {
+struct Window<'a> {
     orders: &'a Orders<'a>,
     length: i64,
     start: usize,
@@ -41,7 +68,7 @@ pub struct Window<'a> {
 }
 
 impl<'a> Window<'a> {
-    pub fn new(orders: &'a Orders<'a>, length: i64) -> Self {
+    fn new(orders: &'a Orders<'a>, length: i64) -> Self {
         Window {
             orders,
             length,
@@ -55,7 +82,7 @@ impl<'a> Window<'a> {
     }
 
     /// The commands that were whole before a report began; None if the first of them is none for this channel.
-    pub fn before(&mut self, ran: i64, frame: i64) -> Option<Ordered> {
+    fn before(&mut self, ran: i64, frame: i64) -> Option<Ordered> {
         let orders = self.orders;
         let stop = from(orders.frame_end, self.stop, |end| end < frame).min(from(orders.ran, self.stop, |t| t <= ran));
         let since = ran.saturating_sub(self.length);
@@ -66,18 +93,12 @@ impl<'a> Window<'a> {
         self.go(start, stop);
         let last = f64::from(orders.percent[stop - 1]);
         if self.unknown > 0 {
-            let none = f64::NAN;
-            return Some(Ordered {
-                least: none,
-                most: none,
-                mean: none,
-                last,
-            });
+            return Some(Ordered { last, ..Ordered::NONE });
         }
         let at = |places: &VecDeque<usize>| places.front().map_or(last, |&place| f64::from(orders.percent[place]));
         Some(Ordered {
-            least: at(&self.lows),
-            most: at(&self.highs),
+            lowest: at(&self.lows),
+            highest: at(&self.highs),
             mean: self.sum / f64::from((stop - start) as u32),
             last,
         })

@@ -5,15 +5,13 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
-use crate::motor::{Limits, Orders, Reports, Watch};
+use crate::motor::{ordered, Limits, Orders, Reports, Watch};
 
 type Column<'py> = Bound<'py, Cells>;
 
 /// The numbers that decide, by name.
 #[derive(FromPyObject)]
 pub struct Given {
-    #[pyo3(item)]
-    window_ns: i64,
     #[pyo3(item)]
     learned: f64,
     #[pyo3(item)]
@@ -40,24 +38,13 @@ pub struct Given {
     sag_begun: f64,
 }
 
-/// Reports by column: speed, volts, current, reported, when, first frame.
-type Reported = (
-    PyBuffer<f64>,
-    PyBuffer<f64>,
-    PyBuffer<f64>,
-    PyBuffer<f64>,
-    PyBuffer<i64>,
-    PyBuffer<i64>,
-);
+/// Reports by column: speed, volts, current, reported.
+type Reported = (PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>);
+/// What was commanded before each: the lowest, the highest, the mean and the last.
+type Commanded = (PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>);
 
-/// Rows, which of them are off, the last good one before each, shares of speed, current and command; the last good one.
-type Compared<'py> = (
-    Column<'py>,
-    Column<'py>,
-    Column<'py>,
-    (Column<'py>, Column<'py>, Column<'py>),
-    i64,
-);
+/// Which reports are off, the last good one before each, shares of speed, current and command; the last good one.
+type Compared<'py> = (Column<'py>, Column<'py>, (Column<'py>, Column<'py>, Column<'py>), i64);
 
 /// Follows one ESC.
 #[pyclass]
@@ -69,7 +56,6 @@ impl MotorWatch {
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
     fn new(limits: Given) -> Self {
         MotorWatch(Watch::new(Limits {
-            window_ns: limits.window_ns,
             learned: limits.learned,
             steady_percent: limits.steady_percent,
             even_percent: limits.even_percent,
@@ -85,44 +71,63 @@ impl MotorWatch {
         }))
     }
 
-    /// Takes the next reports, and the commands of their channel: when, last frame, %.
+    /// Takes the next reports, all of them with commands before them.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-    fn feed<'py>(
-        &mut self,
-        py: Python<'py>,
-        reports: Reported,
-        orders: (PyBuffer<i64>, PyBuffer<i64>, PyBuffer<f32>),
-    ) -> PyResult<Compared<'py>> {
-        let (speed, volts, current) = (reports.0.to_vec(py)?, reports.1.to_vec(py)?, reports.2.to_vec(py)?);
-        let (reported, ran, frame) = (reports.3.to_vec(py)?, reports.4.to_vec(py)?, reports.5.to_vec(py)?);
-        let (when, frame_end, percent) = (orders.0.to_vec(py)?, orders.1.to_vec(py)?, orders.2.to_vec(py)?);
+    fn feed<'py>(&mut self, py: Python<'py>, reports: Reported, commanded: Commanded) -> PyResult<Compared<'py>> {
+        let (speed, volts) = (reports.0.to_vec(py)?, reports.1.to_vec(py)?);
+        let (current, reported) = (reports.2.to_vec(py)?, reports.3.to_vec(py)?);
+        let (lowest, highest) = (commanded.0.to_vec(py)?, commanded.1.to_vec(py)?);
+        let (mean, last) = (commanded.2.to_vec(py)?, commanded.3.to_vec(py)?);
         let reports = Reports {
             speed: &speed,
             volts: &volts,
             current: &current,
             reported: &reported,
-            ran: &ran,
-            frame: &frame,
+            commanded: [&lowest, &highest, &mean, &last],
         };
-        let orders = Orders {
-            ran: &when,
-            frame_end: &frame_end,
-            percent: &percent,
-        };
-        let found = py
-            .detach(|| self.0.feed(&reports, &orders))
-            .ok_or_else(|| PyValueError::new_err("columns that do not fit together"))?;
+        let found = py.detach(|| self.0.feed(&reports)).ok_or_else(unfit)?;
         let shares = (
             Cells::own(py, found.speed)?,
             Cells::own(py, found.current)?,
             Cells::own(py, found.reported)?,
         );
         Ok((
-            Cells::own(py, found.rows)?,
             Cells::own(py, found.off)?,
             Cells::own(py, found.before)?,
             shares,
             found.good,
         ))
     }
+}
+
+/// The command before each report, by times and first frames; of commands: when, last frame, %; NaN for none.
+#[pyfunction]
+#[pyo3(name = "ordered")]
+#[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+pub fn ordered_before(
+    py: Python<'_>,
+    orders: (PyBuffer<i64>, PyBuffer<i64>, PyBuffer<f32>),
+    ran: PyBuffer<i64>,
+    frame: PyBuffer<i64>,
+    window_ns: i64,
+) -> PyResult<(Column<'_>, Column<'_>, Column<'_>, Column<'_>)> {
+    let (when, frame_end, percent) = (orders.0.to_vec(py)?, orders.1.to_vec(py)?, orders.2.to_vec(py)?);
+    let (ran, frame) = (ran.to_vec(py)?, frame.to_vec(py)?);
+    let orders = Orders {
+        ran: &when,
+        frame_end: &frame_end,
+        percent: &percent,
+    };
+    let found = py.detach(|| ordered(&orders, &ran, &frame, window_ns));
+    let [lowest, highest, mean, last] = found.ok_or_else(unfit)?;
+    Ok((
+        Cells::own(py, lowest)?,
+        Cells::own(py, highest)?,
+        Cells::own(py, mean)?,
+        Cells::own(py, last)?,
+    ))
+}
+
+fn unfit() -> PyErr {
+    PyValueError::new_err("columns that do not fit together")
 }

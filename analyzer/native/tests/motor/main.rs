@@ -1,9 +1,9 @@
 //! A motor against its own past: what a slow reading of the same words gives, and any cut the same.
 
-use _native::motor::{Compared, Limits, Orders, Reports, Watch};
+use _native::motor::{ordered, Compared, Limits, Orders, Reports, Watch};
 
+const WINDOW: i64 = 500;
 const LIMITS: Limits = Limits {
-    window_ns: 500,
     learned: 16.0,
     steady_percent: 6.0,
     even_percent: 20.0,
@@ -77,17 +77,6 @@ impl Flight {
         flight
     }
 
-    fn reports(&self, start: usize, stop: usize) -> Reports<'_> {
-        Reports {
-            speed: &self.columns[0][start..stop],
-            volts: &self.columns[1][start..stop],
-            current: &self.columns[2][start..stop],
-            reported: &self.columns[3][start..stop],
-            ran: &self.when[start..stop],
-            frame: &self.frame[start..stop],
-        }
-    }
-
     fn orders(&self) -> Orders<'_> {
         Orders {
             ran: &self.ran,
@@ -96,22 +85,29 @@ impl Flight {
         }
     }
 
+    fn commanded(&self) -> [Vec<f64>; 4] {
+        ordered(&self.orders(), &self.when, &self.frame, WINDOW).expect("columns fit")
+    }
+
     /// In pieces that end at these reports; rows count from the first of all.
     fn compared(&self, cuts: &[usize]) -> Compared {
+        let commanded = self.commanded();
         let mut watch = Watch::new(LIMITS);
         let mut all = Compared::default();
         let (mut start, mut good) = (0, -1);
         for &stop in cuts {
-            let found = watch
-                .feed(&self.reports(start, stop), &self.orders())
-                .expect("columns fit");
-            let base = all.rows.len() as i64;
-            all.before
-                .extend(found.before.iter().map(|&row| if row < 0 { good } else { row + base }));
-            if found.good >= 0 {
-                good = found.good + base;
-            }
-            all.rows.extend(found.rows.iter().map(|row| row + start as i64));
+            let column = |number: usize| &self.columns[number][start..stop];
+            let reports = Reports {
+                speed: column(0),
+                volts: column(1),
+                current: column(2),
+                reported: column(3),
+                commanded: commanded.each_ref().map(|one| &one[start..stop]),
+            };
+            let found = watch.feed(&reports).expect("columns fit");
+            let behind = |row: i64| if row < 0 { good } else { row + start as i64 };
+            all.before.extend(found.before.iter().map(|&row| behind(row)));
+            good = behind(found.good);
             all.off.extend(found.off);
             all.speed.extend(found.speed);
             all.current.extend(found.current);
@@ -139,8 +135,8 @@ fn any_cut_gives_the_same() {
         cuts.sort_unstable();
         let cut = flight.compared(&cuts);
         assert_eq!(
-            (&whole.rows, &whole.off, &whole.before, whole.good),
-            (&cut.rows, &cut.off, &cut.before, cut.good)
+            (&whole.off, &whole.before, whole.good),
+            (&cut.off, &cut.before, cut.good)
         );
         assert!(same(&whole.speed, &cut.speed) && same(&whole.current, &cut.current));
     }
@@ -151,8 +147,8 @@ fn a_lost_load_is_off_from_its_first_report_on() {
     let flight = Flight::new(7, 250, false);
     let found = flight.compared(&[400]);
     let first = found.off.iter().position(|&off| off == 1).expect("it is seen");
-    assert_eq!(found.rows[first], 250);
-    assert!(found.rows[found.before[first] as usize] < 250);
+    assert_eq!(first, 250);
+    assert!(found.before[first] < 250);
     assert!(found.off[..first].iter().all(|&off| off == 0));
 }
 
@@ -167,34 +163,62 @@ fn a_current_a_little_low_is_off_once_many_say_so() {
 
 #[test]
 fn commands_are_those_of_the_window_that_were_whole_before() {
-    let flight = Flight::new(3, 400, false);
-    let found = flight.compared(&[400]);
-    for (place, &row) in found.rows.iter().enumerate() {
-        let (ran, frame) = (flight.when[row as usize], flight.frame[row as usize]);
+    let mut flight = Flight::new(3, 400, false);
+    for (k, value) in flight.percent.iter_mut().enumerate().filter(|(k, _)| k % 97 == 3) {
+        *value = if k % 2 == 0 { f32::NAN } else { 90.0 };
+    }
+    let [lowest, highest, mean, last] = flight.commanded();
+    let mut known = 0;
+    for row in 0..flight.when.len() {
+        let (ran, frame) = (flight.when[row], flight.frame[row]);
         let mine: Vec<f64> = (0..flight.ran.len())
-            .filter(|&k| flight.frame_end[k] < frame && flight.ran[k] <= ran && flight.ran[k] >= ran - LIMITS.window_ns)
+            .filter(|&k| flight.frame_end[k] < frame && flight.ran[k] <= ran && flight.ran[k] >= ran - WINDOW)
             .map(|k| f64::from(flight.percent[k]))
             .collect();
-        let share = flight.columns[3][row as usize] / mine.last().expect("a command");
-        assert_eq!(share.to_bits(), found.reported[place].to_bits());
-        assert!(mine.len() >= 2);
+        if mine.first().is_none_or(|first| first.is_nan()) {
+            assert!(last[row].is_nan());
+            continue;
+        }
+        assert_eq!(last[row].to_bits(), mine[mine.len() - 1].to_bits());
+        if mine.iter().any(|value| value.is_nan()) {
+            assert!(lowest[row].is_nan() && highest[row].is_nan() && mean[row].is_nan());
+            continue;
+        }
+        let sum: f64 = mine.iter().sum();
+        let slow = (
+            mine.iter().copied().fold(f64::INFINITY, f64::min),
+            mine.iter().copied().fold(0.0, f64::max),
+        );
+        assert_eq!((lowest[row], highest[row]), slow);
+        assert!((mean[row] - sum / f64::from(mine.len() as u32)).abs() < 1e-9);
+        known += 1;
     }
+    assert!(known > 100);
 }
 
 #[test]
-fn reports_before_any_command_are_left_out() {
-    let mut flight = Flight::new(4, 400, false);
-    flight.percent[..100].fill(f32::NAN);
-    let found = flight.compared(&[400]);
-    assert!(found.rows[0] > 9);
-    flight.percent.fill(f32::NAN);
-    assert!(flight.compared(&[400]).rows.is_empty());
+fn reports_that_go_back_in_time_have_their_own_commands() {
+    let flight = Flight::new(6, 400, false);
+    let there = ordered(&flight.orders(), &[9_000, 2_000, 9_100], &[1_800, 400, 1_820], WINDOW).expect("fit");
+    let alone = ordered(&flight.orders(), &[2_000], &[400], WINDOW).expect("fit");
+    assert_eq!(there[0][1].to_bits(), alone[0][0].to_bits());
+    assert_eq!(there[2][1].to_bits(), alone[2][0].to_bits());
 }
 
 #[test]
 fn columns_that_do_not_fit_are_refused() {
     let flight = Flight::new(5, 400, false);
-    let mut reports = flight.reports(0, 10);
-    reports.volts = &[];
-    assert!(Watch::new(LIMITS).feed(&reports, &flight.orders()).is_none());
+    assert!(ordered(&flight.orders(), &[1, 2], &[1], WINDOW).is_none());
+    let mut orders = flight.orders();
+    orders.percent = &[];
+    assert!(ordered(&orders, &[1], &[1], WINDOW).is_none());
+    let one = [1.0];
+    let reports = Reports {
+        speed: &one,
+        volts: &one,
+        current: &[],
+        reported: &one,
+        commanded: [&one; 4],
+    };
+    assert!(Watch::new(LIMITS).feed(&reports).is_none());
 }

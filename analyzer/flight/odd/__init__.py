@@ -1,0 +1,1 @@
+"""Which ESC is the odd one: against its own past first, then against the others."""

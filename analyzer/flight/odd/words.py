@@ -1,0 +1,43 @@
+"""What is said of the odd ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.flight.flights import Flight
+    from analyzer.flight.odd.judge import OddEsc
+    from analyzer.flight.odd.quantities import Quantity
+
+
+def odd_words(quantity: Quantity, odd: OddEsc, flights: Sequence[Flight]) -> str:
+    """Return by how much it is odd, and against what."""
+    what = _difference(quantity, odd.difference)
+    if odd.always:
+        return f"{what} than the others, always so"
+    return f"{what} than {_before(odd.ran, flights)}"
+
+
+def layer_words(quantity: Quantity, names: Sequence[str], gap: float) -> str:
+    """Return that some ESCs differ together from the others."""
+    who = ", ".join(names)
+    if quantity.key == "voltage":
+        return f"{who} share a supply: {gap:.1f} % more voltage than the others'"
+    at = f" {quantity.at}" * bool(quantity.at)
+    return f"{who}: {_difference(quantity, gap)} than the others{at}, always so: a fact of the vehicle, no cause"
+
+
+def _difference(quantity: Quantity, difference: float) -> str:
+    what = quantity.more if difference > 0 else quantity.less
+    return f"{abs(difference):.{quantity.digits}f} {quantity.unit} {what}"
+
+
+def _before(ran: int, flights: Sequence[Flight]) -> str:
+    """Return what of its past an ESC is compared with."""
+    number = next((k for k, one in enumerate(flights) if one.first.ran >= ran), None)
+    if number is not None and number > 0 and ran == flights[number].first.ran:
+        before = flights[:number]
+        return f"its own flight {before[0].number}" if number == 1 else f"its own flights 1-{before[-1].number}"
+    return "before"

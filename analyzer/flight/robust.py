@@ -1,0 +1,53 @@
+"""Robust statistics: medians, so that one odd value moves nothing but itself."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from dissectors.kit import Array
+
+FEWEST = 3  # devices: of two nobody can say which one is odd
+_MAD = 1.4826  # of the median absolute deviation of a normal distribution, its standard deviation
+
+
+def middle(values: Array, axis: int | None = None) -> Array:
+    """Return the median of what is known, NaN of nothing."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        found: Array = np.nanmedian(values, axis=axis)
+    return found
+
+
+def spread(values: Array, axis: int | None = None) -> Array:
+    """Return a standard deviation by the median distance from the median, NaN of nothing."""
+    centre = middle(values, axis) if axis is None else np.expand_dims(middle(values, axis), axis)
+    found: Array = _MAD * middle(np.abs(values - centre), axis)
+    return found
+
+
+def others(values: Array) -> Array:
+    """Return the median of the others for each value (last axis), NaN where fewer than two of them are known."""
+    count = values.shape[-1]
+    found = np.full(values.shape, np.nan)
+    for k in range(count):
+        rest = np.delete(values, k, axis=-1)
+        known = np.isfinite(rest).sum(axis=-1) >= FEWEST - 1
+        found[..., k] = np.where(known, middle(rest, -1), np.nan)
+    return found
+
+
+def against_others(values: Array, tolerated: float) -> Array:
+    """Return how far each value is from the median of the others, in standard deviations of the others.
+
+    These are never less than `tolerated`, in the unit of the values. NaN for what is not known, or has too few others.
+    """
+    centre = others(values)
+    found = np.full(values.shape, np.nan)
+    for k in range(len(values)):
+        wide = float(np.nan_to_num(spread(np.delete(values, k))))
+        found[k] = (values[k] - centre[k]) / np.hypot(wide, tolerated)
+    return found
