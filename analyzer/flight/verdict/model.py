@@ -58,10 +58,9 @@ class Triage:
     `judged` is why nothing could be judged, empty if it could, and `empty` that nothing of DroneCAN, or no time, is in
     it at all. `primary` are the events that began it, `after` consequences, `earlier` what was over before. `said` is
     what the autopilot's log says around it, `autopilot` how that log lies on the capture, None without one. `lines`
-    `odd` are the ESCs that differ from their own past, or always from the others, `odd_before` those of them that did so
-    before what is told here, `facts` what whole groups of them have in common. `lines`
     speak of the clock and the recorder, with a label each, `not_seen` of what is not on the bus, `looked` of what was
-    looked at, `commands` of what to do next.
+    looked at, `commands` of what to do next. `odd` are the ESCs that differ from their own past, or always from the
+    others, `odd_before` those that are told here, `facts` what groups of them have in common.
     """
 
     captures: Sequence[str]
