@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from analyzer.flight.health import EscHealth
     from dissectors import Registry
 
-Told = Callable[..., "list[EscHealth]"]
+    Told = Callable[..., list[EscHealth]]
 
 
 @pytest.fixture
