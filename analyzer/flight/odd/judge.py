@@ -16,7 +16,7 @@ from analyzer.flight.odd.quantities import QUANTITIES, VOLTAGE
 from analyzer.flight.odd.words import layer_words, odd_words
 from analyzer.flight.robust import FEWEST, against_others, others, spread
 from analyzer.flight.thresholds import threshold
-from dissectors.records import dataclass, replace
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -230,12 +230,11 @@ def _told(
         if one.slot is not None:
             changed.add(key)
             ran, t = _begun(ran, t, width, flights)
-        made = OddEsc(
+        gist, text = odd_words(quantity, one.difference, None if one.slot is None else ran, flights)
+        yield OddEsc(
             bus, node, channel(device.plot, device.key), quantity.name, round(one.difference, 3), quantity.unit,
-            round(one.z, 2), PEERS if one.slot is None else OWN_PAST, t, ran, "", "",
+            round(one.z, 2), PEERS if one.slot is None else OWN_PAST, t, ran, gist, text,
         )  # fmt: skip
-        gist, text = odd_words(quantity, made, flights)
-        yield replace(made, gist=gist, text=text)
 
 
 def _begun(ran: int, t: int, width: int, flights: Sequence[Flight]) -> tuple[int, int]:

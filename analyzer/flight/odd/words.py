@@ -8,14 +8,16 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analyzer.flight.flights import Flight
-    from analyzer.flight.odd.judge import OddEsc
     from analyzer.flight.odd.quantities import Quantity
 
 
-def odd_words(quantity: Quantity, odd: OddEsc, flights: Sequence[Flight]) -> tuple[str, str]:
-    """Return by how much it is odd, and against what: in short, and with what was equal."""
-    against = "the others, always so" if odd.always else _before(odd.ran, flights)
-    what = _difference(quantity, odd.difference)
+def odd_words(quantity: Quantity, difference: float, ran: int | None, flights: Sequence[Flight]) -> tuple[str, str]:
+    """Return by how much an ESC is odd, and against what: in short, and with what was equal.
+
+    `ran` is the recorded time since when it is so, None for always.
+    """
+    against = "the others, always so" if ran is None else _before(ran, flights)
+    what = _difference(quantity, difference)
     return f"{what} than {against}", f"{what}{_at(quantity)} than {against}"
 
 
