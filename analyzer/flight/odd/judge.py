@@ -16,7 +16,7 @@ from analyzer.flight.odd.quantities import QUANTITIES, VOLTAGE
 from analyzer.flight.odd.words import layer_words, odd_words
 from analyzer.flight.robust import FEWEST, against_others, others, spread
 from analyzer.flight.thresholds import threshold
-from dissectors.records import dataclass, replace
+from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from dissectors.kit import Array
 
 OWN_PAST, PEERS = "own past", "peers"
+_NEAR = 2  # slots, by which noise may move the begin of a change
 _NEEDS_OTHERS = frozenset({"temperature", "voltage"})  # change in the course of every flight
 
 
@@ -37,7 +38,7 @@ class OddEsc:
     """An ESC that is odd in one quantity, by `difference` in `unit`, `z` standard deviations.
 
     `against` its own past it is so since `since` (capture clock, ns; `ran` is recorded time); against its peers all the
-    time, which is a fact of the vehicle and no cause. `gist` says it in words, `at` what was equal.
+    time, which is a fact of the vehicle and no cause. `text` says it in words, `gist` without what was equal.
     """
 
     bus: int
@@ -51,12 +52,7 @@ class OddEsc:
     since: int
     ran: int
     gist: str
-    at: str = ""
-
-    @property
-    def text(self) -> str:
-        """Return its gist, and what was equal."""
-        return f"{self.gist}, {self.at}" if self.at else self.gist
+    text: str
 
     @property
     def always(self) -> bool:
@@ -87,7 +83,7 @@ class OddReport:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A difference that may be told: of which device, how far (unit of the quantity), and the slot in which it began."""
+    """A difference that may be told: of which device, how far (unit of the quantity), in which slot it began."""
 
     device: int
     course: Course
@@ -164,7 +160,7 @@ def _own_past(course: Course, upper: Array) -> tuple[list[_Candidate], int]:
         now = _now(past, k, slot, side, quantity)
         now = now if np.isfinite(now) else float(own[k, slot])
         if now * own[k, slot] > 0 and abs(now) >= abs(own[k, slot]) / 2:
-            found.append(_Candidate(k, course, float(z[k, slot]), now * quantity.scale, slot))
+            found.append(_Candidate(k, course, float(z[k, slot]), quantity.difference(now), slot))
     return found, int(known.any(axis=1).sum() * threshold("odd_splits"))
 
 
@@ -199,7 +195,7 @@ def _peers(course: Course, upper: Array) -> list[_Candidate]:
         apart = level - others(level)
         same = np.abs(_since_middle(course.past)[mine]) < np.abs(apart) / 2
         found += [
-            _Candidate(int(mine[k]), course, float(z[k]), float(apart[k]) * course.quantity.scale, None)
+            _Candidate(int(mine[k]), course, float(z[k]), course.quantity.difference(float(apart[k])), None)
             for k in np.flatnonzero(np.isfinite(z) & same).tolist()
         ]
     return found
@@ -234,17 +230,17 @@ def _told(
         if one.slot is not None:
             changed.add(key)
             ran, t = _begun(ran, t, width, flights)
-        made = OddEsc(
+        gist, text = odd_words(quantity, one.difference, None if one.slot is None else ran, flights)
+        yield OddEsc(
             bus, node, channel(device.plot, device.key), quantity.name, round(one.difference, 3), quantity.unit,
-            round(one.z, 2), PEERS if one.slot is None else OWN_PAST, t, ran, "",
+            round(one.z, 2), PEERS if one.slot is None else OWN_PAST, t, ran, gist, text,
         )  # fmt: skip
-        yield replace(made, gist=odd_words(quantity, made, flights), at=quantity.at)
 
 
 def _begun(ran: int, t: int, width: int, flights: Sequence[Flight]) -> tuple[int, int]:
-    """Return since when a change is: with a flight, if that begins within the slot."""
+    """Return since when a change is: since a flight began, if that was nearly then."""
     for flight in flights[1:]:
-        if ran <= flight.first.ran < ran + width:
+        if abs(flight.first.ran - ran) <= _NEAR * width:
             return flight.first.ran, flight.first.t
     return ran, t
 
@@ -267,7 +263,8 @@ def _tolerated(quantity: Quantity) -> float:
 
 def _gap(course: Course, upper: Array) -> float:
     """Return how far two groups are apart, in the unit of the quantity."""
-    return float(np.nanmedian(course.level[upper]) - np.nanmedian(course.level[~upper])) * course.quantity.scale
+    gap = np.nanmedian(course.level[upper]) - np.nanmedian(course.level[~upper])
+    return course.quantity.difference(float(gap))
 
 
 def _names(group: Sequence[EscCells], which: Array) -> list[str]:
@@ -281,7 +278,7 @@ def _compared(group: Sequence[EscCells], told: Sequence[Course]) -> Iterator[Com
         bus, node, _ = split(device.key)
         levels: dict[str, Any] = dict.fromkeys(one.key for one in QUANTITIES)
         for course in told:
-            value = float(course.level[place]) * course.quantity.scale
+            value = course.quantity.difference(float(course.level[place]))
             levels[course.quantity.key] = None if np.isnan(value) or len(group) < 2 else round(value, 3)
         reports = int(device.numbers("came").sum())
         yield ComparedEsc(bus, node, channel(device.plot, device.key), reports, levels)

@@ -22,11 +22,10 @@ _SLOWEST, _SPEED_BIN = np.log(300.0), 0.12  # natural logarithm of rpm: 300 to 3
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A quantity: `name` for programs and people, `unit` of a difference, what `more` and `less` of it is called, and
-    `at` which equal conditions it is compared.
+    """A quantity of an ESC: `unit` of a difference, `more` and `less` as words for it, `at` what is equal then.
 
-    `number` is that of its sums, `plain` of those that need one measurement less. A `scale` turns a difference of what
-    is summed up into the unit; numbers of thresholds are in the unit.
+    `number` is that of its sums, `plain` of those that need one measurement less. Of `relative` ones natural logarithms
+    are compared. A `scale` turns (small) differences into the unit; numbers of thresholds are in the unit.
     """
 
     name: str
@@ -39,6 +38,11 @@ class Quantity:
     plain: int = -1
     scale: float = 1.0
     digits: int = 0
+    relative: bool = False
+
+    def difference(self, value: float) -> float:
+        """Return a difference of what is compared in the unit."""
+        return float(np.expm1(value) if self.relative else value) * self.scale
 
     @property
     def least(self) -> float:
@@ -56,20 +60,17 @@ class Quantity:
         return threshold(f"tolerated_{self.key}")
 
 
-SPEED = Quantity("speed per command", "speed", "%", "faster", "slower", "at equal command", 0, 1, 100.0)
+SPEED = Quantity("speed per command", "speed", "%", "faster", "slower", "at equal command", 0, 1, 100.0, relative=True)
 CURRENT = Quantity(
-    "current at equal speed", "current", "%", "more current", "less current", "at equal speed", 2, 3, 100.0
+    "current at equal speed", "current", "%", "more current", "less current", "at equal speed", 2, 3, 100.0,
+    relative=True,
 )  # fmt: skip
 TEMPERATURE = Quantity("temperature at equal power", "temperature", "C", "hotter", "colder", "at equal power")
 VOLTAGE = Quantity(
-    "supply voltage", "voltage", "%", "more supply voltage", "less supply voltage", scale=100.0, digits=1
+    "supply voltage", "voltage", "%", "more supply voltage", "less supply voltage", scale=100.0, digits=1, relative=True
 )  # fmt: skip
-LOST = Quantity(
-    "lost reports", "lost", "%", "more of its reports lost", "fewer of its reports lost", scale=100.0, digits=1
-)
-LATE = Quantity(
-    "late reports", "late", "%", "more of its reports late", "fewer of its reports late", scale=100.0, digits=1
-)
+LOST = Quantity("lost reports", "lost", "%", "more reports lost", "fewer reports lost", scale=100.0, digits=1)
+LATE = Quantity("late reports", "late", "%", "more reports late", "fewer reports late", scale=100.0, digits=1)
 QUANTITIES = (SPEED, CURRENT, TEMPERATURE, VOLTAGE, LOST, LATE)
 BINNED = 4  # kinds of sums by bins
 

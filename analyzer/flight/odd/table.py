@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.flight.clock import RecordedClock
 from analyzer.flight.flights import FlightFinder
 from analyzer.flight.odd.finder import OddFinder
 from analyzer.flight.odd.quantities import QUANTITIES
@@ -60,9 +59,7 @@ class _OddLook:
     """Looks at all batches for odd ESCs; one reading of a capture for flights and them."""
 
     def __init__(self, registry: Registry) -> None:
-        self._clock = RecordedClock()
-        self._flights = FlightFinder(registry, self._clock)
-        self._odd = OddFinder(registry, self._clock)
+        self._flights, self._odd = FlightFinder(registry), OddFinder(registry)
 
     def feed(self, batch: Batch) -> None:
         self._odd.feed(batch)

@@ -8,16 +8,17 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analyzer.flight.flights import Flight
-    from analyzer.flight.odd.judge import OddEsc
     from analyzer.flight.odd.quantities import Quantity
 
 
-def odd_words(quantity: Quantity, odd: OddEsc, flights: Sequence[Flight]) -> str:
-    """Return by how much it is odd, and against what."""
-    what = _difference(quantity, odd.difference)
-    if odd.always:
-        return f"{what} than the others, always so"
-    return f"{what} than {_before(odd.ran, flights)}"
+def odd_words(quantity: Quantity, difference: float, ran: int | None, flights: Sequence[Flight]) -> tuple[str, str]:
+    """Return by how much an ESC is odd, and against what: in short, and with what was equal.
+
+    `ran` is the recorded time since when it is so, None for always.
+    """
+    against = "the others, always so" if ran is None else _before(ran, flights)
+    what = _difference(quantity, difference)
+    return f"{what} than {against}", f"{what}{_at(quantity)} than {against}"
 
 
 def layer_words(quantity: Quantity, names: Sequence[str], gap: float) -> str:
@@ -25,13 +26,17 @@ def layer_words(quantity: Quantity, names: Sequence[str], gap: float) -> str:
     who = ", ".join(names)
     if quantity.key == "voltage":
         return f"{who} share a supply: {gap:.1f} % more voltage than the others'"
-    at = f" {quantity.at}" * bool(quantity.at)
-    return f"{who}: {_difference(quantity, gap)} than the others{at}, always so: a fact of the vehicle, no cause"
+    what = f"{_difference(quantity, gap)}{_at(quantity)}"
+    return f"{who}: {what} than the others, always so: a fact of the vehicle, no cause"
 
 
 def _difference(quantity: Quantity, difference: float) -> str:
     what = quantity.more if difference > 0 else quantity.less
     return f"{abs(difference):.{quantity.digits}f} {quantity.unit} {what}"
+
+
+def _at(quantity: Quantity) -> str:
+    return f" {quantity.at}" if quantity.at else ""
 
 
 def _before(ran: int, flights: Sequence[Flight]) -> str:
