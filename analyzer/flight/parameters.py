@@ -51,6 +51,7 @@ class ParameterEvents(ReportEvents):
         super().__init__(order)
         self._told = [plot for plot in self._plots if plot.parameters and not commands(order.registry, plot.table)]
         self._known: dict[tuple[object, ...], _Known] = {}
+        self._settings: dict[str, tuple[list[str], list[str]]] = {}  # columns of a table, and those that are settings
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -67,10 +68,12 @@ class ParameterEvents(ReportEvents):
         """Take the end: everything has been told."""
 
     def _columns(self, plot: Plot, table: pa.RecordBatch, leave: frozenset[str]) -> Iterator[_Setting]:
-        of = self._registry.definition(plot.table)
-        for name in table.schema.names:
-            if name in leave or not is_setting(of, table, name):
-                continue
+        of, names = self._registry.definition(plot.table), table.schema.names
+        known = self._settings.get(plot.table)
+        if known is None or known[0] != names:
+            own = [name for name in names if name not in leave and is_setting(of, table, name)]
+            known = self._settings[plot.table] = names, own
+        for name in known[1]:
             for column in fields.column(of, table, name):
                 about = meaning(of, name)
                 owner = name.rpartition(".")[0]
@@ -118,15 +121,19 @@ class ParameterEvents(ReportEvents):
         columns = list(self._columns(plot, table, fields.ABOUT_ROWS | plot.hidden | plot.own))
         clause = getattr(self._registry.definition(plot.table), "clause", "")
         timed = at.t != NO_TIME
-        for code, places in groups(np.array(bus, np.int64) << 8 | np.array(src, np.int64)):
-            rows = places[timed[places]]
+        nodes = groups(np.array(bus, np.int64) << 8 | np.array(src, np.int64))
+        devices = [(code, places[timed[places]]) for code, places in nodes]
+        still = _still(columns, [rows for _, rows in devices if len(rows)])
+        for code, rows in devices:
             found: dict[int, list[tuple[_Setting, str]]] = {}
             for one in columns:
+                key = plot.table, code, one.name
+                known = self._known.get(key)
+                if known is not None and one.name in still and len(rows) and known.value == one.values[rows[0]]:
+                    continue
                 mine = rows[one.has[rows]]
                 if not len(mine):
                     continue
-                key = plot.table, code, one.name
-                known = self._known.get(key)
                 first = known.value if known is not None and known.value is not None else float(one.values[mine[0]])
                 for k in changes(one.values[mine], first).tolist():
                     before = one.text(int(mine[k - 1])) if k else known.text if known is not None else ""
@@ -180,6 +187,20 @@ class _Setting(NamedTuple):
         if self.in_hex and isinstance(value, int):
             return f"0x{value & 0xFFFF_FFFF:X}" if value < 0 else f"0x{value:X}"
         return f"{written(value)}{self.unit}"
+
+
+def _still(columns: Sequence[_Setting], devices: Sequence[Array]) -> set[str]:
+    """Return the settings that all rows have and that change between no two rows of one device."""
+    rows = np.concatenate(devices) if devices else np.zeros(0, np.int64)
+    first = np.cumsum([len(one) for one in devices])[:-1]
+    found = set()
+    for one in columns:
+        values = one.values[rows]
+        moves = values[1:] != values[:-1]
+        moves[first - 1] = False
+        if not moves.any() and one.has.all():
+            found.add(one.name)
+    return found
 
 
 def _special(about: Any, column: pa.Array) -> Array:
