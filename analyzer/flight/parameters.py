@@ -117,11 +117,11 @@ class ParameterEvents(ReportEvents):
 
     def _note_reports(self, plot: Plot, table: pa.RecordBatch) -> None:
         """Note what devices report of their parameters that they did not before."""
-        at, (bus, src) = self._clock.of(table), _senders(table)
+        at = self._clock.of(table)
         columns = list(self._columns(plot, table, fields.ABOUT_ROWS | plot.hidden | plot.own))
         clause = getattr(self._registry.definition(plot.table), "clause", "")
         timed = at.t != NO_TIME
-        nodes = groups(np.array(bus, np.int64) << 8 | np.array(src, np.int64))
+        nodes = groups(numbers(table.column("bus")).astype(np.int64) << 8 | numbers(table.column("src")))
         devices = [(code, places[timed[places]]) for code, places in nodes]
         still = _still(columns, [rows for _, rows in devices if len(rows)])
         for code, rows in devices:
