@@ -13,7 +13,9 @@ from analyzer.flight.motors.events import MotorEvents
 from analyzer.flight.motors.reports import EscReader
 from analyzer.flight.nodes import NodeEvents
 from analyzer.flight.orders import CommandReader
+from analyzer.flight.parameter_services import ParameterServiceEvents
 from analyzer.flight.parameters import ParameterEvents
+from analyzer.flight.power_ups import PowerUpEvents
 from analyzer.flight.reports import EventOrder
 from analyzer.flight.sags import SagEvents
 from analyzer.flight.silences import SilenceEvents
@@ -54,7 +56,7 @@ class EventFinder:
         self._parts = (
             StateEvents(order), CommandEvents(self.commands, add), silences, SagEvents(order),
             MotorEvents(order, self.escs), NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
-            ParameterEvents(order),
+            ParameterEvents(order), ParameterServiceEvents(order), PowerUpEvents(order),
         )  # fmt: skip
         self._told: AutopilotEvents | None = None
         if log is not None:

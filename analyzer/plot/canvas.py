@@ -131,7 +131,7 @@ def _style(series: Series) -> list[Style]:
         quiet = series.role == "commanded"
         return [chunks.line_style(series.path, name, colours.lighter(colour) if quiet else colour, 1.0 + (not quiet))]
     if series.kind == "points":
-        return [chunks.point_style(series.path, name, colours.BROKEN)]
+        return [chunks.point_style(series.path, name, colours.BROKEN if series.active else colours.CALM)]
     if series.kind == "state" and series.flag:
         return [chunks.state_style(series.path, ["off", "on"], [colours.OFF, colours.ON])]
     if series.states:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     MarkedEvent = tuple[FlightEvent, Mapping[str, float]]  # and what was measured then, by quantity
 
-EVENTS, FLIGHTS = "events", "flights"
+EVENTS, CALM, FLIGHTS = "events", "calm", "flights"
 _CALM = frozenset({"mode", "join", "arming", "message", "parameter", "save"})  # kinds that are no trouble by themselves
 _BAD = re.compile(r"\b(error|critical|fault)\b")
 _ROLES = frozenset({COMMANDED, "limit"})  # of lines that are nothing a device measured
@@ -54,12 +54,13 @@ class HappenedPlots:
         for level, calm in (("WARN", False), ("INFO", True)):
             here = [one for one, _ in inside if _is_calm(one) == calm]
             if here:
-                name = "calm" if calm else "trouble"
-                series = self._series(Series(path(EVENTS, name), "text", EVENTS, level, owner=EVENTS))
+                series = self._series(
+                    Series(path(EVENTS, CALM if calm else "trouble"), "text", EVENTS, level, owner=EVENTS)
+                )
                 texts = [f"{self._canvas.clock.written(one.first.t)} {_line(one, buses)}" for one in here]
                 moments = _moments([(one.first.t, one.first.frame + 1, 0.0) for one in here])
                 self._canvas.texts(series, texts, [level] * len(here), moments)
-        marks: dict[str, tuple[Series, list[_Mark]]] = {}
+        marks: dict[tuple[str, bool], tuple[Series, list[_Mark]]] = {}
         lines: dict[int, list[Series]] = {}
         for series in self._canvas.inventory.series.values() if inside else ():
             if series.kind == "line":
@@ -67,9 +68,10 @@ class HappenedPlots:
         for one, values in inside:
             for line, value in self._places(one, values, lines, buses):
                 mark = one.first.t, one.first.frame + 1 if one.first.frame >= 0 else NO_FRAME, value
-                marks.setdefault(line.path, (line, []))[1].append(mark)
-        for line, some in marks.values():
-            self._canvas.lines([(self._beside(line), np.array([value for *_, value in some]), None)], _moments(some))
+                marks.setdefault((line.path, _is_calm(one)), (line, []))[1].append(mark)
+        for (_, calm), (line, some) in marks.items():
+            series = self._beside(line, calm=calm)
+            self._canvas.lines([(series, np.array([value for *_, value in some]), None)], _moments(some))
 
     def flights(self, flights: pa.Table, span: tuple[int, int]) -> None:
         """Draw when the vehicle flew: a table `FLIGHTS`."""
@@ -87,11 +89,12 @@ class HappenedPlots:
     def _series(self, new: Series) -> Series:
         return self._canvas.inventory.series.get(new.path, new)
 
-    def _beside(self, line: Series) -> Series:
-        """Return the series of marks on a line."""
+    def _beside(self, line: Series, *, calm: bool) -> Series:
+        """Return the series of marks on a line; those of calm events do not alarm."""
+        entity, name = (path(EVENTS, CALM), "calm events") if calm else (path(EVENTS), "events")
         return self._series(Series(
-            path(EVENTS) + line.path, "points", line.quantity, f"{line.title} events", line.measure, unit=line.unit,
-            owner=line.owner, number=line.number,
+            entity + line.path, "points", line.quantity, f"{line.title} {name}", line.measure, unit=line.unit,
+            owner=line.owner, number=line.number, active=not calm,
         ))  # fmt: skip
 
     def _places(

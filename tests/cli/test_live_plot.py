@@ -50,7 +50,8 @@ def test_it_has_what_was_on_the_bus(tmp_path: Path) -> None:
         with start_with_bus(HOVER, *args, stdout=PIPE, stderr=PIPE) as live:
             _, err = live.communicate(timeout=LIMIT)
         assert b"the viewer" not in err
-        wait_until(lambda: {"/voltage/esc1", "/speed/esc4"} <= set(taken(kept).rows))
+        wanted = {"/voltage/esc1", "/speed/esc4", "/events/calm", "/events/calm/speed/esc1"}
+        wait_until(lambda: wanted <= set(taken(kept).rows))
 
 
 @pytest.mark.slow

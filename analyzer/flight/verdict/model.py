@@ -62,8 +62,8 @@ class Triage:
 
     `odd` are the ESCs that differ from their own past, or always from the others, `odd_before` those of them that did
     so before what is told here, `facts` what whole groups of them have in common. `lines` speak of the clock and the
-    recorder, with a label each, `not_seen` of what is not on the bus, `looked` of what was looked at, `commands` of what
-    to do next. `timelines` are there to be drawn, if that was asked for.
+    recorder, with a label each, `not_seen` of what is not on the bus, `looked` of what was looked at, `commands` of
+    what to do next. `timelines` are there to be drawn, if that was asked for.
     """
 
     captures: Sequence[str]

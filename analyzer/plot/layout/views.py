@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import rerun as rr
@@ -93,6 +94,13 @@ def grid(
     rows = math.ceil(len(parts) / columns)
     shares = [_LEGEND] + [1.0] * (rows - 1)
     return rrb.Grid(contents=parts, grid_columns=columns, row_shares=shares if first else None, name=name)
+
+
+def rows(parts: Sequence[rrb.View | rrb.Container], most: int) -> rrb.Container:
+    """Lay out at most so many rows, those below with as many as those above or one less: no place is empty."""
+    count = min(most, math.ceil(len(parts) / most))
+    borders = [-(-len(parts) * k // count) for k in range(count + 1)]
+    return rrb.Vertical(contents=[rrb.Horizontal(contents=parts[low:high]) for low, high in pairwise(borders)])
 
 
 def _units(series: Iterable[Series]) -> str:

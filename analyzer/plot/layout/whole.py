@@ -34,6 +34,7 @@ _OF_BUS = {
     BROKEN: ("Broken transfers, by sender", None),
 }
 _MOST_ROWS = 5  # of plots beside states
+_MOST_BESIDE = 3  # rows of plots in an overview with states
 _MOST_TABS = 8  # devices that have tabs beside the overview; more have theirs inside of one
 
 
@@ -110,12 +111,18 @@ def _overview(found: _Sorted, own: Sequence[Series], name: str) -> Iterator[rrb.
     """
     details = {name for name, quantity in found.pictures.quantities.items() if quantity.detail}
     parts: list[rrb.View | rrb.Container] = []
-    for title, series in found.plots(own, lambda one: one.quantity not in details):
-        parts.append(views.plot(title, series, legend=not parts))
+    plots = list(found.plots(own, lambda one: one.quantity not in details))
+    unmarked = (title for title, series in plots if all(one.kind == "line" for one in series))
+    named = next(unmarked, plots[0][0] if plots else "")  # a legend names marks, too, and there is little room
+    parts += [views.plot(title, series, legend=title == named) for title, series in plots]
     states, lanes = _states(shown := [one for one in own if one.active]), _lanes(shown)
     if states and parts:
         beside = rrb.Vertical(contents=states, row_shares=[1 + count for count in lanes])
-        yield rrb.Horizontal(contents=[views.grid(parts, first=True), beside], column_shares=[3, 1], name=name)
+        yield rrb.Horizontal(
+            contents=[views.rows(parts, _MOST_BESIDE), beside],
+            column_shares=[3, 1],
+            name=name,
+        )
     elif states or parts:
         yield views.grid([*parts, *states], name, first=True)
 

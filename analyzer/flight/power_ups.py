@@ -1,0 +1,92 @@
+"""Power-ups by a device's own counter of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.devices import fields
+from analyzer.devices.rows import keyed, split, usable
+from analyzer.flight.log import FlightEvent
+from analyzer.flight.reports import ReportEvents
+from analyzer.flight.thresholds import lasting
+from dissectors.kit.cells import numbers
+from dissectors.kit.order import changes, groups
+from dissectors.times import NO_TIME, SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pyarrow as pa
+
+    from analyzer.decode.engine import Batch
+    from analyzer.flight.clock import Places, Spot
+    from analyzer.flight.reports import EventOrder
+    from dissectors.kit import Array
+    from dissectors.picture import Plot
+
+MOST_DEVICES = 1024
+
+
+class PowerUpEvents(ReportEvents):
+    """Adds up batches; bound: `MOST_DEVICES`."""
+
+    @staticmethod
+    def of_use(plot: Plot) -> bool:
+        """Return whether it counts power-ups."""
+        return bool(plot.starts)
+
+    def __init__(self, order: EventOrder) -> None:
+        super().__init__(order)
+        self._last: dict[tuple[object, ...], tuple[int, Spot]] = {}  # the last count of a device, and where it was
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        for plot in self._plots:
+            table = batch.messages.get(plot.table)
+            if table is not None and plot.starts in table.schema.names and len(table := usable(table)):
+                self._note_starts(plot, table)
+
+    def finish(self) -> None:
+        """Take the end: everything has been told."""
+
+    def _note_starts(self, plot: Plot, table: pa.RecordBatch) -> None:
+        """Take counters; where a table tells the hardware by its identity, that has the counter."""
+        table, device = keyed(table, plot.who)
+        found = fields.column(self._registry.definition(plot.table), table, plot.starts)
+        if not len(table) or not found:
+            return
+        counter, at = found[0], self._clock.of(table)
+        identity = numbers(table.column(plot.identity)) if plot.identity in table.schema.names else None
+        timed = (at.t != NO_TIME) & (True if counter.has is None else counter.has)
+        for key, places in groups(device):
+            rows = places[timed[places]]
+            pieces = [(None, rows)] if identity is None else _by_value(identity, rows)
+            for which, mine in pieces:
+                if len(mine):
+                    self._count(plot, (plot.table, key, which), counter.values[mine], at.take(mine))
+
+    def _count(self, plot: Plot, device: tuple[str, int, object], counts: Array, at: Places) -> None:
+        """Tell where a counter goes on, by no more than there was time for."""
+        known = self._last.get(device)
+        if known is None and len(self._last) >= MOST_DEVICES:
+            return
+        first, since = known or (int(counts[0]), at.at(0))
+        for k in changes(counts, first).tolist():
+            spot, last, new = at.at(k - 1) if k else since, int(counts[k - 1]) if k else first, int(counts[k])
+            room = (at.t[k] - spot.t + lasting("power_up_slack")) // SECOND
+            if 0 < new - last <= room:
+                often = "again" if new - last == 1 else f"{new - last} times"
+                text = f"was powered up {often}: {plot.starts} {last} -> {new}"
+                bus, node, number = split(device[1])
+                ch = number + plot.who.first if plot.who.column and plot.esc.rpm else None
+                self._add(FlightEvent(
+                    "power-up", text, spot, at.at(k), None, bus, node, ch, plot.table, "", {plot.starts: float(new)}
+                ))  # fmt: skip
+        self._last[device] = int(counts[-1]), at.at(-1)
+
+
+def _by_value(values: Array, rows: Array) -> Iterator[tuple[object, Array]]:
+    for value in np.unique(values[rows]).tolist():
+        yield value, rows[values[rows] == value]
