@@ -104,8 +104,8 @@ class BusFrames:
         """
         new = {session for session in sessions if session not in held}
         room = max(MOST_SESSIONS - len(held), 0)
-        if len(new) <= room:
-            return set()
+        if len(new) <= room or not room:
+            return set() if room else new
         heard = {session: self.place.item(at) for session, at in zip(self.sessions, self.first[:-1], strict=True)}
         return set(sorted(new, key=lambda session: (session not in first, heard[session]))[room:])
 
