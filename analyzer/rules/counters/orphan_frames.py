@@ -51,6 +51,15 @@ class _Frames:
         every = zip(self.number[first:], self.t[first:], self.transfer_id[first:], strict=True)
         return [transfer_id for number, t, transfer_id in every if t >= since and low <= number < high]
 
+    def any(self, since: int, low: int, high: int) -> bool:
+        """Return whether there are such frames."""
+        first = max(len(self.number) - _MOST_FRAMES, 0)
+        if self.ordered:
+            begin = max(bisect_left(self.t, since, first), bisect_left(self.number, low, first))
+            return begin < len(self.number) and self.number[begin] < high
+        every = zip(self.number[first:], self.t[first:], strict=True)
+        return any(t >= since and low <= number < high for number, t in every)
+
 
 class OrphanFrames:
     """Remembers the frames of sessions that belong to no transfer."""
@@ -94,7 +103,7 @@ class OrphanFrames:
         """Return whether any came after a time, and before a frame or `behind` it."""
         if since == NO_TIME or self._newest.get(session, NO_TIME) < since:
             return False
-        return bool(self._frames[session].ids(since, *((lead + 1, _NEVER) if behind else (0, lead + 1))))
+        return self._frames[session].any(since, *((lead + 1, _NEVER) if behind else (0, lead + 1)))
 
     def _note_all(self, bus: Array, bits: Array, number: Array, t: Array, tail: Array) -> None:
         """Note frames: numbers, times and tail bytes of sessions of a bus."""
