@@ -130,8 +130,6 @@ class Lacks:
             found += self._follow(frames, ours, followed, base)
         found.sort(key=lambda one: one.places[1])
         for one in found:
-            each = max(one.until - self._since[one.session.bus], 0) // one.places[1]
-            one.window = min(max(FEW * each, WINDOW), WIDEST)
             self._compare(one)
         return found
 
@@ -199,9 +197,12 @@ class Lacks:
         for column, part in zip(before, zip(*(last[1:4] for last in lasts), strict=True), strict=True):
             column[first] = part
         said = group, own.number, own.t, own.place, own.tail & _FOLLOWS, wanted
-        parts = (column[rows].tolist() for column in (*before, *said))
-        for past, number, place, one, behind, t, at_, tail_, due in zip(*parts, strict=True):
-            yield Lack(sessions[one], (number, behind), past, t, (place, at_), tail_, due)
+        parts = [column[rows] for column in (*before, *said)]
+        each = np.maximum(own.t[rows] - self._since[sessions[0].bus], 0) // own.place[rows]
+        parts.append(np.clip(FEW * each, WINDOW, WIDEST))
+        listed = (column.tolist() for column in parts)
+        for past, number, place, one, behind, t, at_, tail_, due, window in zip(*listed, strict=True):
+            yield Lack(sessions[one], (number, behind), past, t, (place, at_), tail_, due, window)
         ends = np.append(first[1:], len(which)) - 1
         columns = (column[ends].tolist() for column in (*own, count, begins))
         self._last.update(zip(sessions, map(_Last._make, zip(*columns, strict=True)), strict=True))
