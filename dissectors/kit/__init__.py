@@ -33,8 +33,7 @@ __all__ = [
     "MICROSECOND", "MILLISECOND", "NODES", "NO_TIME", "SECOND", "SESSION", "Array", "Break", "BusTimes", "Conformance",
     "DecodedTable", "EventTable", "Exercise", "Feed", "FrameTable", "JointLoss", "Kept", "Latest", "Measures",
     "Occurrence", "Occurrences", "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "RunningTime", "Second",
-    "Seconds",
-    "Severity", "Starts", "TransferTable", "Types", "Values", "View", "Worst", "breach", "by_key", "changes",
+    "Seconds", "Severity", "Starts", "TransferTable", "Types", "Values", "View", "Worst", "breach", "by_key", "changes",
     "count_below", "doubtful", "frames_of", "groups", "last_set", "rows_by_bus", "rule", "rules_of", "sender",
     "set_back", "sound", "times_by_bus", "usable",
 ]  # fmt: skip

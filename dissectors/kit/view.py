@@ -64,7 +64,7 @@ class Second(NamedTuple):
 
 
 class Seconds(NamedTuple):
-    """Those of a batch in columns, as `Second` has them: of each interface in the order of its frames."""
+    """The seconds of a batch in columns, as `Second` has them: of each interface in the order of its frames."""
 
     bus: Array
     start: Array
