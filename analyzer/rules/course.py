@@ -35,13 +35,12 @@ class Course:
             if not known.any():
                 return
             self.start = int(view.frames.t[int(np.argmax(known))])
-        if view.seconds:
-            rows = np.array([(one.bus, one.start, one.frames, one.bits) for one in view.seconds], np.int64)
-            bus, start, frames, bits = rows.T
-            at = self._steps(start)
-            for one, places in groups(bus):
-                self._add(self._frames, one, at[places], frames[places])
-                self._add(self._bits, one, at[places], bits[places])
+        seconds = view.seconds
+        if len(seconds.bus):
+            at = self._steps(seconds.start)
+            for one, places in groups(seconds.bus):
+                self._add(self._frames, one, at[places], seconds.frames[places])
+                self._add(self._bits, one, at[places], seconds.bits[places])
         transfers = view.transfers
         known = transfers.t != NO_TIME
         t, key = transfers.t, transfers.bus.astype(np.int64) * _NODES + (transfers.src & 0x7F)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer import _native
-from dissectors.kit import NO_TIME, SECOND, Second, set_back, times_by_bus
+from dissectors.kit import NO_TIME, SECOND, Seconds, set_back, times_by_bus
 
 if TYPE_CHECKING:
     from dissectors.kit import Array, BusTimes, FrameTable
@@ -26,26 +26,27 @@ def bit_times(frames: FrameTable) -> Array:
     return np.frombuffer(_native.frame_bits(frames.id.tobytes(), frames.flags.tobytes(), places, wire), np.uint16)
 
 
-def split(frames: FrameTable, bits: Array, origin: int) -> list[Second]:
+def split(frames: FrameTable, bits: Array, origin: int) -> Seconds:
     """Return the seconds of a batch, counted from `origin` on, by interface and then in the order of the frames.
 
     `bits` are those of `bit_times`.
     """
-    if not len(frames) or origin == NO_TIME:
-        return []
-    return [second for one in times_by_bus(frames) for second in _of_bus(one, frames, bits, origin)]
+    times = [] if origin == NO_TIME else times_by_bus(frames)
+    if not times:
+        return Seconds(*(np.empty(0, np.int64) for _ in Seconds._fields))
+    parts = (_of_bus(one, frames, bits, origin) for one in times)
+    return Seconds(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def _of_bus(one: BusTimes, frames: FrameTable, bits: Array, origin: int) -> list[Second]:
+def _of_bus(one: BusTimes, frames: FrameTable, bits: Array, origin: int) -> Seconds:
     bus, rows, t = one.bus, one.rows, one.t
     index = (t - origin) // SECOND
     starts = np.append(0, np.flatnonzero(index[1:] != index[:-1]) + 1)
     if one.back:
         starts = np.union1d(starts, set_back(t))
     own = bits if rows is None else bits[rows]
-    sums = np.add.reduceat(own, starts, dtype=np.int64).tolist()
-    counts = np.diff(starts, append=len(t)).tolist()
+    sums = np.add.reduceat(own, starts, dtype=np.int64)
+    counts = np.diff(starts, append=len(t))
     places = starts if rows is None else rows[starts]
-    columns = (origin + index[starts] * SECOND, t[starts], frames.first + places)
-    listed = zip(*(column.tolist() for column in columns), counts, sums, strict=True)
-    return [Second(bus, start, first, frame, n, total) for start, first, frame, n, total in listed]
+    first = origin + index[starts] * SECOND, t[starts], frames.first + places
+    return Seconds(np.full(len(starts), bus), *first, counts, sums)

@@ -46,6 +46,19 @@ class _Cells(NamedTuple):
         """Share it: it never changes."""
         return self
 
+    def text(self, row: int, buses: Sequence[str]) -> str:
+        """Return a frame in the form of candump's log files; without a time that part is left out."""
+        t, flags, identifier = self.t(row), self.flags(row), self.id(row)
+        who = f"{identifier:08X}" if flags & EXTENDED else f"{identifier:03X}"
+        if flags & REMOTE:
+            code = flags >> _LENGTH_CODE & 0xF
+            body = f"#R{code:X}" if code else "#R"
+        else:
+            data = self.data[self.ends(row) : self.ends(row + 1)].hex().upper()
+            body = f"##{flags >> _FD_FLAGS & 3:X}{data}" if flags & FD else f"#{data}"
+        when = "" if t == NO_TIME else f"({t // SECOND}.{t % SECOND:09d}) "
+        return f"{when}{buses[self.bus(row)]} {who}{body}"
+
 
 class Recent:
     """Batches of frames that together hold the last `KEPT` frames at least."""
@@ -173,25 +186,12 @@ class Recent:
 
     def lines(self, wanted: Iterable[int], buses: Sequence[str]) -> tuple[str, ...]:
         """Return frames as `candump -l` writes them, without those that are gone, the first `MOST_LINES`."""
-        found = []
+        found: list[str] = []
         for number in wanted:
-            kept = self.frame(number)
-            if kept is not None:
-                found.append(text(kept, buses[kept.bus]))
-            if len(found) == MOST_LINES:
-                break
+            at = bisect_right(self._firsts, number) - 1
+            cells = (self._cells[at] or self._opened(at)) if at >= 0 else None
+            if cells is not None and number - self._firsts[at] < cells.rows:
+                found.append(cells.text(number - self._firsts[at], buses))
+                if len(found) == MOST_LINES:
+                    break
         return tuple(found)
-
-
-def text(frame: Kept, bus: str) -> str:
-    """Return one frame in the form of candump's log files; without a time that part is left out."""
-    wide = 8 if frame.flags & EXTENDED else 3
-    if frame.flags & REMOTE:
-        code = frame.flags >> _LENGTH_CODE & 0xF
-        body = f"#R{code:X}" if code else "#R"
-    elif frame.flags & FD:
-        body = f"##{frame.flags >> _FD_FLAGS & 3:X}{frame.data.hex().upper()}"
-    else:
-        body = f"#{frame.data.hex().upper()}"
-    when = "" if frame.t == NO_TIME else f"({frame.t // SECOND}.{frame.t % SECOND:09d}) "
-    return f"{when}{bus} {frame.id:0{wide}X}{body}"

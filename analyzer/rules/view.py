@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from analyzer._native import FrameIndex
     from analyzer.decode.engine import Batch
     from dissectors import Registry
-    from dissectors.kit import Array, JointLoss, Kept, Second, Values
+    from dissectors.kit import Array, JointLoss, Kept, Seconds, Values
     from dissectors.schema import Message
 
 GAP = SECOND  # without a frame of any interface
@@ -200,7 +200,7 @@ class BatchView:
         return bit_times(self.frames) if self._bits is None else self._bits
 
     @cached_property
-    def seconds(self) -> Sequence[Second]:
+    def seconds(self) -> Seconds:
         """Frames and bits by interface and second, counted from the first frame of the capture."""
         return split(self.frames, self.bit_times, self._past.origin)
 

@@ -10,7 +10,7 @@ import numpy as np
 from dissectors.kit.clock import times_by_bus
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from dissectors.kit.array import Array
     from dissectors.kit.view import View
@@ -23,13 +23,39 @@ _FEW = 16
 class _Silences(NamedTuple):
     """When the silences of a bus began, and when they ended; whether no clock was set back between them.
 
-    The lists are the two `columns`: among few numbers they are faster.
+    The lists are the two `columns`: among few numbers they are faster. `rooms` and `sizes` are for what is worked out.
     """
 
     columns: Array
     begins: list[int]
     ends: list[int]
     in_order: bool
+    rooms: Array
+    sizes: Array
+
+    def between(self, start: int, stop: int) -> tuple[int, int]:
+        """Return the first silence that may reach into some time, and the one behind the last."""
+        if self.in_order:
+            return bisect_left(self.ends, start), bisect_left(self.begins, stop)
+        return 0, len(self.begins)
+
+    def parts(self, some: range, start: int, stop: int, spare: float) -> Iterator[float]:
+        """Yield how long some silences last between two times, without the first `spare` ns."""
+        begins, ends = self.begins, self.ends
+        for k in some:
+            until, since = ends[k], begins[k]
+            part = min(until, stop) - max(since, start) - spare
+            if part > 0:
+                yield part
+
+    def sum(self, some: slice, start: int, stop: int, spare: float) -> float:
+        """Return how long they last together."""
+        until, since = (room[some] for room in self.rooms)
+        np.minimum(self.columns[1, some], stop, out=until)
+        np.maximum(self.columns[0, some], start, out=since)
+        parts = np.subtract(until, since, out=self.sizes[some])
+        parts -= spare
+        return float(np.maximum(parts, 0.0, out=parts).sum())
 
 
 class Pauses:
@@ -68,20 +94,31 @@ class Pauses:
 
         Where others are seldom heard, too, each time is proof that somebody with that period might have been.
         """
-        columns, begins, ends, in_order = self._both(bus)
-        low, high = (bisect_left(ends, start), bisect_left(begins, stop)) if in_order else (0, len(begins))
+        known = self._both(bus)
+        low, high = known.between(start, stop)
         if high - low <= _FEW:
-            few = (min(ends[k], stop) - max(begins[k], start) - spare for k in range(low, high))
-            return float(sum(part for part in few if part > 0))
-        parts = np.minimum(columns[1, low:high], stop) - np.maximum(columns[0, low:high], start) - spare
-        return float(parts[parts > 0].sum())
+            return float(sum(known.parts(range(low, high), start, stop, spare)))
+        return known.sum(slice(low, high), start, stop, spare)
+
+    def last_for(self, least: int, bus: int, start: int, stop: int, spare: int) -> bool:
+        """Return whether silences between two times, each without the first `spare` ns, have at least so many ns."""
+        known = self._both(bus)
+        low, high = known.between(start, stop)
+        few = max(low, high - _FEW)
+        missing = float(least)
+        for part in known.parts(range(high - 1, few - 1, -1), start, stop, spare):
+            missing -= part
+            if missing <= 0:
+                return True
+        return missing <= 0 or (few > low and known.sum(slice(low, few), start, stop, spare) >= missing)
 
     def _both(self, bus: int) -> _Silences:
         if bus not in self._columns:
             columns = np.array(self._known.get(bus, ()), np.int64).reshape(-1, 2).T.copy()
             in_order = bool((np.diff(columns) >= 0).all())
             begins, ends = columns.tolist()
-            self._columns[bus] = _Silences(columns, begins, ends, in_order)
+            rooms, sizes = np.empty_like(columns), np.empty(len(begins))
+            self._columns[bus] = _Silences(columns, begins, ends, in_order, rooms, sizes)
         return self._columns[bus]
 
     def _add(self, bus: int, silences: Iterable[tuple[int, int]]) -> None:

@@ -63,6 +63,21 @@ class Second(NamedTuple):
     bits: int
 
 
+class Seconds(NamedTuple):
+    """The seconds of a batch in columns, as `Second` has them: of each interface in the order of its frames."""
+
+    bus: Array
+    start: Array
+    t: Array
+    frame: Array
+    frames: Array
+    bits: Array
+
+    def each(self) -> Iterator[Second]:
+        """Return them one by one."""
+        return map(Second._make, zip(*(column.tolist() for column in self), strict=True))
+
+
 class JointLoss(NamedTuple):
     """A place at which a sender lacks frames while others do, too: the recorder lost them.
 
@@ -96,7 +111,7 @@ class View(Protocol):
         """Everything else that the capture has here."""
 
     @property
-    def seconds(self) -> Sequence[Second]:
+    def seconds(self) -> Seconds:
         """Frames and bits by interface and second, counted from the first frame of the capture."""
 
     @property

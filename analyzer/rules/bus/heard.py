@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import repeat
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -43,7 +44,7 @@ class HeardNode:
     t: int
     number: int
     lines: tuple[str, ...] = ()
-    gaps: list[Gap] = field(default_factory=list)
+    gaps: list[tuple[int, int, int, tuple[str, ...]]] = field(default_factory=list)  # as `Gap` has it
 
 
 @dataclass(slots=True, eq=False)
@@ -73,7 +74,7 @@ class HeardNodes:
     def gaps(self, bus: int, node: int, start: int, stop: int) -> list[Gap]:
         """Return when a node was not heard between two times."""
         heard = self._nodes.get((bus, node))
-        return [] if heard is None else [gap for gap in heard.gaps if start <= gap.start and gap.stop <= stop]
+        return [] if heard is None else [Gap._make(gap) for gap in heard.gaps if start <= gap[0] and gap[1] <= stop]
 
     def silent(self, bus: int, node: int, t: int, end: int) -> bool:
         """Return whether a node that was heard lies in a gap at a time; `end` is the last time so far."""
@@ -81,7 +82,7 @@ class HeardNodes:
         if heard is None:
             return False
         last = heard.t <= t and end - heard.t > self._least
-        return last or any(gap.start <= t < gap.stop for gap in heard.gaps)
+        return last or any(gap[0] <= t < gap[1] for gap in heard.gaps)
 
     def feed(self, frames: FrameTable) -> None:
         """Add a batch."""
@@ -89,7 +90,7 @@ class HeardNodes:
             self._add(bus, frames.first, ours)
 
     def _add(self, bus: int, start: int, ours: BusFrames) -> None:
-        gaps, nodes = dict(ours.gaps(self._least, _MOST_GAPS)), ours.nodes
+        gaps, nodes = dict(ours.gaps(self._least, _MOST_GAPS, start)), ours.nodes
         columns = nodes.node, ours.times[nodes.first], ours.times[nodes.last], nodes.last
         for k, (node, t, until, last) in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
             heard = self._nodes.get((bus, node))
@@ -97,7 +98,7 @@ class HeardNodes:
                 heard = self._nodes[bus, node] = HeardNode(t, -1)
             elif t - heard.t > self._least:
                 heard.gaps.append(Gap(heard.t, t, heard.number, heard.lines))
-            heard.gaps += (Gap(since, stop, start + row) for since, stop, row in gaps.get(k, ()))
+            heard.gaps += zip(*(column.tolist() for column in gaps[k]), repeat(())) if k in gaps else ()
             heard.t, heard.number, heard.lines = until, start + last, ()
             del heard.gaps[:-_MOST_GAPS]
 

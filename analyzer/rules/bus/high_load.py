@@ -28,7 +28,7 @@ class HighLoad(Rule):
         if view.bit_rate is None:
             return
         new: set[int] = set()
-        for one in view.seconds:
+        for one in view.seconds.each():
             last = self._open.get(one.bus)
             # A batch cuts a second in two; within a batch only a clock that is set back does.
             goes_on = one.bus not in new and not len(set_back(np.array([self._last.get(one.bus, one.t), one.t])))

@@ -84,9 +84,10 @@ class Uptimes(Rule):
         table = view.table(NODE_STATUS)
         if table is None:
             return
-        uptime, t, bus, src = table["uptime_sec"], table.t, table.bus, table.src
-        for row in np.flatnonzero(table.trusted).tolist():
-            node, here = (int(bus[row]), int(src[row])), _Uptime(int(t[row]), int(uptime[row]))
+        rows = np.flatnonzero(table.trusted)
+        columns = (column[rows].tolist() for column in (table.bus, table.src, table.t, table["uptime_sec"]))
+        for row, bus, src, t, uptime in zip(rows.tolist(), *columns, strict=True):
+            node, here = (bus, src), _Uptime(t, uptime)
             last = self._last.get(node)
             if node in self._two or node in self._doubts or (last is not None and here.seconds < last.seconds):
                 frames = tuple(view.transfers.frames(int(table.row[row])))

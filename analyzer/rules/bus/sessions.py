@@ -71,6 +71,7 @@ class BusFrames:
         self.tail = frames.tail[self.row]
         self.times, self.forward = frames.t, times.steady
         self.first: Sequence[int] = [*first.tolist(), len(codes)]
+        self._turns: dict[int, tuple[Array, Array]] = {}
         begin = codes[self.place[first]].tolist()
         self.sessions = [_session(times.bus, code >> _KEY_BITS, code & _KEY) for code in begin]
 
@@ -104,27 +105,33 @@ class BusFrames:
         """
         new = {session for session in sessions if session not in held}
         room = max(MOST_SESSIONS - len(held), 0)
-        if len(new) <= room:
-            return set()
+        if len(new) <= room or not room:
+            return set() if room else new
         heard = {session: self.place.item(at) for session, at in zip(self.sessions, self.first[:-1], strict=True)}
         return set(sorted(new, key=lambda session: (session not in first, heard[session]))[room:])
 
-    def gaps(self, least: int, most: int) -> Iterator[tuple[int, Iterator[tuple[int, int, int]]]]:
-        """Yield times in which nodes have no frame: since when, until when, the row of the frame before.
+    def gaps(self, least: int, most: int, start: int) -> Iterator[tuple[int, tuple[Array, Array, Array]]]:
+        """Yield times in which nodes have no frame: since when, until when, the number of the frame before.
 
         They come with the place of their node among `nodes`.
 
         Args:
             least: shorter times are left out.
             most: so many of a node, the last ones.
+            start: the number of the first row.
         """
-        nodes = self.nodes
         for k in np.flatnonzero(~self._without_gaps(least)).tolist():
-            rows = np.sort(self.row[nodes.begin[k] : nodes.end[k]])
-            t = self.times[rows]
+            rows, t = self._in_turn(k)
             at = np.flatnonzero(t[1:] - t[:-1] > least)[-most:]
             if len(at):
-                yield k, zip(t[at].tolist(), t[at + 1].tolist(), rows[at].tolist(), strict=True)
+                yield k, (t[at], t[at + 1], rows[at] + start)
+
+    def _in_turn(self, k: int) -> tuple[Array, Array]:
+        """Return the rows of a node in their order, and their times."""
+        if k not in self._turns:
+            rows = np.sort(self.row[self.nodes.begin[k] : self.nodes.end[k]])
+            self._turns[k] = rows, self.times[rows]
+        return self._turns[k]
 
     @cached_property
     def _begun(self) -> Array:

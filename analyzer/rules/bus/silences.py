@@ -9,8 +9,7 @@ import numpy as np
 
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.bus.heard import Gap, HeardNodes
-from analyzer.tables import distinct
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, groups
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,8 +51,9 @@ class Silences(Rule):
         table = view.table(NODE_STATUS)
         reports = np.empty(0, np.int64) if table is None else table.row[table.trusted & (table.t != NO_TIME)]
         reports = reports[np.argsort(t.lead[reports], kind="stable")]
-        for node in distinct(code[reports]):
-            rows = reports[code[reports] == node]
+        of_node: dict[int, Array] = {}
+        for node, places in groups(code[reports]):
+            rows = reports[places]
             known = self._status.get(node)
             rows = rows if known is None else rows[t.lead[rows] > known.frames[0]]  # some come out late
             if not len(rows):
@@ -61,7 +61,8 @@ class Silences(Rule):
             before_each = np.append(int(t.t[rows[0]]) if known is None else known.t, t.t[rows[:-1]])
             late = np.flatnonzero(t.t[rows] - before_each > view.number("BUS-020", "late_s") * SECOND)
             if len(late):
-                own = np.flatnonzero(code == node)
+                of_node = of_node or dict(groups(code))
+                own = of_node[node]
                 sent = np.searchsorted(own, rows[late])
                 active = np.where(sent > 0, t.t[own[np.maximum(sent - 1, 0)]], before[node])
                 columns = (late, before_each[late], active, t.t[rows[late]])

@@ -48,6 +48,7 @@ class StepWindow:
         order, begins = by_key(self._which.astype(np.int64))
         ends = np.append(begins[1:], size)
         self._of_place = [order[begin:end] for begin, end in zip(begins.tolist(), ends.tolist(), strict=True)]
+        self._lists = [rows.tolist() for rows in self._of_place]
         self.past = self._shifted(order, 1)
         self._step = (steps.transfer_id - steps.before) % TRANSFER_IDS
         self._as_before = self._skips_alike()
@@ -193,8 +194,9 @@ class StepWindow:
         if len(self._places) == 1:
             return [(self._places[0], np.arange(begin, end))]
         found = []
-        for place, rows in zip(self._places, self._of_place, strict=True):
-            low, high = np.searchsorted(rows, (begin, end)).tolist()
+        for place, rows, listed in zip(self._places, self._of_place, self._lists, strict=True):
+            low = bisect_left(listed, begin)
+            high = bisect_left(listed, end, low)
             if low < high:
                 found.append((place, rows[low:high]))
         return found

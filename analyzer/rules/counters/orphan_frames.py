@@ -9,7 +9,7 @@ import numpy as np
 
 from analyzer.rules.frames.foreign import session_bits
 from analyzer.tables import TAIL_ID, VERDICTS
-from dissectors.kit import NO_TIME
+from dissectors.kit import NO_TIME, by_key
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
@@ -32,13 +32,13 @@ class _Frames:
     transfer_id: list[int] = field(default_factory=list)
     ordered: bool = True
 
-    def add(self, number: int, t: int, transfer_id: int) -> None:
-        """Add one."""
+    def extend(self, number: list[int], t: list[int], transfer_id: list[int], *, ordered: bool) -> None:
+        """Add some, which are `ordered` among themselves or not."""
         if self.number:
-            self.ordered &= number >= self.number[-1] and t >= self.t[-1]
-        columns = self.number, self.t, self.transfer_id
-        for column, value in zip(columns, (number, t, transfer_id), strict=True):
-            column.append(value)
+            ordered &= number[0] >= self.number[-1] and t[0] >= self.t[-1]
+        self.ordered &= ordered
+        for column, values in ((self.number, number), (self.t, t), (self.transfer_id, transfer_id)):
+            column.extend(values[-_MOST_FRAMES:])
             if len(column) > 2 * _MOST_FRAMES:
                 del column[:-_MOST_FRAMES]
 
@@ -50,6 +50,15 @@ class _Frames:
             return self.transfer_id[begin : bisect_left(self.number, high, first)]
         every = zip(self.number[first:], self.t[first:], self.transfer_id[first:], strict=True)
         return [transfer_id for number, t, transfer_id in every if t >= since and low <= number < high]
+
+    def any(self, since: int, low: int, high: int) -> bool:
+        """Return whether there are such frames."""
+        first = max(len(self.number) - _MOST_FRAMES, 0)
+        if self.ordered:
+            begin = max(bisect_left(self.t, since, first), bisect_left(self.number, low, first))
+            return begin < len(self.number) and self.number[begin] < high
+        every = zip(self.number[first:], self.t[first:], strict=True)
+        return any(t >= since and low <= number < high for number, t in every)
 
 
 class OrphanFrames:
@@ -94,16 +103,26 @@ class OrphanFrames:
         """Return whether any came after a time, and before a frame or `behind` it."""
         if since == NO_TIME or self._newest.get(session, NO_TIME) < since:
             return False
-        return bool(self._frames[session].ids(since, *((lead + 1, _NEVER) if behind else (0, lead + 1))))
+        return self._frames[session].any(since, *((lead + 1, _NEVER) if behind else (0, lead + 1)))
 
-    def _note_all(self, bus: Array, bits: Array, *columns: Array) -> None:
+    def _note_all(self, bus: Array, bits: Array, number: Array, t: Array, tail: Array) -> None:
         """Note frames: numbers, times and tail bytes of sessions of a bus."""
-        for one in zip((bus << 32 | bits).tolist(), *(column.tolist() for column in columns), strict=True):
-            self._note(*one)
-
-    def _note(self, session: int, number: int, t: int, tail: int) -> None:
-        if session in self._frames or len(self._frames) < _MOST_SESSIONS:
+        if not len(bus):
+            return
+        sessions = bus << 32 | bits
+        order, begins = by_key(sessions)
+        number, t, ids = (column[order] for column in (number, t, tail & TAIL_ID))
+        back = np.zeros(len(order), bool)
+        back[1:] = (number[1:] < number[:-1]) | (t[1:] < t[:-1])
+        back[begins] = False
+        back, last = np.logical_or.reduceat(back, begins), np.maximum.reduceat(t, begins)
+        each = sessions[order[begins]], begins, np.append(begins[1:], len(order)), back, last
+        in_turn = np.argsort(order[begins], kind="stable")
+        columns = number.tolist(), t.tolist(), ids.tolist()
+        for session, begin, end, late, newest in zip(*(part[in_turn].tolist() for part in each), strict=True):
             if session not in self._frames:
+                if len(self._frames) >= _MOST_SESSIONS:
+                    continue
                 self._frames[session] = _Frames()
-            self._frames[session].add(number, t, tail & TAIL_ID)
-            self._newest[session] = max(self._newest.get(session, t), t)
+            self._frames[session].extend(*(column[begin:end] for column in columns), ordered=not late)
+            self._newest[session] = max(self._newest.get(session, newest), newest)

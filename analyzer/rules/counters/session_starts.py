@@ -118,17 +118,20 @@ class SessionStarts:
         begins = np.flatnonzero(tail & TAIL_START)
         ids = np.concatenate(((self._latest[0],), tail[begins] & TAIL_ID)).astype(np.int64)
         times = np.concatenate(((self._latest[1],), frames.t[row[begins]]))
-        over = self._over(ids, begins, tail)
         odd = np.flatnonzero((ids[1:] - ids[:-1]) % TRANSFER_IDS != 1)
         if len(odd):
-            same = ids[odd] == ids[odd + 1]
-            copies = np.zeros(len(odd), bool)
-            copies[same] = self._alike(frames, row[begins], odd[same])
-            odd, again = odd[~copies], (same & ~over[odd])[~copies]
+            again = ids[odd] == ids[odd + 1]
+            if again.any():
+                copies = np.zeros(len(odd), bool)
+                copies[again] = self._alike(frames, row[begins], odd[again])
+                again &= ~self._over(ids, begins, tail)[odd]
+                odd, again = odd[~copies], again[~copies]
             columns = row[begins[odd]] + frames.first, times[odd + 1], ids[odd], ids[odd + 1], times[odd], again
             for first in range(0, len(odd), _MOST_MADE):
                 self._read_ahead.append(_Columns(*(column[first : first + _MOST_MADE] for column in columns)))
-        self._ended = bool(over[-1])
+        last = tail[begins[-1] :] if len(begins) else tail
+        ends = bool((last & (TAIL_END | TAIL_ID) == TAIL_END | int(ids[-1])).any())
+        self._ended = ends or (self._ended and not len(begins))
         self._latest = int(ids[-1]), int(times[-1])
         if len(begins):
             self._data = frames.data(int(row[begins[-1]]))

@@ -114,23 +114,22 @@ class Lacks:
             begun = np.add.reduceat(ours.tail & TAIL_START != 0, ours.first[:-1], dtype=np.int64).tolist()
             followed: list[int] = []
             beyond = ours.beyond(ours.sessions, self._last, first=self._known)
-            for k, odd in enumerate(_odd(ours)):
-                session, last = ours.sessions[k], self._last.get(ours.sessions[k])
+            lasts = [self._last.get(session) for session in ours.sessions]
+            tails = np.array([0 if last is None else last.tail for last in lasts], np.uint8)
+            odd = _odd(ours) | _odd_behind(tails, ours.tail[ours.first[:-1]])
+            for k, (session, last, is_odd) in enumerate(zip(ours.sessions, lasts, odd.tolist(), strict=True)):
                 if session in beyond:
                     continue
-                mine = slice(ours.first[k], ours.first[k + 1])
-                if errors or odd or last is None or _odd_behind(np.uint8(last.tail), ours.tail[mine.start]):
+                if errors or is_odd or last is None:
                     self._last.setdefault(session, _Last())
                     followed.append(k)
                 else:
-                    end = _frames(frames, ours, slice(mine.stop - 1, mine.stop), base)
+                    end = _frames(frames, ours, slice(ours.first[k + 1] - 1, ours.first[k + 1]), base)
                     place = _Last(*(int(column[0]) for column in end))
                     self._last[session] = place._replace(odd=last.odd, begun=last.begun + begun[k])
             found += self._follow(frames, ours, followed, base)
         found.sort(key=lambda one: one.places[1])
         for one in found:
-            each = max(one.until - self._since[one.session.bus], 0) // one.places[1]
-            one.window = min(max(FEW * each, WINDOW), WIDEST)
             self._compare(one)
         return found
 
@@ -191,17 +190,19 @@ class Lacks:
         begins, count = summed(starts, begun), summed(odd, odds)
         odd &= (_HABIT * count <= begins) | ~np.array([session.of_service for session in sessions])[group]
         odd &= (tail & TAIL_END == 0) | ~starts | ~np.array([session.of_responses for session in sessions])[group]
-        borders = set(first.tolist())
         rows = np.flatnonzero(odd)
         if len(rows) and len(self._senders[sessions[0].bus]) == 1 and ours.forward:
             rows = self._near_end(rows, group, sessions, _Wanted(own, wanted), int(frames.t.max()))
-        for k in rows.tolist():
-            one = group.item(k)
-            before = lasts[one] if k in borders else _Last(*(column.item(k - 1) for column in own))
-            yield Lack(
-                sessions[one], (before.number, own.number.item(k)), before.t, own.t.item(k),
-                (before.place, own.place.item(k)), own.tail.item(k) & _FOLLOWS, wanted.item(k),
-            )  # fmt: skip
+        before = [np.roll(column, 1) for column in own[1:]]
+        for column, part in zip(before, zip(*(last[1:4] for last in lasts), strict=True), strict=True):
+            column[first] = part
+        said = group, own.number, own.t, own.place, own.tail & _FOLLOWS, wanted
+        parts = [column[rows] for column in (*before, *said)]
+        each = np.maximum(own.t[rows] - self._since[sessions[0].bus], 0) // own.place[rows]
+        parts.append(np.clip(FEW * each, WINDOW, WIDEST))
+        listed = (column.tolist() for column in parts)
+        for past, number, place, one, behind, t, at_, tail_, due, window in zip(*listed, strict=True):
+            yield Lack(sessions[one], (number, behind), past, t, (place, at_), tail_, due, window)
         ends = np.append(first[1:], len(which)) - 1
         columns = (column[ends].tolist() for column in (*own, count, begins))
         self._last.update(zip(sessions, map(_Last._make, zip(*columns, strict=True)), strict=True))
@@ -263,13 +264,13 @@ def _of_sessions(frames: FrameTable, ours: BusFrames, some: Sequence[int], base:
     return which[good], _frames(frames, ours, mine[good], base)
 
 
-def _odd(ours: BusFrames) -> list[bool]:
+def _odd(ours: BusFrames) -> Array:
     """Return of which sessions there are frames that do not follow the one before them in the batch."""
     odd = _odd_behind(ours.tail[:-1], ours.tail[1:])
     odd[np.array(ours.first[1:-1], np.int64) - 1] = False
     found = np.zeros(len(ours.sessions), bool)
     found[np.searchsorted(ours.first, np.flatnonzero(odd), "right") - 1] = True
-    return list(found.tolist())
+    return found
 
 
 def _odd_behind(before: Any, tail: Any) -> Any:

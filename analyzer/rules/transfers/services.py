@@ -9,13 +9,13 @@ import numpy as np
 
 from analyzer.rules.bus.heard import HeardNodes
 from analyzer.tables import EXTENDED, KINDS, STATUSES, distinct
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, by_key
 from dissectors.records import dataclass, field, replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from dissectors.kit import Values, View
+    from dissectors.kit import Array, Values, View
 
 REQUEST, RESPONSE = KINDS.index("request"), KINDS.index("response")
 ANSWER = SECOND  # when a client gives up
@@ -95,20 +95,21 @@ class Services(Rule):
         if not len(t):
             return
         now = np.maximum.accumulate(np.maximum(t.t_end, self._now))
-        who = t.bus.astype(np.int64) * _NODES + t.src
-        done = 0
-        for row in np.flatnonzero(t.kind >= REQUEST).tolist():
-            self._heard.update(distinct(who[done:row]))
-            done, self._now = row, int(now[row])
-            src, dst, kind = int(t.src[row]), int(t.dst[row]), int(t.kind[row])
+        new = _first_heard(t.bus.astype(np.int64) * _NODES + t.src)
+        rows = np.flatnonzero(t.kind >= REQUEST)
+        columns = t.src, t.dst, t.type_id, t.kind, t.t, t.t_end, t.bus, t.code, t.priority, t.transfer_id, t.status
+        parts = (column[rows].tolist() for column in (now, *columns))
+        for row, (latest, src, dst, type_id, *cells) in zip(rows.tolist(), zip(*parts, strict=True), strict=True):
+            while new and new[-1][0] < row:
+                self._heard.add(new.pop()[1])
+            self._now, (kind, at, end, bus, code, priority, transfer_id, status) = latest, cells
             frames = tuple(t.frames(row))
             part = _Part(
-                frames, kind, int(t.t[row]), int(t.t_end[row]), int(t.bus[row]), src,
-                view.type_name(int(t.code[row])), int(t.priority[row]), int(t.transfer_id[row]),
-                int(t.status[row]) in _WHOLE, view.lines(frames),
+                frames, kind, at, end, bus, src, view.type_name(code), priority, transfer_id, status in _WHOLE,
+                view.lines(frames),
             )  # fmt: skip
             client, server = (src, dst) if kind == REQUEST else (dst, src)
-            link = (part.bus, int(t.type_id[row]), client, server)
+            link = (bus, type_id, client, server)
             if link not in self._talks and len(self._talks) >= MOST_LINKS:
                 yield from self._settled(self._talks.pop(next(iter(self._talks))), view)
             talk = self._talks.setdefault(link, _Talk(client, server))
@@ -118,7 +119,7 @@ class Services(Rule):
             talk.answered |= kind == RESPONSE
             if len(talk.waiting) > MOST:
                 yield from self._next(talk, talk.waiting.pop(0), view)
-        self._heard.update(distinct(who[done:]))
+        self._heard.update(node for _, node in new)
         self._now = int(now[-1])
         for link, talk in self._talks.items():
             yield from self._release(talk, link, view)
@@ -200,6 +201,13 @@ class Services(Rule):
             if call.missed and not gone and not view.paused(request.t_end, until):
                 silent = _about("TRF-022", request, {"dst": talk.server, "limit_s": ANSWER / SECOND})
                 yield replace(silent, drops=True, until=until)
+
+
+def _first_heard(who: Array) -> list[tuple[int, int]]:
+    """Return the first row of each node, and the node; the last first."""
+    order, begins = by_key(who)
+    rows = order[begins]
+    return sorted(zip(rows.tolist(), who[rows].tolist(), strict=True), reverse=True)
 
 
 def _about(rule: str, part: _Part, values: Values, other: _Part | None = None) -> Occurrence:

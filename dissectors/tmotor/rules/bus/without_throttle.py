@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from bisect import bisect_left
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,13 +12,13 @@ import numpy as np
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Pauses, Rule, breach
 from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.joined.driven import DrivenUnits, PwmPriority
-from dissectors.tmotor.rules.joined.hold import STILL, Hold, Samples
+from dissectors.tmotor.rules.joined.hold import STILL, Hold, Sample, Samples
 from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE, MOST_UNITS, NO_CHANNEL, ReportingEsc, commands, fresh
 from dissectors.tmotor.rules.joined.speed_reports import SpeedReporters
 from dissectors.tmotor.rules.joined.valid_throttle import LastThrottle, ValidThrottle
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from dissectors.kit import Array, Occurrence, Occurrences, Values, View
     from dissectors.tmotor.rules.joined.joins import Commands
@@ -154,6 +155,7 @@ class WithoutThrottle(Rule):
             lost = (throttle.t != NO_TIME) & ~fresh(some.t, throttle.t, self._timeout)
             edges = np.flatnonzero((lost[1:] != lost[:-1]) | (throttle.t[1:] != throttle.t[:-1])) + 1
             looked = lost.any() or track.hold is not None
+            each = whole.each() if looked else []
             for first, stop in pairwise([0, *edges.tolist(), len(lost)]) if looked else ():
                 since = throttle.t.item(first)
                 if track.hold is not None and (not lost[first] or since != track.hold.since):
@@ -161,20 +163,22 @@ class WithoutThrottle(Rule):
                 if not lost[first]:
                     continue
                 if track.hold is None:
-                    place = breach(
-                        view, some.table, some.rows.item(first), "BUS-017", {"channel": unit.index + 1},
+                    place = partial(
+                        breach, view, some.table, some.rows.item(first), "BUS-017", {"channel": unit.index + 1},
                         drops=True, since=since,
                     )  # fmt: skip
-                    track.hold = _opened(whole, known + first, since, place)
-                    track.hold.told = self.heard(unit.bus, track.hold, some.t.item(first)) <= self._timeout
-                track.hold.feed(whole.part(slice(known + first, known + stop)))
-                if track.hold.still != NO_TIME and not track.hold.told:
+                    track.hold = _opened(whole.t, each, known + first, since, place)
+                    if not self.heard(unit.bus, track.hold, each[known + first].t, self._timeout + 1):
+                        track.hold.place = None
+                track.hold.feed(each[known + first : known + stop])
+                if track.hold.still != NO_TIME:
                     yield from self._tell(track, some.number.item(stop - 1), "")
-                motor.turns_on(track, slice(first, stop))
+                motor.turns_on(track, first, stop)
             yield from motor.found()
-        if track.hold is not None and not (track.hold.told or track.hold.place.lines):
-            place = track.hold.place  # told with a later batch, if at all
-            track.hold.place = replace(place, lines=view.lines(place.frames))
+        if track.hold is not None and track.hold.place is not None:
+            found = track.hold.place()
+            if not found.lines:  # told with a later batch, if at all
+                track.hold.place = partial(replace, found, lines=view.lines(found.frames))
         track.tells = bool(told[-1])
         recent = whole.t >= int(whole.t[-1]) - self._timeout - _TAIL
         recent[-_RECENT:] = True
@@ -182,23 +186,22 @@ class WithoutThrottle(Rule):
 
     def _close(self, track: _Track, number: int, end: str) -> Iterator[Occurrence]:
         """End a loss, and tell what is not told."""
-        if track.hold is not None and not track.hold.told:
-            yield from self._tell(track, number, end)
+        yield from self._tell(track, number, end)
         track.hold = None
 
     def _tell(self, track: _Track, number: int, end: str) -> Iterator[Occurrence]:
+        """Tell a loss, if it is not told yet and there was something to hold."""
         hold = track.hold
-        if hold is not None:
-            hold.told = True
+        if hold is not None and hold.place is not None:
+            place, hold.place = hold.place, None
             if not hold.rests:
-                course = hold.course(end, _taken(track.pwm(hold.since, number)))
-                until = max(hold.last.t, hold.place.t)
-                yield replace(hold.place, values={**hold.place.values, "course": course}, until=until)
+                found, course = place(), hold.course(end, _taken(track.pwm(hold.since, number)))
+                yield replace(found, values={**found.values, "course": course}, until=max(hold.last.t, found.t))
 
-    def heard(self, bus: int, hold: Hold, t: int) -> float:
-        """Return how long a loss has lasted without the time in which nobody was heard."""
-        silent = 0.0 if self._pauses is None else self._pauses.inside(bus, hold.since, t, hold.spare)
-        return t - hold.since - silent
+    def heard(self, bus: int, hold: Hold, t: int, least: int) -> bool:
+        """Return whether a loss has lasted so many ns without the time in which nobody was heard."""
+        spare = t - hold.since - least
+        return spare >= 0 and not (self._pauses and self._pauses.last_for(spare + 1, bus, hold.since, t, hold.spare))
 
     def excused(self, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, Commands]) -> Array:
         """Return a mask of reports of an ESC that something else drives, or that folds or coasts down."""
@@ -241,10 +244,12 @@ class _Motor:
         return np.abs(self._some.rpm)
 
     @cached_property
-    def _turns(self) -> Array:
-        """Where it turns, and nothing excuses it."""
+    def _late(self) -> list[int]:
+        """Reports behind the time in which an ESC may hold, of a motor that turns, and nothing excuses it."""
         fast = self._rpm > self._view.number("BUS-038", "turning_rpm")
-        return fast & ~self._rule.excused(self._unit, self._some, self._now)
+        turns = fast & ~self._rule.excused(self._unit, self._some, self._now)
+        late: list[int] = np.flatnonzero(turns & (self._some.t - self._throttle.t >= self._still)).tolist()
+        return late
 
     @cached_property
     def _negative(self) -> Array:
@@ -252,16 +257,14 @@ class _Motor:
         found: Array = (last < 0) & (last != NO_CHANNEL) & ~self._told
         return found
 
-    def turns_on(self, track: _Track, part: slice) -> None:
-        """Look at the reports of a loss."""
+    def turns_on(self, track: _Track, first: int, stop: int) -> None:
+        """Look at some reports of a loss."""
         hold, some = track.hold, self._some
-        if hold is None or some.t.item(part.stop - 1) - hold.since < self._still:
+        if hold is None or some.t.item(stop - 1) - hold.since < self._still:
             return
-        turns = self._turns[part] & (some.t[part] - hold.since >= self._still)
-        if not turns.any():
-            return
+        late = self._late[bisect_left(self._late, first) : bisect_left(self._late, stop)]
         speed, amperes = abs(hold.base.rpm), abs(hold.base.current)
-        for k in (np.flatnonzero(turns) + part.start).tolist():
+        for k in late:
             fast = speed > STILL and self._rpm.item(k) >= _HALF * speed
             draws = fast and (not self._told[k] or abs(some.current.item(k)) >= max(1.0, _HALF * amperes))
             if not (some.pct.item(k) > 0 or draws or self._negative[k]) or not self._lasted(hold, some.t.item(k)):
@@ -274,7 +277,7 @@ class _Motor:
 
     def _lasted(self, hold: Hold, t: int) -> bool:
         """Return whether a loss is that long, silence of the bus left out."""
-        hold.over = hold.over or self._rule.heard(self._unit.bus, hold, t) >= self._still
+        hold.over = hold.over or self._rule.heard(self._unit.bus, hold, t, self._still)
         return hold.over
 
     def found(self) -> Iterator[Occurrences]:
@@ -304,23 +307,18 @@ class _Motor:
         )  # fmt: skip
 
 
-def _opened(whole: Samples, at: int, since: int, place: Occurrence) -> Hold:
+def _opened(t: Array, each: Sequence[Sample], at: int, since: int, place: Callable[[], Occurrence]) -> Hold:
     """Return a loss that begins with the report `at`; those since the last throttle belong to it."""
-    base = _last_by(whole.t[max(at - _CLOSE, 0) : at], since)
-    base = base + max(at - _CLOSE, 0) if base >= 0 else max(_last_by(whole.t[:at], since), 0)
-    last = whole.t[max(at - _RECENT, 0) : at].tolist()
+    base = next((k for k in range(at - 1, max(at - _CLOSE, 0) - 1, -1) if each[k].t <= since), -1)
+    if base < 0:
+        before = np.flatnonzero(t[:at] <= since)
+        base = before.item(-1) if len(before) else 0
+    last = [one.t for one in each[max(at - _RECENT, 0) : at]]
     apart = sorted(after - one for one, after in pairwise(last))
     spare = 2 * int((apart[len(apart) // 2] + apart[(len(apart) - 1) // 2]) / 2) if apart else 0
-    hold = Hold(since, whole.at(base), place, spare)
-    if base + 1 < at:
-        hold.feed(whole.part(slice(base + 1, at)))
+    hold = Hold(since, each[base], spare, place)
+    hold.feed(each[base + 1 : at])
     return hold
-
-
-def _last_by(t: Array, until: int) -> int:
-    """Return the place of the last time up to another one, -1 if there is none."""
-    found = np.flatnonzero(t <= until)
-    return found.item(-1) if len(found) else -1
 
 
 def _taken(one: _Takeover | None) -> str:

@@ -10,6 +10,8 @@ from dissectors.kit import MILLISECOND, NO_TIME, SECOND
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from dissectors.kit import Array, Occurrence
 
 STILL = 60  # rpm: a motor that is slower stands
@@ -34,13 +36,9 @@ class Samples(NamedTuple):
     pct: Array
     current: Array
 
-    def at(self, k: int) -> Sample:
-        """Return one."""
-        return Sample(self.t.item(k), self.rpm.item(k), float(self.pct.item(k)), float(self.current.item(k)))
-
-    def part(self, rows: slice) -> Samples:
-        """Return some of them."""
-        return Samples(*(column[rows] for column in self))
+    def each(self) -> list[Sample]:
+        """Return them one by one."""
+        return list(map(Sample._make, zip(*(column.tolist() for column in self), strict=True)))
 
     def joined(self, other: Samples) -> Samples:
         """Return both, one after the other."""
@@ -53,18 +51,18 @@ class Hold:
 
     `since` is the time of the last valid throttle, `base` the last report before. A silence of the bus that is longer
     than `spare` is none of the ESC's. What it had is `gone` with the first report of zero throttle (at a lower speed if
-    it tells no throttle), `had` is the time of the report before; `still` is when it stands.
+    it tells no throttle), `had` is the time of the report before; `still` is when it stands. `place` says
+    where it is told, once; None: it is told, or is not worth that.
     """
 
     since: int
     base: Sample
-    place: Occurrence
     spare: int
+    place: Callable[[], Occurrence] | None
     had: int = NO_TIME
     gone: int = NO_TIME
     still: int = NO_TIME
     last: Sample = field(init=False)
-    told: bool = False
     over: bool = False  # it has lasted so long that no ESC may hold any more
 
     def __post_init__(self) -> None:
@@ -76,29 +74,18 @@ class Hold:
         """There was nothing to hold: the motor stood, without throttle."""
         return abs(self.base.rpm) <= STILL and not self.base.pct
 
-    def feed(self, some: Samples) -> None:
+    def feed(self, some: Sequence[Sample]) -> None:
         """Add the next reports."""
-        if len(some.t) == 1:
-            self._feed_one(some.at(0))
-            return
-        speed = np.abs(some.rpm)
-        if self.gone == NO_TIME:
-            lost = some.pct == 0 if self.base.pct else speed < _KEEPS * abs(self.base.rpm)
-            at = int(np.argmax(lost)) if lost.any() else len(lost)
-            self.had = int(some.t[at - 1]) if at else self.last.t
-            self.gone = int(some.t[at]) if at < len(lost) else NO_TIME
-        if self.still == NO_TIME and (speed <= STILL).any():
-            self.still = int(some.t[np.argmax(speed <= STILL)])
-        self.last = some.at(-1)
-
-    def _feed_one(self, one: Sample) -> None:
-        speed = abs(one.rpm)
-        if self.gone == NO_TIME:
-            lost = one.pct == 0 if self.base.pct else speed < _KEEPS * abs(self.base.rpm)
-            self.had, self.gone = (self.last.t, one.t) if lost else (one.t, NO_TIME)
-        if self.still == NO_TIME and speed <= STILL:
-            self.still = one.t
-        self.last = one
+        last = self.last
+        for one in some if NO_TIME in (self.gone, self.still) else some[-1:]:
+            speed = abs(one.rpm)
+            if self.gone == NO_TIME:
+                lost = one.pct == 0 if self.base.pct else speed < _KEEPS * abs(self.base.rpm)
+                self.had, self.gone = (last.t, one.t) if lost else (one.t, NO_TIME)
+            if self.still == NO_TIME and speed <= STILL:
+                self.still = one.t
+            last = one
+        self.last = last
 
     def course(self, end: str, pwm: str) -> str:
         """Say what it did: how long it held what, whether it went to zero and stood.
