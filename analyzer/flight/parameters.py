@@ -192,7 +192,7 @@ class _Setting(NamedTuple):
 def _still(columns: Sequence[_Setting], devices: Sequence[Array]) -> set[str]:
     """Return the settings that all rows have and that change between no two rows of one device."""
     rows = np.concatenate(devices) if devices else np.zeros(0, np.int64)
-    first = np.cumsum([len(one) for one in devices])[:-1]
+    first = np.cumsum([len(one) for one in devices], dtype=np.int64)[:-1]
     found = set()
     for one in columns:
         values = one.values[rows]
