@@ -9,6 +9,7 @@ from analyzer.browser.colouring import RowColouring
 from analyzer.browser.details import DetailLine, detail_lines, event_lines, frame_lines
 from analyzer.browser.dump import DumpFrame, dump
 from analyzer.browser.listed import ListPages
+from analyzer.browser.marks import MarkBook
 from analyzer.browser.store.cut import StoredFrames, cut_transfers
 from analyzer.browser.store.order import EVENT, TRANSFER
 from analyzer.filter.compiled import compile_filter
@@ -44,15 +45,17 @@ class BrowserView:
     Args:
         supply: decodes and judges.
         colours: colour rules, the first that holds wins.
+        marks: of the capture; they are forgotten at the end if not given.
     """
 
-    def __init__(self, supply: Supply, colours: Sequence[ColourRule] = ()) -> None:
+    def __init__(self, supply: Supply, colours: Sequence[ColourRule] = (), marks: MarkBook | None = None) -> None:
         self.supply, self.store = supply, supply.store
         self.numbering = Numbering()
         self.frames = StoredFrames(self.store)
         self.pages = ListPages(self.store, supply.registry, self.numbering, RowColouring(self.store, colours))
         self.rows: RowSet = AllRows(self.store)
         self.filter = ""
+        self.marks = marks or MarkBook(None)
         self.anchor: tuple[int, int] | None = None  # the row that one is at
         self._tree: tuple[object, Tree] | None = None
 
@@ -157,6 +160,13 @@ class BrowserView:
         return "" if t is None else f"{TimeFormat('ad', digits=9).text(t)} (local)"
 
     # ---- who a row is of
+
+    def conversation_of(self, row: Row) -> frozenset[int] | None:
+        """Return the nodes that a transfer is between, None for other rows."""
+        own = self.sender(row)
+        if own is None:
+            return None
+        return frozenset((own["src"], own["dst"])) if self.is_service(own) else frozenset((own["src"],))
 
     def sender(self, row: Row) -> dict[str, int] | None:
         """Return the columns of a transfer that tell whose it is, None for other rows."""

@@ -88,6 +88,11 @@ class DetailPane(Lines, can_focus=True):
         (self._folded.add if shut else self._folded.discard)(key)
         self.draw()
 
+    @property
+    def folded(self) -> bool:
+        """True if all that can be folded is."""
+        return all(_key(line) in self._folded for line in self._all if line.depth and self._below(line))
+
     def fold_all(self, *, shut: bool) -> None:
         """Fold everything, or open it."""
         self._folded = {_key(line) for line in self._all if self._below(line) and line.depth} if shut else set()

@@ -33,7 +33,7 @@ class PacketList(Lines, can_focus=True):
         self._top = 0
         self._kept: OrderedDict[tuple[int, int], ListLine] = OrderedDict()
         self._made: tuple[object, ...] = ()
-        self.conversation: dict[str, int] | None = None
+        self.conversation: frozenset[int] | None = None
 
     @property
     def page(self) -> int:
