@@ -15,8 +15,12 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from dissectors import Registry
 
-COMBINED = {"": "{new}", "and": "({old}) && {new}", "or": "({old}) || {new}", "not": "!({new})", "and not": "({old}) && !({new})"}  # fmt: skip
-_WORD, _NUMBER, _QUOTED = re.compile(r"^[a-z ]+$"), re.compile(r"^(-?\d+(?:\.\d+)?|0x[0-9A-F]+)"), re.compile(r'"(.*)"$')
+COMBINED = {
+    "": "{new}", "and": "({old}) && {new}", "or": "({old}) || {new}", "not": "!({new})",
+    "and not": "({old}) && !({new})",
+}  # fmt: skip
+_WORD, _QUOTED = re.compile(r"^[a-z ]+$"), re.compile(r'"(.*)"$')
+_NUMBER = re.compile(r"^(-?\d+(?:\.\d+)?|0x[0-9A-F]+)")
 
 
 def combined(old: str, new: str, how: str) -> str:

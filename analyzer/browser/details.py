@@ -86,46 +86,63 @@ def _parsed(
 ) -> DetailLine:  # fmt: skip
     line = DetailLine(depth, said)
     if picture is not None:
-        label, _, value = picture[2].partition(": ")
-        mask = [k for k, one in enumerate(picture[1].replace(" ", "")) if one != "."]
-        if above is not None and above.text.startswith("Identifier"):
-            return line._replace(identifier=(mask[0], mask[-1]), **_of_identifier(label, value))
-        width = len(picture[1].replace(" ", ""))
-        inside = () if above is None or above.bits is None else _bits_of_word(above.bits, width, mask)
-        base = "" if above is None else above.name
-        bits = None if above is None else above.bits
-        return line._replace(bits=bits, inside=inside, name=f"{base}.{label}" if base else "", value=value)
-    if said.startswith("CRC: "):
-        return line._replace(part="crc")
-    if said.startswith("transfer ID"):
-        return line._replace(part="tail", name="dronecan.transfer_id" if said.startswith("transfer ID:") else "")
-    if said.startswith("Transfer: "):
-        return line._replace(name="dronecan.status", value=said.partition(": ")[2])
-    if said.startswith("Identifier"):
-        return line._replace(identifier=(0, 28))
-    if said.startswith("since first frame: "):
-        return line._replace(name="frame.time_relative", value=said.partition(": ")[2].split(" ")[0])
+        return _pictured(line, picture, above)
+    if fixed := _of_transfer(line, said):
+        return fixed
     where = _WHERE.search(said)
     label = _LABEL.match(said if where is None else said[: where.start()].rstrip())
-    bits = None if where is None else _range(where)
+    line = line._replace(bits=None if where is None else _range(where))
     if label is None or not message:
-        return line._replace(bits=bits)
+        return line
     path = ".".join(filter(None, (message, *[one for one in names[2:depth] if one], label[1])))
     value = (label[3] or "").removesuffix("]").split(", from ")[0]
-    return line._replace(bits=bits, name=path, value=re.sub(r"  +clause .*$", "", value).strip())
+    return line._replace(name=path, value=re.sub(r"  +clause .*$", "", value).strip())
 
 
-def _of_identifier(label: str, value: str) -> dict[str, str]:
+def _pictured(line: DetailLine, picture: re.Match[str], above: DetailLine | None) -> DetailLine:
+    """Return a line with a picture of bits: a part of the identifier, or of the word above it."""
+    label, _, value = picture[2].partition(": ")
+    digits = picture[1].replace(" ", "")
+    mask = [k for k, one in enumerate(digits) if one != "."]
+    if above is None:
+        return line
+    if above.text.startswith("Identifier"):
+        name, value = _of_identifier(label, value)
+        return line._replace(identifier=(mask[0], mask[-1]), name=name, value=value)
+    inside = () if above.bits is None else _bits_of_word(above.bits, len(digits), mask)
+    return line._replace(
+        bits=above.bits, inside=inside, name=f"{above.name}.{label}" if above.name else "", value=value
+    )
+
+
+def _of_transfer(line: DetailLine, said: str) -> DetailLine | None:
+    """Return a line about the transfer itself, None for others."""
+    value = said.partition(": ")[2]
+    if not line.depth and (head := re.match(r"([A-Z]\w*) on ", said)):
+        return line._replace(name=head[1])
+    if said.startswith("Identifier"):
+        return line._replace(identifier=(0, 28))
+    for begin, changes in (
+        ("CRC: ", {"part": "crc"}), ("transfer ID", {"part": "tail"}),
+        ("Transfer: ", {"name": "dronecan.status", "value": value}),
+        ("since first frame: ", {"name": "frame.time_relative", "value": value.split(" ", maxsplit=1)[0]}),
+    ):  # fmt: skip
+        if said.startswith(begin):
+            return DetailLine(line.depth, line.text, **changes)  # type: ignore[arg-type]
+    return None
+
+
+def _of_identifier(label: str, value: str) -> tuple[str, str]:
     """Return name and value of a part of an identifier."""
-    number = value.split(" ")[0]
-    if label == "message type" or label == "service type":
+    number = value.split(" ", maxsplit=1)[0]
+    if label in ("message type", "service type"):
         called = re.search(r"\(([A-Za-z]\w*)\)", value)
-        return {"name": called[1] if called else "dronecan.type_id", "value": "" if called else number}
+        return (called[1], "") if called else ("dronecan.type_id", number)
     known = {
         "priority": "dronecan.priority", "source node": "dronecan.src", "destination node": "dronecan.dst",
         "direction": "dronecan.kind",
     }  # fmt: skip
-    return {"name": known.get(label, ""), "value": number}
+    return known.get(label, ""), number
 
 
 def _range(where: re.Match[str]) -> tuple[int, int]:
@@ -172,9 +189,7 @@ def frame_lines(number: int, frame: RawFrame, bus: str, verdict: int, time: str,
     return list(_frame_lines(number, frame, bus, verdict, time, rules))
 
 
-def _frame_lines(
-    number: int, frame: RawFrame, bus: str, verdict: int, time: str, rules: str
-) -> Iterator[DetailLine]:
+def _frame_lines(number: int, frame: RawFrame, bus: str, verdict: int, time: str, rules: str) -> Iterator[DetailLine]:
     yield DetailLine(0, f"Frame {number} on {escape(bus)}: {VERDICTS[verdict]}", name="frame.number", value=str(number))
     yield DetailLine(1, f"time: {time}" if time else "time: not recorded")
     shown = f"Identifier {frame.id_text}"

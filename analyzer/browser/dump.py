@@ -112,6 +112,4 @@ def binary(frames: Sequence[DumpFrame], lit: Lit, most: int = 6) -> list[tuple[s
     """Return the lit bytes of the payload as `byte N` and eight digits, with the digits that are lit."""
     values = {one.place: one.value for frame in frames for one in frame.data if one.place >= 0}
     places = sorted({bit // 8 for bit in lit.bits} & set(values))[:most]
-    return [
-        (f"{values[place]:08b}", frozenset(bit % 8 for bit in lit.bits if bit // 8 == place)) for place in places
-    ]
+    return [(f"{values[place]:08b}", frozenset(bit % 8 for bit in lit.bits if bit // 8 == place)) for place in places]

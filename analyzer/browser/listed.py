@@ -1,4 +1,4 @@
-"""The lines of the packet list: any rows of the store, as `decode` writes them, and columns of one's own beside them."""
+"""The lines of the packet list: any rows of the store as `decode` writes them, with columns of one's own."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ class ListPages:
         places = [k for k, row in enumerate(rows) if row.kind == kind]
         for segment in dict.fromkeys(rows[k].segment for k in places):
             some = [k for k in places if rows[k].segment == segment]
-            index = np.array([rows[k].index for k in some], np.int64)
+            index = np.array([rows[k].entry for k in some], np.int64)
             picked = ListedRows(_NONE, _NONE, _NONE, _NONE)._replace(**{name: index})
             listing.feed(self._store.opened(segment).batch, picked)
             text = listing.before(None)
@@ -153,19 +153,17 @@ class ListPages:
         codes = [""] * len(rows)
         for segment, kind in dict.fromkeys((row.segment, row.kind) for row in rows):
             some = [k for k, row in enumerate(rows) if (row.segment, row.kind) == (segment, kind)]
-            for k, code in zip(
-                some, self._colouring.codes(segment, kind, [rows[k].index for k in some]), strict=True
-            ):
+            for k, code in zip(some, self._colouring.codes(segment, kind, [rows[k].entry for k in some]), strict=True):
                 codes[k] = code
         return codes
 
     def _delta(self, text: str, clock: TimeFormat, t: int | None, before: int | None) -> str:
         width = max(9, self._head.find("Src", _TIME_AT) - 1 - _TIME_AT) if "Src" in self._head else 9
         told = "" if t is None else clock.seconds(0 if before is None else t - before)
-        return f"{text[:_TIME_AT]}{told:>9}{text[_TIME_AT + 9 :]}" if width >= 9 else text  # noqa: PLR2004 - as above
+        return f"{text[:_TIME_AT]}{told:>9}{text[_TIME_AT + 9 :]}" if width >= 9 else text
 
     def _number(self, row: Row) -> int:
-        return self._store.segments[row.segment].first_transfer + row.index
+        return self._store.segments[row.segment].first_transfer + row.entry
 
 
 def _spliced(text: str, at: int, cells: str, width: int) -> str:

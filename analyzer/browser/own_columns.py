@@ -34,7 +34,7 @@ class OwnColumns:
     def cells(self, rows: Sequence[Row]) -> list[str]:
         """Return the cells of each row in one text; empty ones for rows that are no transfers."""
         first = self._store.segments
-        at = {first[row.segment].first_transfer + row.index: k for k, row in enumerate(rows) if row.kind == TRANSFER}
+        at = {first[row.segment].first_transfer + row.entry: k for k, row in enumerate(rows) if row.kind == TRANSFER}
         found = [self._line([""] * len(self.names))] * len(rows)
         if at:
             batch = cut_transfers(self._store, sorted(at))

@@ -15,7 +15,7 @@ TABS = ("packets", "findings", "events", "flights", "triage", "statistics")
 
 
 class TabLine(NamedTuple):
-    """A line of a tab: where it leads to, a frame from 0 or a time in nanoseconds, and the filter that it stands for."""
+    """A line of a tab: where it leads to, a frame from 0 or a time in nanoseconds, and the filter it stands for."""
 
     text: str
     style: str = ""
@@ -35,7 +35,6 @@ class Supply(Protocol):
         arguments: what else a command needs to read them in the same way.
         live: they come from a bus.
         loaded: no batch comes any more.
-        share: how much of the captures is decoded, from 0 to 1.
         doing: what is done now, in a word or two, empty for nothing.
         notes: what was complained of.
         named: the rules that name frames.
@@ -48,11 +47,10 @@ class Supply(Protocol):
     store: Store
     registry: Registry
     name: str
-    paths: Sequence[str]
-    arguments: Sequence[str]
+    paths: tuple[str, ...]
+    arguments: tuple[str, ...]
     live: bool
     loaded: bool
-    share: float
     doing: str
     notes: list[str]
     named: NamedFrames | None
@@ -61,6 +59,10 @@ class Supply(Protocol):
     starts: Sequence[int]
     labels: dict[int, str]
     severities: dict[str, str]
+
+    @property
+    def share(self) -> float:
+        """How much of the captures is decoded, from 0 to 1."""
 
     def tab(self, name: str) -> Sequence[TabLine] | None:
         """Return what a tab shows, one of `TABS`."""

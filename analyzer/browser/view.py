@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from analyzer.browser.store.store import Row
     from analyzer.browser.supply import Supply
     from analyzer.decode.engine import Batch
+    from analyzer.filter.matcher import Matcher
     from analyzer.views.colours.rules import ColourRule
 
 _MOST_FRAMES = 512  # of a transfer that are shown in bytes
@@ -72,7 +73,7 @@ class BrowserView:
             self.rows.stop()
         self.rows, self.filter = rows, text
 
-    def matcher(self, text: str):  # type: ignore[no-untyped-def]  # noqa: ANN201 - see `Filter.matcher`
+    def matcher(self, text: str) -> Matcher:
         """Return a filter at work. Raises `FilterError`."""
         supply = self.supply
         chosen = compile_filter(text, supply.registry)
@@ -110,7 +111,7 @@ class BrowserView:
             return self._transfer(row)
         time = self._time(row)
         if row.kind == EVENT:
-            events = self.store.opened(row.segment).table("events").slice(row.index, 1)
+            events = self.store.opened(row.segment).table("events").slice(row.entry, 1)
             told = {name: events.column(name)[0].as_py() for name in events.schema.names if name != "t"}
             line = self.pages.lines([row], 500)[0].text
             return Shown(row, event_lines(told, time, line[44:].strip()), [], None)
@@ -119,7 +120,7 @@ class BrowserView:
             return Shown(row, [], [], None)
         number = self.numbering.of(row.place)
         table = self.store.opened(row.segment).table("frames" if row.kind == 1 else "settled")
-        verdict = int(table.column("verdict")[row.index].as_py())
+        verdict = int(table.column("verdict")[row.entry].as_py())
         rules = ", ".join(self._rules([row.place]))
         lines = frame_lines(number, frame, self.store.buses[frame.bus], verdict, time, rules)
         return Shown(row, lines, dump([(number, frame)], transfer=False), None)
@@ -138,12 +139,12 @@ class BrowserView:
 
     def number_of(self, row: Row) -> int:
         """Return the number of a transfer in the whole capture, from 0."""
-        return self.store.segments[row.segment].first_transfer + row.index
+        return self.store.segments[row.segment].first_transfer + row.entry
 
     def places_of(self, row: Row) -> list[int]:
         """Return the frames of a row, from 0; an event has none."""
         if row.kind == TRANSFER:
-            found: list[int] = self.store.opened(row.segment).table("transfers").column("frame")[row.index].as_py()
+            found: list[int] = self.store.opened(row.segment).table("transfers").column("frame")[row.entry].as_py()
             return found
         return [] if row.kind == EVENT else [row.place]
 
@@ -174,7 +175,7 @@ class BrowserView:
             return None
         table = self.store.opened(row.segment).table("transfers")
         names = ("bus", "kind", "type_id", "variant", "src", "dst", "transfer_id")
-        return {name: table.column(name)[row.index].as_py() for name in names}
+        return {name: table.column(name)[row.entry].as_py() for name in names}
 
     def type_name(self, sender: dict[str, int]) -> str:
         """Return the name of a type as a filter takes it, empty for an unknown one."""

@@ -28,12 +28,11 @@ def same_sender(view: BrowserView, row: Row, step: int) -> Target:
     if own is None:
         return None
     if step < 0:
-        segment = view.store.segments[row.segment]
-        before = int(view.store.opened(row.segment).column("before", "before")[row.index])
+        before = int(view.store.opened(row.segment).column("before", "before")[row.entry])
         at = None if before < 0 else view.store.segment_of_transfer(before)
         if at is None:
             return None
-        index = before - view.store.segments[at].first_transfer if at != row.segment else before - segment.first_transfer
+        index = before - view.store.segments[at].first_transfer
         local = view.store.local_of(at, TRANSFER, index)
         return None if local is None else (at, local)
     wanted = {name: own[name] for name in ("bus", "kind", "type_id", "src")}
@@ -68,7 +67,7 @@ def _scan(view: BrowserView, row: Row, step: int, wanted: dict[str, int]) -> Tar
             holds &= opened.column("transfers", name) == value
         found = np.flatnonzero(holds)
         if at == row.segment:
-            found = found[found > row.index] if step > 0 else found[found < row.index]
+            found = found[found > row.entry] if step > 0 else found[found < row.entry]
         if len(found):
             local = store.local_of(at, TRANSFER, int(found[0] if step > 0 else found[-1]))
             return None if local is None else (at, local)

@@ -23,7 +23,9 @@ _STYLES = {"error": "bad", "warning": "warn", "note": "dim"}
 _WIDTH = 200  # columns that are written; narrower terminals cut them
 _YEAR_2000 = 946_684_800 * SECOND
 # Columns of statistics that are conditions on rows: what each asks for.
-_ASKS = {"node": "dronecan.src == {}", "client": "node == {}", "server": "node == {}", "bus": 'frame.interface_name == "{}"'}  # fmt: skip
+_ASKS = {
+    "node": "dronecan.src == {}", "client": "node == {}", "server": "node == {}", "bus": 'frame.interface_name == "{}"',
+}  # fmt: skip
 
 
 def moment(t: int | None, start: int | None) -> str:

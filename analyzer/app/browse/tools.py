@@ -31,7 +31,7 @@ class BrowserTools:
 
         Raises `ValueError` with the reason why not.
         """
-        name = path.split(" ")[0] if path.lower().endswith(_TABLES) is False and " " in path else path
+        name = path.split(" ", maxsplit=1)[0] if path.lower().endswith(_TABLES) is False and " " in path else path
         target = Path(name).expanduser()
         if target.exists():
             raise ValueError(f"{target}: exists already: another name, please")

@@ -74,7 +74,7 @@ class Bar(Input):
         """Keep what was typed, for `up`."""
         some = self._kept.setdefault(self.purpose, [])
         if text:
-            some[:] = [one for one in some if one != text][-_MOST_KEPT:] + [text]
+            some[:] = [*[one for one in some if one != text][-_MOST_KEPT:], text]
 
     def action_complete(self) -> None:
         """Complete the name in front of the cursor."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from textual.message import Message
 
 from analyzer.browser.dump import Lit, binary
-from analyzer.browser.screen.lines import Lines, padded
+from analyzer.browser.screen.lines import Lines
 from analyzer.browser.screen.styles import NAMED, PLAIN
 from analyzer.views.terminal import fit
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from analyzer.browser.dump import DumpByte, DumpFrame
     from analyzer.browser.screen.lines import Spans
 
-_PER_LINE = 16
+_PER_LINE, _CLASSIC = 16, 8
 _CELL = 3  # columns of a byte
 
 
@@ -125,9 +125,10 @@ class BytesPane(Lines, can_focus=True):
             gap = "|" if before is not None and byte.role != before else " "
             spans += [(gap, NAMED["dim"]), (f"{byte.value:02X}", self._style(frame, k, byte))]
             before = byte.role
-        spans.append((" " * (_CELL * (_PER_LINE - len(data)) + 2) if width > 78 else "  ", PLAIN))  # noqa: PLR2004
+        full = _CLASSIC if all(len(some.data) <= _CLASSIC for some in self._frames) else _PER_LINE
+        spans.append((" " * (_CELL * (full - len(data)) + 2), PLAIN))
         for k, byte in enumerate(data, start):
-            letter = chr(byte.value) if 32 <= byte.value < 127 else "."  # noqa: PLR2004 - ASCII
+            letter = chr(byte.value) if 32 <= byte.value < 127 else "."
             spans.append((letter, self._style(frame, k, byte)))
         return _cut(spans, width)
 

@@ -40,10 +40,11 @@ class DetailPane(Lines, can_focus=True):
         old = self.line
         self._all = lines
         seen = self._seen()
-        same = [k for k, line in enumerate(seen) if old is not None and line.name and line.name == old.name]
+        here = ("", 0) if old is None else (old.name, old.depth)
+        same = [k for k, line in enumerate(seen) if line.name and (line.name, line.depth) == here]
         begin = next((k for k, line in enumerate(seen) if line.text.startswith("Message")), 0)
         self._at = same[0] if same else begin
-        self._top = max(0, begin - 1) if not same else self._top
+        self._top = begin if not same else self._top
         self.draw()
 
     @property

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 from analyzer.browser.conditions import combined, condition, field_name
 from analyzer.browser.own_columns import OwnColumns
+from analyzer.browser.screen.handing import Handing
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
 from analyzer.filter.errors import FilterError
 from analyzer.views.times import MODES
 
 if TYPE_CHECKING:
-    from analyzer.browser.screen.app import Browser
     from analyzer.browser.screen.bar import Bar
 
 _FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}
@@ -26,20 +26,20 @@ _ASKS = {
 }
 
 
-class Gestures:
+class Gestures(Handing):
     """The part of the browser that makes filters and columns of what is selected."""
 
-    def _selected_filter(self: Browser) -> str:
+    def _selected_filter(self) -> str:
         """Return the filter that stands for what is selected: a line of a tab, or a detail."""
         if self.tab != TABS[0]:
-            line = self.tabs.line
-            return "" if line is None else line.filter
+            chosen = self.tabs.line
+            return "" if chosen is None else chosen.filter
         line = self.details.line
         if self.shown is None or line is None:
             return ""
         return condition(line, self.view.supply.registry, self.shown.batch)
 
-    def action_apply(self: Browser, how: str) -> None:
+    def action_apply(self, how: str) -> None:
         """Apply what is selected as filter."""
         new = self._selected_filter()
         if not new:
@@ -47,7 +47,7 @@ class Gestures:
             return
         self.set_filter(combined(self.view.filter, new, how))
 
-    def action_prepare(self: Browser, how: str) -> None:
+    def action_prepare(self, how: str) -> None:
         """Put what is selected into the filter line."""
         new = self._selected_filter()
         if not new:
@@ -55,7 +55,7 @@ class Gestures:
             return
         self.ask("filter", combined(self.view.filter, new, how))
 
-    def set_filter(self: Browser, text: str) -> bool:
+    def set_filter(self, text: str) -> bool:
         """Show only what a filter selects; say where it is wrong."""
         try:
             self.view.apply(text)
@@ -71,33 +71,32 @@ class Gestures:
         self.draw_lines()
         return True
 
-    def say_place(self: Browser, error: FilterError) -> None:
+    def say_place(self, error: FilterError) -> None:
         """Say what is wrong with a filter; the cursor of the filter line is the caret."""
         self.ask("filter", error.text)
         self.bar.cursor_position = error.start
         wrong = error.text[error.start : error.end]
-        self.say(f"{' ' * max(0, error.start + 1)}{'^' * max(1, len(wrong))} {error.reason}" if self._fits(error) else f"^ {wrong}: {error.reason}", "bad")  # fmt: skip
+        caret = f"{' ' * error.start}{'^' * max(1, len(wrong))}"
+        fits = len(caret) + len(error.reason) + 3 < self.size.width
+        self.fail(f"{caret} {error.reason}" if fits else f"^ {wrong}: {error.reason}")
 
-    def _fits(self: Browser, error: FilterError) -> bool:
-        return error.end + len(error.reason) + 6 < self.size.width
-
-    def action_clear(self: Browser) -> None:
+    def action_clear(self) -> None:
         """End a search; else take the filter off."""
         if self.search is not None:
             self.search.stop()
-            self.search, self._wanted = None, 0
+            self.search, self.wanted = None, 0
             self.say("the search has ended")
         elif self.tab != TABS[0]:
             self.action_tab(TABS[0])
         elif self.view.filter:
             self.set_filter("")
 
-    def action_follow(self: Browser) -> None:
+    def action_follow(self) -> None:
         """Ask what to follow."""
         self.chord = "follow"
         self.say("follow: n node  t type of this node  e ESC (channel)  u power unit  x exchange of a service", "bold")
 
-    def follow(self: Browser, key: str) -> None:
+    def follow(self, key: str) -> None:
         """Filter by what a row is part of."""
         row, what = self.view.current(), _FOLLOWS.get(key)
         if row is None or what is None:
@@ -110,7 +109,7 @@ class Gestures:
         if self.set_filter(text):
             self.say(f"following {text} (esc shows all)")
 
-    def action_column(self: Browser, by: int) -> None:
+    def action_column(self, by: int) -> None:
         """Show the selected field as a column, or take the last one off."""
         columns = self.view.pages.columns
         names = [] if columns is None else list(columns.names)
@@ -125,7 +124,7 @@ class Gestures:
             names.append(name)
         self.set_columns(names)
 
-    def set_columns(self: Browser, names: list[str]) -> None:
+    def set_columns(self, names: list[str]) -> None:
         """Show fields as columns; say why not."""
         try:
             made = OwnColumns(self.view.store, self.view.supply.registry, names) if names else None
@@ -136,14 +135,14 @@ class Gestures:
         self.tools.keep_columns(names)
         self.list.forget()
 
-    def action_conversation(self: Browser) -> None:
+    def action_conversation(self) -> None:
         """Mark the rows of this conversation, or no more."""
         row = self.view.current()
         own = None if row is None else self.view.conversation_of(row)
         self.list.conversation = None if own == self.list.conversation else own
         self.list.draw()
 
-    def action_reference(self: Browser) -> None:
+    def action_reference(self) -> None:
         """Count times from this row, or again from the first frame."""
         row = self.view.current()
         t = None if row is None else self.view.store.time(row)
@@ -153,7 +152,7 @@ class Gestures:
         self.show_row()
         self.say("times count from this row" if pages.zero is not None else "times count from the first frame")
 
-    def action_times(self: Browser) -> None:
+    def action_times(self) -> None:
         """Show times in the next way."""
         pages, modes = self.view.pages, ("r", "a", "ad", "d", "dd", "e", "u", "ud")
         pages.mode = modes[(modes.index(pages.mode) + 1) % len(modes)]
@@ -161,7 +160,7 @@ class Gestures:
         self.show_row()
         self.say(f"-t {pages.mode}: {MODES[pages.mode]}")
 
-    def action_choose(self: Browser) -> None:
+    def action_choose(self) -> None:
         """Fold a detail; go where a line of a tab leads to, or apply its filter."""
         if self.tab == TABS[0]:
             if self.focused is self.details:
@@ -179,63 +178,63 @@ class Gestures:
         elif line.filter:
             self.set_filter(line.filter)
 
-    def action_fold_all(self: Browser) -> None:
+    def action_fold_all(self) -> None:
         """Fold all details, or open them."""
         self.details.fold_all(shut=not self.details.folded)
 
     # ---- what is typed
 
-    def action_ask(self: Browser, purpose: str) -> None:
+    def action_ask(self, purpose: str) -> None:
         """Ask for something in the line."""
         self.ask(purpose)
 
-    def action_ask_go(self: Browser) -> None:
+    def action_ask_go(self) -> None:
         """Ask where to go."""
         self.ask("go")
 
-    def action_ask_find(self: Browser) -> None:
+    def action_ask_find(self) -> None:
         """Ask what to find."""
         self.ask("find")
 
-    def action_ask_filter(self: Browser) -> None:
+    def action_ask_filter(self) -> None:
         """Ask for a filter."""
         self.ask("filter", self.view.filter)
 
-    def action_ask_comment(self: Browser) -> None:
+    def action_ask_comment(self) -> None:
         """Ask for a comment."""
         places = self.frames_now()
         marks = self.view.marks.marks
         self.ask("comment", next((marks[place].text for place in places if place in marks), ""))
 
-    def action_ask_write(self: Browser) -> None:
+    def action_ask_write(self) -> None:
         """Ask for a file."""
         self.ask("write")
 
-    def action_ask_statistic(self: Browser) -> None:
+    def action_ask_statistic(self) -> None:
         """Ask for a statistic."""
         self.ask("statistic")
 
-    def ask(self: Browser, purpose: str, value: str = "") -> None:
+    def ask(self, purpose: str, value: str = "") -> None:
         """Ask for something in the line."""
         self.bar.ask(purpose, value)
         self.bar.display, self.state.display = True, False
         self.set_focus(self.bar)
         self.say(f"{purpose}: {_ASKS[purpose]}", "dim")
 
-    def on_bar_offered(self: Browser, event: Bar.Offered) -> None:
+    def on_bar_offered(self, event: Bar.Offered) -> None:
         """Show what may be completed."""
         self.say(event.text, "dim")
 
-    def on_bar_left(self: Browser) -> None:
+    def on_bar_left(self) -> None:
         """Go back to the panes."""
         self._unasked()
         self.say("")
 
-    def _unasked(self: Browser) -> None:
+    def _unasked(self) -> None:
         self.bar.display, self.state.display = False, True
         self.set_focus(self.list if self.tab == TABS[0] else self.tabs)
 
-    def on_input_submitted(self: Browser) -> None:
+    def on_input_submitted(self) -> None:
         """Do what was asked for."""
         purpose, text = self.bar.purpose, self.bar.value.strip()
         self.bar.keep(text)

@@ -158,5 +158,3 @@ class PacketList(Lines, can_focus=True):
     def on_mouse_scroll_up(self, _: events.MouseScrollUp) -> None:
         """Go back."""
         self.move(-3)
-
-

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from analyzer.browser.screen.base import BrowserBase
 from analyzer.browser.search import Search, bytes_of, look_for_bytes, look_for_filter, look_for_text
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import counterpart, next_place, same_sender
@@ -12,21 +13,15 @@ from analyzer.filter.errors import FilterError
 from analyzer.window.limits import Moment
 
 if TYPE_CHECKING:
-    from analyzer.browser.screen.app import Browser
+    from collections.abc import Sequence
 
 _FRAME, _SHARE = re.compile(r"^#?\d+$"), re.compile(r"^(\d{1,3}(?:\.\d+)?) ?%$")
 
 
-class Moving:
+class Moving(BrowserBase):
     """The part of the browser that goes from place to place."""
 
-    following: bool
-    search: Search | None
-
-    def _begin(self) -> None:
-        self.following, self.search, self._wanted = False, None, 0
-
-    def action_move(self: Browser, by: int) -> None:
+    def action_move(self, by: int) -> None:
         """Go to the next row, line or byte of the pane in use."""
         self.following = False
         if self.tab != TABS[0]:
@@ -38,12 +33,12 @@ class Moving:
         else:
             self.list.move(by)
 
-    def action_packet(self: Browser, by: int) -> None:
+    def action_packet(self, by: int) -> None:
         """Go to the next row, whatever pane is in use."""
         self.following = False
         self.list.move(by)
 
-    def action_sideways(self: Browser, by: int) -> None:
+    def action_sideways(self, by: int) -> None:
         """Fold or open a detail, go to the next byte, shift a tab."""
         if self.tab != TABS[0]:
             self.tabs.shift(by * 8)
@@ -54,7 +49,7 @@ class Moving:
         else:
             self.list.move(by)
 
-    def action_page(self: Browser, by: int) -> None:
+    def action_page(self, by: int) -> None:
         """Go a page further."""
         self.following = False
         if self.tab != TABS[0]:
@@ -66,7 +61,7 @@ class Moving:
         else:
             self.list.move(by * self.list.page)
 
-    def action_edge(self: Browser, by: int) -> None:
+    def action_edge(self, by: int) -> None:
         """Go to the first or the last one; the last row follows what comes."""
         far = by * (1 << 40)
         if self.tab != TABS[0]:
@@ -79,12 +74,12 @@ class Moving:
             self.following = by > 0 and not self.view.supply.loaded
             self.list.move(far)
 
-    def action_pane(self: Browser, by: int) -> None:
+    def action_pane(self, by: int) -> None:
         """Use the next pane."""
         if self.tab != TABS[0]:
             self.action_tab(TABS[(TABS.index(self.tab) + by) % len(TABS)])
             return
-        panes = [pane for pane in self.panes]
+        panes = list(self.panes)
         at = panes.index(self.focused) if self.focused in panes else 0
         pane = panes[(at + by) % len(panes)]
         pane.display = self.lower.display = True
@@ -92,7 +87,7 @@ class Moving:
 
     # ---- places
 
-    def go_to(self: Browser, place: tuple[int, int] | None, otherwise: str) -> bool:
+    def go_to(self, place: tuple[int, int] | None, otherwise: str) -> bool:
         """Go to a row by segment and place in it, to the nearest one if a filter hides it; say why not."""
         if place is None:
             self.fail(otherwise)
@@ -109,7 +104,7 @@ class Moving:
             self.say("the filter hides that row: this is the nearest one (esc takes the filter off)", "warn")
         return True
 
-    def go_to_frame(self: Browser, frame: int) -> bool:
+    def go_to_frame(self, frame: int) -> bool:
         """Go to the row of a frame, from 0."""
         store = self.view.store
         if not 0 <= frame < store.frames:
@@ -118,11 +113,11 @@ class Moving:
             return False
         return self.go_to(store.row_of_frame(frame), f"no row shows frame {frame + 1:,}")
 
-    def go_to_time(self: Browser, t: int) -> bool:
+    def go_to_time(self, t: int) -> bool:
         """Go to the first row at a time or behind it."""
         return self.go_to(self.view.store.row_at_time(t), "the capture has no times")
 
-    def go_where(self: Browser, text: str) -> bool:
+    def go_where(self, text: str) -> bool:
         """Go to what was typed: a frame, a time, or a share of the capture."""
         text = text.strip()
         store = self.view.store
@@ -142,9 +137,9 @@ class Moving:
             return False
         return self.go_to_time(moment.at(store.low))
 
-    def _begin_at(self: Browser) -> None:
+    def begin_at(self) -> None:
         """Go where `--at` says, once that is decoded."""
-        text, store = self._start, self.view.store
+        text, store = self.start, self.view.store
         if _FRAME.match(text):
             ready = int(text.lstrip("#")) <= store.frames
         else:
@@ -153,16 +148,16 @@ class Moving:
             except ValueError:
                 ready = True
         if ready or self.view.supply.loaded:
-            self._start = ""
+            self.start = ""
             self.go_where(text)
 
-    def action_sender(self: Browser, step: int) -> None:
+    def action_sender(self, step: int) -> None:
         """Go to the next transfer of the same sender and type."""
         row = self.view.current()
         if row is not None:
             self.go_to(same_sender(self.view, row, step), "no other transfer of this sender and type there")
 
-    def action_counterpart(self: Browser) -> None:
+    def action_counterpart(self) -> None:
         """Go from a request to its response, and back."""
         row = self.view.current()
         if row is None:
@@ -171,9 +166,9 @@ class Moving:
         if own is None or not self.view.is_service(own):
             self.fail("only requests and responses have a counterpart")
             return
-        self.go_to(counterpart(self.view, row), "no answer to it is there" if own["kind"] == 2 else "nobody asked")  # noqa: PLR2004 - request
+        self.go_to(counterpart(self.view, row), "no answer to it is there" if own["kind"] == 2 else "nobody asked")
 
-    def action_finding(self: Browser, step: int) -> None:
+    def action_finding(self, step: int) -> None:
         """Go to the next place at which a finding begins."""
         supply = self.view.supply
         if supply.named is None:
@@ -181,11 +176,11 @@ class Moving:
             return
         self._go_to_next(supply.starts, step, "finding")
 
-    def action_marked(self: Browser, step: int) -> None:
+    def action_marked(self, step: int) -> None:
         """Go to the next mark."""
         self._go_to_next(sorted(self.view.marks.marks), step, "mark")
 
-    def _go_to_next(self: Browser, places: list[int], step: int, what: str) -> None:
+    def _go_to_next(self, places: Sequence[int], step: int, what: str) -> None:
         row = self.view.current()
         now = -1 if row is None else row.place
         own = self.view.places_of(row) if row is not None else []
@@ -198,7 +193,7 @@ class Moving:
 
     # ---- search
 
-    def find(self: Browser, text: str) -> None:
+    def find(self, text: str) -> None:
         """Look for text, bytes or a filter, and go to the first match."""
         if self.search is not None:
             self.search.stop()
@@ -223,33 +218,33 @@ class Moving:
         self.search.begin()
         self.action_next(1)
 
-    def action_next(self: Browser, step: int) -> None:
+    def action_next(self, step: int) -> None:
         """Go to the next match, or wait for it."""
         if self.search is None:
             self.fail("nothing is looked for: / finds")
             return
-        self._wanted = step
+        self.wanted = step
         self.wait_for_search()
 
-    def wait_for_search(self: Browser) -> None:
+    def wait_for_search(self) -> None:
         """Go to the match that is waited for, if it is known now."""
         search = self.search
-        if search is None or not self._wanted:
+        if search is None or not self.wanted:
             return
         if search.problem is not None:
-            self._wanted = 0
+            self.wanted = 0
             self.fail(f"the search failed: {search.problem}")
             return
         segment, local = self.view.anchor or (0, -1)
-        found = search.next(segment, local, self._wanted)
+        found = search.next(segment, local, self.wanted)
         if found == "wait":
             self.say(f"looking for {search.text} ... (esc ends it)")
         elif isinstance(found, str):
-            where = "behind" if self._wanted > 0 else "before"
-            self._wanted = 0
+            where = "behind" if self.wanted > 0 else "before"
+            self.wanted = 0
             self.fail(f"no match {where} this row: {search.text} ({search.count:,} in all)")
         else:
-            self._wanted = 0
+            self.wanted = 0
             if self.go_to(found, ""):
                 more = "" if search.done else " so far"
                 self.say(f"{search.count:,} match{'es' * (search.count != 1)}{more}: n the next, N the one before")

@@ -25,6 +25,7 @@ NAMED = {
     "lit": Style(reverse=True, bold=True),
     "cursor": Style(underline=True, bold=True),
 }
+_BASES = ((30, "color", ""), (90, "color", "bright_"), (40, "bgcolor", ""), (100, "bgcolor", "bright_"))
 _EFFECTS = {1: "bold", 2: "dim", 3: "italic", 4: "underline", 7: "reverse"}
 
 
@@ -36,7 +37,7 @@ def of_codes(codes: str) -> Style:
         code = int(word)
         if code in _EFFECTS:
             found[_EFFECTS[code]] = True
-        for base, key, bright in ((30, "color", ""), (90, "color", "bright_"), (40, "bgcolor", ""), (100, "bgcolor", "bright_")):  # fmt: skip
+        for base, key, bright in _BASES:
             if base <= code < base + len(COLOURS):
                 found[key] = bright + COLOURS[code - base]
     return Style(**found)  # type: ignore[arg-type]

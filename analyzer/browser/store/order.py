@@ -71,7 +71,7 @@ class Sessions:
             return np.zeros(0, np.int64)
         names = ("bus", "kind", "type_id", "src", "dst")
         bus, kind, type_id, src, dst = (numbers(transfers.column(n)).astype(np.int64) for n in names)
-        service = kind >= 2  # noqa: PLR2004 - request, response
+        service = kind >= 2
         key = bus << 40 | kind << 36 | type_id << 16 | src << 8 | np.where(service, dst, 0)
         codes, inverse = np.unique(key, return_inverse=True)
         order = np.argsort(inverse, kind="stable")

@@ -64,11 +64,11 @@ def write(path: Path, batch: Batch, before: Array) -> Segment:
             places[name] = start, out.tell() - start
     times = batch.frames.column("t")
     known = numbers(times)[valid(times)] if len(times) else np.zeros(0, np.int64)
-    ends = (int(known.min()), int(known.max())) if len(known) else (None, None)
+    low, high = (int(known.min()), int(known.max())) if len(known) else (None, None)
     ticks = np.array(numbers(times)[::_STEP]) if len(known) == len(times) else np.array(known[::_STEP])
     return Segment(
         path, places, batch.first_frame, len(batch.frames), batch.first_transfer, len(batch.transfers), len(rows),
-        batch.buses, batch.readings, *ends, ticks,
+        batch.buses, batch.readings, low, high, ticks,
     )  # fmt: skip
 
 

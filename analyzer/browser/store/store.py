@@ -9,7 +9,6 @@ from collections import OrderedDict
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pyarrow as pa
 
 from analyzer.browser.store.order import FRAME, SETTLED, TRANSFER, Sessions, split
 from analyzer.browser.store.segment import OpenSegment, write
@@ -18,6 +17,8 @@ from dissectors.kit.cells import valid
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+    import pyarrow as pa
 
     from analyzer.browser.store.segment import Segment
     from analyzer.decode.engine import Batch
@@ -37,7 +38,7 @@ class Row(NamedTuple):
     segment: int
     local: int
     kind: int
-    index: int
+    entry: int
     place: int
 
 
@@ -115,7 +116,7 @@ class Store:
 
     def time(self, row: Row) -> int | None:
         """Return the time of a row in nanoseconds."""
-        table, index = ("transfers", "frames", "settled", "events")[row.kind], row.index
+        table, index = ("transfers", "frames", "settled", "events")[row.kind], row.entry
         if row.kind == SETTLED:
             return self.frame_time(row.place)
         column = self.opened(row.segment).table(table).column("t")
