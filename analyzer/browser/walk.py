@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.browser.store.order import TRANSFER
+from analyzer.browser.store.order import TRANSFER, split
 from analyzer.tables import KINDS
 
 if TYPE_CHECKING:
@@ -65,12 +65,15 @@ def _scan(view: BrowserView, row: Row, step: int, wanted: dict[str, int]) -> Tar
         holds: Array = np.ones(store.segments[at].transfers, bool)
         for name, value in wanted.items():
             holds &= opened.column("transfers", name) == value
-        found = np.flatnonzero(holds)
+        # Transfers are not in the order of the list: some wait until it is known what they are.
+        kinds, entries = split(opened.column("rows", "key"))
+        listed = kinds == TRANSFER
+        listed[listed] = holds[entries[listed]]
+        found = np.flatnonzero(listed)
         if at == row.segment:
-            found = found[found > row.entry] if step > 0 else found[found < row.entry]
+            found = found[found > row.local] if step > 0 else found[found < row.local]
         if len(found):
-            local = store.local_of(at, TRANSFER, int(found[0] if step > 0 else found[-1]))
-            return None if local is None else (at, local)
+            return at, int(found[0] if step > 0 else found[-1])
     return None
 
 

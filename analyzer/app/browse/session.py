@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from analyzer.browser.screen.app import Browser
     from analyzer.views.colours.rules import ColourRule
 
+_TURN = 0.001  # seconds until keys get their turn while threads decode and judge
+
 
 @dataclass(frozen=True, slots=True)
 class BrowseOptions:
@@ -43,6 +45,7 @@ def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]
     Raises `FilterError`, `LookupError` or `ValueError` for options that make no sense, `CaptureError` for a capture
     that cannot be opened, `OSError` if there is no room for the store.
     """
+    sys.setswitchinterval(_TURN)
     with StoreFolder() as folder:
         supply = CaptureSupply(request, folder.path)
         app = made(supply, options, rules)

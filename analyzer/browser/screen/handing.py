@@ -56,7 +56,7 @@ class Handing(Moving):
         except OSError as error:
             self.fail(f"{marks.path}: {error.strerror}: marks are not kept")
         else:
-            self.say(said if marks.path is None else f"{said}: {marks.path}")
+            self.say(said if marks.path is None else f"{said}: {marks.path.name}")
         self.list.draw()
         self.strip.draw()
 

@@ -130,7 +130,7 @@ class Moving(BrowserBase):
         try:
             moment = Moment.parse(text)
         except ValueError as error:
-            self.fail(f"{error}: a frame (4711), seconds (12.5), a time (12:49:54.89) or 50%")
+            self.fail(f"{error}, nor a frame")
             return False
         if store.low is None:
             self.fail("the capture has no times")
