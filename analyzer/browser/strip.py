@@ -31,14 +31,18 @@ class Strip:
         self._store = store
         self._bars = _PLAIN_BARS if plain else _BARS
         self._ticks: list[Array] = []
+        self._frames: list[Array] = []  # what frame each tick is the time of
         self._known = 0
-        self._all = np.zeros(0, np.int64)
+        self._all = self._places = np.zeros(0, np.int64)
 
     def _times(self) -> Array:
         segments = self._store.segments
         if self._known != len(segments):
-            self._ticks += [one.ticks for one in segments[self._known :]]
+            for one in segments[self._known :]:
+                self._ticks.append(one.ticks)
+                self._frames.append(one.first_frame + np.arange(len(one.ticks)) * _STEP)
             self._known = len(segments)
+            self._places = np.concatenate(self._frames)
             self._all = np.maximum.accumulate(np.concatenate(self._ticks)) if self._ticks else self._all
         return self._all
 
@@ -62,7 +66,7 @@ class Strip:
         if not len(times) or low is None or high is None or width <= 0:
             return np.zeros(max(width, 0))
         edges = low + (high - low + 1) * np.arange(width + 1, dtype=np.float64) / width
-        counts = np.diff(np.interp(edges, times.astype(np.float64), np.arange(len(times)) * _STEP))
+        counts = np.diff(np.interp(edges, times.astype(np.float64), self._places))
         most = counts.max()
         return counts / most if most > 0 else counts
 

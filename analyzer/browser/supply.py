@@ -34,12 +34,11 @@ class Supply(Protocol):
         paths: captures as the commands take them, empty for a bus.
         arguments: what else a command needs to read them in the same way.
         live: they come from a bus.
-        loaded: no batch comes any more.
         doing: what is done now, in a word or two, empty for nothing.
         notes: what was complained of.
         named: the rules that name frames.
         flights: first and last time of each.
-        found: time and severity of each finding.
+        troubles: time and severity of each finding.
         starts: frames at which findings begin, from 0, ascending.
         labels: of nodes in the vehicle file.
     """
@@ -50,15 +49,18 @@ class Supply(Protocol):
     paths: tuple[str, ...]
     arguments: tuple[str, ...]
     live: bool
-    loaded: bool
     doing: str
     notes: list[str]
     named: NamedFrames | None
     flights: Sequence[tuple[int, int]]
-    found: Sequence[tuple[int, str]]
+    troubles: Sequence[tuple[int, str]]
     starts: Sequence[int]
     labels: dict[int, str]
     severities: dict[str, str]
+
+    @property
+    def loaded(self) -> bool:
+        """True once no batch comes any more."""
 
     @property
     def share(self) -> float:

@@ -1,7 +1,8 @@
 """`tailbyte view`: captures to look through: the list, the details and the bytes, filters by a key, marks, findings.
 
 Nothing is written beside the capture but `CAPTURE.marks.toml`, once something is marked. Decoded tables lie in a
-temporary folder until the end (TMPDIR says where): a tenth to three times the size of the capture.
+temporary folder until the end (TMPDIR says where): up to three times the size of the capture. A bus (can0) is that of
+`tailbyte live --view`, which records and judges it, too.
 """
 
 from __future__ import annotations
@@ -39,8 +40,16 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=run, follow=False)
 
 
+_BUS = re.compile(r"v?can\d+|(?!\w:[\\\\/])\w{3,}:\S*")
+
+
 def run(args: argparse.Namespace) -> int:
-    """Show the captures until the user quits."""
+    """Show the captures, or a bus, until the user quits."""
+    names = [*args.capture, *args.capture_]
+    if names and all(_BUS.fullmatch(name) and not os.path.lexists(name) for name in names):
+        from analyzer.cli import main  # noqa: PLC0415 - a bus is a matter of another command
+
+        return main(["live", "--view", *names])
     from analyzer.app.browse.session import BrowseOptions, browse  # noqa: PLC0415
     from analyzer.sources import CaptureError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError, load  # noqa: PLC0415

@@ -46,9 +46,7 @@ def test_batches_come_back_as_they_went_in(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", CAPTURES)
-def test_every_row_is_written_as_decode_writes_it(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rows_are_written_as_decode_writes_them(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store, run = stored(capture(name), tmp_path)
     pages = ListPages(store, run.registry, Numbering(), RowColouring(store, []))
     rows = [store.row(*store.locate(number)) for number in range(len(store))]

@@ -46,7 +46,7 @@ class CaptureSupply:
         self.loaded, self.doing = False, "decoding"
         self.named: NamedFrames | None = None
         self.flights: Sequence[tuple[int, int]] = ()
-        self.found: Sequence[tuple[int, str]] = ()
+        self.troubles: Sequence[tuple[int, str]] = ()
         self.starts: Sequence[int] = ()
         self.labels: dict[int, str] = {}
         self.severities: dict[str, str] = {}
@@ -166,7 +166,7 @@ class CaptureSupply:
         )
         self.labels = criteria.labels
         self.severities = {rule: page.severity for rule, page in criteria.pages.items()}
-        self.found = [(one.first.t_ns, one.severity) for one in report.findings if one.first.t_ns is not None]
+        self.troubles = [(one.first.t_ns, one.severity) for one in report.findings if one.first.t_ns is not None]
         self.starts = sorted({one.first.frame - 1 for one in report.findings if one.first.frame is not None})
         self._tabs["findings"] = finding_lines(report, self.store.low)
         self.report, self.named = report, named

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from analyzer.app.request import Request
     from analyzer.browser.screen.app import Browser
+    from analyzer.browser.supply import Supply
     from analyzer.views.colours.rules import ColourRule
 
 _TURN = 0.001  # seconds until keys get their turn while threads decode and judge
@@ -58,7 +59,7 @@ def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]
         return app.return_code or 0, supply.notes
 
 
-def made(supply: CaptureSupply, options: BrowseOptions, rules: Sequence[ColourRule]) -> Browser:
+def made(supply: Supply, options: BrowseOptions, rules: Sequence[ColourRule]) -> Browser:
     """Return the display. Raises what options raise that make no sense."""
     from analyzer.browser.screen.app import Browser  # noqa: PLC0415 - Textual takes a third of a second
 
@@ -80,7 +81,7 @@ def made(supply: CaptureSupply, options: BrowseOptions, rules: Sequence[ColourRu
     return Browser(view, BrowserTools(supply), options.at, plain=not encoding.startswith("utf"))
 
 
-def _exists(supply: CaptureSupply, name: str) -> bool:
+def _exists(supply: Supply, name: str) -> bool:
     """Return whether a kept column exists with the types of today."""
     try:
         OwnColumns(supply.store, supply.registry, [name])

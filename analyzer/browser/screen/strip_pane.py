@@ -38,7 +38,7 @@ class StripPane(Lines):
         marks = [one.t for one in view.marks.ordered() if one.t is not None]
         cells = self.strip.cells(
             width, now=now, flights=[one for one in view.supply.flights if None not in one],
-            findings=view.supply.found, marks=marks,
+            findings=view.supply.troubles, marks=marks,
         )  # fmt: skip
         self.put([tuple((cell.sign, NAMED[cell.style]) for cell in cells)])
 
