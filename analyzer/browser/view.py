@@ -9,9 +9,9 @@ from analyzer.browser.colouring import RowColouring
 from analyzer.browser.details import DetailLine, detail_lines, event_lines, frame_lines
 from analyzer.browser.dump import DumpFrame, dump
 from analyzer.browser.listed import ListPages
-from analyzer.browser.marks import MarkBook
 from analyzer.browser.store.cut import StoredFrames, cut_transfers
 from analyzer.browser.store.order import EVENT, TRANSFER
+from analyzer.facts.frame_marks import MarkBook
 from analyzer.filter.compiled import compile_filter
 from analyzer.filter.errors import FilterError
 from analyzer.tables import KINDS

@@ -11,6 +11,7 @@ import pytest
 from kit.browsing import browser, capture
 
 from analyzer.app.browse.session import BrowseOptions
+from analyzer.cli import main
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -191,7 +192,7 @@ def test_the_same_sender_before_and_behind() -> None:
     asyncio.run(work())
 
 
-def test_findings_marks_and_comments(tmp_path: Path) -> None:
+def test_findings_marks_and_comments(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "flight.log"
     shutil.copy(FAULTS, path)
 
@@ -213,6 +214,12 @@ def test_findings_marks_and_comments(tmp_path: Path) -> None:
 
     asyncio.run(work())
     assert 'it began \\"here\\"' in (tmp_path / "flight.log.marks.toml").read_text()
+    assert main(["decode", str(path), "--no-pager"]) == 0
+    listed = capsys.readouterr().out.splitlines()
+    assert sum(line == '           # it began "here"' for line in listed) == 1
+    (tmp_path / "flight.log.marks.toml").write_text("[[mark]]\nframe = 0\n")
+    assert main(["decode", str(path)]) == 2
+    assert "mark 1: frame is a number from 1" in capsys.readouterr().err
 
 
 def test_columns_times_and_references() -> None:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from analyzer.app.browse.capture import CaptureSupply
 from analyzer.app.browse.tools import BrowserTools, kept_columns
-from analyzer.browser.marks import MarkBook, marks_path, read_marks
 from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.store.folder import StoreFolder
 from analyzer.browser.view import BrowserView
+from analyzer.facts.frame_marks import MarkBook, marks_path, read_marks
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:

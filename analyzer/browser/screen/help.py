@@ -18,7 +18,7 @@ _SIGNS = (
     ("m c * |", "in front of a row: a mark, a comment, a rule names it, the conversation"),
     ("! ? o", "in the strip: findings of severity error and warning, marks; coloured: in flight"),
 )  # fmt: skip
-_KEY = 10
+_KEY = 11
 
 
 class HelpPage(ModalScreen[None]):

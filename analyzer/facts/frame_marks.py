@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 SUFFIX = ".marks.toml"
 _MOST_TEXT = 4096  # characters of a comment
@@ -96,6 +96,13 @@ def read_marks(path: Path) -> dict[int, Mark]:
     if not isinstance(rows, list) or set(content) - {"mark"}:
         raise MarksError(f"{path}: marks are tables [[mark]] with frame and text")
     return {mark.frame: mark for mark in (_mark(path, k, row) for k, row in enumerate(rows[:_MOST], 1))}
+
+
+def comments_beside(captures: Sequence[str]) -> dict[int, str]:
+    """Return the comments beside a capture by frame from 0; none of several captures. Raises `MarksError`."""
+    if len(captures) != 1 or captures[0] == "-":
+        return {}
+    return {mark.frame: mark.text for mark in read_marks(marks_path(captures[0])).values() if mark.text}
 
 
 def _mark(path: Path, number: int, row: object) -> Mark:
