@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.tables import VERDICTS
 from analyzer.views.fields import Fields
 from analyzer.views.formats import BY_NAME
 from analyzer.views.frames.window import FrameWindow
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 
 _COMMENT = " " * 11 + "# "
+_USED = VERDICTS.index("used")
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,10 +117,15 @@ class Text:
         entries = parts[0] if len(parts) == 1 else map("".join, zip(*parts, strict=True))
         if self._comments:
             entries = self._commented(batch, picked, entries)
-        before, titled = self._listing.before, self._summary
+        before, titled, loose = self._listing.before, self._summary, self._loose(batch)
         for place, entry in zip(self._listing.places(), entries, strict=True):
-            yield before(place, titled=titled) + entry
-        if rest := before(None, titled=titled):
+            above = before(place, titled=titled)
+            while loose and loose[0] < place:
+                above += self._comment(f"frame {loose[0] + 1}: {self._comments[loose.pop(0)]}")
+            yield above + entry
+        rest = before(None, titled=titled)
+        rest += "".join(self._comment(f"frame {at + 1}: {self._comments[at]}") for at in loose)
+        if rest:
             yield rest
 
     def _commented(self, batch: Batch, picked: ListedRows, entries: Iterator[str]) -> Iterator[str]:
@@ -131,8 +138,16 @@ class Text:
             row = int(np.searchsorted(ends - ends[0], at, "right")) - 1
             said.setdefault(row, []).append(self._comments[int(places[at])])
         for row, entry in zip(picked.transfers.tolist(), entries, strict=True):
-            lines = (self._palette.paint("good", f"{_COMMENT}{escape(text)}") + "\n" for text in said.get(row, ()))
-            yield entry + "".join(lines)
+            yield entry + "".join(map(self._comment, said.get(row, ())))
+
+    def _loose(self, batch: Batch) -> list[int]:
+        """Return the frames with a comment that form no transfer, from 0, ascending."""
+        first, verdicts = batch.first_frame, batch.frames.column("verdict")
+        inside = sorted(at for at in self._comments if first <= at < first + len(verdicts))
+        return [at for at in inside if verdicts[at - first].as_py() != _USED]
+
+    def _comment(self, text: str) -> str:
+        return self._palette.paint("good", f"{_COMMENT}{escape(text)}") + "\n"
 
     def end(self) -> str:
         """Give the sums of foreign frames."""
