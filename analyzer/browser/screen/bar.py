@@ -59,6 +59,7 @@ class Bar(Input):
 
     def __init__(self, names: Callable[[], Sequence[str]]) -> None:
         super().__init__(id="bar", compact=True, select_on_focus=False)
+        self.cursor_blink = False  # over a slow line each blink costs
         self._names = names
         self._kept: dict[str, list[str]] = {}
         self._place = 0
