@@ -1,7 +1,7 @@
 """The boundary to the native core: bytes and numbers in, columns as bytes or where they lie out."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias, final
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "McapWalk",
     "Merger",
     "Messages",
+    "MotorWatch",
     "PacketRows",
     "Packets",
     "Pipeline",
@@ -211,6 +212,14 @@ def diagnose(
     asked: tuple[Any, Any, Any, Any],
 ) -> _Answers: ...
 def joint(given: tuple[Any, Any, Any, Any, Any, Any], apart: int, nearby: int) -> tuple[Cells, Cells, Cells, Cells]: ...
+
+@final
+class MotorWatch:
+    def __new__(cls, limits: Mapping[str, float]) -> MotorWatch: ...
+    def feed(
+        self, reports: tuple[Any, Any, Any, Any, Any, Any], orders: tuple[Any, Any, Any]
+    ) -> tuple[Cells, Cells, Cells, tuple[Cells, Cells, Cells], int]: ...
+
 def frame_bits(id: bytes, flags: bytes, offsets: bytes, data: bytes) -> bytes: ...  # noqa: A002
 def crc32(data: bytes, value: int = 0, start: int = 0, end: int = ...) -> int: ...
 

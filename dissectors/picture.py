@@ -9,6 +9,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import fields
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 from dissectors.keys import PLOTS
 from dissectors.only import only
@@ -151,11 +152,22 @@ class Pictures:
     plots: Mapping[str, Plot] = field(default_factory=dict)
 
 
+_LOADED: WeakKeyDictionary[Registry, Pictures] = WeakKeyDictionary()
+
+
 def load(registry: Registry) -> Pictures:
     """Return what the folders say; of two that speak of the same the first one counts. Raises `ProfileError`.
 
-    Tables are named as people name messages; a packet stands behind the message that carries it.
+    Tables are named as people name messages; a packet stands behind the message that carries it. The files
+    are read once.
     """
+    known = _LOADED.get(registry)
+    if known is None:
+        known = _LOADED[registry] = _load(registry)
+    return known
+
+
+def _load(registry: Registry) -> Pictures:
     quantities: dict[str, Quantity] = {}
     plots: dict[str, Plot] = {}
     for profile in registry.profiles:

@@ -13,6 +13,7 @@ from analyzer.app.criteria import Criteria
 from analyzer.app.judged import JudgedRun
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
+from analyzer.app.triage import RunTriage
 from analyzer.rules.gate import DEFAULT, LEAST_SECONDS, LEAST_TRANSFERS, Least
 from analyzer.sources import CaptureError
 from analyzer.sources.merge import Plan
@@ -104,7 +105,8 @@ def _judged(request: Request, criteria: Criteria) -> Iterator[JudgedCapture]:
     for label, alone in request.each().items():
         run = Run(alone, registry=criteria.registry)
         judged = JudgedRun(run, criteria)
+        looked = RunTriage(run)
         with suppress(CaptureError):
-            for _ in judged.batches(run.inside()):
+            for _ in judged.batches(looked.beside(run.inside())):
                 pass
-        yield judged.taken(label)
+        yield judged.taken(label, triage=looked.found())

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
-from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
+from analyzer.app.threads import beside
 from analyzer.report.draft import JudgedCapture
 from analyzer.rules.checking import Check
 from analyzer.sources.errors import CaptureError, StopReading
@@ -16,11 +15,10 @@ if TYPE_CHECKING:
     from analyzer.app.criteria import Criteria
     from analyzer.app.run import Run
     from analyzer.decode.engine import Batch
+    from analyzer.flight.verdict.model import Triage
     from analyzer.rules.checking import Measured
     from analyzer.rules.judge import Judge
     from analyzer.rules.named_frames import TakesOccurrences
-
-_ROOM = 2  # batches that wait to be judged
 
 
 class JudgedRun:
@@ -74,20 +72,13 @@ class JudgedRun:
             for batch in decoded:
                 yield from (measured.batch for measured in self.feed(batch))
             return
-        waiting = deque[Future[None]]()
-        with ThreadPoolExecutor(1, "judging") as thread:
-            for measured in self._check.measured(decoded):
-                waiting.append(thread.submit(self._check.feed, measured))
-                if len(waiting) > _ROOM:
-                    waiting.popleft().result()
-                yield measured.batch
-            for judged in waiting:
-                judged.result()
+        yield from (measured.batch for measured in beside(self._check.measured(decoded), self._check.feed))
 
-    def taken(self, label: str, arguments: Iterable[str] = ()) -> JudgedCapture:
+    def taken(self, label: str, arguments: Iterable[str] = (), triage: Triage | None = None) -> JudgedCapture:
         """Return what a report needs of the capture, which it calls `label`, after the last batch.
 
-        `arguments` stand behind the request's own ones where a command line reads the capture again.
+        `arguments` stand behind the request's own ones where a command line reads the capture again; `triage` is what
+        happened, if somebody has looked.
         """
         run = self.run
         parts = run.source.parts
@@ -100,6 +91,7 @@ class JudgedRun:
             live=run.source.live,
             ends=self._ends,
             arguments=(*run.request.again(), *arguments),
+            triage=triage,
         )
 
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
+    from concurrent.futures import Future
 
 _Item = TypeVar("_Item")
 THREADS = 2  # unless somebody asks for one
 ROOM = 1
+_WAITING = 2  # items that wait to be taken beside
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +24,22 @@ class _End:
     """Nothing comes after it; `error` is why, if it was not simply the end."""
 
     error: BaseException | None = None
+
+
+def beside(items: Iterable[_Item], take: Callable[[_Item], object]) -> Iterator[_Item]:
+    """Yield the items, each taken in a thread beside; when the last one is through, all have been taken.
+
+    What `take` raises is raised here.
+    """
+    waiting: deque[Future[object]] = deque()
+    with ThreadPoolExecutor(1, "beside") as thread:
+        for item in items:
+            waiting.append(thread.submit(take, item))
+            if len(waiting) > _WAITING:
+                waiting.popleft().result()
+            yield item
+        for taken in waiting:
+            taken.result()
 
 
 def ahead(items: Iterable[_Item], room: int = ROOM) -> Iterator[_Item]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
+from analyzer.app.threads import beside
 from analyzer.flight.inquest import inquest
 from analyzer.flight.witness import Witness
 from analyzer.sources import CaptureError
@@ -82,9 +83,19 @@ class RunTriage:
     def over(self, batches: Iterable[Batch]) -> Iterator[Batch]:
         """Yield the batches, and look at each."""
         for batch in batches:
-            self._witness.feed(batch)
-            self._frames += len(batch.frames)
+            self.feed(batch)
             yield batch
+
+    def feed(self, batch: Batch) -> None:
+        """Look at the next batch."""
+        self._witness.feed(batch)
+        self._frames += len(batch.frames)
+
+    def beside(self, batches: Iterable[Batch]) -> Iterator[Batch]:
+        """Yield the batches, and look at each, in a thread beside if there may be several."""
+        if self._run.request.threads == 1:
+            return self.over(batches)
+        return beside((batch.make_tables() for batch in batches), self.feed)
 
     def found(self) -> Triage:
         """Return what happened, after the last batch."""

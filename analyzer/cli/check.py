@@ -178,6 +178,7 @@ class _Wanted:
     def _take(self, request: Request, label: str, periods: Periods | None) -> tuple[JudgedCapture, Run]:
         """Judge one capture, or several as one. Complaints have been made when this is back."""
         from analyzer.app.judged import JudgedRun  # noqa: PLC0415
+        from analyzer.app.triage import RunTriage  # noqa: PLC0415
         from analyzer.cli.complaints import Complaints  # noqa: PLC0415
         from analyzer.cli.reading import reading, watched  # noqa: PLC0415
 
@@ -185,7 +186,8 @@ class _Wanted:
         with reading(request, complaints, self._criteria.registry) as run:
             named, indexes = self._named(run, label)
             judged = JudgedRun(run, self._criteria, named)
-            decoded = run.inside() if periods is None else periods.over(run.inside())
+            looked = RunTriage(run)
+            decoded = looked.beside(run.inside() if periods is None else periods.over(run.inside()))
             with watched(run.source, complaints) as progress:
                 for _ in progress.over(judged.batches(decoded)):
                     pass
@@ -193,7 +195,7 @@ class _Wanted:
         if run.state == "refused":
             raise SystemExit(status.USAGE)
         run.go_on()
-        return judged.taken(label), run
+        return judged.taken(label, triage=looked.found()), run
 
 
 def _usage(error: Exception) -> _UsageError:

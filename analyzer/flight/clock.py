@@ -44,37 +44,83 @@ class Hole:
         return self.t_end - self.t
 
 
-@dataclass(frozen=True, slots=True)
 class Places:
     """When and where rows were: `t` by the capture's clock, `ran` while it was recorded, first and last `frame`.
 
     Times in nanoseconds, `NO_TIME` for none, frames from 0. `step` is how far the transfer ID went from the one before,
-    `ANEW` where its sender began again.
+    `ANEW` where its sender began again. Columns of some rows are made when somebody asks for them, most never are.
     """
 
-    t: Array
-    ran: Array
-    frame: Array
-    frame_end: Array
-    step: Array
+    __slots__ = ("_columns", "_made", "_rows")
+
+    def __init__(
+        self, t: Array, ran: Array, frame: Array, frame_end: Array, step: Array, rows: Array | None = None
+    ) -> None:
+        """Take the columns, and which of their rows it is about; None for all."""
+        self._columns = t, ran, frame, frame_end, step
+        self._rows = rows
+        self._made: list[Array | None] = [None] * len(self._columns)
 
     def __len__(self) -> int:
         """Return how many there are."""
-        return len(self.t)
+        return len(self._columns[0] if self._rows is None else self._rows)
+
+    @property
+    def t(self) -> Array:
+        """Times by the capture's clock."""
+        return self._column(0)
+
+    @property
+    def ran(self) -> Array:
+        """Times while it was recorded."""
+        return self._column(0 if self._columns[1] is self._columns[0] else 1)
+
+    @property
+    def frame(self) -> Array:
+        """First frames."""
+        return self._column(2)
+
+    @property
+    def frame_end(self) -> Array:
+        """Last frames."""
+        return self._column(3)
+
+    @property
+    def step(self) -> Array:
+        """Steps of the transfer ID."""
+        return self._column(4)
 
     def take(self, rows: Array | slice) -> Places:
-        """Return some of them."""
-        return Places(self.t[rows], self.ran[rows], self.frame[rows], self.frame_end[rows], self.step[rows])
+        """Return some of them: places, or a mask."""
+        if self._rows is not None:
+            return Places(*self._columns, self._rows[rows])
+        if isinstance(rows, slice):
+            t, ran, *others = self._columns
+            some = t[rows]
+            return Places(some, some if ran is t else ran[rows], *(one[rows] for one in others))
+        return Places(*self._columns, np.flatnonzero(rows) if rows.dtype == np.bool_ else rows)
 
     def followed_by(self, others: Places) -> Places:
         """Return these, and others behind them."""
         names = ("t", "ran", "frame", "frame_end", "step")
         return Places(*(np.concatenate((getattr(self, name), getattr(others, name))) for name in names))
 
+    def settled(self) -> Places:
+        """Return the same, to be kept: nothing of what it was taken from is held any more."""
+        return Places(*(np.array(one) for one in (self.t, self.ran, self.frame, self.frame_end, self.step)))
+
     def at(self, row: int) -> Spot:
         """Return one of them."""
-        numbers_ = self.t, self.ran, self.frame, self.frame_end, self.step
-        return Spot(*(int(column[row]) for column in numbers_))
+        place = row if self._rows is None else self._rows[row]
+        return Spot(*(int(column[place]) for column in self._columns))
+
+    def _column(self, number: int) -> Array:
+        if self._rows is None:
+            return self._columns[number]
+        made = self._made[number]
+        if made is None:
+            made = self._made[number] = self._columns[number][self._rows]
+        return made
 
 
 class Spot(NamedTuple):

@@ -6,12 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.devices import fields
-from analyzer.devices.rows import keyed, split, usable
+from analyzer.devices.rows import split
 from analyzer.flight.reports import ReportEvents
-from dissectors.kit.order import groups
 from dissectors.records import dataclass, field
-from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
@@ -41,7 +38,7 @@ class EscExtent:
 
     def note(self, name: str, values: Array) -> None:
         """Take what was measured."""
-        good = values[np.isfinite(values)]
+        good = values if np.isfinite(values).all() else values[np.isfinite(values)]
         if len(good):
             low, high = float(good.min()), float(good.max())
             known = self.ranges.get(name, (low, high))
@@ -63,28 +60,20 @@ class EscExtents(ReportEvents):
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
         for plot in self._plots:
-            if (table := batch.messages.get(plot.table)) is None:
+            if (table := self._reader.table(plot, batch)) is None:
                 continue
-            table, device = keyed(usable(table), plot.who)
-            if not len(table):
-                continue
-            of, at = self._registry.definition(plot.table), self._clock.of(table)
-            columns = {
-                name: found[0]
-                for name in QUANTITIES
-                if (column := getattr(plot.esc, name)) and (found := fields.column(of, table, column))
-            }
-            timed = at.t != NO_TIME
-            for key, places in groups(device):
-                rows = places[timed[places]]
-                one = self._of(plot, key, int(at.ran[rows[0]])) if len(rows) else None
+            columns = {name: table.numbers(column) for name in QUANTITIES if (column := getattr(plot.esc, name))}
+            timed = table.timed
+            whole = bool(timed.all())
+            for key, places, at in table.devices:
+                rows, mine = (places, at) if whole else (places[timed[places]], at.take(timed[places]))
+                one = self._of(plot, key, mine.at(0).ran) if len(rows) else None
                 if one is None:
                     continue
                 one.count += len(rows)
-                one.last = int(at.ran[rows[-1]])
-                for name, column in columns.items():
-                    has = rows if column.has is None else rows[column.has[rows]]
-                    one.note(name, column.values[has].astype(np.float64))
+                one.last = mine.at(-1).ran
+                for name, values in columns.items():
+                    one.note(name, values[rows])
 
     def finish(self) -> None:
         """Take the end: everything is known."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from analyzer.flight.autopilot.events import AutopilotEvents
 from analyzer.flight.channels import ToldChannels
 from analyzer.flight.clock import RecordedClock
 from analyzer.flight.commands import CommandEvents
@@ -17,6 +16,7 @@ from analyzer.flight.reports import EventOrder
 from analyzer.flight.sags import SagEvents
 from analyzer.flight.silences import SilenceEvents
 from analyzer.flight.states import StateEvents
+from analyzer.flight.tables import ReportReader
 from analyzer.flight.trouble import TroubleEvents
 from dissectors import picture
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
+    from analyzer.flight.autopilot.events import AutopilotEvents
     from analyzer.flight.log import FlightEvent
     from analyzer.sources.dataflash import AutopilotLog
     from dissectors import Registry
@@ -42,7 +43,7 @@ class EventFinder:
         add = self._log.add
         plots = tuple(picture.load(registry).plots.values())
         self.commands = CommandReader(registry, plots, self.clock)
-        self.order = EventOrder(registry, plots, self.clock, add)
+        self.order = EventOrder(registry, plots, self.clock, add, ReportReader(registry, self.clock))
         order = self.order
         self.silences = silences = SilenceEvents(
             registry, self.clock, add, [plot.table for plot in self.commands.plots]
@@ -51,7 +52,11 @@ class EventFinder:
             StateEvents(order), CommandEvents(self.commands, add), silences, SagEvents(order),
             MotorEvents(order, self.commands), NodeEvents(self.clock, add), TroubleEvents(self.clock, add),
         )  # fmt: skip
-        self._told = None if log is None else AutopilotEvents(log, order)
+        self._told: AutopilotEvents | None = None
+        if log is not None:
+            from analyzer.flight.autopilot.events import AutopilotEvents  # noqa: PLC0415 - few captures have one
+
+            self._told = AutopilotEvents(log, order)
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""

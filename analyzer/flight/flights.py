@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
-from analyzer.devices import fields
-from analyzer.devices.rows import keyed, split, usable
+from analyzer.devices.rows import split, usable
 from analyzer.flight.basis import FlightBasis
 from analyzer.flight.channels import ToldChannels
 from analyzer.flight.clock import RecordedClock
 from analyzer.flight.orders import by_sender, orders
+from analyzer.flight.tables import ReportReader
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.tables import FLIGHTS
 from dissectors import picture
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.flight.basis import Stretch
     from analyzer.flight.clock import Spot
+    from analyzer.flight.reports import EventOrder
+    from analyzer.flight.tables import ReportTable
     from dissectors import Registry
     from dissectors.kit import Array
     from dissectors.picture import Plot
@@ -53,16 +55,17 @@ class FlightFinder:
 
     Args:
         registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
-        clock: of the capture, if somebody else feeds it before.
+        order: the clock of the capture, and its reader, if somebody else feeds them before.
     """
 
-    def __init__(self, registry: Registry, clock: RecordedClock | None = None) -> None:
+    def __init__(self, registry: Registry, order: EventOrder | None = None) -> None:
         self._registry = registry
-        self._own_clock = clock is None
+        self._own_clock = order is None
         plots = picture.load(registry).plots.values()
         self._reports = [plot for plot in plots if plot.esc.rpm]
         self._orders = [plot for plot in plots if plot.esc.commanded]
-        self._clock = RecordedClock() if clock is None else clock
+        self._clock = RecordedClock() if order is None else order.clock
+        self._reader = ReportReader(registry, self._clock) if order is None else order.reader
         self._channels = ToldChannels()
         self._by = {
             "telemetry": FlightBasis(self._clock, lasting("silent_motor")),
@@ -77,15 +80,16 @@ class FlightFinder:
             self._clock.feed(batch)
         self._channels.feed(batch)
         self._last_frame = max(self._last_frame, batch.first_frame + len(batch.frames) - 1)
-        for name, plots, feed in (
-            ("telemetry", self._reports, self._feed_reports),
-            ("commands", self._orders, self._feed_orders),
-        ):
-            for plot in plots:
-                if (table := batch.messages.get(plot.table)) is not None:
-                    feed(plot, usable(table))
-            if self._by[name].heard:  # what says less is not asked any more
-                return
+        for plot in self._reports:
+            if (read := self._reader.table(plot, batch)) is not None:
+                self._feed_reports(read)
+        if self._by["telemetry"].heard:  # what says less is not asked any more
+            return
+        for plot in self._orders:
+            if (table := batch.messages.get(plot.table)) is not None:
+                self._feed_orders(plot, usable(table))
+        if self._by["commands"].heard:
+            return
         table = batch.messages.get(ARMING)
         if table is not None and "status" in table.schema.names:  # a folder may have another type of this name
             self._feed_arming(usable(table))
@@ -118,19 +122,16 @@ class FlightFinder:
         told = (self._channels.of(*who) if isinstance(who, tuple) else who for who in one.who)
         return sorted({ch for ch in told if isinstance(ch, int)})
 
-    def _feed_reports(self, plot: Plot, table: pa.RecordBatch) -> None:
+    def _feed_reports(self, read: ReportTable) -> None:
         """Take what ESCs say of their speeds."""
-        table, device = keyed(table, plot.who)
-        found = fields.column(self._registry.definition(plot.table), table, plot.esc.rpm)
-        if not found or not len(table):
-            return
-        (rpm,), at = found, self._clock.of(table)
-        on = np.abs(rpm.values.astype(np.float64)) > (plot.idle_rpm or threshold("idle_rpm"))
-        for key, rows in groups(device):
+        plot, rpm = read.plot, read.numbers(read.plot.esc.rpm)
+        known, on = ~np.isnan(rpm), np.abs(rpm) > (plot.idle_rpm or threshold("idle_rpm"))
+        whole = bool(known.all())
+        for key, rows, at in read.devices:
             bus, node, number = split(key)
             who: Hashable = number + plot.who.first if plot.who.column else (bus, node)
-            good = rows if rpm.has is None else rows[rpm.has[rows]]
-            self._by["telemetry"].feed((plot.table, key), on[good], at.take(good), who)
+            good = rows if whole else rows[known[rows]]
+            self._by["telemetry"].feed((plot.table, key), on[good], at if whole else read.at.take(good), who)
 
     def _feed_orders(self, plot: Plot, table: pa.RecordBatch) -> None:
         """Take what ESCs are commanded."""

@@ -10,24 +10,29 @@ if TYPE_CHECKING:
 
     from analyzer.flight.clock import RecordedClock
     from analyzer.flight.log import FlightEvent
+    from analyzer.flight.tables import ReportReader
     from dissectors import Registry
     from dissectors.picture import Plot
 
 
 class EventOrder(NamedTuple):
-    """The types, what is known of their tables, the clock of the capture, fed before, and who takes the events."""
+    """The types, what is known of their tables, the clock of the capture, fed before, and who takes the events.
+
+    `reader` reads the tables of a batch.
+    """
 
     registry: Registry
     plots: Sequence[Plot]
     clock: RecordedClock
     add: Callable[[FlightEvent], None]
+    reader: ReportReader
 
 
 class ReportEvents(ABC):
     """Adds up batches of the tables that are of use to it."""
 
     def __init__(self, order: EventOrder) -> None:
-        self._registry, self._clock, self._add = order.registry, order.clock, order.add
+        self._registry, self._clock, self._add, self._reader = order.registry, order.clock, order.add, order.reader
         self._plots = [plot for plot in order.plots if self.of_use(plot)]
 
     @staticmethod

@@ -7,24 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.devices import fields
-from analyzer.devices.rows import keyed, split, usable
+from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
 from analyzer.flight.supply import SupplyLine
 from analyzer.flight.thresholds import lasting, threshold
-from dissectors.kit.order import groups
 from dissectors.records import dataclass
-from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
-    import pyarrow as pa
-
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import Places
     from analyzer.flight.reports import EventOrder
-    from analyzer.flight.spells import Spell
+    from analyzer.flight.spells import Spell, SpellPart
     from dissectors.kit import Array
     from dissectors.picture import Plot
 
@@ -41,6 +36,12 @@ class _Recent:
     voltage: Array
     current: Array
 
+    def followed_by(self, at: Places, voltage: Array, current: Array) -> _Recent:
+        """Return these, and others behind them."""
+        return _Recent(
+            self.at.followed_by(at), np.concatenate((self.voltage, voltage)), np.concatenate((self.current, current))
+        )
+
 
 @dataclass(slots=True)
 class _Sag:
@@ -51,6 +52,37 @@ class _Sag:
     current_before: float
     current: float
     expected: float
+
+
+class _Fall:
+    """Reports among which a voltage fell: `every` with those before them, the last ones `at` their places."""
+
+    def __init__(self, every: _Recent, at: Places) -> None:
+        self._every, self._first = every, len(every.voltage) - len(at)
+        since = np.searchsorted(np.maximum.accumulate(every.at.ran), at.ran - lasting("sag"))
+        self._then = np.minimum(since, np.arange(self._first, len(every.voltage)))
+
+    @property
+    def before(self) -> Array:
+        """The voltage that each is compared with."""
+        return self._every.voltage[self._then]
+
+    def note(self, part: SpellPart, expected: Array) -> None:
+        """Let a spell know of its next part; what is `expected` of each report goes by its current."""
+        every, rows = self._every, slice(part.start, part.stop)
+        high = int(self._then[rows][np.argmax(self.before[rows])])
+        deep = part.start + int(np.argmin(every.voltage[self._first :][rows]))
+        new = _Sag(*map(float, (
+            every.voltage[high], every.voltage[self._first + deep], every.current[high],
+            every.current[self._first + deep], expected[deep],
+        )))  # fmt: skip
+        if part.spell.memory is not None:
+            part.spell.memory = _worse(part.spell.memory, new)
+            return
+        part.spell.memory = new
+        good = np.flatnonzero(every.voltage[: self._first + part.start] >= new.before * _share("sag_begun_percent"))
+        if len(good):
+            part.spell.before = every.at.at(int(good[-1]))
 
 
 class SagEvents(ReportEvents):
@@ -70,61 +102,37 @@ class SagEvents(ReportEvents):
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
         for plot in self._plots:
-            if (table := batch.messages.get(plot.table)) is None:
+            if (table := self._reader.table(plot, batch)) is None:
                 continue
-            table, device = keyed(usable(table), plot.who)
-            if not len(table):
-                continue
-            at = self._clock.of(table)
-            volts, amperes = (self._measured(plot, table, name) for name in (_VOLTAGE, _CURRENT))
-            good = (at.t != NO_TIME) & np.isfinite(volts)
-            for key, rows in groups(device):
-                mine = rows[good[rows]]
+            volts, amperes = (table.numbers(_measured(plot, name)) for name in (_VOLTAGE, _CURRENT))
+            good = table.timed & np.isfinite(volts)
+            whole = bool(good.all())
+            for key, rows, at in table.devices:
+                mine = rows if whole else rows[good[rows]]
                 if len(mine):
-                    self._judge(plot, key, volts[mine], amperes[mine], at.take(mine))
+                    self._judge(plot, key, volts[mine], amperes[mine], at if whole else table.at.take(mine))
 
     def finish(self) -> None:
         """Tell what lasts to the end."""
         for spell in self._spells.finish():
             self._tell(spell)
 
-    def _measured(self, plot: Plot, table: pa.RecordBatch, quantity: str) -> Array:
-        """Return what the reports measured, NaN where one does not say."""
-        names = [line.column for line in plot.lines if line.quantity == quantity]
-        found = fields.column(self._registry.definition(plot.table), table, names[0]) if names else []
-        if not found:
-            return np.full(len(table), np.nan)
-        values = found[0].values.astype(np.float64)
-        return values if found[0].has is None else np.where(found[0].has, values, np.nan)
-
     def _judge(self, plot: Plot, key: int, volts: Array, amperes: Array, at: Places) -> None:
         known = self._recent.get((plot.table, key))
         if known is None and len(self._recent) >= MOST_DEVICES:
             return
-        where = at if known is None else known.at.followed_by(at)
-        ran = where.ran
-        every = volts if known is None else np.concatenate((known.voltage, volts))
-        currents = amperes if known is None else np.concatenate((known.current, amperes))
-        self._recent[plot.table, key] = _recent(where, every, currents)
+        highest = volts.max() if known is None else max(volts.max(), known.voltage.max())
         expected = self._lines.setdefault((plot.table, key), SupplyLine()).feed(volts, amperes)
-        share = 1 - threshold("sag_percent") / 100
-        low, then = np.zeros(len(volts), bool), np.arange(len(every) - len(volts), len(every))
-        if volts.min() < every.max() * share:
-            since = np.searchsorted(np.maximum.accumulate(ran), at.ran - lasting("sag"))
-            then = np.minimum(since, then)
-            low = volts < every[then] * share
+        low, fall = np.zeros(len(volts), bool), None
+        if volts.min() < highest * _share("sag_percent"):
+            fall = _Fall(_Recent(at, volts, amperes) if known is None else known.followed_by(at, volts, amperes), at)
+            low = volts < fall.before * _share("sag_percent")
         for part in self._spells.feed((plot.table, key), low, at):
-            if part.stop > part.start:
-                high = then[part.start + int(np.argmax(every[then[part.start : part.stop]]))]
-                deep = part.start + int(np.argmin(volts[part.start : part.stop]))
-                new = _Sag(*map(float, (every[high], volts[deep], currents[high], amperes[deep], expected[deep])))
-                if part.spell.memory is None:
-                    first = len(every) - len(volts) + part.start
-                    good = np.flatnonzero(every[:first] >= new.before * (1 - threshold("sag_begun_percent") / 100))
-                    part.spell.before = where.at(int(good[-1])) if len(good) else part.spell.before
-                part.spell.memory = new if part.spell.memory is None else _worse(part.spell.memory, new)
+            if fall is not None and part.stop > part.start:
+                fall.note(part, expected)
             if part.over:
                 self._tell(part.spell)
+        self._recent[plot.table, key] = _kept(known, at, volts, amperes)
 
     def _tell(self, spell: Spell) -> None:
         table, key = spell.key
@@ -141,13 +149,28 @@ class SagEvents(ReportEvents):
         ))  # fmt: skip
 
 
+def _measured(plot: Plot, quantity: str) -> str:
+    """Return the column of a quantity, empty if there is none."""
+    return next((line.column for line in plot.lines if line.quantity == quantity), "")
+
+
 def _worse(one: _Sag, new: _Sag) -> _Sag:
     """Return the highest and the lowest voltage of both."""
     high, deep = (new if new.before > one.before else one), (new if new.least < one.least else one)
     return _Sag(high.before, deep.least, high.current_before, deep.current, deep.expected)
 
 
-def _recent(at: Places, voltage: Array, current: Array) -> _Recent:
+def _kept(known: _Recent | None, at: Places, voltage: Array, current: Array) -> _Recent:
     """Return the reports that later ones are compared with."""
-    first = max(len(at) - MOST_RECENT, int(np.argmax(at.ran >= at.ran.max() - lasting("sag"))))
-    return _Recent(at.take(slice(first, None)), voltage[first:], current[first:])
+    oldest = at.ran.max() - lasting("sag")
+    if known is not None and known.at.ran.max() >= oldest:
+        every = known.followed_by(at, voltage, current)
+        at, voltage, current = every.at, every.voltage, every.current
+        oldest = at.ran.max() - lasting("sag")
+    first = max(len(at) - MOST_RECENT, int(np.argmax(at.ran >= oldest)))
+    return _Recent(at.take(slice(first, None)).settled(), voltage[first:].copy(), current[first:].copy())
+
+
+def _share(name: str) -> float:
+    """Return what is left where so many % are gone."""
+    return 1 - threshold(name) / 100

@@ -128,16 +128,16 @@ class SilenceEvents:
         session.holes = int(behind[-1])
 
     def _take(self, session: _Session, at: Places) -> None:
-        latest = np.maximum.accumulate(at.ran)
-        if session.last is not None:
-            latest = np.maximum(latest, session.last.ran)
-        at = at.take(at.ran >= latest)  # a torn transfer is told only when the next one with its ID comes
-        if not len(at):
-            return
+        ran = at.ran
+        start = ran[0] if session.last is None else session.last.ran
+        gaps = _gaps(ran, start)
+        if gaps.min() < 0:  # a torn transfer is told only when the next one with its ID comes
+            at = at.take(ran >= np.maximum(np.maximum.accumulate(ran), start))
+            if not len(at):
+                return
+            gaps = _gaps(at.ran, start)
         if session.last is None:
             session.first = int(at.ran[0])
-        start = at.ran[0] if session.last is None else session.last.ran
-        gaps = np.diff(at.ran, prepend=start)
         k = 1 if session.last is None else 0
         while k < len(gaps):
             if not session.limit:
@@ -207,6 +207,14 @@ class SilenceEvents:
         return FlightEvent(
             kind, text, last, due, back, session.bus, session.node, None, session.type, "", values
         )  # fmt: skip
+
+
+def _gaps(ran: Array, start: int) -> Array:
+    """Return how far each is behind the one before, the first behind `start`."""
+    gaps = np.empty_like(ran)
+    gaps[0] = ran[0] - start
+    np.subtract(ran[1:], ran[:-1], out=gaps[1:])
+    return gaps
 
 
 def _span(ns: int) -> str:

@@ -9,25 +9,26 @@ import pyarrow as pa
 
 from analyzer.devices import fields
 from analyzer.devices.readings import holding
-from analyzer.devices.rows import keyed, split, usable
+from analyzer.devices.rows import split
 from analyzer.facts.meaning import meaning
 from analyzer.facts.node_status import NODE_STATUS
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
 from dissectors.kit.cells import numbers, valid
-from dissectors.kit.order import changes, groups
+from dissectors.kit.order import changes
 from dissectors.records import dataclass
-from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+    from collections.abc import Set as AbstractSet
 
     from analyzer.decode.engine import Batch
     from analyzer.facts.meaning import Meaning
     from analyzer.flight.clock import Places, Spot
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.spells import Spell
+    from analyzer.flight.tables import ReportTable
     from dissectors.kit import Array
     from dissectors.picture import Plot, States
     from dissectors.schema import Message, Packet
@@ -104,30 +105,28 @@ class StateEvents(ReportEvents):
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
         for plot in self._plots:
-            if (table := batch.messages.get(plot.table)) is not None:
-                self._feed_table(plot, usable(table))
+            if (table := self._reader.table(plot, batch)) is not None:
+                self._feed_table(table)
 
     def finish(self) -> None:
         """Tell the faults that last to the end."""
         for spell in self._spells.finish():
             self._tell(spell)
 
-    def _feed_table(self, plot: Plot, table: pa.RecordBatch) -> None:
-        table, device = keyed(table, plot.who)
-        if not len(table):
-            return
-        of, at = self._registry.definition(plot.table), self._clock.of(table)
-        timed = at.t != NO_TIME
-        devices = [_Report(plot, of, table, key, rows, at.take(rows)) for key, rows in groups(device)]
+    def _feed_table(self, read: ReportTable) -> None:
+        plot, of, table, timed = read.plot, read.of, read.table, read.timed
+        devices = [_Report(plot, of, table, *device) for device in read.devices]
         for states in plot.states:
             rows = holding(states.only, table)
             good = timed if rows is None else timed & rows
             flags, modes = self._columns(plot, of, table, states)
+            told = {flag.name for flag in flags if table.column(flag.name).true_count}
+            whole = bool(good.all())
             for one in devices:
-                held = good[one.rows]
-                some = one if held.all() else one._replace(rows=one.rows[held], at=one.at.take(held))
+                held = None if whole else good[one.rows]
+                some = one if held is None else one._replace(rows=one.rows[held], at=one.at.take(held))
                 if len(some.rows) and flags:
-                    self._feed_flags(states, flags, some.known(table.column(states.column)))
+                    self._feed_flags(states, flags, told, some.known(table.column(states.column)))
                 for name in modes:
                     self._feed_mode(name, some.known(table.column(name)), states.signs)
 
@@ -141,16 +140,18 @@ class StateEvents(ReportEvents):
             known = self._known[key] = names, list(_flags(of, table, states)), list(_modes(of, table, states))
         return known[1:]
 
-    def _feed_flags(self, states: States, flags: list[_Flag], some: _Report) -> None:
+    def _feed_flags(self, states: States, flags: list[_Flag], told: AbstractSet[str], some: _Report) -> None:
+        """Take words of a device; `told` are the flags that are set in any of the table."""
         if not len(some.rows):
             return
         word = some.key, f"{some.plot.table}.{states.column}"
         if word not in self._last and len(self._last) >= MOST_DEVICES:
             return
         for flag in flags:
-            key, column = (*word, flag.name), some.table.column(flag.name)
-            if not column.true_count and not self._spells.open(key):
+            key = *word, flag.name
+            if flag.name not in told and not self._spells.open(key):
                 continue
+            column = some.table.column(flag.name)
             on = (numbers(column) & valid(column))[some.rows]
             for part in self._spells.feed(key, on, some.at, last=self._last.get(word)):
                 if part.spell.memory is None:

@@ -32,7 +32,7 @@ class Witness:
     def __init__(self, registry: Registry, log: AutopilotLog | None = None) -> None:
         self._finder = EventFinder(registry, log)
         self.clock: RecordedClock = self._finder.clock
-        self._flights = FlightFinder(registry, self.clock)
+        self._flights = FlightFinder(registry, self._finder.order)
         self.pulse = CommandPulse(self.clock, self._finder.commands)
         self.losses = LossesBySecond(self.clock)
         self._extents = EscExtents(self._finder.order)

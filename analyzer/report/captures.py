@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 from analyzer.decode.core import LINES
 from analyzer.facts.names import short
-from analyzer.report.model import BusUse, CaptureSummary, NodeUse
+from analyzer.report.model import BusUse, CaptureSummary, NodeUse, TriageSummary
 from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from analyzer.facts.summary import Facts, NodeFacts
+    from analyzer.flight.verdict.model import Triage
     from analyzer.report.draft import JudgedCapture
     from analyzer.report.model import Judgeable
     from analyzer.rules.catalogue import Page
@@ -44,6 +45,28 @@ def describe_capture(
         nodes=tuple(_nodes(one, registry)),
         damage=one.damage,
         arguments=one.arguments,
+        triage=None if one.triage is None else _happened(one.triage),
+    )
+
+
+def _happened(found: Triage) -> TriageSummary | None:
+    """Return what broke first in the last flight; None if there was none."""
+    first, flight = found.first, found.flight
+    if flight is None:
+        return None
+    return TriageSummary(
+        kind=first.kind,
+        title=first.title,
+        support=first.support if first.told else "",
+        bus="" if first.bus is None else found.buses[first.bus],
+        node=first.node,
+        ch=first.ch,
+        t_ns=first.t,
+        t_end_ns=first.t_end,
+        frame=None if first.frame is None else first.frame + 1,
+        flight=flight.number,
+        flights=len(found.flights),
+        end=flight.end,
     )
 
 

@@ -12,13 +12,17 @@ from dissectors.records import dataclass, field
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
+    from analyzer.flight.verdict.model import Triage
     from analyzer.rules.checking import Checked
     from analyzer.rules.gate import FailOn
 
 
 @dataclass(frozen=True, slots=True)
 class JudgedCapture:
-    """A capture as it was taken in. `damage` says what could not be read, `unopened` that this is all of it."""
+    """A capture as it was taken in. `damage` says what could not be read, `unopened` that this is all of it.
+
+    `triage` is what happened in its flights, None if nobody looked.
+    """
 
     id: str
     path: str
@@ -28,6 +32,7 @@ class JudgedCapture:
     live: bool = False
     ends: bool = True
     arguments: tuple[str, ...] = ()
+    triage: Triage | None = None
 
     @property
     def timed(self) -> bool:

@@ -36,7 +36,7 @@ def summary(report: Report) -> str:
 def _commands(report: Report) -> Iterator[str]:
     by_level: dict[str, list[_Annotation]] = {level: [] for level in _LEVELS.values()}
     head = headline.of(report)
-    words = [head.summary, head.worst, report.gate.reason]
+    words = [head.summary, head.worst, report.gate.reason, *(f"Triage: {one.text}" for one in head.happened)]
     by_level[_TONES[head.tone]].append((head.verdict, [*filter(None, words)]))
     by_level["error"] += [
         ("Damaged capture", [f"{capture.path}: {capture.damage}"]) for capture in report.captures if capture.damage

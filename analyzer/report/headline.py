@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Literal
 from analyzer.report.model import SEVERITIES
 from analyzer.report.moments import on_calendar
 from analyzer.report.problems import problems
-from analyzer.report.wording import captures_by_id, moment, places, plural, safe, several_buses, told
+from analyzer.report.wording import captures_by_id, moment, places, plural, safe, several_buses, told, triage
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from analyzer.report.model import CaptureSummary, Category, Report
     from analyzer.report.problems import Problem
@@ -27,13 +27,21 @@ _TENTH = 100_000_000  # ns
 
 
 @dataclass(frozen=True, slots=True)
+class Happened:
+    """What triage says of a flight, and the command that says more, empty if nothing was wrong."""
+
+    text: str
+    command: str
+
+
+@dataclass(frozen=True, slots=True)
 class Headline:
     """The first lines of a report.
 
     `verdict` is PASS, PASS WITH WARNINGS, ERRORS NOT GATED, FAIL or NOT JUDGED, and beside it DAMAGED; `tone` is the
     colour of that: only a whole capture without a warning is good. `summary` counts the troubles, `worst` says what
-    broke worst and who, `ungated` what a pass does not mean; the last two may be empty. `problems` are the lines of the
-    report, waived and known ones among them.
+    broke worst and who, `ungated` what a pass does not mean; the last two may be empty. `happened` are what triage says
+    of the last flight of each capture, `problems` the lines of the report, waived and known ones among them.
     """
 
     verdict: str
@@ -41,6 +49,7 @@ class Headline:
     summary: str
     worst: str
     ungated: str
+    happened: tuple[Happened, ...]
     problems: tuple[Problem, ...]
 
 
@@ -50,13 +59,15 @@ def of(report: Report, *, utc: bool = True) -> Headline:
     shown = [one for one in found if one.open]
     answer = _answer(report, shown)
     damaged = any(capture.damage for capture in report.captures)
-    tone: Tone = "caution" if damaged and answer == "PASS" else _TONES.get(answer, "caution")
+    doubtful = damaged or any(one.triage is not None and one.triage.told for one in report.captures)
+    tone: Tone = "caution" if doubtful and answer == "PASS" else _TONES.get(answer, "caution")
     return Headline(
         verdict=f"{answer}, DAMAGED" if damaged else answer,
         tone=tone,
         summary=_summary(report, found),
         worst=_worst(report, shown, utc=utc),
         ungated=_ungated(report, shown),
+        happened=tuple(_happened(report, utc=utc)),
         problems=tuple(found),
     )
 
@@ -94,6 +105,19 @@ def _summary(report: Report, found: Sequence[Problem]) -> str:
     return ", ".join(parts) or "no findings"
 
 
+def _happened(report: Report, *, utc: bool) -> Iterator[Happened]:
+    """Yield what broke first in the last flight of each capture, and how the whole of it is shown."""
+    for capture in report.captures:
+        if (one := capture.triage) is None:
+            continue
+        where = f"{safe(capture.id)}: " if len(report.captures) > 1 else ""
+        support = f" ({one.support})" if one.support else ""
+        at = _at(one.t_end_ns, capture, utc=utc) if one.support and one.t_end_ns is not None else ""
+        of = f"flight {one.flight}" if one.flights == 1 else f"flight {one.flight} of {one.flights}"
+        command = "" if one.kind == "none" else triage(capture)
+        yield Happened(f"{where}{safe(one.title)}{support}{at}; {of}, {one.end}", command)
+
+
 def _worst(report: Report, shown: Sequence[Problem], *, utc: bool) -> str:
     """Write what broke worst, who and how long: `ch1 node 11: ESC in error mode (...) from 08:02:14.502 to the end`.
 
@@ -129,6 +153,10 @@ def _span(one: Problem, capture: CaptureSummary | None, *, utc: bool) -> str:
     if end is not None and end - last <= max(_PERIODS * period, _TENTH):
         return f" from {begin}{zone} to the end"
     return f" from {begin} to {moment(last, start, utc=utc)}{zone}"
+
+
+def _at(t: int, capture: CaptureSummary, *, utc: bool) -> str:
+    return f" at {moment(t, capture.start_ns, utc=utc)}{' UTC' if utc and on_calendar(t) else ''}"
 
 
 def _ungated(report: Report, shown: Sequence[Problem]) -> str:

@@ -102,6 +102,9 @@ def _head(report: Report, first: Headline) -> Iterator[str]:
     if first.worst:
         yield ""
         yield f"Worst: {plain(first.worst)}"
+    for one in first.happened:
+        yield ""
+        yield f"Triage: {plain(one.text)}" + (f": {code(one.command)}" if one.command else "")
     if report.gate.reason:
         yield ""
         yield f"Gate: {plain(report.gate.reason)}"

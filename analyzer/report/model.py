@@ -183,12 +183,39 @@ class NodeUse:
 
 
 @dataclass(frozen=True, slots=True)
+class TriageSummary:
+    """What broke first in the last flight of a capture, between `t_ns` and `t_end_ns`, and how well it is supported.
+
+    `kind` is a page of `explain`; `none` is nothing wrong seen, `unknown` cannot tell. `end` is how that flight ended.
+    """
+
+    kind: str
+    title: str
+    support: str
+    bus: str
+    node: int | None
+    ch: int | None
+    t_ns: int | None
+    t_end_ns: int | None
+    frame: int | None
+    flight: int
+    flights: int
+    end: str
+
+    @property
+    def told(self) -> bool:
+        """Whether it tells a cause."""
+        return bool(self.support)
+
+
+@dataclass(frozen=True, slots=True)
 class CaptureSummary:
     """One capture as it was read: the sum of its lines, what became of its frames, and what it can show at all.
 
     `can_judge` answers with a `Judgeable`, but for `stamps`: the kinds of time stamps, in words. Only `timing` can be
     coarse: no two times nearer than 10 ms, so they prove nothing to rules.
-    `arguments` are options that read it the same way once more, for commands that show its evidence.
+    `arguments` are options that read it the same way once more, for commands that show its evidence. `triage` is what
+    happened, None without a flight.
     """
 
     id: str
@@ -207,6 +234,7 @@ class CaptureSummary:
     nodes: tuple[NodeUse, ...] = ()
     damage: str = ""
     arguments: tuple[str, ...] = ()
+    triage: TriageSummary | None = None
 
 
 @dataclass(frozen=True, slots=True)

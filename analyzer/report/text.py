@@ -79,6 +79,10 @@ def _head(report: Report, head: Headline, page: _Page) -> Iterator[str]:
     below += [wording.safe(gate.reason)] if gate.exit_status not in (0, 1) else []
     for text in filter(None, [*below, wording.safe(head.ungated)]):
         yield from wrap(text, page.width, first=_INDENT, indent=_INDENT)
+    for one in head.happened:
+        yield from wrap(f"Triage: {one.text}", page.width, first=_INDENT, indent=_INDENT)
+        if one.command:  # to be pasted: never wrapped
+            yield f"{_INDENT}        {one.command}"
     several = len(report.captures) > 1
     for capture in report.captures:
         facts = list(_facts(capture, page))

@@ -150,6 +150,13 @@ def command(problem: Problem, capture: CaptureSummary | None) -> str:
     return " ".join([*words, *shown])
 
 
+def triage(capture: CaptureSummary) -> str:
+    """Return the command, for a POSIX shell, that says what happened; empty for a bus that nobody recorded."""
+    return (
+        " ".join(["tailbyte triage", argument(capture.path), *map(quoted, capture.arguments)]) if capture.form else ""
+    )
+
+
 def window(t: int | None, frame: int | None, around: str) -> list[str]:
     """Return the options that show a place: near a frame, or a time in words, or nothing where neither is known."""
     if frame is not None and t is not None:

@@ -93,3 +93,26 @@ def test_what_is_settled_without_new_frames_is_judged(
     found = [json.loads(path.read_bytes())["findings"] for path in (live, checked)]
     assert [one["rule"] for one in found[1]] == ["CAN-018"]
     assert found[0] == found[1]
+
+
+def test_the_end_says_what_happened(command: Callable[..., Any], tmp_path: Path) -> None:
+    """As `check` does of the recording."""
+    path, count = tmp_path / "x.log", frames_of(CAPTURES / "propeller-lost.log")
+
+    def send() -> None:
+        with (
+            can.LogReader(CAPTURES / "propeller-lost.log") as log,
+            can.Bus("crash", interface="virtual") as bus,
+        ):
+            wait_until(lambda: len(bus.channel) == 2)
+            for message in log:
+                bus.send(message)
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    _, out, err = command("live", "virtual:crash", "-q", "-c", count, "-w", path)
+    thread.join()
+    told = [line for line in out.splitlines() if line.startswith("      Triage: ")]
+    assert len(told) == 1, err
+    assert [line for line in command("check", path)[1].splitlines() if line.startswith("      Triage: ")] == told
+    assert f"        tailbyte triage {path}\n" in out

@@ -10,6 +10,7 @@ from analyzer.app.judged import JudgedRun
 from analyzer.app.live.source import LiveSource
 from analyzer.app.request import Request
 from analyzer.app.run import Run
+from analyzer.app.triage import RunTriage
 from analyzer.report.newest import Newest
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from analyzer.app.criteria import Criteria
     from analyzer.app.live.session_recording import SessionRecording
     from analyzer.decode.engine import Batch
+    from analyzer.flight.verdict.model import Triage
     from analyzer.live.capture_loop import CaptureLoop
     from analyzer.report.draft import JudgedCapture
     from analyzer.report.newest import Change
@@ -78,6 +80,7 @@ class LiveSession:
         source = LiveSource(loop, recording, name, interval, self._look)
         self._run = Run(Request((name,), rules=criteria.choice), registry=criteria.registry, source=source)
         self._judged: JudgedRun | None = JudgedRun(self._run, criteria, named)
+        self._looked: RunTriage | None = RunTriage(self._run)
         self.newest = Newest(self._judged.judge, criteria.settings, criteria.revisions(), now=now)
         self.problems: list[str] = []
         self._views, self._recording, self._now = views, recording, now
@@ -114,7 +117,7 @@ class LiveSession:
             more = self._recording.files[1:]
             label = self._recording.name or self._run.source.name
             try:
-                taken = self._judged.taken(label, (*more, "--same-bus") if more else ())
+                taken = self._judged.taken(label, (*more, "--same-bus") if more else (), self._happened())
                 self._tell_findings(last=True)
             except Exception as error:  # noqa: BLE001 - the recording is there all the same
                 self._give_up(error)
@@ -132,12 +135,25 @@ class LiveSession:
         if self._judged is None or empty:
             return
         self._came = self._now()
+        self._watch(batch)
         try:
             for measured in self._judged.feed(batch):
                 self._show(partial(_batch, measured))
             self._tell_findings()
         except Exception as error:  # noqa: BLE001 - whatever it is, receiving and recording go on
             self._give_up(error)
+
+    def _watch(self, batch: Batch) -> None:
+        """Let triage look at a batch; if it fails, only its line at the end is missing."""
+        if self._looked is not None:
+            try:
+                self._looked.feed(batch)
+            except Exception as error:  # noqa: BLE001 - receiving, judging and showing go on
+                self._looked = None
+                self._fail(f"triage has ended: {_said(error)}")
+
+    def _happened(self) -> Triage | None:
+        return None if self._looked is None else self._looked.found()
 
     def _tell_findings(self, *, last: bool = False) -> None:
         self._found(self.newest.look(self._run.engine.buses, last=last))

@@ -1,4 +1,4 @@
-"""What each motor was commanded before a report."""
+"""What each motor was commanded lately."""
 
 from __future__ import annotations
 
@@ -11,24 +11,18 @@ from analyzer.flight.thresholds import lasting
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.flight.clock import Places
     from analyzer.flight.orders import Commands
     from dissectors.kit import Array
 
 MOST_RECENT = 4096  # commands within the window
 
 
-class CommandWindow(NamedTuple):
-    """The command before each report, within the window: the least, the most, the mean and the last, in %."""
+class ChannelOrders(NamedTuple):
+    """Commands of a channel in order: when (i64, ns), the last frame of each (i64), and how much, in % (f32)."""
 
-    least: Array
-    most: Array
-    mean: Array
-    last: Array
-
-    def take(self, rows: slice) -> CommandWindow:
-        """Return that of some reports."""
-        return CommandWindow(*(one[rows] for one in self))
+    ran: Array
+    frame_end: Array
+    percent: Array
 
 
 class _Orders(NamedTuple):
@@ -64,24 +58,9 @@ class RecentOrders:
                 columns = np.concatenate((known.columns[:, kept:], columns), axis=1)
             self._all[some.bus] = _Orders(np.maximum.accumulate(ran), np.maximum.accumulate(ends), columns)
 
-    def before(self, bus: int, ch: int, at: Places) -> tuple[CommandWindow, Array] | None:
-        """Return the commands of a channel before reports, and for which reports there are any: only they are in it.
-
-        Commands count that were whole before a report began, however batches are cut.
-        """
+    def of(self, bus: int, ch: int) -> ChannelOrders | None:
+        """Return the commands of a channel; None if the bus has none for it."""
         orders = self._all.get(bus)
         if orders is None or ch >= len(orders.columns):
             return None
-        column = orders.columns[ch]
-        stop = np.minimum(np.searchsorted(orders.frame_end, at.frame), np.searchsorted(orders.ran, at.ran, "right"))
-        start = np.searchsorted(orders.ran, at.ran - lasting("motor_window"))
-        has = (start < stop) & ~np.isnan(column[np.minimum(start, len(column) - 1)])
-        start, stop = start[has], stop[has]
-        if not len(start):
-            return None
-        borders = np.column_stack((start, stop)).ravel()
-        column = np.append(column, column[-1])
-        sums = np.concatenate(([0.0], np.cumsum(column, dtype=np.float64)))
-        least, most = (one.reduceat(column, borders)[::2].astype(np.float64) for one in (np.minimum, np.maximum))
-        mean = (sums[stop] - sums[start]) / (stop - start)
-        return CommandWindow(least, most, mean, column[stop - 1].astype(np.float64)), has
+        return ChannelOrders(orders.ran, orders.frame_end, orders.columns[ch])

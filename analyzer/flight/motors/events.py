@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.devices.rows import split, usable
+from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.motors.commanded import RecentOrders
 from analyzer.flight.motors.reports import reports
@@ -92,15 +92,18 @@ class MotorEvents(ReportEvents):
         if not self._orders:
             return
         for plot in self._plots:
-            if (table := batch.messages.get(plot.table)) is None:
+            if (table := self._reader.table(plot, batch)) is None:
                 continue
-            for key, some in reports(self._registry, plot, usable(table), self._clock, self._orders):
+            for key, some in reports(table):
+                bus, _, number = split(key)
+                if (orders := self._orders.of(bus, number + plot.who.first)) is None:
+                    continue
                 watch = self._watches.get((plot.table, key))
                 if watch is None:
                     if len(self._watches) >= MOST_DEVICES:
                         continue
                     watch = self._watches[plot.table, key] = MotorWatch()
-                for compared in watch.feed(some):
+                if (compared := watch.feed(some, orders)) is not None:
                     self._follow((plot.table, key), compared)
 
     def finish(self) -> None:
@@ -120,8 +123,8 @@ class MotorEvents(ReportEvents):
     def _note(part: SpellPart, some: Compared) -> None:
         if part.spell.memory is None:
             part.spell.memory = _Memory()
-            if part.stop > part.start and some.before[part.start] is not None:
-                part.spell.before = some.before[part.start]
+            if part.stop > part.start:
+                part.spell.before = some.before(part.start) or part.spell.before
         part.spell.memory.note(some, slice(part.start, part.stop))
 
     def _end(self, spell: Spell) -> None:

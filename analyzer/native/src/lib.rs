@@ -4,9 +4,10 @@
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`],
 //! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`],
 //! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`joint`] where several senders
-//! lack some, [`load`] how long a frame takes, [`rows`] writes the text of views, by templates. None
-//! of them knows Python or does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that
-//! knows Python, `simd`, `receive/system` and `python/buffer` are the only ones with `unsafe`.
+//! lack some, [`load`] how long a frame takes, [`motor`] how an ESC compares with its own past, [`rows`] writes the text
+//! of views, by templates. None of them knows Python or does I/O, but for `receive`, which empties a socket of Linux;
+//! `python` is the only file that knows Python, `simd`, `receive/system` and `python/buffer` are the only ones with
+//! `unsafe`.
 
 pub mod accept;
 pub mod binary;
@@ -31,6 +32,7 @@ pub mod link;
 pub mod load;
 pub mod mcap;
 pub mod merge;
+pub mod motor;
 pub mod packets;
 pub mod pcap;
 pub mod pcapng;

@@ -24,6 +24,7 @@ mod load;
 mod log_records;
 mod mcap;
 mod merge;
+mod motor;
 mod packets;
 mod proto;
 mod reader;
@@ -182,6 +183,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<write::AsRecorded>()?;
     m.add_class::<write::Writer>()?;
     m.add_class::<diagnosis::FrameIndex>()?;
+    m.add_class::<motor::MotorWatch>()?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(joint::joint, m)?)?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;

@@ -1,0 +1,200 @@
+//! A motor against its own past: what a slow reading of the same words gives, and any cut the same.
+
+use _native::motor::{Compared, Limits, Orders, Reports, Watch};
+
+const LIMITS: Limits = Limits {
+    window_ns: 500,
+    learned: 16.0,
+    steady_percent: 6.0,
+    even_percent: 20.0,
+    slow: 0.85,
+    fast: 1.12,
+    unloaded: 0.5,
+    dragged: 1.8,
+    worn: 0.75,
+    many: 16,
+    far: 2.0,
+    least_a: 1.0,
+    sag_begun: 0.02,
+};
+
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        f64::from((self.0 >> 40) as u32) / f64::from(1_u32 << 24)
+    }
+}
+
+/// Commands every 10 ns around a level, each two frames long; a report every 100.
+struct Flight {
+    ran: Vec<i64>,
+    frame_end: Vec<i64>,
+    percent: Vec<f32>,
+    columns: [Vec<f64>; 4],
+    when: Vec<i64>,
+    frame: Vec<i64>,
+}
+
+impl Flight {
+    fn new(start: u64, lost_from: usize, worn: bool) -> Self {
+        let mut noise = Noise(start);
+        let count = 400;
+        let level = |k: usize| 40.0 + 20.0 * f64::from(((k / 1000) % 2) as u32);
+        let percent: Vec<f32> = (0..count * 10)
+            .map(|k| (level(k) + 2.0 * noise.next()) as f32)
+            .collect();
+        let mut flight = Flight {
+            ran: (0..count as i64 * 10).map(|k| k * 10).collect(),
+            frame_end: (0..count as i64 * 10).map(|k| 2 * k + 1).collect(),
+            percent,
+            columns: [vec![], vec![], vec![], vec![]],
+            when: (1..=count as i64).map(|k| k * 100).collect(),
+            frame: (1..=count as i64).map(|k| k * 20).collect(),
+        };
+        for k in 0..count {
+            let command = f64::from(flight.percent[(k * 10 + 9).min(flight.percent.len() - 1)]);
+            let lost = k >= lost_from;
+            let turns = command * 60.0 * if lost && !worn { 1.2 } else { 1.0 } * (1.0 + 0.01 * noise.next());
+            let current = command.powi(3) / 6400.0
+                * if lost {
+                    if worn {
+                        0.6
+                    } else {
+                        0.2
+                    }
+                } else {
+                    1.0
+                };
+            for (column, value) in flight.columns.iter_mut().zip([turns, 48.0, current, command]) {
+                column.push(value);
+            }
+        }
+        flight
+    }
+
+    fn reports(&self, start: usize, stop: usize) -> Reports<'_> {
+        Reports {
+            speed: &self.columns[0][start..stop],
+            volts: &self.columns[1][start..stop],
+            current: &self.columns[2][start..stop],
+            reported: &self.columns[3][start..stop],
+            ran: &self.when[start..stop],
+            frame: &self.frame[start..stop],
+        }
+    }
+
+    fn orders(&self) -> Orders<'_> {
+        Orders {
+            ran: &self.ran,
+            frame_end: &self.frame_end,
+            percent: &self.percent,
+        }
+    }
+
+    /// In pieces that end at these reports; rows count from the first of all.
+    fn compared(&self, cuts: &[usize]) -> Compared {
+        let mut watch = Watch::new(LIMITS);
+        let mut all = Compared::default();
+        let (mut start, mut good) = (0, -1);
+        for &stop in cuts {
+            let found = watch
+                .feed(&self.reports(start, stop), &self.orders())
+                .expect("columns fit");
+            let base = all.rows.len() as i64;
+            all.before
+                .extend(found.before.iter().map(|&row| if row < 0 { good } else { row + base }));
+            if found.good >= 0 {
+                good = found.good + base;
+            }
+            all.rows.extend(found.rows.iter().map(|row| row + start as i64));
+            all.off.extend(found.off);
+            all.speed.extend(found.speed);
+            all.current.extend(found.current);
+            all.reported.extend(found.reported);
+            start = stop;
+        }
+        all.good = good;
+        all
+    }
+}
+
+fn same(one: &[f64], other: &[f64]) -> bool {
+    one.iter()
+        .map(|value| value.to_bits())
+        .eq(other.iter().map(|value| value.to_bits()))
+}
+
+#[test]
+fn any_cut_gives_the_same() {
+    for seed in 1..20 {
+        let flight = Flight::new(seed, 250, seed % 2 == 0);
+        let whole = flight.compared(&[400]);
+        let cuts = [1, 2, 17, 100, 99 + seed as usize * 7, 251, 252, 400];
+        let mut cuts = cuts.to_vec();
+        cuts.sort_unstable();
+        let cut = flight.compared(&cuts);
+        assert_eq!(
+            (&whole.rows, &whole.off, &whole.before, whole.good),
+            (&cut.rows, &cut.off, &cut.before, cut.good)
+        );
+        assert!(same(&whole.speed, &cut.speed) && same(&whole.current, &cut.current));
+    }
+}
+
+#[test]
+fn a_lost_load_is_off_from_its_first_report_on() {
+    let flight = Flight::new(7, 250, false);
+    let found = flight.compared(&[400]);
+    let first = found.off.iter().position(|&off| off == 1).expect("it is seen");
+    assert_eq!(found.rows[first], 250);
+    assert!(found.rows[found.before[first] as usize] < 250);
+    assert!(found.off[..first].iter().all(|&off| off == 0));
+}
+
+#[test]
+fn a_current_a_little_low_is_off_once_many_say_so() {
+    let flight = Flight::new(8, 250, true);
+    let (lost, healthy) = (flight.compared(&[400]), Flight::new(8, 400, true).compared(&[400]));
+    let first = lost.off.iter().position(|&off| off == 1).expect("it is seen");
+    assert!(first > 250 && first <= 250 + LIMITS.many as usize);
+    assert!(healthy.off.iter().all(|&off| off == 0));
+}
+
+#[test]
+fn commands_are_those_of_the_window_that_were_whole_before() {
+    let flight = Flight::new(3, 400, false);
+    let found = flight.compared(&[400]);
+    for (place, &row) in found.rows.iter().enumerate() {
+        let (ran, frame) = (flight.when[row as usize], flight.frame[row as usize]);
+        let mine: Vec<f64> = (0..flight.ran.len())
+            .filter(|&k| flight.frame_end[k] < frame && flight.ran[k] <= ran && flight.ran[k] >= ran - LIMITS.window_ns)
+            .map(|k| f64::from(flight.percent[k]))
+            .collect();
+        let share = flight.columns[3][row as usize] / mine.last().expect("a command");
+        assert_eq!(share.to_bits(), found.reported[place].to_bits());
+        assert!(mine.len() >= 2);
+    }
+}
+
+#[test]
+fn reports_before_any_command_are_left_out() {
+    let mut flight = Flight::new(4, 400, false);
+    flight.percent[..100].fill(f32::NAN);
+    let found = flight.compared(&[400]);
+    assert!(found.rows[0] > 9);
+    flight.percent.fill(f32::NAN);
+    assert!(flight.compared(&[400]).rows.is_empty());
+}
+
+#[test]
+fn columns_that_do_not_fit_are_refused() {
+    let flight = Flight::new(5, 400, false);
+    let mut reports = flight.reports(0, 10);
+    reports.volts = &[];
+    assert!(Watch::new(LIMITS).feed(&reports, &flight.orders()).is_none());
+}
