@@ -86,6 +86,7 @@ LAYERS = (
     "analyzer.live",
     "analyzer.board",
     "analyzer.terminal",
+    "analyzer.browser",
     "analyzer.app",
     "analyzer.integrations",
     "analyzer.cli",
@@ -101,6 +102,7 @@ RULES = [
     ("analyzer.decode", ("analyzer.sources",)),
     ("analyzer.devices", ("analyzer.sources",)),
     ("analyzer.board", ("analyzer.views", "analyzer.sources", "analyzer.live")),
+    ("analyzer.browser", ("analyzer.sources", "analyzer.live")),
     ("analyzer.terminal", ("analyzer.sources", "analyzer.live", "analyzer.decode", "analyzer.rules")),
 ]
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 # the manual, and a man page that tests/bench/man_pages.py makes of both.
 COMMANDS = {
     "decode": "list or export the transfers of a capture",
+    "view": "look through a capture: list, details, bytes, filters by a key, marks",
     "triage": "what happened: what broke first, why, and what to do next; also tailbyte CAPTURE alone",
     "info": "summary of a capture: lines, nodes, types, rates",
     "stats": "rates, talkers, periods, loads, services as tables",

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analyzer.app.filtered.run_filter import RunFilter
+    from analyzer.app.request import Request
     from analyzer.app.run import Run
     from analyzer.app.statistics import RunStatistics
     from analyzer.cli.complaints import Complaints
@@ -121,6 +122,7 @@ def _listed(args: argparse.Namespace, texts: Sequence[str] = ()) -> int:
     try:
         view = view_options(args)
         request = options.request(args)
+        view = _with_comments(view, request)
     except (argparse.ArgumentTypeError, ValueError) as error:
         return status.usage(error, NAME)
     from analyzer.cli.complaints import Complaints  # noqa: PLC0415
@@ -180,6 +182,16 @@ def view_options(args: argparse.Namespace) -> WriterOptions:
         count=getattr(args, "count", None),
         derived=args.derived,
     )
+
+
+def _with_comments(view: WriterOptions, request: Request) -> WriterOptions:
+    """Return the view with the comments that `tailbyte view` keeps beside the capture. Raises `MarksError`."""
+    from analyzer.facts.frame_marks import comments_beside  # noqa: PLC0415
+    from dissectors.records import replace  # noqa: PLC0415
+
+    wanted = view.form == "text" and not view.frame_list
+    comments = comments_beside(request.names) if wanted else {}
+    return replace(view, comments=comments) if comments else view
 
 
 def _screen(args: argparse.Namespace) -> int | None:

@@ -61,6 +61,12 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="list only rows that it holds for; what is recorded and judged stays",
     )  # fmt: skip
     show.add_argument("--list", action="store_true", help="a list on a terminal, too")
+    show.add_argument(
+        "--view",
+        dest="browser",
+        action="store_true",
+        help="list, details and bytes, to look through as with `view`",
+    )
     show.add_argument("-q", dest="quiet", action="store_true", help="no list and no monitor: record and judge")
     show.add_argument("-l", dest="flush", action="store_true", help="list ten times a second, not five")
     show.add_argument(
@@ -250,6 +256,10 @@ def _mode(args: argparse.Namespace) -> LiveMode:
         return "list"
     from analyzer.terminal import possible  # noqa: PLC0415
 
+    if args.browser:
+        if not (sys.stdout.isatty() and possible()):
+            raise ValueError("--view needs a terminal that can move its cursor: --list lists the same")
+        return "browser"
     return "monitor" if sys.stdout.isatty() and possible() else "list"
 
 

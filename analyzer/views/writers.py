@@ -6,19 +6,23 @@ import shutil
 import sys
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from analyzer.tables import VERDICTS
 from analyzer.views.fields import Fields
 from analyzer.views.formats import BY_NAME
 from analyzer.views.frames.window import FrameWindow
 from analyzer.views.hexdump import HexDumps
 from analyzer.views.listing import Listing
-from analyzer.views.terminal import PLAIN, Palette
+from analyzer.views.terminal import PLAIN, Palette, escape
 from analyzer.views.times import TimeFormat
 from analyzer.views.tree import Tree
 from analyzer.window.numbering import Numbering
-from dissectors.records import dataclass
+from dissectors.kit.cells import numbers
+from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from analyzer.decode.engine import Batch
     from analyzer.rules.named_frames import NamedFrames
@@ -29,6 +33,10 @@ if TYPE_CHECKING:
     from dissectors import Registry
 
 
+_COMMENT = " " * 11 + "# "
+_USED = VERDICTS.index("used")
+
+
 @dataclass(frozen=True, slots=True)
 class WriterOptions:
     """A view as somebody asks for it.
@@ -37,8 +45,8 @@ class WriterOptions:
     that some are before zero, `only` names the types that are shown in detail, `dumps` asks for the bytes, `foreign`
     for every frame that is not DroneCAN. `frame_list` asks for frames instead of transfers, `follow` for each at once,
     `count` for so many of them. `wireshark` numbers frames as Wireshark does. With `colour`, `colours` is a file of
-    colour rules in place of the user's own, or `off`. Of a view for programs `derived` asks for
-    units and computed values.
+    colour rules in place of the user's own, or `off`. `comments` of somebody, by frame from 0, stand
+    below the transfers of these frames. Of a view for programs `derived` asks for units and computed values.
     """
 
     form: str = "text"
@@ -57,6 +65,7 @@ class WriterOptions:
     count: int | None = None
     wireshark: bool = False
     derived: bool = False
+    comments: Mapping[int, str] = field(default_factory=dict)
 
 
 class Text:
@@ -74,6 +83,7 @@ class Text:
         self._summary = options.summary or not self._details
         self._palette = Palette(True) if options.colour else PLAIN
         only = [registry.resolve(name).table for name in options.only or ()]
+        self._comments = options.comments
         self._frames = FrameWindow()
         self._listing = Listing(
             registry,
@@ -105,11 +115,39 @@ class Text:
         if self._bytes:
             parts.append(self._dumps.texts(batch, picked.transfers))
         entries = parts[0] if len(parts) == 1 else map("".join, zip(*parts, strict=True))
-        before, titled = self._listing.before, self._summary
+        if self._comments:
+            entries = self._commented(batch, picked, entries)
+        before, titled, loose = self._listing.before, self._summary, self._loose(batch)
         for place, entry in zip(self._listing.places(), entries, strict=True):
-            yield before(place, titled=titled) + entry
-        if rest := before(None, titled=titled):
+            above = before(place, titled=titled)
+            while loose and loose[0] < place:
+                above += self._comment(f"frame {loose[0] + 1}: {self._comments[loose.pop(0)]}")
+            yield above + entry
+        rest = before(None, titled=titled)
+        rest += "".join(self._comment(f"frame {at + 1}: {self._comments[at]}") for at in loose)
+        if rest:
             yield rest
+
+    def _commented(self, batch: Batch, picked: ListedRows, entries: Iterator[str]) -> Iterator[str]:
+        """Give the lines of each transfer, and below them what somebody wrote about its frames."""
+        frames = batch.transfers.column("frame")
+        ends = np.asarray(frames.offsets).astype(np.int64)
+        places = numbers(frames.values)[ends[0] : ends[-1]].astype(np.int64) if len(ends) else np.zeros(0, np.int64)
+        said: dict[int, list[str]] = {}
+        for at in np.flatnonzero(np.isin(places, list(self._comments))).tolist():
+            row = int(np.searchsorted(ends - ends[0], at, "right")) - 1
+            said.setdefault(row, []).append(self._comments[int(places[at])])
+        for row, entry in zip(picked.transfers.tolist(), entries, strict=True):
+            yield entry + "".join(map(self._comment, said.get(row, ())))
+
+    def _loose(self, batch: Batch) -> list[int]:
+        """Return the frames with a comment that form no transfer, from 0, ascending."""
+        first, verdicts = batch.first_frame, batch.frames.column("verdict")
+        inside = sorted(at for at in self._comments if first <= at < first + len(verdicts))
+        return [at for at in inside if verdicts[at - first].as_py() != _USED]
+
+    def _comment(self, text: str) -> str:
+        return self._palette.paint("good", f"{_COMMENT}{escape(text)}") + "\n"
 
     def end(self) -> str:
         """Give the sums of foreign frames."""

@@ -45,6 +45,7 @@ PARSED = {
     r"\b(can|vcan)\d|slcan:|--interface pcan": "needs a SocketCAN interface or an adapter",
     r"udp_multicast:|\$BUS": "goes on until somebody ends it; test_terminals.py does",
     r"--follow": "waits for more",
+    r"tailbyte view ": "needs a terminal; tests/browser has one",
     r"--with (0+42\.BIN|flight\.bin)": "needs the autopilot's log of the flight; tests/cli/test_events_with.py has one",
     r"completion bash --dissector": "the examples of the help do it",
     r"plot (captures/|flight\.log$)": "the page on plot draws it",

@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from collections import deque
 from threading import Thread
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from analyzer.app.live.lag import BEHIND
+from analyzer.app.live.session import SessionView
 from analyzer.board.board import Board
 from dissectors.kit import SECOND
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from analyzer.app.criteria import Criteria
-    from analyzer.app.live.session import LiveSession, SessionView
+    from analyzer.app.live.session import LiveSession
     from analyzer.board.snapshot import RecordingState, Snapshot
     from analyzer.report.newest import Change
     from analyzer.rules.checking import Measured
@@ -108,14 +109,27 @@ class Display:
         """Ask the session to end."""
         self._stop()
 
+    def run(self) -> None:
+        """Run the monitor."""
+        from analyzer.terminal import run  # noqa: PLC0415 - textual takes its time
 
-def show(session: LiveSession, display: Display, instead: SessionView) -> None:
+        run(self)
+
+
+class Shown(SessionView, Protocol):
+    """A view for the session that runs on the terminal of this process, in the main thread."""
+
+    ended: bool
+
+    def run(self) -> None:
+        """Show it until the session ends or the user quits. Raises whatever goes wrong."""
+
+
+def show(session: LiveSession, display: Shown, instead: SessionView) -> None:
     """Run the session until it ends or the user quits.
 
     When the display fails, the session goes on with the view `instead`. Raises what ended the session, if it failed.
     """
-    from analyzer.terminal import run  # noqa: PLC0415 - textual takes its time
-
     failure: list[BaseException] = []
 
     def work() -> None:
@@ -129,7 +143,7 @@ def show(session: LiveSession, display: Display, instead: SessionView) -> None:
     thread = Thread(target=work, name="session", daemon=True)
     thread.start()
     try:
-        run(display)
+        display.run()
     except Exception as error:  # noqa: BLE001 - the bus is more important than its picture
         session.replace(display, instead, f"the monitor has ended: {type(error).__name__}: {error}")
     else:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from analyzer.live.interfaces.naming import Interface
     from analyzer.views.writers import WriterOptions
 
-LiveMode = Literal["list", "monitor", "quiet"]
+LiveMode = Literal["list", "monitor", "browser", "quiet"]
 
 
 @dataclass(frozen=True, slots=True)

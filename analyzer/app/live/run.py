@@ -30,6 +30,7 @@ from analyzer.sinks import losses
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from analyzer.app.browse.live import LiveSupply
     from analyzer.app.criteria import Criteria
     from analyzer.app.live.monitor import Display
     from analyzer.app.live.plot import LivePlot
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from analyzer.report.model import Report
 
 # Seconds between two batches.
-_INTERVALS = {"list": 0.2, "monitor": 0.4, "quiet": 0.5}
+_INTERVALS = {"list": 0.2, "monitor": 0.4, "browser": 0.4, "quiet": 0.5}
 _AT_ONCE = 0.1
 
 
@@ -65,6 +66,7 @@ class LiveRun:
         self._plot: LivePlot | None = None
         self._list: TransferList | None = None
         self._display: Display | None = None
+        self._browser: LiveSupply | None = None
         self._status_file: StatusFile | None = None
         self._hook: FindingHook | None = None
         asks = request.filter is not None and request.filter.asks_findings
@@ -132,13 +134,20 @@ class LiveRun:
             rates = {interface.name: interface.bit_rate for interface, _ in request.buses}
             self._display = Display(criteria, rates, recording.now, self._saved, session.stop)
             self._views.append(self._display)
+        elif request.mode == "browser":
+            from analyzer.app.browse.live import LiveSupply  # noqa: PLC0415 - as above
+            from analyzer.browser.store.folder import StoreFolder  # noqa: PLC0415
+
+            folder = stack.enter_context(StoreFolder())
+            self._browser = LiveSupply(criteria, request.name, folder.path, session.stop)
+            self._views.append(self._browser)
         elif request.mode == "list":
             printer = stack.enter_context(Printer())
             self._list = self._listed(printer, say)
             self._views.append(self._list)
         else:
             self._views.append(EventLines(several=self._several, say=say))
-        if self._display is None:
+        if self._display is None and self._browser is None:
             self._views.append(Overdue(tell))
         self._views.append(Lag(tell))
         self._views.append(Status(request.every, tell, recording.words))
@@ -171,12 +180,13 @@ class LiveRun:
 
     def _go(self, session: LiveSession, say: Callable[[str], None]) -> None:
         """Run until it ends."""
-        if self._display is None:
+        display = self._display or self._browser
+        if display is None:
             session.run()
         else:
             from analyzer.app.live.monitor import show  # noqa: PLC0415
 
-            show(session, self._display, EventLines(several=self._several, say=say))
+            show(session, display, EventLines(several=self._several, say=say))
 
     def _concluded(self, session: LiveSession) -> Report | None:
         """Return the verdict, with the last that the views have to show; None if the rules have failed."""

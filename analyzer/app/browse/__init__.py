@@ -1,0 +1,1 @@
+"""Captures and buses for the browser: decoded into its store, then judged from there."""

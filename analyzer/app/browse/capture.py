@@ -1,0 +1,191 @@
+"""Captures for the browser: one thread decodes them into the store, then judges them and looks for what happened."""
+
+from __future__ import annotations
+
+import threading
+from queue import SimpleQueue
+from typing import TYPE_CHECKING
+
+from analyzer.app.browse.tabs import finding_lines, flight_lines, statistic_lines, triage_lines
+from analyzer.app.run import Run
+from analyzer.browser.store.store import Store, StoreFullError
+from analyzer.sources import CaptureError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from analyzer.app.request import Request
+    from analyzer.browser.supply import TabLine
+    from analyzer.decode.engine import Batch
+    from analyzer.report.model import Report
+    from analyzer.rules.named_frames import NamedFrames
+
+_MOST_NOTES = 200
+
+
+class CaptureSupply:
+    """Decodes and judges captures for a browser, as `analyzer.browser.supply.Supply` has it.
+
+    Args:
+        request: what is asked; its window is not.
+        folder: of the store.
+
+    Raises `DsdlError`, `ProfileError`, `CaptureError` and `OSError` for what cannot be opened.
+    """
+
+    live = False
+
+    def __init__(self, request: Request, folder: Path) -> None:
+        self.notes: list[str] = []
+        self._run = Run(request, self._note)
+        self._run.engine.core.measured = True
+        self.store, self.registry = Store(folder), self._run.registry
+        self.name, self.paths = self._run.source.name, request.names
+        self.arguments = request.arguments
+        self.loaded, self.doing = False, "decoding"
+        self.named: NamedFrames | None = None
+        self.flights: Sequence[tuple[int, int]] = ()
+        self.troubles: Sequence[tuple[int, str]] = ()
+        self.starts: Sequence[int] = ()
+        self.labels: dict[int, str] = {}
+        self.severities: dict[str, str] = {}
+        self.report: Report | None = None
+        self._tabs: dict[str, Sequence[TabLine]] = {}
+        self._asked: SimpleQueue[str] = SimpleQueue()
+        self._stopped = False
+        self._thread = threading.Thread(target=self._work, name="decode", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End as soon as the batch at hand is done."""
+        self._stopped = True
+        self._run.stopped = True
+        self._asked.put("")
+
+    def join(self) -> None:
+        """Wait for the end after `stop`."""
+        self._thread.join(5)
+
+    @property
+    def share(self) -> float:
+        """How much is decoded, as far as that is known."""
+        if self.loaded:
+            return 1.0
+        length = self._run.source.length
+        return min(0.99, self._run.source.size / length) if length else 0.0
+
+    def tab(self, name: str) -> Sequence[TabLine] | None:
+        """Return what a tab shows."""
+        return self._tabs.get(name)
+
+    def ask(self, statistic: str) -> str:
+        """Ask for a statistic; return what is wrong with it."""
+        from analyzer.stats.catalogue import named  # noqa: PLC0415 - few ask
+
+        try:
+            named(statistic)
+        except ValueError as error:
+            return str(error)
+        self._tabs.pop("statistics", None)
+        self._asked.put(statistic)
+        return ""
+
+    # ---- in the thread
+
+    def _work(self) -> None:
+        try:
+            self._decode()
+            self.loaded = True
+            if self.store.segments and not self._stopped:
+                for step in (self._happened, self._judge):
+                    step()
+            self.doing = ""
+            while not self._stopped:
+                if text := self._asked.get():
+                    self._statistic(text)
+        except Exception as error:  # noqa: BLE001 - the browser goes on with what there is, and says it
+            self._note(f"{type(error).__name__}: {error}")
+            self.loaded, self.doing = True, ""
+
+    def _decode(self) -> None:
+        try:
+            for batch in self._run.batches():
+                if len(batch.frames) or len(batch.transfers) or len(batch.events) or not self.store.segments:
+                    self.store.add(batch)
+                if self._stopped:
+                    return
+        except (CaptureError, StoreFullError) as error:
+            self._note(str(error))
+
+    def _stored(self) -> Iterator[Batch]:
+        """Yield the batches from the store until the end is asked for."""
+        for batch in self.store.batches():
+            if self._stopped:
+                return
+            yield batch
+
+    def _happened(self) -> None:
+        """Find flights, events and what broke first."""
+        from analyzer.app.statistics import RunStatistics  # noqa: PLC0415
+        from analyzer.app.triage import RunTriage  # noqa: PLC0415
+
+        self.doing = "flights"
+        statistics, triage = RunStatistics(self._run, ["flights", "events"]), RunTriage(self._run)
+        for _ in triage.over(statistics.over(self._stored())):
+            pass
+        if self._stopped:
+            return
+        flights, events = statistics.tables()
+        self.flights = [(one["t_ns"], one["t_end_ns"]) for one in flights.records()]
+        self._tabs["flights"] = flight_lines(flights, statistics.start)
+        self._tabs["events"] = statistic_lines([events], statistics.start, statistics.end)
+        self._tabs["triage"] = triage_lines(triage.found())
+
+    def _judge(self) -> None:
+        """Judge by all rules, as `check` does."""
+        from analyzer.app.criteria import Criteria  # noqa: PLC0415
+        from analyzer.app.judged import JudgedRun  # noqa: PLC0415
+        from analyzer.rules.named_frames import NamedFrames  # noqa: PLC0415
+
+        self.doing = "judging"
+        named, run = NamedFrames(), self._run
+        criteria = Criteria(run.request.rules, run.registry)
+        judged = JudgedRun(run, criteria, named)
+        for _ in judged.batches(self._stored()):
+            pass
+        if self._stopped:
+            return
+        report = criteria.report([judged.taken(run.source.name)])
+        index = {name: bus for bus, name in enumerate(run.engine.buses)}
+        named.finish(
+            (one.rule, index.get(one.bus or "", -1), -1 if one.node is None else one.node) for one in report.findings
+        )
+        self.labels = criteria.labels
+        self.severities = {rule: page.severity for rule, page in criteria.pages.items()}
+        self.troubles = [(one.first.t_ns, one.severity) for one in report.findings if one.first.t_ns is not None]
+        self.starts = sorted({one.first.frame - 1 for one in report.findings if one.first.frame is not None})
+        self._tabs["findings"] = finding_lines(report, self.store.low)
+        self.report, self.named = report, named
+
+    def _statistic(self, text: str) -> None:
+        from analyzer.app.statistics import RunStatistics  # noqa: PLC0415
+        from analyzer.browser.supply import TabLine  # noqa: PLC0415
+
+        self.doing = text
+        try:
+            statistics = RunStatistics(self._run, [text], self._run.request.rules.bit_rate)
+            for _ in statistics.over(self._stored()):
+                pass
+            tables = statistics.tables()
+            self._tabs["statistics"] = statistic_lines(tables, statistics.start, statistics.end)
+        except (LookupError, ValueError, OSError) as error:
+            self._tabs["statistics"] = [TabLine(line, "bad") for line in str(error).splitlines()]
+        self.doing = ""
+
+    def _note(self, text: str) -> None:
+        if len(self.notes) < _MOST_NOTES:
+            self.notes.append(text)

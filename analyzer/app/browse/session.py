@@ -1,0 +1,90 @@
+"""One session of the browser, from opening the captures to the last key."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from analyzer.app.browse.capture import CaptureSupply
+from analyzer.app.browse.tools import BrowserTools, kept_columns
+from analyzer.browser.own_columns import OwnColumns
+from analyzer.browser.store.folder import StoreFolder
+from analyzer.browser.view import BrowserView
+from analyzer.facts.frame_marks import MarkBook, marks_path, read_marks
+from dissectors.records import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.app.request import Request
+    from analyzer.browser.screen.app import Browser
+    from analyzer.browser.supply import Supply
+    from analyzer.views.colours.rules import ColourRule
+
+_TURN = 0.001  # seconds until keys get their turn while threads decode and judge
+
+
+@dataclass(frozen=True, slots=True)
+class BrowseOptions:
+    """How captures are to be looked at.
+
+    `at` is a frame or a time, `time` a form of times as `-t` has it, `columns` are fields beside the kept ones,
+    `marks` says that marks are kept beside the capture; `colour` that there are colours.
+    """
+
+    at: str = ""
+    filter: str = ""
+    time: str = "r"
+    columns: tuple[str, ...] = ()
+    marks: bool = True
+
+
+def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]) -> tuple[int, list[str]]:
+    """Show captures until the user quits; return the return code of the display, and what was complained of.
+
+    Raises `FilterError`, `LookupError` or `ValueError` for options that make no sense, `CaptureError` for a capture
+    that cannot be opened, `OSError` if there is no room for the store.
+    """
+    sys.setswitchinterval(_TURN)
+    with StoreFolder() as folder:
+        supply = CaptureSupply(request, folder.path)
+        app = made(supply, options, rules)
+        supply.start()
+        try:
+            app.run()
+        finally:
+            supply.stop()
+            supply.join()
+        return app.return_code or 0, supply.notes
+
+
+def made(supply: Supply, options: BrowseOptions, rules: Sequence[ColourRule]) -> Browser:
+    """Return the display. Raises what options raise that make no sense."""
+    from analyzer.browser.screen.app import Browser  # noqa: PLC0415 - Textual takes a third of a second
+
+    book = MarkBook(None)
+    only = supply.paths[0] if len(supply.paths) == 1 and os.path.isfile(supply.paths[0]) else None  # noqa: PTH113
+    if options.marks and only is not None:
+        book = MarkBook(marks_path(only))
+        book.marks = read_marks(marks_path(only))
+    view = BrowserView(supply, rules, book)
+    view.pages.mode = options.time
+    if options.filter:
+        view.apply(options.filter)
+    names = list(options.columns)
+    if not names:
+        names = [name for name in kept_columns() if _exists(supply, name)]
+    if names:
+        view.pages.columns = OwnColumns(supply.store, supply.registry, names)
+    encoding = (getattr(sys.__stdout__, "encoding", None) or "ascii").lower().replace("-", "")
+    return Browser(view, BrowserTools(supply), options.at, plain=not encoding.startswith("utf"))
+
+
+def _exists(supply: Supply, name: str) -> bool:
+    """Return whether a kept column exists with the types of today."""
+    try:
+        OwnColumns(supply.store, supply.registry, [name])
+    except (LookupError, ValueError):
+        return False
+    return True

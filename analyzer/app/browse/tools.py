@@ -1,0 +1,107 @@
+"""Other commands for the browser: they run as processes of their own, and say in a line how they went."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.browser.supply import Supply
+
+_TABLES = (".csv", ".parquet", ".arrow", ".feather")
+_FRAMES = (".log", ".txt", ".candump", ".pcapng", ".mcap", ".gz", ".zst")
+_AROUND = "2s"
+
+
+class BrowserTools:
+    """Writes, plots and keeps for a browser; `said` are lines about what has ended meanwhile."""
+
+    def __init__(self, supply: Supply, options: Sequence[str] = ()) -> None:
+        self._supply, self._options = supply, tuple(options)
+        self.said: list[str] = []
+        self.columns: list[str] = []
+
+    def write(self, path: str, filter_text: str) -> str:
+        """Begin to write what a filter selects: frames, or with the name of a table all of its rows.
+
+        Raises `ValueError` with the reason why not.
+        """
+        name = path.split(" ", maxsplit=1)[0] if path.lower().endswith(_TABLES) is False and " " in path else path
+        target = Path(name).expanduser()
+        if target.exists():
+            raise ValueError(f"{target}: exists already: another name, please")
+        chosen = ("-Y", filter_text) if filter_text else ()
+        if target.suffix.lower() in _TABLES:
+            table = path[len(name) :].strip() or "transfers"
+            words = ("export", *self._captures(), "--table", table, "-o", str(target), *chosen)
+        elif target.suffix.lower() in _FRAMES:
+            words = ("convert", *self._captures(), "-o", str(target), *chosen)
+        else:
+            known = " ".join((*_FRAMES[:5], *_TABLES[:2]))
+            raise ValueError(f"{target.name}: the name is to end in one of {known}")
+        self._start(words, f"written: {target}")
+        return f"writing {target} ..."
+
+    def plot(self, frame: int) -> str:
+        """Open the picture around a frame, from 0. Raises `ValueError`."""
+        self._start(("plot", *self._captures(), "--around", f"{frame + 1}+-{_AROUND}"), "the picture has been closed")
+        return f"opening the picture around frame {frame + 1:,} ..."
+
+    def keep_columns(self, names: Sequence[str]) -> None:
+        """Keep columns for the next time."""
+        self.columns = list(names)
+        path = columns_file()
+        if path is None:
+            return
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text("".join(f"{name}\n" for name in names), encoding="utf-8")
+        except OSError as error:
+            self.said.append(f"{path}: {error.strerror}: columns are not kept")
+
+    def _captures(self) -> tuple[str, ...]:
+        paths = tuple(self._supply.paths)
+        if not paths or "-" in paths:
+            raise ValueError("what comes from a bus or a pipe exists only once: record it, and view the file")
+        safe = (f"./{path}" if path.startswith("-") else path for path in paths)
+        return (*safe, *self._supply.arguments, *self._options)
+
+    def _start(self, words: Sequence[str], done: str) -> None:
+        process = subprocess.Popen(  # noqa: S603 - ourselves
+            [sys.executable, "-m", "analyzer", *words], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+        def wait() -> None:
+            _, errors = process.communicate()
+            lines = [line for line in errors.splitlines() if line.strip()]
+            last = lines[-1] if lines else ""
+            self.said.append(done if process.returncode == 0 else last or f"it ended with {process.returncode}")
+
+        threading.Thread(target=wait, name=words[0], daemon=True).start()
+
+
+def columns_file() -> Path | None:
+    """Return where columns are kept, if there is a home."""
+    import os  # noqa: PLC0415 - once
+
+    try:
+        home = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
+    except RuntimeError:
+        return None
+    return Path(home) / "tailbyte" / "columns"
+
+
+def kept_columns() -> list[str]:
+    """Return the columns of the last time."""
+    path = columns_file()
+    try:
+        text = "" if path is None else path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return []
+    return [line.strip() for line in text.splitlines() if line.strip()][:20]

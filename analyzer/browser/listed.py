@@ -1,0 +1,173 @@
+"""The lines of the packet list: any rows of the store as `decode` writes them, with columns of one's own."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.browser.store.cut import StoredFrames, cut_transfers
+from analyzer.browser.store.order import EVENT, FRAME, SETTLED, TRANSFER
+from analyzer.views.listing import Listing
+from analyzer.views.terminal import PLAIN, display_width, fit
+from analyzer.views.times import TimeFormat
+from analyzer.window.listed import ListedRows
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.browser.colouring import RowColouring
+    from analyzer.browser.own_columns import OwnColumns
+    from analyzer.browser.store.store import Row, Store
+    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.window.numbering import Numbering
+    from dissectors import Registry
+
+_TIME_AT = 11  # where the time stands in a line
+_CONTEXT = 2  # transfers of a sender before its own that tell what has changed
+_NONE = np.zeros(0, np.int64)
+_LOOKED_AT = 4096  # frames that tell how many decimals times have
+_DELTAS = ("d", "dd")
+
+
+class ListLine(NamedTuple):
+    """A line of the list; `codes` are the colours of a rule, `broken` marks what is none of a good transfer."""
+
+    text: str
+    codes: str = ""
+    broken: bool = False
+
+
+class ListPages:
+    """Writes rows of a store.
+
+    Args:
+        store: what is there.
+        registry: the types.
+        numbering: of frames.
+        colouring: colours of rows.
+    """
+
+    def __init__(self, store: Store, registry: Registry, numbering: Numbering, colouring: RowColouring) -> None:
+        self._store, self._registry, self._numbering, self._colouring = store, registry, numbering, colouring
+        self._frames = StoredFrames(store)
+        self.named: NamedFrames | None = None
+        self.mode = "r"
+        self.zero: int | None = None  # a time reference in place of the first frame
+        self.columns: OwnColumns | None = None
+        self._made: tuple[object, ...] = ()
+        self._head = ""
+
+    def clock(self) -> TimeFormat:
+        """Return what writes times now."""
+        mode = "r" if self.mode in _DELTAS else self.mode
+        clock = TimeFormat(mode, self.zero)
+        if self._store.segments:
+            clock.start(self._store.opened(0).table("frames").slice(0, _LOOKED_AT))
+        clock.signed = self.zero is not None
+        return clock
+
+    def head(self, width: int) -> str:
+        """Return the names of the columns, after the lines below them."""
+        return fit(self._head, width)
+
+    def lines(self, rows: Sequence[Row], width: int, before: Sequence[int | None] = ()) -> list[ListLine]:
+        """Return the line of each row; `before` are the times of the rows that deltas are counted from."""
+        beside = 0 if self.columns is None else self.columns.width
+        clock = self.clock()
+        listing = self._listing(clock, max(20, width - beside))
+        found: dict[int, str] = {}
+        self._transfers(listing, rows, found)
+        for kind, name in ((FRAME, "frames"), (SETTLED, "settled"), (EVENT, "events")):
+            self._others(listing, rows, kind, name, found)
+        codes = self._codes(rows)
+        info = self._head.find("Info")
+        cells = None if self.columns is None else self.columns.cells(rows)
+        lines = []
+        for k, row in enumerate(rows):
+            text = found.get(k, "")
+            if self.mode in _DELTAS:
+                text = self._delta(text, clock, self._store.time(row), before[k] if k < len(before) else None)
+            if cells is not None and info > 0:
+                text = _spliced(text, info, cells[k], beside)
+            lines.append(ListLine(fit(text, width), codes[k], text[:1] in ("x", "!")))
+        if self.columns is not None and info > 0:
+            self._head = _spliced(self._head, info, self.columns.heads(), beside)
+        return lines
+
+    def _listing(self, clock: TimeFormat, width: int) -> Listing:
+        """Return a list that knows nothing of other rows."""
+        listing = Listing(
+            self._registry, clock, PLAIN, width, frames=self._frames, numbering=self._numbering, foreign=True,
+            named=self.named,
+        )  # fmt: skip
+        self._head = ""
+        return listing
+
+    def _transfers(self, listing: Listing, rows: Sequence[Row], found: dict[int, str]) -> None:
+        at = {self._number(row): k for k, row in enumerate(rows) if row.kind == TRANSFER}
+        batch = cut_transfers(self._store, sorted(self._with_context(at)))
+        if not len(batch.transfers):
+            return
+        numbered = sorted(self._with_context(at))
+        shown = np.arange(len(numbered))
+        listing.feed(batch, ListedRows(shown, _NONE, _NONE, _NONE))
+        first = listing.places()
+        self._head = listing.before(first[0] if first else None).rstrip("\n")
+        for number, entry in zip(numbered, listing.entries(), strict=True):
+            if number in at:
+                found[at[number]] = entry.partition("\n")[0]
+
+    def _with_context(self, numbers: dict[int, int]) -> set[int]:
+        """Return transfers, and those before them of the same senders."""
+        every, edge = set(numbers), set(numbers)
+        for _ in range(_CONTEXT):
+            edge = {one for number in edge if (one := self._before(number)) >= 0} - every
+            every |= edge
+        return every
+
+    def _before(self, number: int) -> int:
+        at = self._store.segment_of_transfer(number)
+        if at is None:
+            return -1
+        before = self._store.opened(at).column("before", "before")
+        return int(before[number - self._store.segments[at].first_transfer])
+
+    def _others(self, listing: Listing, rows: Sequence[Row], kind: int, name: str, found: dict[int, str]) -> None:
+        """Write the rows that are no transfers, a segment at a time."""
+        places = [k for k, row in enumerate(rows) if row.kind == kind]
+        for segment in dict.fromkeys(rows[k].segment for k in places):
+            some = [k for k in places if rows[k].segment == segment]
+            index = np.array([rows[k].entry for k in some], np.int64)
+            picked = ListedRows(_NONE, _NONE, _NONE, _NONE)._replace(**{name: index})
+            listing.feed(self._store.opened(segment).batch, picked)
+            text = listing.before(None)
+            lines = text.splitlines()
+            if len(lines) > len(some):  # with the header, once
+                self._head = lines.pop(0)
+            order = sorted(range(len(some)), key=lambda n: rows[some[n]].place)
+            for n, line in zip(order, lines, strict=False):
+                found[some[n]] = line
+
+    def _codes(self, rows: Sequence[Row]) -> list[str]:
+        codes = [""] * len(rows)
+        for segment, kind in dict.fromkeys((row.segment, row.kind) for row in rows):
+            some = [k for k, row in enumerate(rows) if (row.segment, row.kind) == (segment, kind)]
+            for k, code in zip(some, self._colouring.codes(segment, kind, [rows[k].entry for k in some]), strict=True):
+                codes[k] = code
+        return codes
+
+    def _delta(self, text: str, clock: TimeFormat, t: int | None, before: int | None) -> str:
+        width = max(9, self._head.find("Src", _TIME_AT) - 1 - _TIME_AT) if "Src" in self._head else 9
+        told = "" if t is None else clock.seconds(0 if before is None else t - before)
+        return f"{text[:_TIME_AT]}{told:>9}{text[_TIME_AT + 9 :]}" if width >= 9 else text
+
+    def _number(self, row: Row) -> int:
+        return self._store.segments[row.segment].first_transfer + row.entry
+
+
+def _spliced(text: str, at: int, cells: str, width: int) -> str:
+    """Put cells in front of what a row says."""
+    if display_width(text) < at:
+        text = text.ljust(at)
+    return f"{text[:at]}{fit(cells, width):<{width}}{text[at:]}"

@@ -1,0 +1,119 @@
+"""The browser on a terminal: what is decoded meanwhile is looked at, and keys and clicks are handed on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from textual.binding import Binding
+from textual.events import Key
+
+from analyzer.browser.dump import line_at
+from analyzer.browser.screen.gestures import Gestures
+from analyzer.browser.screen.help import HelpPage
+from analyzer.browser.screen.keys import EVERY
+from analyzer.browser.supply import TABS
+
+if TYPE_CHECKING:
+    from textual import events
+
+    from analyzer.browser.screen.strip_pane import StripPane
+
+PERIOD = 0.2  # seconds between two looks at what is decoded
+
+
+class Browser(Gestures):
+    """Shows a view until the user quits."""
+
+    BINDINGS: ClassVar[list[Binding]] = [  # type: ignore[assignment]  # Textual allows more kinds
+        *(Binding(one.keys, one.action, show=False) for one in EVERY),
+        Binding("ctrl+c", "leave", priority=True),
+    ]
+    _seen: tuple[object, ...] = ()
+
+    def on_mount(self) -> None:
+        """Begin to look at what is decoded."""
+        self.tabs.display = False
+        self.set_interval(PERIOD, self.look)
+        self.call_after_refresh(self.share)
+        self.call_after_refresh(self.look)
+
+    def look(self) -> None:
+        """Draw what has changed in what is decoded, found and judged."""
+        view, supply = self.view, self.view.supply
+        if self.start and len(view.rows):
+            self.begin_at()
+        self.wait_for_search()
+        if self.tools.said:
+            self.say(self.tools.said.pop(0))
+        if self.following and len(view.rows):
+            self.list.to(len(view.rows) - 1)
+        seen = (
+            len(view.rows), supply.loaded, supply.doing, supply.named, len(supply.notes), round(supply.share, 2),
+            getattr(view.rows, "done", True), supply.tab(self.tab), len(supply.flights),
+        )  # fmt: skip
+        if seen == self._seen:
+            return
+        if self._seen and (seen[0] != self._seen[0] or seen[3] is not self._seen[3]):
+            view.pages.named = supply.named
+            self.list.draw()
+        self._seen = seen
+        if view.anchor is None and len(view.rows):
+            self.list.to(0)
+        if self.shown is None and view.current() is not None:
+            self.show_row()
+        if self.tab != TABS[0]:
+            self.show_tab()
+        self.draw_lines()
+
+    def on_resize(self) -> None:
+        """Share the room anew."""
+        self.call_after_refresh(self.share)
+        self.call_after_refresh(self.draw_lines)
+
+    def on_descendant_focus(self) -> None:
+        """Give the pane in use its room."""
+        self.call_after_refresh(self.share)
+
+    def on_packet_list_moved(self) -> None:
+        """Show the row that the list is at."""
+        self.show_row()
+
+    def on_detail_pane_selected(self) -> None:
+        """Light what a detail speaks of."""
+        self.light()
+
+    def on_bytes_pane_selected(self) -> None:
+        """Select the detail that speaks of a byte."""
+        if self.shown is None:
+            return
+        index = line_at(self.shown.lines, self.shown.frames, self.bytes.at)
+        if index is not None:
+            self.details.select(index)
+
+    def on_strip_pane_went(self, event: StripPane.Went) -> None:
+        """Go to a time."""
+        self.go_to_time(event.t)
+
+    def on_tab_pane_chosen(self) -> None:
+        """Go where a line leads to."""
+        self.action_choose()
+
+    def action_help(self) -> None:
+        """Show what keys mean."""
+        self.push_screen(HelpPage())
+
+    def on_key(self) -> None:
+        """Forget what was said."""
+        if self.said:
+            self.said = ""
+            self.draw_lines()
+
+    async def on_event(self, event: events.Event) -> None:
+        """Take the second key of a chord before anybody else does."""
+        if isinstance(event, Key) and self.chord:
+            chord, self.chord = self.chord, ""
+            (self.copy if chord == "copy" else self.follow)(event.key)
+            event.prevent_default()
+            event.stop()
+            return
+        await super().on_event(event)

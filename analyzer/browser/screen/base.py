@@ -1,0 +1,185 @@
+"""The browser on a terminal: its panes and lines, what they show, and how they share the room."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from textual.app import App
+from textual.containers import Container
+
+from analyzer.browser.chosen import ChosenRows
+from analyzer.browser.dump import lit_by
+from analyzer.browser.screen.bar import Bar
+from analyzer.browser.screen.bytes_pane import BytesPane
+from analyzer.browser.screen.detail_pane import DetailPane
+from analyzer.browser.screen.keys import HINT
+from analyzer.browser.screen.lines import Lines, padded
+from analyzer.browser.screen.list_pane import PacketList
+from analyzer.browser.screen.strip_pane import StripPane
+from analyzer.browser.screen.styles import NAMED
+from analyzer.browser.screen.tab_pane import TabPane
+from analyzer.browser.supply import TABS
+from analyzer.filter.names import FilterNames
+from analyzer.views.terminal import escape, fit
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from textual.app import ComposeResult
+
+    from analyzer.browser.screen.lines import Spans
+    from analyzer.browser.screen.tools import Tools
+    from analyzer.browser.search import Search
+    from analyzer.browser.view import BrowserView, Shown
+
+_AROUND = 4  # lines that are no pane: top, strip, filter, bottom
+_WIDE, _HIGH = 120, 30  # from here on details and bytes stand side by side
+_LOW = 14  # lines that three panes need
+_LEAST = {"details": 5, "bytes": 3}
+
+
+class BrowserBase(App[None]):
+    """Lays the panes out and draws them; keys come in the classes made from it."""
+
+    CSS: ClassVar[str] = (
+        "Screen { layout: vertical; overflow: hidden; } #top, #strip, #state, #bottom, #bar { height: 1; }"
+        " #lower { overflow: hidden; } #bar { display: none; border: none; padding: 0; background: ansi_default; }"
+    )
+    ENABLE_COMMAND_PALETTE: ClassVar[bool] = False
+    AUTO_FOCUS: ClassVar[str | None] = "#list"
+
+    def __init__(self, view: BrowserView, tools: Tools, start: str = "", *, plain: bool = False) -> None:
+        super().__init__(ansi_color=True)
+        self.theme = "ansi-dark"
+        self.view, self.tools = view, tools
+        self.chord = ""
+        self.tab = TABS[0]
+        self.shown: Shown | None = None
+        self.start = start
+        self.said, self.said_style = "", ""
+        self._names: Sequence[str] = ()
+        self.top, self.state, self.bottom = Lines("top"), Lines("state"), Lines("bottom")
+        self.strip = StripPane(view, plain=plain)
+        self.list, self.details, self.bytes, self.tabs = PacketList(view), DetailPane(), BytesPane(), TabPane()
+        self.lower = Container(self.details, self.bytes, id="lower")
+        self.bar = Bar(self.names)
+        self.panes = (self.list, self.details, self.bytes)
+        self.following, self.wanted = False, 0
+        self.search: Search | None = None  # and `wanted` the step to the match that is waited for
+
+    def compose(self) -> ComposeResult:
+        """Lay the lines and panes out from top to bottom."""
+        yield from (self.top, self.strip, self.state, self.bar, self.list, self.lower, self.tabs, self.bottom)
+
+    def names(self) -> Sequence[str]:
+        """Return the names of fields for completion, made once."""
+        if not self._names:
+            refs = FilterNames(self.view.supply.registry).catalogue()
+            self._names = sorted({ref.name for ref in refs} | {ref.name.rpartition("esc.")[2] for ref in refs})
+        return self._names
+
+    def draw_lines(self) -> None:
+        """Draw the lines that are no panes."""
+        view, width = self.view, self.size.width
+        supply = view.supply
+        doing = supply.doing if supply.loaded else f"{supply.doing} {supply.share:.0%}"
+        if supply.live and not supply.loaded:
+            doing = "live, following" if self.following else "live, held"
+        counts = f"{view.store.frames:,} frames"
+        notes = f"  {len(supply.notes)} note{'s' * (len(supply.notes) != 1)}" if supply.notes else ""
+        right = f"{counts}{notes}  {doing}".rstrip() + " "
+        left = fit(f" {escape(supply.name)}", max(8, width - len(right) - 1))
+        self.top.put([((padded(left, width - len(right)) + right, NAMED["title"]),)])
+        self.strip.draw()
+        self.state.put([self._state(width)])
+        text, style = (self.said, self.said_style) if self.said else (HINT, "dim")
+        self.bottom.put([((padded(fit(f" {text}", width), width), NAMED[style]),)])
+
+    def _state(self, width: int) -> Spans:
+        view = self.view
+        count, at = len(view.rows), view.number() + 1 if len(view.rows) else 0
+        where = f"row {at:,} of {count:,}"
+        if isinstance(view.rows, ChosenRows):
+            where += "" if view.rows.done else f" so far, {view.rows.share:.0%}"
+            if view.rows.problem is not None:
+                where = f"the filter failed: {view.rows.problem}"
+        place = "" if self.tab == TABS[0] else f"tab {TABS.index(self.tab) + 1} {self.tab}  "
+        right = f" {place}{where} "
+        filtered = f" = {view.filter}" if view.filter else " = (no filter)"
+        left = padded(fit(filtered, max(4, width - len(right))), width - len(right))
+        return (left, NAMED["good" if view.filter else "dim"]), (fit(right, width), NAMED[""])
+
+    def say(self, text: str, style: str = "") -> None:
+        """Show a line in place of the keys until the next key."""
+        self.said, self.said_style = " ".join(text.split("\n")), style
+        self.draw_lines()
+
+    def fail(self, text: str) -> None:
+        """Say why something is not done."""
+        self.say(text, "bad")
+
+    def share(self) -> None:
+        """Share the room among the panes: the one in use gets more."""
+        width, height = self.size
+        room = max(3, height - _AROUND)
+        if self.tab != TABS[0]:
+            self.tabs.styles.height = room
+            return
+        wide = width >= _WIDE and height >= _HIGH
+        used = self.focused.id if self.focused in self.panes else "list"
+        self.lower.styles.layout = "horizontal" if wide else "vertical"
+        if wide:
+            upper = room * 11 // 20 if used == "list" else room * 2 // 5
+            sizes = {"details": room - upper, "bytes": room - upper}
+            self.details.styles.width, self.bytes.styles.width = "1fr", 78
+        else:
+            sizes = dict(_LEAST) if height < _HIGH else {"details": room // 3, "bytes": max(4, room // 6)}
+            if used in sizes:
+                others = sum(size for name, size in sizes.items() if name != used)
+                sizes[used] = max(sizes[used], room - 6 - others)
+            if room < _LOW:
+                sizes = {name: (room - 4 if name == used else 0) for name in sizes}
+            upper = max(3, room - sum(sizes.values()))
+            self.details.styles.width = self.bytes.styles.width = "100%"
+        self.list.styles.height = upper
+        self.lower.styles.height = max(0, room - upper)
+        self.lower.display = room > upper
+        for pane in (self.details, self.bytes):
+            pane.styles.height = sizes[str(pane.id)]
+            pane.display = sizes[str(pane.id)] > 0
+
+    def show_row(self) -> None:
+        """Show the current row in full."""
+        row = self.view.current()
+        self.shown = None if row is None else self.view.shown(row)
+        self.bytes.take(() if self.shown is None else self.shown.frames)
+        self.details.take(() if self.shown is None else self.shown.lines)
+        self.light()
+        self.draw_lines()
+
+    def light(self) -> None:
+        """Light the bytes of the current detail."""
+        if self.shown is not None:
+            self.bytes.light(lit_by(self.details.line, self.shown.frames))
+
+    def action_tab(self, name: str) -> None:
+        """Show a tab, or the three panes."""
+        self.tab = name
+        packets = name == TABS[0]
+        self.list.display = self.lower.display = packets
+        self.tabs.display = not packets
+        self.share()
+        if packets:
+            self.set_focus(self.list)
+        else:
+            self.show_tab()
+            self.set_focus(self.tabs)
+        self.draw_lines()
+
+    def show_tab(self) -> None:
+        """Show what the tab has by now."""
+        supply = self.view.supply
+        empty = "not known yet: the capture is still being read and judged"
+        if self.tab == "statistics" and not supply.doing:
+            empty = "press s for a statistic: talkers, nodes, services, periods, load, hierarchy, io, values,FIELD"
+        self.tabs.take(self.tab.capitalize(), supply.tab(self.tab), empty)

@@ -1,0 +1,171 @@
+"""The details of a row: a tree of lines that fold."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from textual.message import Message
+
+from analyzer.browser.screen.lines import Lines, padded
+from analyzer.browser.screen.styles import NAMED, PLAIN
+from analyzer.views.terminal import fit
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from textual import events
+
+    from analyzer.browser.details import DetailLine
+    from analyzer.browser.screen.lines import Spans
+
+_INDENT = 2
+_FOLDED = ("Identifier",)  # at first
+
+
+class DetailPane(Lines, can_focus=True):
+    """Shows the details of one row; what is folded stays so from row to row."""
+
+    class Selected(Message):
+        """Another line is the current one."""
+
+    def __init__(self) -> None:
+        super().__init__("details")
+        self._all: Sequence[DetailLine] = ()
+        self._folded: set[str] = set(_FOLDED)
+        self._at = self._top = 0
+        self.narrow = False
+
+    def take(self, lines: Sequence[DetailLine]) -> None:
+        """Show another row, at the line of the same name if there is one."""
+        old = self.line
+        self._all = lines
+        seen = self._seen()
+        here = ("", 0) if old is None else (old.name, old.depth)
+        same = [k for k, line in enumerate(seen) if line.name and (line.name, line.depth) == here]
+        begin = next((k for k, line in enumerate(seen) if line.text.startswith("Message")), 0)
+        self._at = same[0] if same else begin
+        self._top = begin if not same else self._top
+        self.draw()
+
+    @property
+    def line(self) -> DetailLine | None:
+        """The current line."""
+        seen = self._seen()
+        return seen[min(self._at, len(seen) - 1)] if seen else None
+
+    def select(self, index: int) -> None:
+        """Go to a line, by its place in all of them; what it is folded into opens."""
+        if not 0 <= index < len(self._all):
+            return
+        wanted = self._all[index]
+        depth = wanted.depth
+        for above in reversed(self._all[:index]):
+            if above.depth < depth:
+                self._folded.discard(_key(above))
+                depth = above.depth
+        self._at = next((k for k, line in enumerate(self._seen()) if line is wanted), self._at)
+        self.draw()
+        self.post_message(self.Selected())
+
+    def move(self, by: int) -> None:
+        """Go so many lines further."""
+        self._at = max(0, min(self._at + by, len(self._seen()) - 1))
+        self.draw()
+        self.post_message(self.Selected())
+
+    def fold(self, *, shut: bool | None = None) -> None:
+        """Fold what is below the current line, or open it."""
+        line = self.line
+        if line is None:
+            return
+        key = _key(line)
+        shut = key not in self._folded if shut is None else shut
+        if shut and not self._below(line):  # the one that it is below
+            index = next(k for k, one in enumerate(self._all) if one is line)
+            above = next((k for k in range(index - 1, -1, -1) if self._all[k].depth < line.depth), None)
+            if above is not None:
+                self.select(above)
+            return
+        (self._folded.add if shut else self._folded.discard)(key)
+        self.draw()
+
+    @property
+    def folded(self) -> bool:
+        """True if all that can be folded is."""
+        return all(_key(line) in self._folded for line in self._all if line.depth and self._below(line))
+
+    def fold_all(self, *, shut: bool) -> None:
+        """Fold everything, or open it."""
+        self._folded = {_key(line) for line in self._all if self._below(line) and line.depth} if shut else set()
+        self._at = 0
+        self.draw()
+
+    def draw(self) -> None:
+        """Draw the lines that are seen."""
+        width, height = self.size
+        if not width or height < 1:
+            return
+        seen = self._seen()
+        room = max(1, height - 1)
+        self._at = max(0, min(self._at, len(seen) - 1))
+        self._top = max(0, min(self._top, self._at, max(0, len(seen) - room)))
+        if self._at >= self._top + room:
+            self._top = self._at - room + 1
+        style = NAMED["title" if self.has_focus else "head"]
+        more = "" if len(seen) <= room else f"  {self._top + 1}-{min(self._top + room, len(seen))}/{len(seen)}"
+        shown: list[Spans] = [((padded(fit(f" Details{more}", width), width), style),)]
+        for k, line in enumerate(seen[self._top : self._top + room], self._top):
+            below = self._below(line)
+            sign = " " if not below else "+" if _key(line) in self._folded else "-"
+            text = fit(f"{' ' * (line.depth * _INDENT)}{sign} {line.text}", width)
+            style = NAMED["focus"] if k == self._at else NAMED["bold"] if below and line.depth < _INDENT else PLAIN
+            shown.append(((padded(text, width), style),))
+        self.put(shown)
+
+    def _below(self, line: DetailLine) -> bool:
+        index = next((k for k, one in enumerate(self._all) if one is line), len(self._all))
+        return index + 1 < len(self._all) and self._all[index + 1].depth > line.depth
+
+    def _seen(self) -> list[DetailLine]:
+        seen: list[DetailLine] = []
+        hidden: int | None = None
+        for line in self._all:
+            if hidden is not None and line.depth > hidden:
+                continue
+            hidden = line.depth if _key(line) in self._folded else None
+            seen.append(line)
+        return seen
+
+    def on_resize(self) -> None:
+        """Draw as large as it is now."""
+        self.draw()
+
+    def on_focus(self) -> None:
+        """Show that keys go here."""
+        self.draw()
+
+    def on_blur(self) -> None:
+        """Show that keys go elsewhere."""
+        self.draw()
+
+    def on_click(self, event: events.Click) -> None:
+        """Go to a line; once more folds it."""
+        place = self._top + event.y - 1
+        if 0 <= place < len(self._seen()) and event.y >= 1:
+            if place == self._at:
+                self.fold()
+            else:
+                self.move(place - self._at)
+
+    def on_mouse_scroll_down(self, _: events.MouseScrollDown) -> None:
+        """Go on."""
+        self.move(3)
+
+    def on_mouse_scroll_up(self, _: events.MouseScrollUp) -> None:
+        """Go back."""
+        self.move(-3)
+
+
+def _key(line: DetailLine) -> str:
+    """Return what tells a line from others, in rows of all kinds."""
+    return line.name or line.text.split(" ")[0].rstrip(":,")

@@ -1,0 +1,258 @@
+"""Gestures on the selected field or row: filters, columns, conversations, time references, and what is typed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from analyzer.browser.conditions import combined, condition, field_name
+from analyzer.browser.own_columns import OwnColumns
+from analyzer.browser.screen.handing import Handing
+from analyzer.browser.supply import TABS
+from analyzer.browser.walk import follow_filter
+from analyzer.filter.errors import FilterError
+from analyzer.views.times import MODES
+
+if TYPE_CHECKING:
+    from analyzer.browser.screen.bar import Bar
+
+_FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}
+_ASKS = {
+    "go": "go to a frame (4711), a time (12.5 or 12:49:54.89) or 50%",
+    "find": "find text, bytes (0a ff), or = and a filter; tab completes",
+    "filter": "a filter; tab completes, up: older ones, esc leaves",
+    "comment": "a comment on this row; empty takes it off",
+    "write": "a file: .log .pcapng .mcap for frames, .csv .parquet for tables",
+    "statistic": "talkers, nodes, services, periods, load, hierarchy, io[,100ms], values,FIELD",
+}
+
+
+class Gestures(Handing):
+    """The part of the browser that makes filters and columns of what is selected."""
+
+    def _selected_filter(self) -> str:
+        """Return the filter that stands for what is selected: a line of a tab, or a detail."""
+        if self.tab != TABS[0]:
+            chosen = self.tabs.line
+            return "" if chosen is None else chosen.filter
+        line = self.details.line
+        if self.shown is None or line is None:
+            return ""
+        return condition(line, self.view.supply.registry, self.shown.batch)
+
+    def action_apply(self, how: str) -> None:
+        """Apply what is selected as filter."""
+        new = self._selected_filter()
+        if not new:
+            self.fail("nothing that a filter knows is selected: tab goes to the details")
+            return
+        self.set_filter(combined(self.view.filter, new, how))
+
+    def action_prepare(self, how: str) -> None:
+        """Put what is selected into the filter line."""
+        new = self._selected_filter()
+        if not new:
+            self.fail("nothing that a filter knows is selected: tab goes to the details")
+            return
+        self.ask("filter", combined(self.view.filter, new, how))
+
+    def set_filter(self, text: str) -> bool:
+        """Show only what a filter selects; say where it is wrong."""
+        try:
+            self.view.apply(text)
+        except FilterError as error:
+            self.say_place(error)
+            return False
+        self.bar.ask("filter", "")
+        self.bar.keep(text)
+        if self.tab != TABS[0]:
+            self.action_tab(TABS[0])
+        self.list.draw()
+        self.show_row()
+        self.draw_lines()
+        return True
+
+    def say_place(self, error: FilterError) -> None:
+        """Say what is wrong with a filter; the cursor of the filter line is the caret."""
+        self.ask("filter", error.text)
+        self.bar.cursor_position = error.start
+        wrong = error.text[error.start : error.end]
+        caret = f"{' ' * error.start}{'^' * max(1, len(wrong))}"
+        fits = len(caret) + len(error.reason) + 3 < self.size.width
+        self.fail(f"{caret} {error.reason}" if fits else f"^ {wrong}: {error.reason}")
+
+    def action_clear(self) -> None:
+        """End a search; else take the filter off."""
+        if self.search is not None:
+            self.search.stop()
+            self.search, self.wanted = None, 0
+            self.say("the search has ended")
+        elif self.tab != TABS[0]:
+            self.action_tab(TABS[0])
+        elif self.view.filter:
+            self.set_filter("")
+
+    def action_follow(self) -> None:
+        """Ask what to follow."""
+        self.chord = "follow"
+        self.say("follow: n node  t type of this node  e ESC (channel)  u power unit  x exchange of a service", "bold")
+
+    def follow(self, key: str) -> None:
+        """Filter by what a row is part of."""
+        row, what = self.view.current(), _FOLLOWS.get(key)
+        if row is None or what is None:
+            self.say("nothing is followed")
+            return
+        text = follow_filter(self.view, row, what)
+        if not text:
+            self.fail(f"this row names no {what}")
+            return
+        if self.set_filter(text):
+            self.say(f"following {text} (esc shows all)")
+
+    def action_column(self, by: int) -> None:
+        """Show the selected field as a column, or take the last one off."""
+        columns = self.view.pages.columns
+        names = [] if columns is None else list(columns.names)
+        if by < 0:
+            names = names[:-1]
+        else:
+            line = self.details.line
+            name = "" if line is None else field_name(line.name, self.view.supply.registry)
+            if not name or name in names:
+                self.fail("this line is no field" if not name else f"{name} is a column already")
+                return
+            names.append(name)
+        self.set_columns(names)
+
+    def set_columns(self, names: list[str]) -> None:
+        """Show fields as columns; say why not."""
+        try:
+            made = OwnColumns(self.view.store, self.view.supply.registry, names) if names else None
+        except (LookupError, ValueError) as error:
+            self.fail(f"no column: {error}")
+            return
+        self.view.pages.columns = made
+        self.tools.keep_columns(names)
+        self.list.forget()
+
+    def action_conversation(self) -> None:
+        """Mark the rows of this conversation, or no more."""
+        row = self.view.current()
+        own = None if row is None else self.view.conversation_of(row)
+        self.list.conversation = None if own == self.list.conversation else own
+        self.list.draw()
+
+    def action_reference(self) -> None:
+        """Count times from this row, or again from the first frame."""
+        row = self.view.current()
+        t = None if row is None else self.view.store.time(row)
+        pages = self.view.pages
+        pages.zero = None if t is None or pages.zero == t else t
+        self.list.forget()
+        self.show_row()
+        self.say("times count from this row" if pages.zero is not None else "times count from the first frame")
+
+    def action_times(self) -> None:
+        """Show times in the next way."""
+        pages, modes = self.view.pages, ("r", "a", "ad", "d", "dd", "e", "u", "ud")
+        pages.mode = modes[(modes.index(pages.mode) + 1) % len(modes)]
+        self.list.forget()
+        self.show_row()
+        self.say(f"-t {pages.mode}: {MODES[pages.mode]}")
+
+    def action_choose(self) -> None:
+        """Fold a detail; go where a line of a tab leads to, or apply its filter."""
+        if self.tab == TABS[0]:
+            if self.focused is self.details:
+                self.details.fold()
+            return
+        line = self.tabs.line
+        if line is None:
+            return
+        if line.frame is not None:
+            self.go_to_frame(line.frame)
+        elif self.tab == "statistics" and line.filter:
+            self.set_filter(line.filter)
+        elif line.t is not None:
+            self.go_to_time(line.t)
+        elif line.filter:
+            self.set_filter(line.filter)
+
+    def action_fold_all(self) -> None:
+        """Fold all details, or open them."""
+        self.details.fold_all(shut=not self.details.folded)
+
+    # ---- what is typed
+
+    def action_ask(self, purpose: str) -> None:
+        """Ask for something in the line."""
+        self.ask(purpose)
+
+    def action_ask_go(self) -> None:
+        """Ask where to go."""
+        self.ask("go")
+
+    def action_ask_find(self) -> None:
+        """Ask what to find."""
+        self.ask("find")
+
+    def action_ask_filter(self) -> None:
+        """Ask for a filter."""
+        self.ask("filter", self.view.filter)
+
+    def action_ask_comment(self) -> None:
+        """Ask for a comment."""
+        places = self.frames_now()
+        marks = self.view.marks.marks
+        self.ask("comment", next((marks[place].text for place in places if place in marks), ""))
+
+    def action_ask_write(self) -> None:
+        """Ask for a file."""
+        self.ask("write")
+
+    def action_ask_statistic(self) -> None:
+        """Ask for a statistic."""
+        self.ask("statistic")
+
+    def ask(self, purpose: str, value: str = "") -> None:
+        """Ask for something in the line."""
+        self.bar.ask(purpose, value)
+        self.bar.display, self.state.display = True, False
+        self.set_focus(self.bar)
+        self.say(f"{purpose}: {_ASKS[purpose]}", "dim")
+
+    def on_bar_offered(self, event: Bar.Offered) -> None:
+        """Show what may be completed."""
+        self.say(event.text, "dim")
+
+    def on_bar_left(self) -> None:
+        """Go back to the panes."""
+        self._unasked()
+        self.say("")
+
+    def _unasked(self) -> None:
+        self.bar.display, self.state.display = False, True
+        self.set_focus(self.list if self.tab == TABS[0] else self.tabs)
+
+    def on_input_submitted(self) -> None:
+        """Do what was asked for."""
+        purpose, text = self.bar.purpose, self.bar.value.strip()
+        self.bar.keep(text)
+        self._unasked()
+        self.say("")
+        if purpose == "filter":
+            self.set_filter(text)
+        elif purpose == "find":
+            self.find(text)
+        elif purpose == "go" and text:
+            self.go_where(text)
+        elif purpose == "comment":
+            self.comment(text)
+        elif purpose == "write" and text:
+            self.write(text)
+        elif purpose == "statistic" and text:
+            wrong = self.view.supply.ask(text)
+            if wrong:
+                self.fail(wrong)
+            else:
+                self.action_tab("statistics")

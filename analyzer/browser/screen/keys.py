@@ -1,0 +1,86 @@
+"""The keys of the browser: what each does, for its bindings and for its help."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class KeyWords(NamedTuple):
+    """Keys as Textual calls them, the action, the key as people call it, and what it does."""
+
+    keys: str
+    action: str
+    called: str
+    words: str
+
+
+KEYS: dict[str, tuple[KeyWords, ...]] = {
+    "Move": (
+        KeyWords("up,k", "move(-1)", "up down", "the row, line or byte before, behind (also k j)"),
+        KeyWords("down,j", "move(1)", "", ""),
+        KeyWords("left,h", "sideways(-1)", "left right", "fold and open details; the byte before, behind"),
+        KeyWords("right,l", "sideways(1)", "", ""),
+        KeyWords("pageup", "page(-1)", "pgup pgdn", "a page; home end: the first, the last (end follows what comes)"),
+        KeyWords("pagedown", "page(1)", "", ""),
+        KeyWords("home", "edge(-1)", "", ""),
+        KeyWords("end,G", "edge(1)", "", ""),
+        KeyWords("tab", "pane(1)", "tab", "the next pane: list, details, bytes; it gets the room"),
+        KeyWords("shift+tab", "pane(-1)", "", ""),
+        KeyWords("ctrl+up,f7", "packet(-1)", "F7 F8", "the row before, behind, whatever pane is in use"),
+        KeyWords("ctrl+down,f8", "packet(1)", "", ""),
+        KeyWords("g", "ask_go", "g", "go to a frame, or a time: 4711, 12.5, 12:49:54.89, 50%"),
+        KeyWords("comma", "sender(-1)", ", .", "the transfer before, behind of the same sender and type"),
+        KeyWords("full_stop,.", "sender(1)", "", ""),
+        KeyWords("r", "counterpart", "r", "from a request to its response, and back"),
+        KeyWords("right_square_bracket,]", "finding(1)", "[ ]", "the finding before, behind"),
+        KeyWords("left_square_bracket,[", "finding(-1)", "", ""),
+        KeyWords("right_parenthesis,)", "marked(1)", "( )", "the mark before, behind"),
+        KeyWords("left_parenthesis,(", "marked(-1)", "", ""),
+    ),
+    "Find and filter": (
+        KeyWords("slash,ctrl+f", "ask_find", "/", "find text, bytes (0a ff), or = and a filter"),
+        KeyWords("n", "next(1)", "n N", "the next match, the one before"),
+        KeyWords("N", "next(-1)", "", ""),
+        KeyWords("equals_sign,=", "ask_filter", "=", "the filter; tab completes, up and down are older ones"),
+        KeyWords("escape", "clear", "esc", "take the filter off; end a search"),
+        KeyWords("a", "apply('')", "a", "apply the selected field, or line of a tab, as filter"),
+        KeyWords("p", "prepare('')", "p", "prepare it: it stands in the filter line"),
+        KeyWords("ampersand,&", "apply('and')", "& | !", "and it, or it, and not it"),
+        KeyWords("vertical_line,|", "apply('or')", "", ""),
+        KeyWords("exclamation_mark,!", "apply('and not')", "", ""),
+        KeyWords("f", "follow", "f", "follow: n node, t type, e ESC, u power unit, x exchange of a service"),
+        KeyWords("i", "column(1)", "i I", "apply as column; take the last one off"),
+        KeyWords("I", "column(-1)", "", ""),
+        KeyWords("c", "conversation", "c", "mark the rows of this conversation with |"),
+    ),
+    "Show": (
+        KeyWords("t", "reference", "t", "count times from this row; on the same row from the first frame"),
+        KeyWords("T", "times", "T", "times as -t: r relative, a time of day, ad, d, dd, e epoch, u, ud"),
+        KeyWords("enter,space", "choose", "enter", "fold a detail; from a tab to its place, or apply its filter"),
+        KeyWords("x", "fold_all", "x", "fold all details, open them again"),
+        *(
+            KeyWords(str(k), f"tab('{name}')", f"{k}" if k > 1 else "1", name if k > 1 else "packets: the three panes")
+            for k, name in enumerate(("packets", "findings", "events", "flights", "triage", "statistics"), 1)
+        ),
+        KeyWords("s,z", "ask_statistic", "s", "a statistic, as -z takes it: talkers, load, io,100ms"),
+        KeyWords("question_mark,f1", "help", "?", "this page"),
+    ),
+    "Keep and hand on": (
+        KeyWords("m", "mark", "m", "mark this row, or take the mark off"),
+        KeyWords("M", "ask_comment", "M", "a comment on it"),
+        KeyWords("w", "ask_write", "w", "write what is displayed: .log .pcapng .mcap frames, .csv .parquet tables"),
+        KeyWords("y", "copy", "y", "copy: t text, j JSON, c candump, f filter, d details"),
+        KeyWords("o", "plot", "o", "open Rerun at this time (plot --around)"),
+        KeyWords("q,ctrl+q", "leave", "q", "quit; asks once if marks are not kept yet"),
+    ),
+}  # fmt: skip
+EVERY = tuple(key for keys in KEYS.values() for key in keys)
+HINT = "? help  = filter  / find  g go  tab pane  [ ] finding  m mark  1-6 tabs  q quit"
+
+
+def help_lines() -> list[tuple[str, str]]:
+    """Return keys and what they do; headings have no key."""
+    found: list[tuple[str, str]] = []
+    for title, keys in KEYS.items():
+        found += [("", title), *((one.called, one.words) for one in keys if one.words)]
+    return found

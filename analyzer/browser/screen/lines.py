@@ -1,0 +1,54 @@
+"""A widget of lines that sends only those to the terminal that differ from what is there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.segment import Segment
+from textual.geometry import Region
+from textual.strip import Strip
+from textual.widget import Widget
+
+from analyzer.browser.screen.styles import PLAIN
+from analyzer.views.terminal import display_width
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.style import Style
+
+    Spans = tuple[tuple[str, Style], ...]
+
+
+class Lines(Widget):
+    """Lines of styled spans, as many as it is high."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(id=name)
+        self._drawn: list[Spans] = []
+
+    def put(self, lines: Sequence[Spans]) -> None:
+        """Draw what differs."""
+        before, self._drawn = self._drawn, list(lines)
+        rows = range(max(len(before), len(self._drawn)))
+        differ = [y for y in rows if (before[y : y + 1] or [()]) != (self._drawn[y : y + 1] or [()])]
+        if differ:
+            self.refresh(*(Region(0, y, self.size.width, 1) for y in differ))
+
+    def render_line(self, y: int) -> Strip:
+        """Return a line of the widget."""
+        width = self.size.width
+        if y >= len(self._drawn):
+            return Strip.blank(width, PLAIN)
+        strip = Strip(Segment(text, style) for text, style in self._drawn[y])
+        return strip.adjust_cell_length(width, PLAIN)
+
+    @property
+    def text(self) -> str:
+        """What is drawn, for tests."""
+        return "\n".join("".join(text for text, _ in line) for line in self._drawn)
+
+
+def padded(text: str, width: int) -> str:
+    """Return text as wide as the terminal, so that its style goes through."""
+    return text + " " * max(0, width - display_width(text))

@@ -1,0 +1,160 @@
+"""The packet list: as many rows as fit, of as many as there are."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import TYPE_CHECKING
+
+from textual.message import Message
+
+from analyzer.browser.screen.lines import Lines, padded
+from analyzer.browser.screen.styles import NAMED, PLAIN, of_codes
+
+if TYPE_CHECKING:
+    from textual import events
+
+    from analyzer.browser.listed import ListLine
+    from analyzer.browser.screen.lines import Spans
+    from analyzer.browser.view import BrowserView
+
+_KEPT = 1000  # lines that are written already
+_BESIDE = 1  # column of the marks
+
+
+class PacketList(Lines, can_focus=True):
+    """Shows the rows of a view around the one that it is at."""
+
+    class Moved(Message):
+        """Another row is the current one."""
+
+    def __init__(self, view: BrowserView) -> None:
+        super().__init__("list")
+        self._view = view
+        self._top = 0
+        self._kept: OrderedDict[tuple[int, int], ListLine] = OrderedDict()
+        self._made: tuple[object, ...] = ()
+        self.conversation: frozenset[int] | None = None
+
+    @property
+    def page(self) -> int:
+        """How many rows are seen."""
+        return max(1, self.size.height - 1)
+
+    def move(self, by: int) -> None:
+        """Go so many rows further."""
+        self.to(self._view.number() + by)
+
+    def to(self, number: int) -> None:
+        """Go to a row."""
+        self._view.go(number)
+        self.draw()
+        self.post_message(self.Moved())
+
+    def forget(self) -> None:
+        """Write all lines anew: what they show has changed."""
+        self._kept.clear()
+        self.draw()
+
+    def draw(self) -> None:
+        """Draw the rows that are seen."""
+        view, width, height = self._view, self.size.width, self.size.height
+        if not width or height < 1:
+            return
+        rows, at = view.rows, view.number()
+        count = len(rows)
+        self._top = max(0, min(self._top, at, count - self.page))
+        if at >= self._top + self.page:
+            self._top = at - self.page + 1
+        numbers = range(self._top, min(self._top + self.page, count))
+        places = [rows.at(number) for number in numbers]
+        made = (width, view.pages.mode, view.pages.zero, view.pages.columns, view.supply.named, view.store.buses)
+        if made != self._made or view.pages.mode == "dd":
+            self._kept.clear()
+            self._made = made
+        lines = self._lines(places, list(numbers), width - _BESIDE)
+        marked = self._marked(places)
+        style = NAMED["title" if self.has_focus else "head"]
+        shown: list[Spans] = [((padded(" " + view.pages.head(width - _BESIDE), width), style),)]
+        for number, sign, line in zip(numbers, marked, lines, strict=True):
+            own = of_codes(line.codes) if line.codes else NAMED["bad"] if line.broken else PLAIN
+            if number == at:
+                own = NAMED["focus"] + (own if not line.codes else of_codes(line.codes))
+            shown.append(((sign, NAMED["good"]), (padded(line.text, width - _BESIDE), own)))
+        if not count:
+            shown.append(((padded(f"  {self._nothing()}", width), NAMED["dim"]),))
+        self.put(shown)
+
+    def _nothing(self) -> str:
+        view = self._view
+        if view.filter:
+            done = getattr(view.rows, "done", True)
+            return f"no row matches {view.filter}" if done else "no row matches so far"
+        return "nothing is decoded yet" if not view.supply.loaded else "the capture holds no frame"
+
+    def _lines(self, places: list[tuple[int, int]], numbers: list[int], width: int) -> list[ListLine]:
+        view = self._view
+        lacking = [k for k, place in enumerate(places) if place not in self._kept]
+        if lacking:
+            some = [view.store.row(*places[k]) for k in lacking]
+            before = [self._before(places[k], numbers[k]) for k in lacking]
+            for k, line in zip(lacking, view.pages.lines(some, width, before), strict=True):
+                self._kept[places[k]] = line
+        found = [self._kept[place] for place in places]
+        while len(self._kept) > max(_KEPT, 2 * len(places)):
+            self._kept.popitem(last=False)
+        return found
+
+    def _before(self, place: tuple[int, int], number: int) -> int | None:
+        """Return the time of the row that a delta is counted from."""
+        view = self._view
+        if view.pages.mode == "dd":
+            return view.store.time(view.row(number - 1)) if number > 0 else None
+        if view.pages.mode == "d":
+            whole = view.store.starts[place[0]] + place[1]
+            return view.store.time(view.store.row(*view.store.locate(whole - 1))) if whole > 0 else None
+        return None
+
+    def _marked(self, places: list[tuple[int, int]]) -> list[str]:
+        """Return the sign in front of each row: a mark, a comment, a frame at which a finding begins."""
+        view, marks = self._view, self._view.marks.marks
+        signs = []
+        named = view.supply.named
+        for place in places:
+            row = view.store.row(*place)
+            frames = view.places_of(row) if marks or named is not None else []
+            own = [marks[frame] for frame in frames if frame in marks]
+            sign = " "
+            if own:
+                sign = "c" if any(mark.text for mark in own) else "m"
+            elif named is not None and frames and named.between(min(frames), max(frames)):
+                found = named.between(min(frames), max(frames))
+                sign = "*" if any(frame in found for frame in frames) else " "
+            elif self.conversation is not None and view.conversation_of(row) == self.conversation:
+                sign = "|"
+            signs.append(sign)
+        return signs
+
+    def on_resize(self) -> None:
+        """Draw as large as it is now."""
+        self.draw()
+
+    def on_focus(self) -> None:
+        """Show that keys go here."""
+        self.draw()
+
+    def on_blur(self) -> None:
+        """Show that keys go elsewhere."""
+        self.draw()
+
+    def on_click(self, event: events.Click) -> None:
+        """Go to a row."""
+        if event.y >= 1 and self._top + event.y - 1 < len(self._view.rows):
+            self.to(self._top + event.y - 1)
+
+    def on_mouse_scroll_down(self, _: events.MouseScrollDown) -> None:
+        """Go on."""
+        self.move(3)
+
+    def on_mouse_scroll_up(self, _: events.MouseScrollUp) -> None:
+        """Go back."""
+        self.move(-3)

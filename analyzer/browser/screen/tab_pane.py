@@ -1,0 +1,106 @@
+"""A tab: lines that lead to rows of the list, or stand for filters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from textual.message import Message
+
+from analyzer.browser.screen.lines import Lines, padded
+from analyzer.browser.screen.styles import NAMED
+from analyzer.views.terminal import fit
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from textual import events
+
+    from analyzer.browser.screen.lines import Spans
+    from analyzer.browser.supply import TabLine
+
+
+class TabPane(Lines, can_focus=True):
+    """Shows the lines of a tab; one of them is the current one."""
+
+    class Chosen(Message):
+        """The current line was clicked twice."""
+
+    def __init__(self) -> None:
+        super().__init__("tab")
+        self.title, self.empty = "", ""
+        self._all: Sequence[TabLine] = ()
+        self._at = self._top = self._left = 0
+        self._places: dict[str, int] = {}
+
+    def take(self, title: str, lines: Sequence[TabLine] | None, empty: str) -> None:
+        """Show a tab; `empty` stands in place of lines that are not known yet."""
+        if title != self.title:
+            self._places[self.title] = self._at
+            self._at, self._left = self._places.get(title, 0), 0
+        self.title, self._all, self.empty = title, lines or (), "" if lines is not None else empty
+        self.draw()
+
+    @property
+    def line(self) -> TabLine | None:
+        """The current line."""
+        return self._all[self._at] if self._at < len(self._all) else None
+
+    def move(self, by: int) -> None:
+        """Go so many lines further."""
+        self._at = max(0, min(self._at + by, len(self._all) - 1))
+        self.draw()
+
+    def shift(self, by: int) -> None:
+        """Show what stands further to the right, or left."""
+        self._left = max(0, self._left + by)
+        self.draw()
+
+    def draw(self) -> None:
+        """Draw the lines that are seen."""
+        width, height = self.size
+        if not width or height < 1:
+            return
+        room = max(1, height - 1)
+        self._at = max(0, min(self._at, len(self._all) - 1))
+        self._top = max(0, min(self._top, self._at, max(0, len(self._all) - room)))
+        if self._at >= self._top + room:
+            self._top = self._at - room + 1
+        more = f"  {self._at + 1}/{len(self._all)}" if len(self._all) > room else ""
+        style = NAMED["title" if self.has_focus else "head"]
+        shown: list[Spans] = [((padded(fit(f" {self.title}{more}", width), width), style),)]
+        for k, line in enumerate(self._all[self._top : self._top + room], self._top):
+            own = NAMED.get(line.style, NAMED[""])
+            own = own + NAMED["focus"] if k == self._at else own
+            shown.append(((padded(fit(f" {line.text[self._left :]}", width), width), own),))
+        if self.empty:
+            shown.append(((padded(f"  {self.empty}", width), NAMED["dim"]),))
+        self.put(shown)
+
+    def on_resize(self) -> None:
+        """Draw as large as it is now."""
+        self.draw()
+
+    def on_focus(self) -> None:
+        """Show that keys go here."""
+        self.draw()
+
+    def on_blur(self) -> None:
+        """Show that keys go elsewhere."""
+        self.draw()
+
+    def on_click(self, event: events.Click) -> None:
+        """Go to a line; once more chooses it."""
+        place = self._top + event.y - 1
+        if event.y < 1 or place >= len(self._all):
+            return
+        if place == self._at:
+            self.post_message(self.Chosen())
+        self.move(place - self._at)
+
+    def on_mouse_scroll_down(self, _: events.MouseScrollDown) -> None:
+        """Go on."""
+        self.move(3)
+
+    def on_mouse_scroll_up(self, _: events.MouseScrollUp) -> None:
+        """Go back."""
+        self.move(-3)

@@ -1,0 +1,76 @@
+"""The view of the browser on whoever decodes and judges: it asks, and knows neither files nor buses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.browser.store.store import Store
+    from analyzer.rules.named_frames import NamedFrames
+    from dissectors import Registry
+
+TABS = ("packets", "findings", "events", "flights", "triage", "statistics")
+
+
+class TabLine(NamedTuple):
+    """A line of a tab: where it leads to, a frame from 0 or a time in nanoseconds, and the filter it stands for."""
+
+    text: str
+    style: str = ""
+    frame: int | None = None
+    t: int | None = None
+    filter: str = ""
+
+
+class Supply(Protocol):
+    """Decodes into a store, judges, and finds out what the tabs show; everything is None until it is known.
+
+    Attributes:
+        store: the batches that are decoded.
+        registry: the types.
+        name: of the captures or buses.
+        paths: captures as the commands take them, empty for a bus.
+        arguments: what else a command needs to read them in the same way.
+        live: they come from a bus.
+        doing: what is done now, in a word or two, empty for nothing.
+        notes: what was complained of.
+        named: the rules that name frames.
+        flights: first and last time of each.
+        troubles: time and severity of each finding.
+        starts: frames at which findings begin, from 0, ascending.
+        labels: of nodes in the vehicle file.
+    """
+
+    store: Store
+    registry: Registry
+    name: str
+    paths: tuple[str, ...]
+    arguments: tuple[str, ...]
+    live: bool
+    doing: str
+    notes: list[str]
+    named: NamedFrames | None
+    flights: Sequence[tuple[int, int]]
+    troubles: Sequence[tuple[int, str]]
+    starts: Sequence[int]
+    labels: dict[int, str]
+    severities: dict[str, str]
+
+    @property
+    def loaded(self) -> bool:
+        """True once no batch comes any more."""
+
+    @property
+    def share(self) -> float:
+        """How much of the captures is decoded, from 0 to 1."""
+
+    def tab(self, name: str) -> Sequence[TabLine] | None:
+        """Return what a tab shows, one of `TABS`."""
+
+    def ask(self, statistic: str) -> str:
+        """Ask for a statistic, which is in its tab later; return what is wrong with it, empty for nothing."""
+
+    def stop(self) -> None:
+        """Ask for the end."""

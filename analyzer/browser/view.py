@@ -1,0 +1,187 @@
+"""The state of a browser without its terminal: which rows are listed, where one is, what is selected of a row."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from analyzer.browser.chosen import AllRows, ChosenRows
+from analyzer.browser.colouring import RowColouring
+from analyzer.browser.details import DetailLine, detail_lines, event_lines, frame_lines
+from analyzer.browser.dump import DumpFrame, dump
+from analyzer.browser.listed import ListPages
+from analyzer.browser.store.cut import StoredFrames, cut_transfers
+from analyzer.browser.store.order import EVENT, TRANSFER
+from analyzer.facts.frame_marks import MarkBook
+from analyzer.filter.compiled import compile_filter
+from analyzer.filter.errors import FilterError
+from analyzer.tables import KINDS
+from analyzer.views.tree import Tree
+from analyzer.window.numbering import Numbering
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.browser.chosen import RowSet
+    from analyzer.browser.store.store import Row
+    from analyzer.browser.supply import Supply
+    from analyzer.decode.engine import Batch
+    from analyzer.filter.matcher import Matcher
+    from analyzer.views.colours.rules import ColourRule
+
+_MOST_FRAMES = 512  # of a transfer that are shown in bytes
+
+
+class Shown(NamedTuple):
+    """A row in full: its details, its frames, and as a batch of one transfer if it is one."""
+
+    row: Row
+    lines: list[DetailLine]
+    frames: list[DumpFrame]
+    batch: Batch | None
+
+
+class BrowserView:
+    """What is looked at.
+
+    Args:
+        supply: decodes and judges.
+        colours: colour rules, the first that holds wins.
+        marks: of the capture; they are forgotten at the end if not given.
+    """
+
+    def __init__(self, supply: Supply, colours: Sequence[ColourRule] = (), marks: MarkBook | None = None) -> None:
+        self.supply, self.store = supply, supply.store
+        self.numbering = Numbering()
+        self.frames = StoredFrames(self.store)
+        self.pages = ListPages(self.store, supply.registry, self.numbering, RowColouring(self.store, colours))
+        self.rows: RowSet = AllRows(self.store)
+        self.filter = ""
+        self.marks = marks or MarkBook(None)
+        self.anchor: tuple[int, int] | None = None  # the row that one is at
+        self._tree: tuple[object, Tree] | None = None
+
+    # ---- rows
+
+    def apply(self, text: str) -> None:
+        """Show only rows that a filter selects, all for an empty one. Raises `FilterError`."""
+        text = text.strip()
+        rows: RowSet = AllRows(self.store)
+        if text:
+            rows = ChosenRows(self.store, self.matcher(text), lambda: self.supply.loaded)
+            rows.start()
+        if isinstance(self.rows, ChosenRows):
+            self.rows.stop()
+        self.rows, self.filter = rows, text
+
+    def matcher(self, text: str) -> Matcher:
+        """Return a filter at work. Raises `FilterError`."""
+        supply = self.supply
+        chosen = compile_filter(text, supply.registry)
+        if chosen.asks_findings and supply.named is None:
+            raise FilterError("findings are not known yet: the capture is still being judged", text, 0, len(text))
+        return chosen.matcher(labels=supply.labels, named=supply.named, severities=supply.severities)
+
+    def row(self, number: int) -> Row:
+        """Return a row that is listed, by its number from 0."""
+        return self.store.row(*self.rows.at(number))
+
+    def number(self) -> int:
+        """Return the number of the row that one is at, the last one if there are fewer."""
+        count = len(self.rows)
+        if self.anchor is None or not count:
+            return 0
+        return min(self.rows.find(*self.anchor), count - 1)
+
+    def current(self) -> Row | None:
+        """Return the row that one is at."""
+        if not len(self.rows):
+            return None
+        return self.row(self.number())
+
+    def go(self, number: int) -> None:
+        """Go to a row by its number."""
+        count = len(self.rows)
+        self.anchor = self.rows.at(max(0, min(number, count - 1))) if count else None
+
+    # ---- a row in full
+
+    def shown(self, row: Row) -> Shown:
+        """Return a row in full."""
+        if row.kind == TRANSFER:
+            return self._transfer(row)
+        time = self._time(row)
+        if row.kind == EVENT:
+            events = self.store.opened(row.segment).table("events").slice(row.entry, 1)
+            told = {name: events.column(name)[0].as_py() for name in events.schema.names if name != "t"}
+            line = self.pages.lines([row], 500)[0].text
+            return Shown(row, event_lines(told, time, line[44:].strip()), [], None)
+        frame = self.frames(row.place)
+        if frame is None:
+            return Shown(row, [], [], None)
+        number = self.numbering.of(row.place)
+        table = self.store.opened(row.segment).table("frames" if row.kind == 1 else "settled")
+        verdict = int(table.column("verdict")[row.entry].as_py())
+        rules = ", ".join(self._rules([row.place]))
+        lines = frame_lines(number, frame, self.store.buses[frame.bus], verdict, time, rules)
+        return Shown(row, lines, dump([(number, frame)], transfer=False), None)
+
+    def _transfer(self, row: Row) -> Shown:
+        batch = cut_transfers(self.store, [self.number_of(row)])
+        clock = self.pages.clock()
+        key = clock.mode, clock.zero, clock.digits, self.supply.named
+        if self._tree is None or self._tree[0] != key:
+            tree = Tree(self.supply.registry, clock, numbering=self.numbering, named=self.supply.named)
+            self._tree = key, tree
+        text = "".join(self._tree[1].texts(batch))
+        places = batch.transfers.column("frame")[0].as_py()[:_MOST_FRAMES]
+        frames = [(self.numbering.of(place), one) for place in places if (one := self.frames(place)) is not None]
+        return Shown(row, detail_lines(text), dump(frames, transfer=True), batch)
+
+    def number_of(self, row: Row) -> int:
+        """Return the number of a transfer in the whole capture, from 0."""
+        return self.store.segments[row.segment].first_transfer + row.entry
+
+    def places_of(self, row: Row) -> list[int]:
+        """Return the frames of a row, from 0; an event has none."""
+        if row.kind == TRANSFER:
+            found: list[int] = self.store.opened(row.segment).table("transfers").column("frame")[row.entry].as_py()
+            return found
+        return [] if row.kind == EVENT else [row.place]
+
+    def _rules(self, places: Sequence[int]) -> list[str]:
+        if self.supply.named is None or not places:
+            return []
+        found = self.supply.named.between(min(places), max(places))
+        return sorted({rule for place in places for rule in found.get(place, ())})
+
+    def _time(self, row: Row) -> str:
+        from analyzer.views.times import TimeFormat  # noqa: PLC0415 - once
+
+        t = self.store.time(row)
+        return "" if t is None else f"{TimeFormat('ad', digits=9).text(t)} (local)"
+
+    # ---- who a row is of
+
+    def conversation_of(self, row: Row) -> frozenset[int] | None:
+        """Return the nodes that a transfer is between, None for other rows."""
+        own = self.sender(row)
+        if own is None:
+            return None
+        return frozenset((own["src"], own["dst"])) if self.is_service(own) else frozenset((own["src"],))
+
+    def sender(self, row: Row) -> dict[str, int] | None:
+        """Return the columns of a transfer that tell whose it is, None for other rows."""
+        if row.kind != TRANSFER:
+            return None
+        table = self.store.opened(row.segment).table("transfers")
+        names = ("bus", "kind", "type_id", "variant", "src", "dst", "transfer_id")
+        return {name: table.column(name)[row.entry].as_py() for name in names}
+
+    def type_name(self, sender: dict[str, int]) -> str:
+        """Return the name of a type as a filter takes it, empty for an unknown one."""
+        message = self.supply.registry.message(sender["kind"], sender["type_id"], sender["variant"])
+        return "" if message is None else message.name.rpartition(".")[2]
+
+    def is_service(self, sender: dict[str, int]) -> bool:
+        """Return whether a transfer is a request or a response."""
+        return KINDS[sender["kind"]] in ("request", "response")
