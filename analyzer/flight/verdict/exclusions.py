@@ -11,7 +11,7 @@ from analyzer.flight.verdict.model import Excluded
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer.flight.verdict.case import Case
+    from analyzer.flight.verdict.case import Case, Node
     from analyzer.flight.verdict.model import Verdict
 
 
@@ -28,8 +28,10 @@ def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
         length = max((case.stop - case.start) / 1e9, 0.001)
         longest = case.pulse.longest(case.start, case.stop)
         yield Excluded("commands stopping", f"{count / length:.0f} Hz to the end, longest pause {longest} ms")
-    if verdict.kind != "battery" and (sag := _lowest(case)):
+    if verdict.kind != "battery" and case.esc_nodes and (sag := _lowest(case)):
         yield Excluded("pack sag", sag)
+    if verdict.kind == "device" and verdict.node is not None and verdict.bus is not None:
+        yield from _wire(case, (verdict.bus, verdict.node))
     if verdict.kind != "bus":
         errors = sum(
             int(one.values.get("count", 0)) for one in case.events if one.kind == "errors" and one.first.ran < began
@@ -43,8 +45,19 @@ def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
             yield Excluded("a hole in the recording", f"no transfer ID missing in {span:.0f} s")
 
 
+def _wire(case: Case, node: Node) -> Iterator[Excluded]:
+    """Yield that a node's transfers came whole, and with none left out, if that is so."""
+    anew = any(one.kind == "restart" and (one.bus, one.node) == node for one in case.events)
+    if case.losses.broken(case.start, case.stop, [node]) or (
+        not anew and case.losses.missing(case.start, case.stop, [node])
+    ):
+        return
+    ids = "transfer IDs from 0" if anew else "no transfer ID missing"
+    yield Excluded(f"CAN wiring of node {node[1]}", f"no broken transfer, {ids}")
+
+
 def _lowest(case: Case) -> str:
-    sags = [one for one in case.events if one.kind == "sag"]
+    sags = [one for one in case.events if one.kind == "sag" and (one.bus, one.node) in case.esc_nodes]
     if sags:
         one = min(sags, key=lambda one: one.values["worst_voltage"])
         expected = one.values.get("expected_voltage")
@@ -73,6 +86,20 @@ def looked_at(case: Case) -> Sequence[str]:
     broken = case.losses.broken(case.start, case.border)
     parts.append(f"{broken} broken transfers")
     return parts
+
+
+def could_not_see(case: Case) -> list[tuple[str, str]]:
+    """Return what this recording does not tell, with a label: it is neither fault nor health."""
+    parts = []
+    if not any(one.kind in {"errors", "bus state", "loss"} for one in (*case.before, *case.events)):
+        parts.append("error frames and drops: none recorded (candump -e -d)")
+    silent = case.bitless()
+    if silent and None not in silent:
+        which = "all ESCs" if len(silent) == len(case.escs_by_channel) else f"ESC {' '.join(f'ch{ch}' for ch in silent)}"
+        parts.append(f"fault bits: not told by these ESCs ({which})")
+    if case.esc_nodes and not case.commanded:
+        parts.append("commands: none recorded")
+    return [("could not see", "; ".join(parts))] if parts else []
 
 
 def recorder_lines(case: Case) -> Sequence[tuple[str, str]]:
