@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from analyzer.flight.thresholds import lasting
+from analyzer.flight.verdict.exclusions import looked_at_rest
 from analyzer.flight.verdict.judge import judge
 from analyzer.flight.verdict.model import Triage, Verdict
 from dissectors.records import replace
@@ -47,8 +48,9 @@ def inquest(
         why = _unjudged(witness, start)
         empty = start is None or not witness.losses.transfers
         still = not empty and not any(one.kind not in _ORDINARY for one in events if one.source == "bus")
-        verdict = Verdict("none" if still else "unknown", why, "possible")
-        return made(None, [verdict], judged=why, empty=empty, commands=commands(verdict, None))
+        looked = [] if empty else looked_at_rest(witness)
+        verdict = Verdict("none" if still else "unknown", why, "possible", reasons=looked)
+        return made(None, [verdict], judged=why, empty=empty, looked=looked, commands=commands(verdict, None))
     flight = flights[-1]
     bus = [one for one in events if one.source == "bus"]
     border = max([witness.clock.ran or flight.last.ran, *(one.first.ran for one in bus)])

@@ -11,8 +11,10 @@ from analyzer.flight.verdict.model import Excluded
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from analyzer.flight.extents import EscExtent
     from analyzer.flight.verdict.case import Case, Node
     from analyzer.flight.verdict.model import Verdict
+    from analyzer.flight.witness import Witness
 
 
 def excluded(case: Case, verdict: Verdict, began: int) -> Sequence[Excluded]:
@@ -71,20 +73,33 @@ def _lowest(case: Case) -> str:
 
 def looked_at(case: Case) -> Sequence[str]:
     """Return what was looked at, in numbers."""
-    parts = []
-    if case.escs:
-        parts.append(f"{len(case.escs)} ESCs, {sum(one.count for one in case.escs)} reports")
+    parts = _measured(case.escs)
     count = case.pulse.count(case.start, case.stop)
     if count:
-        parts.append(f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz")
+        parts.insert(min(1, len(parts)), f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz")
+    parts.append(f"{case.losses.broken(case.start, case.border)} broken transfers")
+    return parts
+
+
+def looked_at_rest(witness: Witness) -> Sequence[str]:
+    """Return what was looked at in a recording without a flight, in numbers."""
+    start, stop = witness.clock.start or 0, witness.clock.ran or 0
+    return [*_measured(witness.escs), f"{witness.losses.broken(start, stop)} broken transfers"]
+
+
+def _measured(escs: Sequence[EscExtent]) -> list[str]:
+    """Return how many ESCs reported how often, and between which voltages and temperatures."""
+    parts = []
+    if escs:
+        nodes = len({(one.bus, one.node) for one in escs})
+        reports = sum(one.count for one in escs)
+        parts.append(f"{nodes} ESC{'s' * (nodes != 1)}, {reports} report{'s' * (reports != 1)}")
     for name, unit in (("voltage", "V"), ("temperature", "C")):
-        ranges = [one.ranges[name] for one in case.escs if name in one.ranges]
+        ranges = [one.ranges[name] for one in escs if name in one.ranges]
         if ranges:
             digits = 1 if unit == "V" else 0
             low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
             parts.append(f"{low:.{digits}f}-{high:.{digits}f} {unit}")
-    broken = case.losses.broken(case.start, case.border)
-    parts.append(f"{broken} broken transfers")
     return parts
 
 

@@ -30,6 +30,7 @@ _FITS = (
     "the vehicle flew on; or power was lost: the vehicle's, the recorder's, or the autopilot's if that is the recorder; "
     "or the recorder's plug, disk or wire: nothing tells which"
 )
+_NO_ESC = ("No ESC", "on this bus: motors, propellers and thrust are not judged")
 _STATES = frozenset({"thrust", "address"})  # are so all the time
 _WHOLE = frozenset({"commands-lost", "commanded", "bus"})  # after which commands say nothing any more
 _NEED_CALM = frozenset({"esc", "propulsion", "wiring", "bus", "battery"})  # commands until it began
@@ -99,8 +100,7 @@ def _verdicts(case: Case, found: list[Trouble]) -> list[Verdict]:
         lost = None  # what goes apart behind it is thrown about
         found = [one for one in found if one.high < hit or one.kind in _STATES]
         if not found:
-            title = "nothing wrong seen on this bus until it hit something"
-            return [Verdict("none", title, _LIKELY, notes=could_not_see(case))]
+            return [_nothing(case, "nothing wrong seen on this bus until it hit something")]
     before = [one for one in found if one.kind in _STATES or lost is None or _may_be_first(case, lost, one)]
     if lost is not None and not [one for one in before if one.kind != "thrust"]:
         return [_control(case, lost, found), *(_verdict(case, one) for one in before)]
@@ -115,8 +115,13 @@ def _verdicts(case: Case, found: list[Trouble]) -> list[Verdict]:
         shown = [_verdict(case, one) for one in before]
         return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]
     if case.flight.end == "landed":
-        return [Verdict("none", "nothing wrong seen on this bus", _LIKELY, notes=could_not_see(case))]
+        return [_nothing(case, "nothing wrong seen on this bus")]
     return [_end(case)]
+
+
+def _nothing(case: Case, title: str) -> Verdict:
+    notes = [*could_not_see(case), *([] if case.esc_nodes else [_NO_ESC])]
+    return Verdict("none", title, _LIKELY, reasons=looked_at(case), notes=notes)
 
 
 def _impact(found: list[Trouble]) -> int | None:
@@ -197,7 +202,7 @@ def _verdict(case: Case, one: Trouble) -> Verdict:
     )
     return Verdict(
         one.kind, f"{_who(case, one)}{one.title}", support, one.bus, one.node, one.ch, one.chs, t, t_end, frame,
-        tuple(reasons), tuple(against), tuple(one.notes),
+        tuple(reasons), tuple(against), (*one.notes, *([] if case.esc_nodes else [_NO_ESC])),
     )  # fmt: skip
 
 
