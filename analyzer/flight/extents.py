@@ -6,16 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.devices.readings import holding
 from analyzer.devices.rows import split
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.thresholds import threshold
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from analyzer.decode.engine import Batch
     from analyzer.flight.reports import EventOrder
     from dissectors.kit import Array
-    from dissectors.picture import Plot
+    from dissectors.picture import Plot, States
 
 MOST_DEVICES = 1024
 MOST_WAYS = 256  # changes of direction that are kept
@@ -27,7 +30,8 @@ class EscExtent:
     """The reports of one device in a table: `ch` as people count, None if it has no number.
 
     `first` and `last` are recorded times, `ranges` the least and the most by quantity. `ways` are the times at which it
-    was first seen to turn forwards or backwards, or the other way than before. `modes` is whether it tells any.
+    was first seen to turn forwards or backwards, or the other way than before. `modes` is whether it tells
+    modes or fault bits.
     """
 
     table: str
@@ -96,8 +100,8 @@ class EscExtents(ReportEvents):
                     fast = np.flatnonzero(np.abs(rpm) > (plot.idle_rpm or threshold("idle_rpm")))
                     if len(fast):
                         one.turn(rpm[fast], mine.ran[fast])
-                if not one.modes and plot.esc.mode:
-                    one.modes = bool(np.isfinite(table.numbers(plot.esc.mode)[rows]).any())
+                if not one.modes:
+                    one.modes = any(_tells(states, table.table, rows) for states in plot.states)
 
     def finish(self) -> None:
         """Take the end: everything is known."""
@@ -114,3 +118,9 @@ class EscExtents(ReportEvents):
     def all(self) -> list[EscExtent]:
         """All of them, in the order in which they came."""
         return list(self._all.values())
+
+
+def _tells(states: States, table: pa.RecordBatch, rows: Array) -> bool:
+    """Return whether some rows tell a trouble, as their node reads its fields."""
+    told = holding(states.only, table) if states.signs else np.zeros(len(table), bool)
+    return told is None or bool(told[rows].any())

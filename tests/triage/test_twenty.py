@@ -1,4 +1,7 @@
-"""The twenty stories and the right answer, with its words; the first ten. Each seed is one that nothing was fitted to."""
+"""The twenty stories and the right answer, with its words; the first ten.
+
+Seeds are fixed. Those of stories 2 and 5 were looked for, so that in them the desync is over and the pack sags.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ def test_1_not_if_control_was_lost_before() -> None:
 
 
 def test_2_a_desync_that_recovers_is_an_esc_and_not_told_from_a_block() -> None:
-    found = told("desync:twin=no:tail=no", seed=14, escs=8, rate=50)
+    found = told("desync:twin=no:tail=no", seed=21, escs=6, rate=50)
     assert (found.first.kind, found.first.ch) == ("esc", found.primary[0].ch)
     assert "lost its motor for 0." in found.first.title
     assert found.first.title.endswith(" s (desync or blocked: the bus cannot tell)")
@@ -130,7 +133,9 @@ def test_10_derating_without_a_bit_is_at_most_possible(seed: int) -> None:
     assert not any(one.kind == "fault" for one in found.events)
 
 
-@pytest.mark.parametrize("name", ["control-lost:tail=yes", "motor-stall:twin=no:tail=yes", "pack-sag", "esc-power:twin=no"])
+@pytest.mark.parametrize(
+    "name", ["control-lost:tail=yes", "motor-stall:twin=no:tail=yes", "pack-sag", "esc-power:twin=no"]
+)
 def test_without_commands_nobody_knows_whether_it_flew_calmly(name: str) -> None:
     text = without(crash_log(name, seed=26), lambda _, type_id, __: type_id == COMMANDS)
     found = triaged(text)

@@ -110,7 +110,9 @@ def could_not_see(case: Case) -> list[tuple[str, str]]:
         parts.append("error frames and drops: none recorded (candump -e -d)")
     silent = case.bitless()
     if silent and None not in silent:
-        which = "all ESCs" if len(silent) == len(case.escs_by_channel) else f"ESC {' '.join(f'ch{ch}' for ch in silent)}"
+        which = (
+            "all ESCs" if len(silent) == len(case.escs_by_channel) else f"ESC {' '.join(f'ch{ch}' for ch in silent)}"
+        )
         parts.append(f"fault bits: not told by these ESCs ({which})")
     if case.esc_nodes and not case.commanded:
         parts.append("commands: none recorded")

@@ -30,10 +30,12 @@ _FITS = (
     "the vehicle flew on; or power was lost: the vehicle's, the recorder's, or the autopilot's if that is the recorder; "
     "or the recorder's plug, disk or wire: nothing tells which"
 )
+_NO_BITS = ("not told", "fault bits: not told by these ESCs")
 _NO_ESC = ("No ESC", "on this bus: motors, propellers and thrust are not judged")
 _STATES = frozenset({"thrust", "address"})  # are so all the time
 _WHOLE = frozenset({"commands-lost", "commanded", "bus"})  # after which commands say nothing any more
 _NEED_CALM = frozenset({"esc", "propulsion", "wiring", "bus", "battery"})  # commands until it began
+_SIGNS = frozenset({"fault", "motor", "sag", "spread", "silence", "errors"})
 _ORDINARY = frozenset({"mode", "join", "arming"})
 
 
@@ -202,7 +204,8 @@ def _verdict(case: Case, one: Trouble) -> Verdict:
     )
     return Verdict(
         one.kind, f"{_who(case, one)}{one.title}", support, one.bus, one.node, one.ch, one.chs, t, t_end, frame,
-        tuple(reasons), tuple(against), (*one.notes, *([] if case.esc_nodes else [_NO_ESC])),
+        tuple(reasons), tuple(against),
+        (*one.notes, *([] if case.esc_nodes else [_NO_ESC]), *([_NO_BITS] if one.ch in case.bitless() else [])),
     )  # fmt: skip
 
 
@@ -252,7 +255,8 @@ def _end(case: Case) -> Verdict:
     commands = "commands apart" if len(calm) and float(calm.max()) > case.calm_limit else "commands calm"
     if not case.commanded:
         commands = "no commands recorded"
-    seen = f"{turning}{commands}, nothing wrong until then"
+    over = any(one.kind in _SIGNS for one in case.events)
+    seen = f"{turning}{commands}, {'nothing wrong that lasted' if over else 'nothing wrong until then'}"
     if flight.end == "cut" and len(case.joint) >= threshold("joint_often"):
         holes = f"{len(case.joint)} times several senders are silent together, and their transfer IDs run on"
         return Verdict("recorder", _LOSSY, _LIKELY, reasons=(holes, f"{seen}, as far as it was recorded"))

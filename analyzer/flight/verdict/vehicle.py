@@ -9,7 +9,7 @@ import numpy as np
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.devices import device_trouble
-from analyzer.flight.verdict.trouble import Trouble, by_node, harmless, made, text
+from analyzer.flight.verdict.trouble import Trouble, by_node, harmless, made
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
