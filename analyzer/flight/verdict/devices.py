@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from analyzer.flight.verdict.case import Case, Node
     from analyzer.flight.verdict.trouble import Trouble
 
+_SAME_TIME = "voltage and device fell at about the same time: the reports are too slow to say which came first"
 _WORDS = 2  # of what it says itself
 
 
@@ -31,9 +32,7 @@ def device_trouble(case: Case, node: Node, title: str, mine: list[FlightEvent]) 
     if sag is not None:
         found.reasons.append(_fell(case, sag))
         if (sag.before or sag.first).ran <= found.high and sag.first.ran >= found.low:
-            found.notes.append(("first?", (
-                "the voltage and the device fell at about the same time: the reports are too slow to say which came first"
-            )))  # fmt: skip
+            found.notes.append(("first?", _SAME_TIME))
     if restarts:
         found.against += _others(case, node)
     return found

@@ -27,8 +27,8 @@ _WELL, _LIKELY, _POSSIBLE = SUPPORTS
 _TIPPED = "it tipped over at take-off, with every ESC obeying: a motor, propeller, index or setting is wrong"
 _LOSSY = "the recorder lost frames; nothing wrong seen besides, and the recording ends in flight"
 _FITS = (
-    "the vehicle flew on; or power was lost: the vehicle's, the recorder's, or the autopilot's if that is the recorder; "
-    "or the recorder's plug, disk or wire: nothing tells which"
+    "the vehicle flew on; or power was lost: the vehicle's, the recorder's, or the autopilot's if that is the "
+    "recorder; or the recorder's plug, disk or wire: nothing tells which"
 )
 _NO_BITS = ("not told", "fault bits: not told by these ESCs")
 _NO_ESC = ("No ESC", "on this bus: motors, propellers and thrust are not judged")
@@ -107,18 +107,21 @@ def _verdicts(case: Case, found: list[Trouble]) -> list[Verdict]:
     if lost is not None and not [one for one in before if one.kind != "thrust"]:
         return [_control(case, lost, found), *(_verdict(case, one) for one in before)]
     if before:
-        first = before[0]
-        if first.kind in _NEED_CALM and not case.commanded:
-            return [_unordered(case, first), *(_verdict(case, one) for one in before)]
-        unrest = case.unrest(first.low) if first.kind in _WHOLE else None
-        late = lost is not None and first.high > lost.stop + 2 * case.period(first.bus, first.node)
-        if lost is not None and late and first.kind not in _STATES:
-            unrest = lost.start, lost.most
-        shown = [_verdict(case, one) for one in before]
-        return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]
-    if case.flight.end == "landed":
-        return [_nothing(case, "nothing wrong seen on this bus")]
-    return [_end(case)]
+        return _ordered(case, before)
+    return [_nothing(case, "nothing wrong seen on this bus") if case.flight.end == "landed" else _end(case)]
+
+
+def _ordered(case: Case, before: list[Trouble]) -> list[Verdict]:
+    """Return troubles as verdicts, behind `unknown` if nobody can tell whether it flew calmly until the first one."""
+    first, lost = before[0], case.excursion
+    shown = [_verdict(case, one) for one in before]
+    if first.kind in _NEED_CALM and not case.commanded:
+        return [_unordered(case, first), *shown]
+    unrest = case.unrest(first.low) if first.kind in _WHOLE else None
+    late = lost is not None and first.high > lost.stop + 2 * case.period(first.bus, first.node)
+    if lost is not None and late and first.kind not in _STATES:
+        unrest = lost.start, lost.most
+    return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]
 
 
 def _nothing(case: Case, title: str) -> Verdict:
