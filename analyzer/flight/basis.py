@@ -102,7 +102,9 @@ class FlightBasis:
         return torn
 
     def _add(self, spell: Spell, *, over: bool) -> None:
-        if spell.last.ran - spell.first.ran <= lasting("turning"):
+        # What the end of the recording cuts off may have turned since the report before.
+        began = spell.first if over or spell.before is None else spell.before
+        if spell.last.ran - max(began.ran, spell.first.ran - lasting("turning")) <= lasting("turning"):
             return
         self._stretches.append(Stretch(spell.first, spell.last, over, spell.silent, spell.memory))
         if len(self._stretches) > MOST_STRETCHES:

@@ -6,17 +6,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.devices.readings import holding
 from analyzer.devices.rows import split
 from analyzer.flight.reports import ReportEvents
+from analyzer.flight.thresholds import threshold
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from analyzer.decode.engine import Batch
     from analyzer.flight.reports import EventOrder
     from dissectors.kit import Array
-    from dissectors.picture import Plot
+    from dissectors.picture import Plot, States
 
 MOST_DEVICES = 1024
+MOST_WAYS = 256  # changes of direction that are kept
 QUANTITIES = ("rpm", "voltage", "current", "temperature")
 
 
@@ -24,7 +29,9 @@ QUANTITIES = ("rpm", "voltage", "current", "temperature")
 class EscExtent:
     """The reports of one device in a table: `ch` as people count, None if it has no number.
 
-    `first` and `last` are recorded times, `ranges` the least and the most by quantity.
+    `first` and `last` are recorded times, `ranges` the least and the most by quantity. `ways` are the times at which it
+    was first seen to turn forwards or backwards, or the other way than before. `modes` is whether it tells
+    modes or fault bits.
     """
 
     table: str
@@ -35,6 +42,20 @@ class EscExtent:
     last: int
     count: int = 0
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    ways: list[tuple[int, bool]] = field(default_factory=list)
+    modes: bool = False
+
+    def forwards(self, until: int) -> bool | None:
+        """Return which way it turned last, up to a recorded time; None if it did not turn."""
+        return next((way for ran, way in reversed(self.ways) if ran <= until), None)
+
+    def turn(self, rpm: Array, ran: Array) -> None:
+        """Take speeds of a motor that turns, negative for backwards, and when it was."""
+        way = rpm > 0
+        last = not way[0] if not self.ways else self.ways[-1][1]
+        for k in np.flatnonzero(np.diff(way, prepend=last)).tolist():
+            if len(self.ways) < MOST_WAYS:
+                self.ways.append((int(ran[k]), bool(way[k])))
 
     def note(self, name: str, values: Array) -> None:
         """Take what was measured."""
@@ -74,6 +95,13 @@ class EscExtents(ReportEvents):
                 one.last = mine.at(-1).ran
                 for name, values in columns.items():
                     one.note(name, values[rows])
+                if "rpm" in columns:
+                    rpm = columns["rpm"][rows]
+                    fast = np.flatnonzero(np.abs(rpm) > (plot.idle_rpm or threshold("idle_rpm")))
+                    if len(fast):
+                        one.turn(rpm[fast], mine.ran[fast])
+                if not one.modes:
+                    one.modes = any(_tells(states, table.table, rows) for states in plot.states)
 
     def finish(self) -> None:
         """Take the end: everything is known."""
@@ -90,3 +118,9 @@ class EscExtents(ReportEvents):
     def all(self) -> list[EscExtent]:
         """All of them, in the order in which they came."""
         return list(self._all.values())
+
+
+def _tells(states: States, table: pa.RecordBatch, rows: Array) -> bool:
+    """Return whether some rows tell a trouble, as their node reads its fields."""
+    told = holding(states.only, table) if states.signs else np.zeros(len(table), bool)
+    return told is None or bool(told[rows].any())

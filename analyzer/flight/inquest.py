@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.flight.thresholds import lasting
 from analyzer.flight.timeline.timeline import Drawn, time_lines
+from analyzer.flight.verdict.exclusions import looked_at_rest
 from analyzer.flight.verdict.judge import judge
 from analyzer.flight.verdict.model import Triage, Verdict
 from dissectors.records import replace
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from analyzer.flight.verdict.judge import Judgement
     from analyzer.flight.witness import Witness
 
+_ORDINARY = frozenset({"mode", "join", "arming", "message", "health"})  # of a vehicle that stands
 NOT_SEEN = ("attitude", "GPS", "pilot", "who decided a command")
 
 
@@ -52,9 +54,11 @@ def inquest(
     )
     if not flights:
         why = _unjudged(witness, start)
-        verdict = Verdict("unknown", why, "possible")
         empty = start is None or not witness.losses.transfers
-        return made(None, [verdict], judged=why, empty=empty, commands=commands(verdict, None))
+        still = not empty and not any(one.kind not in _ORDINARY for one in events if one.source == "bus")
+        looked = [] if empty else looked_at_rest(witness)
+        verdict = Verdict("none" if still else "unknown", why, "possible", reasons=looked)
+        return made(None, [verdict], judged=why, empty=empty, looked=looked, commands=commands(verdict, None))
     flight = flights[-1]
     bus = [one for one in events if one.source == "bus"]
     border = max([witness.clock.ran or flight.last.ran, *(one.first.ran for one in bus)])
@@ -113,5 +117,9 @@ def _unjudged(witness: Witness, start: int | None) -> str:
         return "not judged: no transfer of DroneCAN"
     reports = sum(one.count for one in witness.escs)
     if witness.escs:
-        return f"not judged: {reports} reports of {len(witness.escs)} ESCs, motors never turned"
+        nodes = len({(one.bus, one.node) for one in witness.escs})
+        count = f"{reports} report{'s' * (reports != 1)} of {nodes} ESC{'s' * (nodes != 1)}"
+        turned = any(one.ways for one in witness.escs)
+        how = "motors turned for 0.3 s or less" if turned else "motors stopped"
+        return f"not judged: {count}, {how}"
     return "not judged: no ESC reports, nobody was armed"

@@ -60,7 +60,7 @@ class BusPlots:
         if start is None or not len(frames):
             return
         over: dict[int, list[tuple[int, _Second]]] = {}
-        for second in split(frames, bit_times(frames) if bits is None else bits, start):
+        for second in split(frames, bit_times(frames) if bits is None else bits, start).each():
             frame = int(places[second.frame])
             here = self._open.setdefault(second.bus, {})
             one = here.setdefault(second.start, _Second(frame + 1))

@@ -142,6 +142,8 @@ class MotorEvents(ReportEvents):
         if sign == UNDRIVEN and isfinite(reported):
             text += f" (it reports {100 * reported:.0f} % of what is commanded)"
         values = {"speed_share": round(speed, 3), "current_share": round(current, 3), "reports": memory.count}
+        if isfinite(reported):
+            values["reported_share"] = round(reported, 3)
         self._add(FlightEvent(
             "motor", text, spell.before, spell.first, spell.after, bus, node, number + plot.who.first, table, "",
             values, sign,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _NEARLY_ALL = 98  # percent
 Node = tuple[int, int]  # bus, node
 ROLES = (
+    ("ArmingStatus", "autopilot"),
     ("Fix", "GPS"), ("MagneticFieldStrength", "compass"), ("BatteryInfo", "power module"),
     ("CircuitStatus", "power module"), ("StaticPressure", "barometer"), ("TrueAirspeed", "airspeed"),
     ("IndicatedAirspeed", "airspeed"), ("Measurement", "range finder"), ("IceReciprocatingStatus", "engine"),
@@ -78,9 +79,35 @@ class Case:
         found = [one for one in self.escs if one.ch == ch]
         return found[0] if len({(one.bus, one.node) for one in found}) == 1 else None
 
+    @property
+    def commanded(self) -> bool:
+        """Whether commands are recorded in the flight."""
+        return self.pulse.count(self.start, self.stop) > 0
+
+    def bitless(self) -> list[int | None]:
+        """Return the channels of ESCs that tell no mode and no fault bit, None for one that has no channel."""
+        telling = {(one.bus, one.node) for one in self.escs if one.modes}
+        return sorted({one.ch for one in self.escs if (one.bus, one.node) not in telling}, key=lambda ch: ch or 0)
+
+    def changed(self) -> list[str]:
+        """Return which motors turn the other way than in the flight before."""
+        if self.flight.number < 2:
+            return []
+        found = {}
+        for one in self.escs:
+            before, now = one.forwards(self.start - 1), one.forwards(self.stop)
+            if one.ch is not None and None not in {before, now} and before != now:
+                found[one.ch] = now
+        since = f"changed since flight {self.flight.number - 1}"
+        return [
+            f"{since}: ch{ch} turns {'forwards' if way else 'backwards'}, the other way than then"
+            for ch, way in sorted(found.items())
+        ]
+
     def turning(self) -> list[str]:
         """Return that the motors do not turn half one way and half the other, if that is so."""
-        ways = {one.ch: sum(one.ranges["rpm"]) > 0 for one in self.escs if one.ch is not None and "rpm" in one.ranges}
+        told = {one.ch: one.forwards(self.stop) for one in self.escs if one.ch is not None}
+        ways = {ch: way for ch, way in told.items() if way is not None}
         count, forwards = len(ways), sum(ways.values())
         if count % 2 or forwards in {0, count // 2, count}:
             return []

@@ -39,8 +39,9 @@ def esc_troubles(case: Case) -> Iterator[Trouble]:
         own = [one for one in signs if one.sign in _FAILS or one.kind == "motor"]
         off = [one for one in events if one.kind in {"silence", "restart"}]
         if lost and not everybody and _commanded(case, lost[0]):
-            yield made("wiring", "got no commands, though the bus carried them", lost + own, 1, [
+            yield made("wiring", "says that it got no commands, though the bus carried them", lost + own, 1, [
                 f"{text(lost[0])}; commands at {_rate(case, lost[0]):.0f}/s all the time",
+                "the others say nothing of that: its wire, its receive filter or its firmware",
             ])  # fmt: skip
             own = [one for one in own if one.first.ran < lost[0].first.ran - lasting("together")]
         if off and not gone:
@@ -49,7 +50,7 @@ def esc_troubles(case: Case) -> Iterator[Trouble]:
         if own and not everybody:
             warned = [one for one in signs if one.sign in _WARNINGS and one.first.ran <= own[0].first.ran]
             now = [one for one in own if one.first.ran - own[0].first.ran <= lasting("together")]
-            yield _cut_off(case, node, now) or _own(now, warned)
+            yield _cut_off(case, node, now) or _own(case, now, warned)
 
 
 def _cut_off(case: Case, node: Node, own: list[FlightEvent]) -> Trouble | None:
@@ -60,22 +61,43 @@ def _cut_off(case: Case, node: Node, own: list[FlightEvent]) -> Trouble | None:
     others = case.losses.missing(case.start, own[0].first.ran, case.esc_nodes - {node})
     if missing < threshold("cut_off_missing") or others:
         return None
-    return made("wiring", "lost contact again and again: its plug or its wire", own, 2, [
+    return made("wiring", "lost contact again and again, and its motor with it: its plug or its wire", own, 2, [
         text(own[0]), f"{missing} of its transfer IDs are missing, none of the other ESCs'",
     ])  # fmt: skip
 
 
-def _own(own: list[FlightEvent], warned: list[FlightEvent]) -> Trouble:
+def _own(case: Case, own: list[FlightEvent], warned: list[FlightEvent]) -> Trouble:
     """Return what an ESC's own signs say: its load is gone, or it does not drive its motor."""
     motor = next((one for one in own if one.kind == "motor"), None)
     told = [one for one in own if one.kind != "motor" and one.sign in _FAILS]
     if not told and motor is not None and motor.sign == UNLOADED:
-        return made("propulsion", "lost the load of its motor: propeller or blade", own, 2, [
-            f"{text(motor)}", "no fault bit of it",
-        ])  # fmt: skip
+        bits = [] if own[0].ch in case.bitless() else ["no fault bit of it"]
+        return made("propulsion", "lost the load of its motor: propeller or blade", own, 2, [text(motor), *bits])
     reasons = [*(text(one) for one in warned[:1]), *(text(one) for one in own[:3])]
-    title = "does not drive its motor as commanded" if not told else "stopped driving its motor as it should"
-    return made("esc", title, own, 2, reasons)
+    if told or motor is None:
+        return made("esc", "stopped driving its motor as it should", own, 2, reasons)
+    if motor.sign == UNDRIVEN and motor.values.get("reported_share", 0) >= threshold("limited_least"):
+        found = made("esc", "limits itself: it gives less than is commanded", own, 2, reasons)
+        found.possible = not warned
+        hotter, heat = _heat(case, own[0])
+        (found.reasons if hotter else found.against).extend(heat)
+        return found
+    if motor.sign == UNDRIVEN:
+        return made("esc", "does not drive its motor as commanded", own, 2, reasons)
+    last = case.stop if motor.after is None else motor.after.ran
+    time = f" for {(last - motor.first.ran) / SECOND:.1f} s" if motor.after is not None else ""
+    return made("esc", f"lost its motor{time} (desync or blocked: the bus cannot tell)", own, 2, reasons)
+
+
+def _heat(case: Case, one: FlightEvent) -> tuple[bool, list[str]]:
+    """Return whether an ESC was hotter than all others, and how hot they were."""
+    hot = {esc.ch: esc.ranges["temperature"][1] for esc in case.escs if "temperature" in esc.ranges}
+    mine = hot.pop(one.ch, None)
+    if mine is None or not hot:
+        return False, []
+    hotter = mine - max(hot.values()) >= threshold("hotter_c")
+    word = "hotter" if hotter else "no hotter"
+    return hotter, [f"{word} than the others: {mine:.0f} C at most, they {max(hot.values()):.0f} C"]
 
 
 def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Iterator[Trouble]:
@@ -87,23 +109,33 @@ def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Iterator[Trouble]:
     lasting_ = [one for one in silent if one.after is None]
     others = [esc for esc in case.esc_nodes if esc != node]
     begin = silent or restarts
-    reasons = []
+    reasons, kind = [], "wiring"
     if restarts and any(one.first.ran >= begin[0].first.ran for one in restarts):
         title = "restarted in flight: its power was away"
         reasons.append(restarts[0].text)
     elif lasting_:
         title = "stopped reporting: its power, its wire or its transmitter"
         reasons.append(text(lasting_[0]))
+        if case.commanded and case.excursion is None:
+            reasons.append("the commands did not shift to the others: whether its motor stopped is not known")
     elif all(harmless(case, one) for one in silent) and len(silent) < 2:
         return
     else:
-        title = "lost contact again and again: its plug or its wire"
         jumps = sum(one.values.get("missing", 0) > 0 for one in silent)
-        reasons.append(f"{len(silent)} silences, behind {jumps} of them transfer IDs are missing: it went on sending")
+        times = "once" if len(silent) == 1 else f"{len(silent)} times"
+        lengths = sorted(one.values["silent_s"] for one in silent)
+        span = f"{1000 * lengths[0]:.0f} ms" + (f" to {1000 * lengths[-1]:.0f} ms" if len(silent) > 1 else "")
+        if jumps:
+            title = f"stopped reporting {times}: its plug or its wire"
+            reasons.append(f"silent {times}, {span}; behind {jumps} of them its transfer IDs jump: it went on sending")
+        else:
+            title = f"stopped reporting {times}: it did not send"
+            reasons.append(f"silent {times}, {span}; its transfer IDs run on: it did not send, so it was not the wire")
+            kind = "esc"
     low, high = begin[0].first.ran - lasting("looked_back"), begin[-1].first.ran
     if others:
         reasons.append(f"the others: {case.losses.missing(low, high, others)} transfer IDs missing in that time")
-    yield made("wiring", title, sorted(off, key=lambda one: one.first.ran), 3, reasons)
+    yield made(kind, title, sorted(off, key=lambda one: one.first.ran), 3, reasons)
 
 
 def _commanded(case: Case, one: FlightEvent) -> bool:

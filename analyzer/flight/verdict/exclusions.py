@@ -11,8 +11,10 @@ from analyzer.flight.verdict.model import Excluded
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer.flight.verdict.case import Case
+    from analyzer.flight.extents import EscExtent
+    from analyzer.flight.verdict.case import Case, Node
     from analyzer.flight.verdict.model import Verdict
+    from analyzer.flight.witness import Witness
 
 
 def excluded(case: Case, verdict: Verdict, began: int) -> Sequence[Excluded]:
@@ -28,8 +30,10 @@ def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
         length = max((case.stop - case.start) / 1e9, 0.001)
         longest = case.pulse.longest(case.start, case.stop)
         yield Excluded("commands stopping", f"{count / length:.0f} Hz to the end, longest pause {longest} ms")
-    if verdict.kind != "battery" and (sag := _lowest(case)):
+    if verdict.kind != "battery" and case.esc_nodes and (sag := _lowest(case)):
         yield Excluded("pack sag", sag)
+    if verdict.kind == "device" and verdict.node is not None and verdict.bus is not None:
+        yield from _wire(case, (verdict.bus, verdict.node))
     if verdict.kind != "bus":
         errors = sum(
             int(one.values.get("count", 0)) for one in case.events if one.kind == "errors" and one.first.ran < began
@@ -43,8 +47,19 @@ def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
             yield Excluded("a hole in the recording", f"no transfer ID missing in {span:.0f} s")
 
 
+def _wire(case: Case, node: Node) -> Iterator[Excluded]:
+    """Yield that a node's transfers came whole, and with none left out, if that is so."""
+    anew = any(one.kind == "restart" and (one.bus, one.node) == node for one in case.events)
+    if case.losses.broken(case.start, case.stop, [node]) or (
+        not anew and case.losses.missing(case.start, case.stop, [node])
+    ):
+        return
+    ids = "transfer IDs from 0" if anew else "no transfer ID missing"
+    yield Excluded(f"CAN wiring of node {node[1]}", f"no broken transfer, {ids}")
+
+
 def _lowest(case: Case) -> str:
-    sags = [one for one in case.events if one.kind == "sag"]
+    sags = [one for one in case.events if one.kind == "sag" and (one.bus, one.node) in case.esc_nodes]
     if sags:
         one = min(sags, key=lambda one: one.values["worst_voltage"])
         expected = one.values.get("expected_voltage")
@@ -58,21 +73,50 @@ def _lowest(case: Case) -> str:
 
 def looked_at(case: Case) -> Sequence[str]:
     """Return what was looked at, in numbers."""
-    parts = []
-    if case.escs:
-        parts.append(f"{len(case.escs)} ESCs, {sum(one.count for one in case.escs)} reports")
+    parts = _measured(case.escs)
     count = case.pulse.count(case.start, case.stop)
     if count:
-        parts.append(f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz")
+        parts.insert(min(1, len(parts)), f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz")
+    parts.append(f"{case.losses.broken(case.start, case.border)} broken transfers")
+    return parts
+
+
+def looked_at_rest(witness: Witness) -> Sequence[str]:
+    """Return what was looked at in a recording without a flight, in numbers."""
+    start, stop = witness.clock.start or 0, witness.clock.ran or 0
+    return [*_measured(witness.escs), f"{witness.losses.broken(start, stop)} broken transfers"]
+
+
+def _measured(escs: Sequence[EscExtent]) -> list[str]:
+    """Return how many ESCs reported how often, and between which voltages and temperatures."""
+    parts = []
+    if escs:
+        nodes = len({(one.bus, one.node) for one in escs})
+        reports = sum(one.count for one in escs)
+        parts.append(f"{nodes} ESC{'s' * (nodes != 1)}, {reports} report{'s' * (reports != 1)}")
     for name, unit in (("voltage", "V"), ("temperature", "C")):
-        ranges = [one.ranges[name] for one in case.escs if name in one.ranges]
+        ranges = [one.ranges[name] for one in escs if name in one.ranges]
         if ranges:
             digits = 1 if unit == "V" else 0
             low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
             parts.append(f"{low:.{digits}f}-{high:.{digits}f} {unit}")
-    broken = case.losses.broken(case.start, case.border)
-    parts.append(f"{broken} broken transfers")
     return parts
+
+
+def could_not_see(case: Case) -> list[tuple[str, str]]:
+    """Return what this recording does not tell, with a label: it is neither fault nor health."""
+    parts = []
+    if not any(one.kind in {"errors", "bus state", "loss"} for one in (*case.before, *case.events)):
+        parts.append("error frames and drops: none recorded (candump -e -d)")
+    silent = case.bitless()
+    if silent and None not in silent:
+        which = (
+            "all ESCs" if len(silent) == len(case.escs_by_channel) else f"ESC {' '.join(f'ch{ch}' for ch in silent)}"
+        )
+        parts.append(f"fault bits: not told by these ESCs ({which})")
+    if case.esc_nodes and not case.commanded:
+        parts.append("commands: none recorded")
+    return [("could not see", "; ".join(parts))] if parts else []
 
 
 def recorder_lines(case: Case) -> Sequence[tuple[str, str]]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.case import Case
-from analyzer.flight.verdict.exclusions import excluded, looked_at, recorder_lines
+from analyzer.flight.verdict.exclusions import could_not_see, excluded, looked_at, recorder_lines
 from analyzer.flight.verdict.model import SUPPORTS, Verdict
 from analyzer.flight.verdict.troubles import troubles
 from dissectors.records import dataclass
@@ -26,8 +26,16 @@ if TYPE_CHECKING:
 _WELL, _LIKELY, _POSSIBLE = SUPPORTS
 _TIPPED = "it tipped over at take-off, with every ESC obeying: a motor, propeller, index or setting is wrong"
 _LOSSY = "the recorder lost frames; nothing wrong seen besides, and the recording ends in flight"
+_FITS = (
+    "the vehicle flew on; or power was lost: the vehicle's, the recorder's, or the autopilot's if that is the "
+    "recorder; or the recorder's plug, disk or wire: nothing tells which"
+)
+_NO_BITS = ("not told", "fault bits: not told by these ESCs")
+_NO_ESC = ("No ESC", "on this bus: motors, propellers and thrust are not judged")
 _STATES = frozenset({"thrust", "address"})  # are so all the time
 _WHOLE = frozenset({"commands-lost", "commanded", "bus"})  # after which commands say nothing any more
+_NEED_CALM = frozenset({"esc", "propulsion", "wiring", "bus", "battery"})  # commands until it began
+_SIGNS = frozenset({"fault", "motor", "sag", "spread", "silence", "errors"})
 _ORDINARY = frozenset({"mode", "join", "arming", "parameter", "save"})
 
 
@@ -50,7 +58,8 @@ def judge(witness: Witness, events: Sequence[FlightEvent], flight: Flight, borde
     case = Case(witness, events, flight, border)
     found = [one for one in troubles(case) if _matters(case, one)]
     verdicts = _verdicts(case, found)
-    first = next((one for one in found if one.kind == verdicts[0].kind and one.node == verdicts[0].node), None)
+    shown = verdicts[1] if not verdicts[0].told and len(verdicts) > 1 else verdicts[0]
+    first = next((one for one in found if one.kind == shown.kind and one.node == shown.node), None)
     began = _began(case, verdicts[0], first)
     primary = [] if first is None else first.events
     after = [
@@ -73,7 +82,7 @@ def judge(witness: Witness, events: Sequence[FlightEvent], flight: Flight, borde
 def _began(case: Case, verdict: Verdict, first: Trouble | None) -> int:
     if first is not None:
         return first.high
-    if verdict.kind in {"control", "setup"} and case.excursion is not None:
+    if verdict.kind in {"control", "setup", "unknown"} and case.excursion is not None:
         return case.excursion.start
     return case.stop + STEP
 
@@ -93,21 +102,31 @@ def _verdicts(case: Case, found: list[Trouble]) -> list[Verdict]:
         lost = None  # what goes apart behind it is thrown about
         found = [one for one in found if one.high < hit or one.kind in _STATES]
         if not found:
-            return [Verdict("none", "nothing wrong seen on this bus until it hit something", _LIKELY)]
+            return [_nothing(case, "nothing wrong seen on this bus until it hit something")]
     before = [one for one in found if one.kind in _STATES or lost is None or _may_be_first(case, lost, one)]
     if lost is not None and not [one for one in before if one.kind != "thrust"]:
         return [_control(case, lost, found), *(_verdict(case, one) for one in before)]
     if before:
-        first = before[0]
-        unrest = case.unrest(first.low) if first.kind in _WHOLE else None
-        late = lost is not None and first.high > lost.stop + 2 * case.period(first.bus, first.node)
-        if lost is not None and late and first.kind not in _STATES:
-            unrest = lost.start, lost.most
-        shown = [_verdict(case, one) for one in before]
-        return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]
-    if case.flight.end == "landed":
-        return [Verdict("none", "nothing wrong seen on this bus", _LIKELY)]
-    return [_end(case)]
+        return _ordered(case, before)
+    return [_nothing(case, "nothing wrong seen on this bus") if case.flight.end == "landed" else _end(case)]
+
+
+def _ordered(case: Case, before: list[Trouble]) -> list[Verdict]:
+    """Return troubles as verdicts, behind `unknown` if nobody can tell whether it flew calmly until the first one."""
+    first, lost = before[0], case.excursion
+    shown = [_verdict(case, one) for one in before]
+    if first.kind in _NEED_CALM and not case.commanded:
+        return [_unordered(case, first), *shown]
+    unrest = case.unrest(first.low) if first.kind in _WHOLE else None
+    late = lost is not None and first.high > lost.stop + 2 * case.period(first.bus, first.node)
+    if lost is not None and late and first.kind not in _STATES:
+        unrest = lost.start, lost.most
+    return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]
+
+
+def _nothing(case: Case, title: str) -> Verdict:
+    notes = [*could_not_see(case), *([] if case.esc_nodes else [_NO_ESC])]
+    return Verdict("none", title, _LIKELY, reasons=looked_at(case), notes=notes)
 
 
 def _impact(found: list[Trouble]) -> int | None:
@@ -151,12 +170,28 @@ def _either(shown: Verdict, one: Trouble, since: int, spread: float) -> Verdict:
     )  # fmt: skip
 
 
+def _unordered(case: Case, one: Trouble) -> Verdict:
+    """Return that nobody can tell: commands are the sensor of attitude, and none are recorded."""
+    shown = _verdict(case, one)
+    return Verdict(
+        "unknown", "cannot tell: no commands are recorded, so nobody knows whether it flew calmly until then",
+        _POSSIBLE, one.bus, one.node, one.ch, one.chs, shown.t, shown.t_end, shown.frame, notes=(
+            ("seen", f"{shown.title} ({shown.kind})"),
+            *(("", reason) for reason in one.reasons),
+            ("would tell", "a recording with the commands; the autopilot's own log"),
+        ),
+    )  # fmt: skip
+
+
 def _verdict(case: Case, one: Trouble) -> Verdict:
     """Return a trouble as a verdict: how well it is supported is counted from what speaks for and against it."""
-    reasons, against = list(one.reasons), []
+    reasons, against = list(one.reasons), list(one.against)
     lost = case.excursion
-    support = _WELL if len(one.reasons) > 1 else _LIKELY
-    if one.kind not in _STATES:
+    support = _POSSIBLE if one.possible else _WELL if len(one.reasons) > 1 else _LIKELY
+    if one.kind in _NEED_CALM and not case.commanded:
+        support = _POSSIBLE
+        against.append("no commands are recorded: whether it flew calmly until then is not known")
+    elif one.kind not in _STATES:
         if lost is not None and one.high > lost.start:
             against.append("the reports are too slow to say whether it came before the commands went apart")
             support = _LIKELY if support == _WELL else _POSSIBLE
@@ -164,7 +199,7 @@ def _verdict(case: Case, one: Trouble) -> Verdict:
             reasons.append(
                 f"commands were calm until then, and went apart {(lost.start - one.high) / SECOND:.2f} s later"
             )
-        elif case.unrest(one.low) is None:
+        elif case.commanded and case.unrest(one.low) is None:
             reasons.append("commands were calm until then")
     first = one.first
     t, t_end, frame = (
@@ -173,6 +208,7 @@ def _verdict(case: Case, one: Trouble) -> Verdict:
     return Verdict(
         one.kind, f"{_who(case, one)}{one.title}", support, one.bus, one.node, one.ch, one.chs, t, t_end, frame,
         tuple(reasons), tuple(against),
+        (*one.notes, *([] if case.esc_nodes else [_NO_ESC]), *([_NO_BITS] if one.ch in case.bitless() else [])),
     )  # fmt: skip
 
 
@@ -194,14 +230,15 @@ def _control(case: Case, lost: Excursion, found: list[Trouble]) -> Verdict:
     later = next((one for one in found if one.events), None)
     healthy = f"until {(later.high - lost.start) / SECOND:.1f} s later" if later is not None else "to the end"
     escs = len(case.esc_nodes)
-    reasons.append(f"{'all ' * (escs > 1)}{escs} ESCs obey without a fault bit {healthy}" if escs else "no ESC reports")
+    without = "" if case.bitless() else "without a fault bit "
+    reasons.append(f"{'all ' * (escs > 1)}{escs} ESCs obey {without}{healthy}" if escs else "no ESC reports")
     t = (event.before or event.first).t
     if lost.start - case.start <= lasting("tip"):
         esc = case.esc_of(int(event.values.get("highest_ch", 0)))
         reasons.append(f"it tips over {(lost.start - case.start) / SECOND:.1f} s after the motors began to turn")
         if esc is not None:
             reasons.append(f"ch{esc.ch} is commanded up most, in vain: it lifts least, or the wrong way")
-        reasons += case.turning()
+        reasons += [*case.changed(), *case.turning()]
         node, ch = (None, None) if esc is None else (esc.node, esc.ch)
         return Verdict(
             "setup", _TIPPED, _POSSIBLE, event.bus, node, ch, (), t, event.first.t, event.first.frame, tuple(reasons),
@@ -218,15 +255,18 @@ def _end(case: Case) -> Verdict:
     flight = case.flight
     turning = f"{len(case.esc_nodes)} ESCs reporting, " if case.esc_nodes else ""
     calm = case.pulse.spread(case.stop - lasting("calm_again"), case.stop)
-    commands = "commands calm" if not len(calm) or float(calm.max()) <= case.calm_limit else "commands apart"
-    seen = f"{turning}{commands}, nothing wrong until then"
+    commands = "commands apart" if len(calm) and float(calm.max()) > case.calm_limit else "commands calm"
+    if not case.commanded:
+        commands = "no commands recorded"
+    over = any(one.kind in _SIGNS for one in case.events)
+    seen = f"{turning}{commands}, {'nothing wrong that lasted' if over else 'nothing wrong until then'}"
     if flight.end == "cut" and len(case.joint) >= threshold("joint_often"):
         holes = f"{len(case.joint)} times several senders are silent together, and their transfer IDs run on"
         return Verdict("recorder", _LOSSY, _LIKELY, reasons=(holes, f"{seen}, as far as it was recorded"))
     would = ("would tell", "the autopilot's own log; a recorder with a battery of its own; error frames (candump -e)")
     then = "the recording ends" if flight.end == "cut" else "the reports end, and others go on"
-    fits = "the vehicle flew on; or its power, the recorder's power, plug or disk, or a wire: nothing tells which"
-    notes = [("last seen", f"{seen}; then {then}"), *([("fits", fits)] if flight.end == "cut" else []), would]
+    notes = [("last seen", f"{seen}; then {then}"), *([("fits", _FITS)] if flight.end == "cut" else [])]
+    notes += [*could_not_see(case), would]
     return Verdict(
         "unknown", "cannot tell: the recording ends in flight" if flight.end == "cut" else "cannot tell",
         _POSSIBLE, t=flight.last.t, t_end=flight.last.t, frame=flight.frame_end, notes=notes,

@@ -33,7 +33,9 @@ def supply_troubles(case: Case) -> Iterator[Trouble]:
             f"{len(nodes)} ESCs fall silent within {within(mine)}, and stay so",
             f"{len({(one.bus, one.node) for one in going_on})} other nodes go on",
         ], whole=True)  # fmt: skip
-    sags = [one for one in case.events if one.kind == "sag" and _unexplained(one)]
+    sags = [
+        one for one in case.events if one.kind == "sag" and (one.bus, one.node) in case.esc_nodes and _unexplained(one)
+    ]  # fmt: skip
     if not sags:
         return
     chs = tuple(sorted({one.ch for one in sags if one.ch is not None}))
@@ -43,6 +45,8 @@ def supply_troubles(case: Case) -> Iterator[Trouble]:
     high, low, expected = (worst.values[name] for name in ("voltage", "worst_voltage", "expected_voltage"))
     reasons = [f"{high:.1f} -> {low:.1f} V; its current explains {expected:.1f} V"]
     if part:
+        if len(chs) > 1:
+            reasons.append(f"channels {' '.join(map(str, chs))} share a supply: their voltages fall together")
         reasons.append(f"the other {len(case.escs_by_channel) - len(chs)} ESCs keep their voltage")
     trouble = made("battery", title, sags, 0, reasons, whole=True)
     trouble.chs = chs

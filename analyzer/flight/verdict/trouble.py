@@ -24,7 +24,8 @@ _WHOLE = frozenset({"motor", "silence", "restart", "message", "commands stop", "
 class Trouble:
     """Something that happened between `low` and `high` (recorded times), told by events; the first one is its sign.
 
-    `title` says what, `reasons` speak for it; `order` decides between those that begin together, the lowest first.
+    `title` says what, `reasons` speak for it, `against` against it, `notes` say more, with a label each; `order`
+    decides between those that begin together, the lowest first. `possible` is what no report says outright.
     """
 
     kind: str
@@ -38,6 +39,9 @@ class Trouble:
     chs: tuple[int, ...] = ()
     order: int = 5
     reasons: list[str] = field(default_factory=list)
+    against: list[str] = field(default_factory=list)
+    notes: list[tuple[str, str]] = field(default_factory=list)
+    possible: bool = False
 
     @property
     def first(self) -> FlightEvent | None:

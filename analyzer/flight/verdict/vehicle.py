@@ -8,7 +8,8 @@ import numpy as np
 
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
-from analyzer.flight.verdict.trouble import Trouble, by_node, harmless, made, text
+from analyzer.flight.verdict.devices import device_trouble
+from analyzer.flight.verdict.trouble import Trouble, by_node, harmless, made
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
@@ -35,10 +36,9 @@ def device_troubles(case: Case) -> Iterator[Trouble]:
         gone = [one for one in mine if one.kind == "silence" and one.after is None]
         if not restarts and not gone and not any(one.kind == "health" for one in mine):
             continue
-        title = "restarted in flight" if restarts else "stopped reporting" if gone else "says that it is not well"
-        said = [one for one in case.events if one.kind == "message" and (one.bus, one.node) == node]
-        reasons = [text(one) for one in (*restarts[:1], *gone[:2], *said[:1])] or [text(mine[0])]
-        yield made("device", title, mine, 4, reasons)
+        when = "while armed" if case.flight.by == "arming" else "in flight"
+        title = f"restarted {when}" if restarts else "stopped reporting" if gone else "says that it is not well"
+        yield device_trouble(case, node, title, mine)
 
 
 def command_troubles(case: Case) -> Iterator[Trouble]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import zip_longest
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from analyzer.report.triage.words import TriageWords, odd_who, together
 from analyzer.views.terminal import PLAIN, display_width, escape, fit
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -71,7 +73,10 @@ class _Screen:
         found = self._found
         count = len(found.flights)
         flights = "no flight" if not count else "1 flight" if count == 1 else f"{count} flights"
-        if found.flight is not None:
+        if found.flight is not None and found.flight.by == "arming":
+            armed = round((found.flight.last.ran - found.flight.first.ran) / SECOND)
+            flights = f"{'last ' if count > 1 else ''}armed {armed} s (ArmingStatus)"
+        elif found.flight is not None:
             flights += f", {'the last one ' if count > 1 else ''}{found.flight.end}"
         behind = f"  {self._words.span(found)}  {', '.join(map(escape, found.buses))}  {flights}"
         name = ", ".join(map(escape, found.captures))
@@ -84,7 +89,7 @@ class _Screen:
     def _verdict(self, one: Verdict, label: str) -> Iterator[str]:
         style = "bad" if one.told else "good" if one.kind == "none" and not self._found.judged else "note"
         text = escape(one.title)
-        support = one.support if one.told else ""
+        support = one.support if one.told else "" if self._found.judged or one.kind != "none" else '(not "healthy")'
         room = self._width - len(label) - 2
         first, *rest = wrap(text, room - len(support) - 2) or [""]
         gap = max(2, room - len(first) - len(support)) if support else 0
@@ -94,11 +99,11 @@ class _Screen:
         if when := self._words.when(one):
             number = f"  flight {flight.number}" if flight is not None and len(self._found.flights) > 1 else ""
             yield from self._row(" at", f"{when}{number}")
-        for label_, text in one.notes:
-            yield from self._row(f" {label_}", text)
         if one.told:
             yield from self._rows(" for", one.reasons)
             yield from self._rows(" against", one.against or ("nothing found",))
+        for label_, text in one.notes:
+            yield from self._row(f" {label_}", text)
 
     def _said(self) -> Iterator[str]:
         """Yield what the autopilot's log says around it."""
@@ -109,7 +114,8 @@ class _Screen:
                 yield from self._row("Autopilot", "its log says nothing within 5 s of it")
 
     def _others(self) -> Iterator[str]:
-        for one in self._found.verdicts[1:3]:
+        told = " ".join(text for _, text in self._found.first.notes)
+        for one in [one for one in self._found.verdicts[1:] if one.title not in told][:2]:
             yield from self._row("Then, or", f"{self._words.time(one.t_end)}  {one.title} ({one.support})")
 
     def _after(self) -> Iterator[str]:
@@ -172,6 +178,8 @@ class _Screen:
             yield from self._row(label if not number else "", text)
 
     def _row(self, label: str, text: str) -> Iterator[str]:
-        lines = wrap(escape(text), self._width - _LABEL, break_on_hyphens=False) or [""]
-        for number, line in enumerate(lines):
-            yield f"{self._palette.paint('head', f'{label:<{_LABEL}}') if not number else ' ' * _LABEL}{line}"
+        indent = " " if label.startswith(" ") else ""
+        labels = wrap(label.strip(), _LABEL - 1, initial_indent=indent, subsequent_indent=" ")
+        lines = wrap(escape(text), self._width - _LABEL, break_on_hyphens=False)
+        for name, line in zip_longest(labels or [""], lines or [""], fillvalue=""):
+            yield f"{self._palette.paint('head', f'{name:<{_LABEL}}')}{line}".rstrip()

@@ -74,8 +74,9 @@ def together(events: Sequence[FlightEvent]) -> Iterator[tuple[FlightEvent, str]]
     yield from ((one, " ".join(sorted(filter(None, whose)))) for one, whose in open_)
 
 
-def _gist(one: FlightEvent) -> str:
-    return one.text if one.kind in _BY_TEXT else one.sign
+def _gist(one: FlightEvent) -> tuple[str, str]:
+    """Return what has to be alike in events that are told as one."""
+    return one.type, one.text if one.kind in _BY_TEXT else one.sign
 
 
 def odd_who(odd: OddEsc) -> str:
