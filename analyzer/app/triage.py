@@ -73,11 +73,13 @@ class RunTriage:
     Args:
         run: not read yet. Raises `ProfileError` for a wrong `plots.toml`.
         log: the autopilot's own log of the flight.
+
+    `witness` is what has been seen.
     """
 
     def __init__(self, run: Run, log: AutopilotLog | None = None) -> None:
         self._run = run
-        self._witness = Witness(run.registry, log)
+        self.witness = Witness(run.registry, log)
         self._frames = 0
 
     def over(self, batches: Iterable[Batch]) -> Iterator[Batch]:
@@ -88,7 +90,7 @@ class RunTriage:
 
     def feed(self, batch: Batch) -> None:
         """Look at the next batch."""
-        self._witness.feed(batch)
+        self.witness.feed(batch)
         self._frames += len(batch.frames)
 
     def beside(self, batches: Iterable[Batch]) -> Iterator[Batch]:
@@ -99,9 +101,9 @@ class RunTriage:
 
     def found(self) -> Triage:
         """Return what happened, after the last batch."""
-        clock = self._witness.clock
+        clock = self.witness.clock
         return inquest(
-            self._witness, self._run.request.names, self._run.engine.buses, start=clock.start, end=clock.last,
+            self.witness, self._run.request.names, self._run.engine.buses, start=clock.start, end=clock.last,
             frames=self._frames, commands=self._next,
         )  # fmt: skip
 
