@@ -76,8 +76,10 @@ def _judged(job: Job, settings: FleetSettings) -> Rows:
         result["esc_health"] = rows.of_health(health.rows(result["flights"]), result, run.engine.buses)
     (capture,) = result["captures"]
     flights = result["flights"]
+    if capture["damage"] and not capture["frames"]:
+        capture |= {"error": capture["damage"], "verdict": None}
     capture |= {
-        "outcome": DAMAGED if capture["damage"] else JUDGED,
+        "outcome": UNREADABLE if capture["error"] else DAMAGED if capture["damage"] else JUDGED,
         "flights": len(flights),
         "flight_ns": sum(one["ran_ns"] for one in flights),
         "bytes": part.size,

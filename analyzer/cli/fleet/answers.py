@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 import sys
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from analyzer.cli import status
+from analyzer.cli.pager import paged
 from analyzer.fleet.store import Store
 from analyzer.views.terminal import escape
 from dissectors.times import SECOND
@@ -14,7 +17,8 @@ from dissectors.times import SECOND
 if TYPE_CHECKING:
     import argparse
 
-_SHOWN = 10
+NAME = "tailbyte fleet"
+_SHOWN, _WIDTH = 10, 80
 
 
 def tell_status(args: argparse.Namespace) -> int:
@@ -55,4 +59,22 @@ def compact(args: argparse.Namespace) -> int:
 
 def report(args: argparse.Namespace) -> int:
     """Say what is wrong with the fleet; return the exit status."""
-    raise ValueError("report is not built yet")
+    from analyzer.fleet.report import page, text  # noqa: PLC0415
+    from analyzer.fleet.report.build import build  # noqa: PLC0415
+    from analyzer.sinks.atomic import Target, TargetError  # noqa: PLC0415
+
+    found = build(Store(args.place[0]), args.since, args.flights)
+    try:
+        if args.html:
+            with Target(args.html) as out:
+                out.file.write(page.render(found).encode("utf-8", "backslashreplace"))
+        if args.json:
+            with Target(args.json) as out:
+                out.file.write(f"{json.dumps(found.as_json(), indent=1)}\n".encode())
+    except TargetError as error:
+        return status.damaged(error, NAME)
+    if "-" not in (args.html, args.json):
+        with paged(wanted=not args.no_pager) as shown:
+            width = shutil.get_terminal_size().columns if sys.stdout.isatty() else _WIDTH
+            shown.write(text.render(found, width=width, by=args.by))
+    return status.OK
