@@ -13,6 +13,9 @@ from analyzer.app.request import RuleChoice
 from analyzer.app.version import version
 from dissectors.records import as_dict, dataclass, field
 
+# What decides the verdict of a rule, but for its code, which the version of the program stands for.
+_OF_A_RULE = ("severity", "category", "origin", "enabled", "text", "settings", "exercised", "inconclusive", "drops", "event")
+
 
 @dataclass(frozen=True, slots=True)
 class FleetSettings:
@@ -30,8 +33,8 @@ class FleetSettings:
         """Return a hash of them, of the files that they name, and of all rules. Raises as `Criteria` does."""
         criteria = Criteria(self.rules, dissectors.load(self.dissectors, self.trusted))
         sha = hashlib.sha256(json.dumps(self.chosen(), sort_keys=True, default=str).encode())
-        pages = {name: as_dict(page) for name, page in criteria.pages.items()}
-        sha.update(json.dumps(pages, sort_keys=True, default=_plain).encode())
+        pages = {name: [str(getattr(page, one)) for one in _OF_A_RULE] for name, page in criteria.pages.items()}
+        sha.update(json.dumps(pages, sort_keys=True).encode())
         for path in sorted(self._files()):
             sha.update(path.read_bytes())
         return sha.hexdigest()[:16]
@@ -40,13 +43,6 @@ class FleetSettings:
         named = [Path(one) for one in (self.rules.vehicle, self.rules.baseline) if one is not None]
         own = [path for folder in self.dissectors for path in folder.rglob("*") if path.is_file()]
         return named + [path for path in own if "__pycache__" not in path.parts]
-
-
-def _plain(value: Any) -> Any:
-    """Return what is the same in every process for what JSON does not know."""
-    if isinstance(value, (set, frozenset)):
-        return sorted(map(str, value))
-    return getattr(value, "__qualname__", type(value).__qualname__)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from analyzer.fleet.tables import TABLES
 if TYPE_CHECKING:
     from pathlib import Path
 
-GOOD = ("hover", "hover-4", "bus-break", "duplicate-node", "esc-failure", "faults")
+GOOD = ("hover", "hover-4", "bus-break", "duplicate-node", "control-lost", "faults")
 SETTINGS = FleetSettings()
 QUICK = Retries(2, 0.01)
 OF_A_RUN = {"run", "attempts", "cpu_s", "at_ns"}
