@@ -14,7 +14,18 @@ from analyzer.app.version import version
 from dissectors.records import as_dict, dataclass, field
 
 # What decides the verdict of a rule, but for its code, which the version of the program stands for.
-_OF_A_RULE = ("severity", "category", "origin", "enabled", "text", "settings", "exercised", "inconclusive", "drops", "event")
+_OF_A_RULE = (
+    "severity",
+    "category",
+    "origin",
+    "enabled",
+    "text",
+    "settings",
+    "exercised",
+    "inconclusive",
+    "drops",
+    "event",
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import io
 import pickle
 
-import analyzer
 import pytest
+
+import analyzer
 
 HOVER = "captures/hover.log"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from analyzer.fleet.jobs import Job
 from analyzer.fleet.listing import ListingError, Names, listed
 

@@ -6,6 +6,7 @@ import random
 
 import numpy as np
 import pytest
+
 from analyzer.fleet.report.statistics import (
     binomial_p,
     discoveries,

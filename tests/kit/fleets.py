@@ -6,11 +6,11 @@ import gzip
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from kit import CAPTURES
 
 from analyzer.fleet.jobs import FleetSettings, Retries
 from analyzer.fleet.store import Store
 from analyzer.fleet.tables import TABLES
+from kit import CAPTURES
 
 if TYPE_CHECKING:
     from pathlib import Path
