@@ -64,7 +64,7 @@ def _answer(
     from analyzer.cli.reading import reading, watched  # noqa: PLC0415
     from analyzer.facts.dialects import checked  # noqa: PLC0415
 
-    complaints = Complaints()
+    complaints, found = Complaints(), None
     with reading(request, complaints) as run:
         checked(request.rules.readings(), run.registry)
         triage = RunTriage(run, beside.read())
@@ -76,6 +76,8 @@ def _answer(
         if run.stopped:
             complaints("interrupted: this is of what was read until then")
         found = triage.found()
+    if found is None:  # it could not be opened, which has been said
+        return status.of_run(run)
     written = reports.all_written(targets, found, everything=args.all, forms=FORMATS)
     if not any(target.name == "standard output" for _, target, _ in targets):
         _tell(found, args)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import TYPE_CHECKING, Any, Self, cast
 
 import pyarrow.parquet as pq
 
 import analyzer
 from analyzer.fleet.driver import Account
-from analyzer.fleet.stream import opened
 from analyzer.fleet.tables import UNAVAILABLE
 from analyzer.fleet.worker import tried
 from analyzer.sources import UnavailableError
+from analyzer.sources.storage import open_stream
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def _exported(job: Job, settings: FleetSettings, goal: ExportGoal) -> dict[str, 
 
     files, _ = url_to_fs(goal.place)
     written = 0
-    with _Files(files, job, goal) as out, opened(job.url) as stream:
+    with _Files(files, job, goal) as out, closing(open_stream(job.url)) as stream:
         capture = analyzer.open_capture(stream, settings.dissectors, tables=goal.tables)
         for batch in capture:
             for name, rows in batch.messages.items():
@@ -130,7 +131,7 @@ def scan(urls: Sequence[str], table: str, columns: Sequence[str] | None = None) 
     schema = analyzer.schema(table)
     wanted = schema if columns is None else schema.empty_table().select(list(columns)).schema
     for url in urls:
-        with opened(url) as stream:
+        with closing(open_stream(url)) as stream:
             for batch in analyzer.open_capture(stream, tables=[table], columns=columns):
                 for rows in batch.messages.values():
                     yield rows.select(wanted.names)

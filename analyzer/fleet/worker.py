@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 import dissectors
@@ -13,10 +14,10 @@ from analyzer.app.run import Run
 from analyzer.app.triage import RunTriage
 from analyzer.fleet import rows
 from analyzer.fleet.health import EscHealth
-from analyzer.fleet.stream import opened
 from analyzer.fleet.tables import DAMAGED, JUDGED, KILLED, UNAVAILABLE, UNREADABLE
 from analyzer.sources import CaptureError, UnavailableError
 from analyzer.sources.origin import given
+from analyzer.sources.storage import open_stream
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -58,7 +59,7 @@ def tried(url: str, retries: Retries, attempt: Callable[[], Rows]) -> tuple[int,
 
 def _judged(job: Job, settings: FleetSettings) -> Rows:
     criteria = _criteria(settings)
-    with opened(job.url) as stream:
+    with closing(open_stream(job.url)) as stream:
         run = Run(
             Request((given(stream),), dissectors=settings.dissectors, rules=settings.rules, threads=1),
             registry=criteria.registry,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
+from pathlib import Path
 
 import pytest
 
@@ -46,7 +47,6 @@ def test_errors_of_captures_cross_processes():
 
 
 def test_a_stream_gives_what_the_file_gives():
-    with open(HOVER, "rb") as file:
-        stream = io.BytesIO(file.read())
+    stream = io.BytesIO(Path(HOVER).read_bytes())
     stream.name = "s3://bucket/hover.log"
     assert analyzer.open_capture(stream).table("ESCStatus") == analyzer.open_capture(HOVER).table("ESCStatus")

@@ -22,8 +22,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
-from kit import encode
-from kit.encode import Bus, Frame, log_line, transfer
+from kit.encode import Bus, Frame, Transfer, log_line, transfer
 
 MS, SECOND = 10**6, 10**9
 LENGTH = 12 * SECOND
@@ -101,7 +100,7 @@ def _alive(uptime: int) -> dict[str, int]:
     return {"uptime_sec": uptime, "health": 0, "mode": 0, "sub_mode": 0, "vendor_specific_status_code": 0}
 
 
-def _information(n: int, firmware: tuple[int, int]) -> encode.Transfer:
+def _information(n: int, firmware: tuple[int, int]) -> Transfer:
     software = {
         "major": firmware[0], "minor": firmware[1], "optional_field_flags": 0, "vcs_commit": 0, "image_crc": 0,
     }  # fmt: skip

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 
-import pandas
-import polars
+import pandas as pd
+import polars as pl
 import pytest
 from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
 
@@ -13,6 +13,7 @@ import analyzer
 from analyzer.fleet import driver
 from analyzer.fleet.cluster import Serial
 from analyzer.fleet.driver import FleetRun, jobs_of
+from analyzer.fleet.export import scan
 from analyzer.fleet.listing import Names, listed
 from analyzer.fleet.store import Store
 from analyzer.fleet.tables import TABLES
@@ -78,9 +79,9 @@ def test_others_read_it_too(checked):
     place, _ = checked
     store = Store(str(place))
     uris = store.opened("captures").file_uris()
-    assert polars.read_delta(store.table("captures")).height == 10
-    assert len(pandas.concat(map(pandas.read_parquet, uris))) == 10
-    assert set(polars.read_delta(store.table("esc_health")).columns) == set(TABLES["esc_health"].names)
+    assert pl.read_delta(store.table("captures")).height == 10
+    assert len(pd.concat(map(pd.read_parquet, uris))) == 10
+    assert set(pl.read_delta(store.table("esc_health")).columns) == set(TABLES["esc_health"].names)
 
 
 def test_what_a_dead_driver_left_does_not_count(checked):
@@ -177,14 +178,12 @@ def test_export_writes_a_file_a_capture_and_table_once(logs, tmp_path, command):
     assert command(*arguments)[0] == 0
     files = sorted((place / "ESCStatus/vehicle=v0/date=unknown").iterdir())
     whole = analyzer.open_capture(str(logs / "v0_hover.log.gz")).table("ESCStatus")
-    assert [len(pandas.read_parquet(one)) for one in files] == [len(whole)] * 2
+    assert [len(pd.read_parquet(one)) for one in files] == [len(whole)] * 2
     assert "0 captures read, 2 done before" in command(*arguments)[2]
     assert not [name for _, _, names in os.walk(place) for name in names if name.endswith(".part")]
 
 
 def test_a_table_of_many_captures_as_a_stream(logs):  # noqa: F811
-    from analyzer.fleet.export import scan
-
     urls = [str(logs / f"v0_{name}.log.gz") for name in ("hover", "again")]
     whole = analyzer.open_capture(urls[0]).table("ESCStatus")
     rows = list(scan(urls, "ESCStatus", ["voltage", "t"]))

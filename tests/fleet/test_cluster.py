@@ -7,8 +7,10 @@ import signal
 import subprocess
 import sys
 
+import fsspec
 import pytest
 from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
+from moto.server import ThreadedMotoServer
 
 from analyzer.fleet.cluster import ClusterChoice, Serial, cluster
 from analyzer.fleet.driver import FleetRun, jobs_of
@@ -117,9 +119,6 @@ def test_a_driver_that_is_killed_is_gone_on_with(logs, tmp_path, serial):  # noq
 @pytest.fixture
 def storage(monkeypatch):
     """Return the address of a bucket of S3, on the loopback."""
-    import fsspec
-    from moto.server import ThreadedMotoServer
-
     server = ThreadedMotoServer("127.0.0.1", 0)
     server.start()
     host, port = server.get_host_and_port()
@@ -128,14 +127,13 @@ def storage(monkeypatch):
         "AWS_REGION": "us-east-1", "AWS_DEFAULT_REGION": "us-east-1", "AWS_ALLOW_HTTP": "true",
     }.items():  # fmt: skip
         monkeypatch.setenv(name, value)
-    fsspec.get_fs_token_paths.__globals__["AbstractFileSystem"].clear_instance_cache()
     files = fsspec.filesystem("s3", skip_instance_cache=True)
     files.mkdir("fleet")
     yield "s3://fleet", files
     server.stop()
 
 
-def test_captures_and_results_in_a_storage(logs, storage):  # noqa: F811
+def test_captures_and_results_in_a_storage(logs, storage, command):  # noqa: F811
     place, files = storage
     for path in logs.iterdir():
         files.put_file(str(path), f"fleet/logs/{path.name}")
@@ -150,6 +148,9 @@ def test_captures_and_results_in_a_storage(logs, storage):  # noqa: F811
     run = FleetRun(both, SETTINGS, QUICK)
     run.over(jobs, Serial())
     assert (run.account.skipped, run.account.done) == (len(jobs), 0)
+    assert command("triage", f"{place}/logs/v4_control-lost.log.gz")[0] == 0
+    status, _, said = command("triage", f"{place}/logs/gone.log.gz")
+    assert (status, said.count("\n")) == (3, 1), said
 
 
 def test_a_scheduler_that_is_not_there(command, logs, tmp_path):  # noqa: F811

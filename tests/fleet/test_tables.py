@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """The schema of a store is a promise: a change here is a new version of it, and old stores have to be thought of."""
 
 from __future__ import annotations

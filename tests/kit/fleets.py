@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from analyzer.fleet.jobs import FleetSettings, Retries
-from analyzer.fleet.store import Store
 from analyzer.fleet.tables import TABLES
 from kit import CAPTURES
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from analyzer.fleet.store import Store
 
 GOOD = ("hover", "hover-4", "bus-break", "duplicate-node", "control-lost", "faults")
 SETTINGS = FleetSettings()
