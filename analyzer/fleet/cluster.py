@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from dissectors.records import dataclass
@@ -66,10 +67,9 @@ class Dask:
     def _some(
         self, jobs: Iterator[Job], work: Callable[[Job], Any], most: int, suspects: list[Job]
     ) -> Iterator[Result]:
-        from distributed import KilledWorker, as_completed  # noqa: PLC0415 - of the extra
-
+        distributed = _distributed()
         of: dict[str, Job] = {}
-        waiting = as_completed(loop=self._client.loop)
+        waiting = distributed.as_completed(loop=self._client.loop)
 
         def submit() -> None:
             for job in jobs:
@@ -85,7 +85,7 @@ class Dask:
             job, error = of.pop(future.key), None
             if future.status == "finished":
                 yield job, future.result(), None
-            elif isinstance(error := future.exception(), KilledWorker):
+            elif isinstance(error := future.exception(), distributed.KilledWorker):
                 suspects.append(job)
             elif future.cancelled():
                 raise ClusterError("the scheduler is lost")
@@ -93,6 +93,11 @@ class Dask:
                 yield job, None, error
             future.release()
             submit()
+
+
+def _distributed() -> Any:
+    """Return the module, which has types for a part of itself only."""
+    return import_module("distributed")
 
 
 @contextmanager
@@ -104,12 +109,12 @@ def cluster(choice: ClusterChoice) -> Iterator[Serial | Dask]:
     import logging  # noqa: PLC0415
 
     import dask  # noqa: PLC0415 - of the extra
-    from distributed import Client, LocalCluster  # noqa: PLC0415
 
+    distributed = _distributed()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     if choice.scheduler is not None:
         try:
-            client = Client(choice.scheduler, timeout=30)
+            client = distributed.Client(choice.scheduler, timeout=30)
         except (OSError, ValueError) as error:
             raise ClusterError(f"{choice.scheduler}: {error}") from None
         with client:
@@ -118,10 +123,10 @@ def cluster(choice: ClusterChoice) -> Iterator[Serial | Dask]:
     with (
         # Whoever was on a worker that died is tried alone, rather than with others again.
         dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.worker.daemon": True}),
-        LocalCluster(
+        distributed.LocalCluster(
             n_workers=choice.workers, threads_per_worker=1, memory_limit=choice.memory, dashboard_address=None,
             host="127.0.0.1", silence_logs=logging.CRITICAL,
         ) as local,
-        Client(local) as client,
+        distributed.Client(local) as client,
     ):  # fmt: skip
         yield Dask(client)

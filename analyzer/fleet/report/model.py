@@ -169,4 +169,5 @@ class FleetReport:
 
     def as_json(self) -> dict[str, Any]:
         """Return plain dictionaries and lists, `schema` first."""
-        return {"schema": SCHEMA} | as_dict(self)
+        plain: dict[str, Any] = as_dict(self)
+        return {"schema": SCHEMA, **plain}
