@@ -2,9 +2,9 @@
 
     python tests/bench/fleet_cost.py [--logs 200] [--seconds 200] [--workers 2] [--folder DIR]
 
-Makes logs of a flight (some 1,000 frames a second; 200 s are 200 k frames), every second one packed, judges them by a pool
-of processes and by `tailbyte fleet check`, and prints the CPU of both with all their processes: a tenth of the logs first,
-so that the fixed part and the cost a capture stand apart. Peak memory is the largest of any one process.
+Makes logs of a flight (some 1,000 frames a second; 200 s are 200 k frames), every second one packed, judges them by a
+pool of processes and by `tailbyte fleet check`, and prints the CPU of both with all their processes: a tenth of the
+logs first, so that the fixed part and the cost a capture stand apart. Peak memory is the largest of any one process.
 """
 
 from __future__ import annotations

@@ -82,11 +82,11 @@ def _head(answers: duckdb.DuckDBPyConnection, place: str) -> FleetHead:
         tuple(one for (one,) in _rows(answers, f"select distinct {name} from latest order by 1"))  # noqa: S608
         for name in ("settings", "version")
     )
-    return FleetHead(place, *row, settings, versions)
+    return FleetHead(*(place, *row, settings, versions))
 
 
 def _open_first(answers: duckdb.DuckDBPyConnection) -> list[OpenFirst]:
-    return [OpenFirst(*row, f"tailbyte {quote(row[-1])}") for row in _rows(answers, _OPEN)]
+    return [OpenFirst(*(*row, f"tailbyte {quote(row[-1])}")) for row in _rows(answers, _OPEN)]
 
 
 def _day(since: str, last: str) -> str:

@@ -70,11 +70,11 @@ def _esc(report: FleetReport, most: int | None) -> Iterator[str]:
     if not report.odd:
         yield f" none of {report.tested} series" if report.tested else f" no ESC has {least} flights of a named vehicle"
         return
-    yield " vehicle  ch  what                        now     usual       n  since       support"
+    yield " vehicle  ch what                      now usual          n since      support"
     for one in report.odd[:most]:
         yield (
-            f" {escape(one.vehicle)[:8]:<8} {_channel(one):>2}  {one.what:<22} {_amount(one, one.difference):>8}  "
-            f"{_usual(one):<11} {one.flights:>3}  {one.since or 'always':<10}  {one.support}"
+            f" {escape(one.vehicle)[:8]:<8} {_channel(one):>2} {one.what:<20} {_amount(one, one.difference):>8} "
+            f"{_usual(one):<11} {one.flights:>4} {one.since or 'always':<10} {one.support}"
         )
     if most is not None and len(report.odd) > most:
         yield f" and {len(report.odd) - most} more: --by esc"
