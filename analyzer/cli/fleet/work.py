@@ -52,7 +52,7 @@ def export(args: argparse.Namespace) -> int:
     settings = _settings(args)
     registry = dissectors.load(settings.dissectors, settings.trusted)
     if not args.table:
-        raise ValueError("export needs a table: --table ESCStatus")
+        raise ValueError("export needs a table: --table NAME (tailbyte fields lists them)")
     tables = tuple(dict.fromkeys(find_table(registry, name)[1] for name in args.table))
     partitions = tuple(filter(None, args.partition.split(",")))
     if unknown := set(partitions) - set(PARTITIONS):
