@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from analyzer.app.capture import open_capture as open_capture
     from analyzer.app.check import check as check
     from analyzer.app.diff import diff as diff
+    from analyzer.app.schemas import schema as schema
     from analyzer.app.triage import triage as triage
     from analyzer.decode.engine import Batch as Batch
     from analyzer.decode.engine import Engine as Engine
@@ -40,6 +41,7 @@ __all__ = [
     "check",
     "diff",
     "open_capture",
+    "schema",
     "triage",
 ]  # fmt: skip
 
@@ -55,6 +57,7 @@ _HOMES = {
     "check": "analyzer.app.check",
     "diff": "analyzer.app.diff",
     "open_capture": "analyzer.app.capture",
+    "schema": "analyzer.app.schemas",
     "triage": "analyzer.app.triage",
 }
 

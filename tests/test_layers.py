@@ -17,7 +17,20 @@ SYSTEM = ROOT / "analyzer/native/src/receive/system.rs"  # system calls: the onl
 UNITS = {"dissectors.times", *(f"dissectors.times.{name}" for name in ("MILLISECOND", "SECOND", "NO_TIME"))}
 BUFFER = ROOT / "analyzer/native/src/python/buffer.rs"  # columns that Python looks at where they lie
 UNSAFE = (ROOT / "analyzer/native/src/simd.rs", SYSTEM, BUFFER)
-HEAVY = ("numpy", "pyarrow", "can", "rerun", "mcap", "pandas", "dronecan", "textual")
+HEAVY = (
+    "numpy",
+    "pyarrow",
+    "can",
+    "rerun",
+    "mcap",
+    "pandas",
+    "dronecan",
+    "textual",
+    "distributed",
+    "deltalake",
+    "duckdb",
+    "fsspec",
+)
 
 
 def module_name(path: Path) -> str:
@@ -88,6 +101,7 @@ LAYERS = (
     "analyzer.terminal",
     "analyzer.browser",
     "analyzer.app",
+    "analyzer.fleet",
     "analyzer.integrations",
     "analyzer.cli",
     "analyzer.__main__",

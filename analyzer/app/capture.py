@@ -14,6 +14,7 @@ from analyzer.app.criteria import Criteria
 from analyzer.app.found import FoundTable
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
+from analyzer.app.schemas import ChosenTables
 from analyzer.decode.by_name import example, find_table
 from analyzer.devices.escs import Escs
 from analyzer.facts.dialects import checked
@@ -45,6 +46,8 @@ class Capture:
         dissectors: folders with further data types, before the built-in ones.
         dialects: readings of doubtful fields by node ID, against the node's own data.
         filter: a display filter: tables and batches hold what it selects.
+        tables: the tables of messages and packets that batches hold: no other is decoded.
+        columns: the columns that these have, those among them that are asked for.
 
     Raises:
         FilterError: the filter is wrong.
@@ -60,11 +63,13 @@ class Capture:
         self, origins: Sequence[Origin], plan: Plan | None = None, dissectors_: Sequence[Path] = (),
         dialects: Mapping[int, Collection[str]] | None = None,
         filter: str | None = None,  # noqa: A002 - what everybody calls it
+        tables: Collection[str] | None = None, columns: Collection[str] | None = None,
     ) -> None:  # fmt: skip
-        self._made_of = origins, plan, dissectors_, dialects, filter
+        self._made_of = origins, plan, dissectors_, dialects, filter, tables, columns
         rules = RuleChoice(dialects=tuple((node, one) for node, some in (dialects or {}).items() for one in some))
         request = Request(tuple(map(given, origins)), plan or Plan(), tuple(dissectors_), rules=rules, filter=filter)
         self._run = Run(request)
+        self._chosen = ChosenTables(self._run.registry, tables, columns)
         if filter is not None:
             from analyzer.filter.compiled import compile_filter  # noqa: PLC0415 - few captures have one
 
@@ -78,7 +83,7 @@ class Capture:
 
     def __iter__(self) -> Iterator[Batch]:
         """Yield batches in capture order."""
-        yield from map(narrowed, self._marked())
+        yield from map(self._chosen.of, map(narrowed, self._marked()))
 
     def _marked(self) -> Iterator[Batch]:
         """Yield the batches whole, with marks on what a filter selects."""
@@ -98,9 +103,9 @@ class Capture:
         That is, the transfers and their messages, their frames, and frames without a transfer. Rows keep their numbers:
         those of a batch are not without gaps any more. The files are read twice.
         """
-        origins, plan, dissectors_, dialects, before = self._made_of
+        origins, plan, dissectors_, dialects, before, *chosen = self._made_of
         both = text if before is None else f"({before}) && ({text})"
-        return type(self)(origins, plan, dissectors_, dialects, both)
+        return type(self)(origins, plan, dissectors_, dialects, both, *chosen)
 
     @property
     def registry(self) -> Registry:
@@ -134,8 +139,9 @@ class Capture:
         if name in ("transfers", "events"):
             return pa.Table.from_batches([getattr(batch, name) for batch in self])
         message, wanted = find_table(self.registry, name)
-        pieces = [batch.messages[wanted] for batch in self if wanted in batch.messages]
-        return pa.Table.from_batches(pieces or [example(self.registry, message)[wanted].slice(0, 0)])
+        batches = map(narrowed, self._marked())
+        pieces = [self._chosen.cut(batch.messages[wanted]) for batch in batches if wanted in batch.messages]
+        return pa.Table.from_batches(pieces or [self._chosen.cut(example(self.registry, message)[wanted].slice(0, 0))])
 
     def _frames(self) -> pa.Table:
         run = self._next_run()
@@ -234,6 +240,8 @@ def open_capture(
     same_bus: bool = False,
     dialects: Mapping[int, Collection[str]] | None = None,
     filter: str | None = None,  # noqa: A002 - what everybody calls it
+    tables: Collection[str] | None = None,
+    columns: Collection[str] | None = None,
 ) -> Capture:
     """Open a capture, or several as one; nothing is read before the first batch or table is asked for.
 
@@ -241,10 +249,13 @@ def open_capture(
     `buses` gives names: of a capture, of an interface, or of `capture:interface`. `offsets` shifts the clocks of
     captures, in nanoseconds. With `same_bus` all of them recorded one bus, and what repeats is left out. `dialects`
     says how doubtful fields of nodes are read, against their own data: `{24: ["tm", "K"]}`. With a `filter` it holds
-    what that selects: see `Capture.filter`.
+    what that selects: see `Capture.filter`. `tables` are the messages and packets that its batches hold, and nothing
+    else is decoded; `columns` are those of them that are kept. Raises `LookupError` for one that there is not.
     """
     origins = list(path) if isinstance(path, Sequence) and not isinstance(path, str) else [path]
-    return Capture(origins, Plan(dict(buses or {}), dict(offsets or {}), same_bus), dissectors, dialects, filter)
+    return Capture(
+        origins, Plan(dict(buses or {}), dict(offsets or {}), same_bus), dissectors, dialects, filter, tables, columns
+    )
 
 
 def _chosen(rows: pa.RecordBatch, batch: Batch) -> pa.RecordBatch:

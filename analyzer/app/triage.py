@@ -74,11 +74,13 @@ class RunTriage:
         run: not read yet. Raises `ProfileError` for a wrong `plots.toml`.
         log: the autopilot's own log of the flight.
         drawn: it is to have time lines.
+
+    `witness` is what has been seen.
     """
 
     def __init__(self, run: Run, log: AutopilotLog | None = None, *, drawn: bool = False) -> None:
         self._run = run
-        self._witness = Witness(run.registry, log, drawn=drawn)
+        self.witness = Witness(run.registry, log, drawn=drawn)
         self._frames = 0
 
     def over(self, batches: Iterable[Batch]) -> Iterator[Batch]:
@@ -89,7 +91,7 @@ class RunTriage:
 
     def feed(self, batch: Batch) -> None:
         """Look at the next batch."""
-        self._witness.feed(batch)
+        self.witness.feed(batch)
         self._frames += len(batch.frames)
 
     def beside(self, batches: Iterable[Batch]) -> Iterator[Batch]:
@@ -100,9 +102,9 @@ class RunTriage:
 
     def found(self) -> Triage:
         """Return what happened, after the last batch."""
-        clock = self._witness.clock
+        clock = self.witness.clock
         return inquest(
-            self._witness, self._run.request.names, self._run.engine.buses, start=clock.start, end=clock.last,
+            self.witness, self._run.request.names, self._run.engine.buses, start=clock.start, end=clock.last,
             frames=self._frames, commands=self._next,
         )  # fmt: skip
 

@@ -34,6 +34,7 @@ COMMANDS = {
     "convert": "captures as candump text, MCAP or pcapng",
     "export": "decoded tables as Parquet, Arrow, CSV or MCAP",
     "plot": "the picture of a flight, in the Rerun viewer",
+    "fleet": "thousands of captures: judge, export, report; folders, S3, GCS, Azure",
     "live": "watch, record and judge a bus",
     "replay": "send a capture on a bus once more",
     "simulate": "traffic with known faults, to a file or a bus",

@@ -15,6 +15,8 @@ from analyzer.flight.timeline.courses import Courses
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import pyarrow as pa
+
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import RecordedClock
     from analyzer.flight.extents import EscExtent
@@ -59,6 +61,10 @@ class Witness:
     def flights(self) -> list[Flight]:
         """Return the flights, after the last batch."""
         return self._flights.flights()
+
+    def flight_table(self) -> pa.Table:
+        """Return the flights as a table, after the last batch."""
+        return self._flights.finish()
 
     def events(self) -> list[FlightEvent]:
         """Return the events, after the last batch, in the order of the capture."""

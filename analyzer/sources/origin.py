@@ -9,6 +9,7 @@ from select import select
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from analyzer.sources.errors import CaptureError, UnavailableError
+from analyzer.sources.storage import is_address, open_stream
 
 if TYPE_CHECKING:
     from typing import BinaryIO
@@ -128,6 +129,14 @@ class OpenedObject:
         """Leave it open: it belongs to somebody else."""
 
 
+class OpenedAddress(OpenedObject):
+    """One reading of what lies at an address."""
+
+    def close(self) -> None:
+        """Close what was opened for this reading."""
+        self._file.close()
+
+
 def given(origin: Origin | FileObject) -> str | FileObject:
     """Return the path, or the object with its place. Raises `TypeError` for what is neither."""
     if isinstance(origin, FileObject):
@@ -142,6 +151,8 @@ def given(origin: Origin | FileObject) -> str | FileObject:
 def opened(origin: str | FileObject) -> Opened:
     """Open it for one reading. Raises `CaptureError` if that is impossible."""
     if isinstance(origin, str):
+        if is_address(origin) and not os.path.lexists(origin):
+            return OpenedAddress(FileObject(open_stream(origin)))
         return OpenedFile(_file(origin))
     if origin.read_before and origin.start is None:
         raise UnavailableError(origin.name, "", _ONCE)

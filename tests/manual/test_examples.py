@@ -49,6 +49,7 @@ PARSED = {
     r"--with (0+42\.BIN|flight\.bin)": "needs the autopilot's log of the flight; tests/cli/test_events_with.py has one",
     r"completion bash --dissector": "the examples of the help do it",
     r"plot (captures/|flight\.log$)": "the page on plot draws it",
+    r"tailbyte fleet (check|export|report|status)": "needs a store and a cluster; tests/fleet/test_check.py has them",
     r"live -D": "asks every driver there is; tests/live/test_listing.py does",
     r"plot .*--(serve|connect)": "needs a viewer or a browser; tests/plot/test_viewer.py has them",
 }

@@ -1,0 +1,135 @@
+"""`tailbyte fleet check` and `export`: captures in, a store out."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import dissectors
+from analyzer.app import streams
+from analyzer.cli import options, rules, status
+from analyzer.decode.by_name import find_table
+from analyzer.fleet.cluster import ClusterChoice, cluster
+from analyzer.fleet.driver import FleetRun, jobs_of
+from analyzer.fleet.export import PARTITIONS, ExportGoal, ExportRun
+from analyzer.fleet.jobs import FleetSettings, Retries
+from analyzer.fleet.listing import Names, listed
+from analyzer.fleet.store import Store
+
+if TYPE_CHECKING:
+    import argparse
+
+    from analyzer.fleet.driver import Account
+    from analyzer.fleet.jobs import Job
+
+NAME = "tailbyte fleet"
+_EVERY = 0.5  # seconds between two lines of progress on a terminal
+_EVERY_LOGGED = 30.0  # and in a log
+
+
+def check(args: argparse.Namespace) -> int:
+    """Judge what the store does not have yet; return the exit status."""
+    store, settings = Store(args.output), _settings(args)
+    rules.criteria(settings.rules, dissectors.load(settings.dissectors, settings.trusted), NAME)
+    jobs = _jobs(args, store.place, settings)
+    if not jobs:
+        return _nothing(args)
+    progress = _Progress()
+    run = FleetRun(store, settings, Retries(args.attempts), progress)
+    try:
+        with store.alone(), cluster(_choice(args)) as workers:
+            run.over(jobs, workers, retry=args.retry is not None)
+    except KeyboardInterrupt:
+        progress.end(run.account, "interrupted: the same command goes on")
+        return status.INTERRUPTED
+    progress.end(run.account)
+    return _status(run.account)
+
+
+def export(args: argparse.Namespace) -> int:
+    """Write the tables of captures that are not exported yet; return the exit status."""
+    settings = _settings(args)
+    registry = dissectors.load(settings.dissectors, settings.trusted)
+    if not args.table:
+        raise ValueError("export needs a table: --table NAME (tailbyte fields lists them)")
+    tables = tuple(dict.fromkeys(find_table(registry, name)[1] for name in args.table))
+    partitions = tuple(filter(None, args.partition.split(",")))
+    if unknown := set(partitions) - set(PARTITIONS):
+        raise ValueError(f"--partition {min(unknown)}: it takes vehicle and date")
+    goal = ExportGoal(Store(args.output).place, tables, partitions)
+    jobs = _jobs(args, goal.place, settings)
+    if not jobs:
+        return _nothing(args)
+    progress = _Progress()
+    run = ExportRun(settings, Retries(args.attempts), goal, progress)
+    try:
+        with cluster(_choice(args)) as workers:
+            run.over(jobs, workers)
+    except KeyboardInterrupt:
+        progress.end(run.account, "interrupted: the same command goes on")
+        return status.INTERRUPTED
+    for url, error in run.errors:
+        streams.complain(f"{url}: {error}", NAME)
+    progress.end(run.account)
+    return _status(run.account)
+
+
+def _settings(args: argparse.Namespace) -> FleetSettings:
+    folders, trusted = options.folders(args)
+    return FleetSettings(rules.choice(args), folders, trusted)
+
+
+def _jobs(args: argparse.Namespace, store: str, settings: FleetSettings) -> list[Job]:
+    return jobs_of(listed(args.place, store), Names(args.name, args.names), settings.digest())
+
+
+def _choice(args: argparse.Namespace) -> ClusterChoice:
+    return ClusterChoice(args.scheduler, args.workers, args.memory)
+
+
+def _nothing(args: argparse.Namespace) -> int:
+    streams.complain(f"{' '.join(args.place)}: no capture", NAME)
+    return status.NOT_JUDGED
+
+
+def _status(account: Account) -> int:
+    return status.DAMAGED if account.failed or account.unavailable else status.OK
+
+
+class _Progress:
+    """Lines on standard error: one that changes on a terminal, else one now and then."""
+
+    def __init__(self) -> None:
+        self._terminal = sys.stderr.isatty()
+        self._next = time.monotonic() + _EVERY
+
+    def __call__(self, account: Account) -> None:
+        """Say how far it is, if it is time to."""
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + (_EVERY if self._terminal else _EVERY_LOGGED)
+        left = account.left / account.rate
+        text = (
+            f"{account.done + account.unavailable} of {account.listed - account.skipped}  {account.rate:.1f}/s  "
+            f"{_duration(left)} left  {account.failed} failed  {account.unavailable} unavailable"
+        )
+        streams.tell(f"\r\x1b[K{text}" if self._terminal else f"-- {text}\n")
+
+    def end(self, account: Account, more: str = "") -> None:
+        """Say what came of it."""
+        counts = f"{account.done} captures read, {account.skipped} done before, {account.failed} without a result"
+        lines = [
+            f"-- {counts}, {account.unavailable} could not be read now",
+            f"-- {account.bytes / 1e6:.1f} MB, {account.cpu_s:.1f} s of CPU on {account.workers or 'no'} workers",
+        ]
+        if more:
+            lines.append(f"-- {more}")
+        streams.tell(("\r\x1b[K" if self._terminal else "") + "".join(f"{line}\n" for line in lines))
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {rest:02} s" if minutes else f"{rest} s"

@@ -1,0 +1,132 @@
+"""Where jobs run: in this process, on a local cluster of Dask, or on any scheduler of it."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from dissectors.records import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from analyzer.fleet.jobs import Job
+
+MEMORY = "2GiB"  # of a local worker; with 95 % of it a worker is ended, and its capture tried alone
+_AHEAD = 4  # jobs that wait for each worker: enough that none is idle, few enough to stop soon
+
+Result = tuple["Job", Any, BaseException | None]
+
+
+class ClusterError(Exception):
+    """A cluster that cannot be had, or is lost; says which and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterChoice:
+    """The wish for workers: a scheduler's address, or how many here; 0 does everything in this process."""
+
+    scheduler: str | None = None
+    workers: int | None = None
+    memory: str = MEMORY
+
+
+class Serial:
+    """Jobs one after the other in this process: the measure of what a cluster may give."""
+
+    workers = 0
+
+    def results(self, jobs: Iterator[Job], work: Callable[[Job], Any]) -> Iterator[Result]:
+        """Yield each job with its result."""
+        for job in jobs:
+            yield job, work(job), None
+
+
+class Dask:
+    """Jobs on a cluster of Dask, through its `distributed.Client`."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self.workers = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+
+    def results(self, jobs: Iterator[Job], work: Callable[[Job], Any]) -> Iterator[Result]:
+        """Yield each job with its result, in any order, or with the error that is no result.
+
+        Jobs that ran on a worker when it died are tried alone at the end, one after the other: whose worker dies then,
+        it has killed it. Raises `ClusterError` when the cluster is lost.
+        """
+        suspects: list[Job] = []
+        yield from self._some(jobs, work, self.workers * _AHEAD, suspects)
+        for job in suspects:
+            again: list[Job] = []
+            yield from self._some(iter([job]), work, 1, again)
+            if again:
+                yield job, None, ClusterError("its worker died of it, alone again")
+
+    def _some(
+        self, jobs: Iterator[Job], work: Callable[[Job], Any], most: int, suspects: list[Job]
+    ) -> Iterator[Result]:
+        distributed = _distributed()
+        of: dict[str, Job] = {}
+        waiting = distributed.as_completed(loop=self._client.loop)
+
+        def submit() -> None:
+            for job in jobs:
+                future = self._client.submit(work, job, pure=False)
+                of[future.key] = job
+                waiting.add(future)
+                if len(of) >= most:
+                    return
+
+        submit()
+        while of:
+            future = next(waiting)
+            job, error = of.pop(future.key), None
+            if future.status == "finished":
+                yield job, future.result(), None
+            elif isinstance(error := future.exception(), distributed.KilledWorker):
+                suspects.append(job)
+            elif future.cancelled():
+                raise ClusterError("the scheduler is lost")
+            else:
+                yield job, None, error
+            future.release()
+            submit()
+
+
+def _distributed() -> Any:
+    """Return the module, which has types for a part of itself only."""
+    return import_module("distributed")
+
+
+@contextmanager
+def cluster(choice: ClusterChoice) -> Iterator[Serial | Dask]:
+    """Have workers as long as this lasts. Raises `ClusterError`."""
+    if choice.scheduler is None and choice.workers == 0:
+        yield Serial()
+        return
+    import logging  # noqa: PLC0415
+
+    import dask  # noqa: PLC0415 - of the extra
+
+    distributed = _distributed()
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    if choice.scheduler is not None:
+        try:
+            client = distributed.Client(choice.scheduler, timeout=30)
+        except (OSError, ValueError) as error:
+            raise ClusterError(f"{choice.scheduler}: {error}") from None
+        with client:
+            yield Dask(client)
+        return
+    with (
+        # Whoever was on a worker that died is tried alone, rather than with others again.
+        dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.worker.daemon": True}),
+        distributed.LocalCluster(
+            n_workers=choice.workers, threads_per_worker=1, memory_limit=choice.memory, dashboard_address=None,
+            host="127.0.0.1", silence_logs=logging.CRITICAL,
+        ) as local,
+        distributed.Client(local) as client,
+    ):  # fmt: skip
+        yield Dask(client)

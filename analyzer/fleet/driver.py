@@ -1,0 +1,121 @@
+"""The driver of a fleet run: lists captures, has them judged, and is the only one that writes the results."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING, Any
+from uuid import uuid4
+
+from analyzer.app.version import version
+from analyzer.fleet.jobs import Job
+from analyzer.fleet.tables import TABLES, UNAVAILABLE
+from analyzer.fleet.worker import judge, killed
+from dissectors.records import dataclass, field, replace
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from analyzer.fleet.cluster import Dask, Serial
+    from analyzer.fleet.jobs import FleetSettings, Retries
+    from analyzer.fleet.listing import Listed, Names
+    from analyzer.fleet.store import Store
+
+COMMIT_CAPTURES = 500  # a commit costs some 50 ms a table: one for each capture would cost more than the work
+COMMIT_SECONDS = 60.0  # as much as a driver that dies loses at most
+
+
+@dataclass(slots=True)
+class Account:
+    """How a run goes: `done` have a result, `unavailable` none, `failed` of those done have no verdict."""
+
+    listed: int = 0
+    skipped: int = 0
+    done: int = 0
+    failed: int = 0
+    unavailable: int = 0
+    cpu_s: float = 0.0
+    bytes: int = 0
+    workers: int = 0
+    began: float = field(default_factory=time.monotonic)
+
+    @property
+    def left(self) -> int:
+        """How many are still to be done."""
+        return self.listed - self.skipped - self.done - self.unavailable
+
+    @property
+    def rate(self) -> float:
+        """Captures per second."""
+        return (self.done + self.unavailable) / max(time.monotonic() - self.began, 1e-9)
+
+
+def jobs_of(found: Iterable[Listed], names: Names, settings: str) -> list[Job]:
+    """Return a job for each capture, all with the hash of the settings."""
+    return [Job(one.url, one.etag, one.size, *names.of(one.url), settings) for one in found]
+
+
+class FleetRun:
+    """Has the jobs done that the store does not have yet, and commits their rows in batches.
+
+    Args:
+        store: where the results are.
+        settings: what decides them.
+        retries: for captures that cannot be read now.
+        told: is called with the account after each result.
+    """
+
+    def __init__(
+        self, store: Store, settings: FleetSettings, retries: Retries, told: Callable[[Account], None] = lambda _: None
+    ) -> None:
+        self._store, self._settings, self._retries, self._told = store, settings, retries, told
+        self.account = Account()
+        self._held: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
+        self._committed = time.monotonic()
+
+    def over(self, jobs: list[Job], workers: Serial | Dask, *, retry: bool = False) -> None:
+        """Do them. Ctrl-C commits what there is and goes on up. Raises `StoreError` and `ClusterError`."""
+        run, start, ended = uuid4().hex, time.time_ns(), "interrupted"
+        known = self._store.done(retry=retry)
+        todo = [replace(job, run=run) for job in jobs if job.key not in known]
+        account = self.account
+        account.listed, account.skipped, account.workers = len(jobs), len(jobs) - len(todo), workers.workers
+        settings, retries = self._settings, self._retries
+
+        def work(job: Job) -> Any:
+            return judge(job, settings, retries)
+
+        try:
+            for job, rows, error in workers.results(iter(todo), work):
+                self._take(rows if error is None else killed(job, str(error) or type(error).__name__, 2))
+            ended = "done"
+        finally:
+            self._held["runs"].append({
+                "key": "", "run": run, "command": "check", "version": version(), "settings": settings.digest(),
+                "chosen": json.dumps(settings.chosen(), default=str), "workers": workers.workers, "start_ns": start,
+                "end_ns": time.time_ns(), "ended": ended, "listed": account.listed, "skipped": account.skipped,
+                "done": account.done, "unavailable": account.unavailable, "cpu_s": account.cpu_s,
+                "bytes": account.bytes,
+            })  # fmt: skip
+            self._commit()
+
+    def _take(self, rows: dict[str, list[dict[str, Any]]]) -> None:
+        for name, some in rows.items():
+            self._held[name] += some
+        (capture,), account = rows["captures"], self.account
+        if capture["outcome"] == UNAVAILABLE:
+            account.unavailable += 1
+        else:
+            account.done += 1
+            account.failed += bool(capture["error"])
+        account.cpu_s += capture["cpu_s"]
+        account.bytes += capture["bytes"]
+        late = time.monotonic() - self._committed > COMMIT_SECONDS
+        if late or len(self._held["captures"]) >= COMMIT_CAPTURES:
+            self._commit()
+        self._told(account)
+
+    def _commit(self) -> None:
+        held, self._held = self._held, {name: [] for name in TABLES}
+        self._store.append(held)
+        self._committed = time.monotonic()

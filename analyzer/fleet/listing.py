@@ -1,0 +1,120 @@
+"""The captures that patterns name, in folders or in any storage that fsspec knows, and whose they are."""
+
+from __future__ import annotations
+
+import csv
+import re
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dissectors.records import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+_MAGIC = re.compile(r"[*?\[]")
+_LOCAL = {"file", "local"}
+
+
+class ListingError(Exception):
+    """Captures that cannot be listed; says which and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """A capture as its storage lists it: `etag` changes with its bytes, `size` is None if nobody says it."""
+
+    url: str
+    etag: str
+    size: int | None
+
+
+def listed(patterns: Sequence[str], without: str) -> Iterator[Listed]:
+    """Yield what patterns, folders and addresses name, each once, in order; nothing below `without`, the store.
+
+    Raises `ListingError`.
+    """
+    seen = set[str]()
+    store = without.rstrip("/") + "/"
+    for pattern in patterns:
+        for one in _found(pattern):
+            if one.url not in seen and not one.url.startswith(store):
+                seen.add(one.url)
+                yield one
+
+
+def _found(pattern: str) -> list[Listed]:
+    from fsspec.core import url_to_fs  # noqa: PLC0415 - of the extra
+
+    try:
+        files, path = url_to_fs(pattern)
+        if _MAGIC.search(path):
+            found = files.glob(path, detail=True)
+        elif files.isdir(path):
+            found = files.find(path, detail=True)
+        else:
+            found = {path: files.info(path)}
+    except FileNotFoundError:
+        raise ListingError(f"{pattern}: no such file") from None
+    except Exception as error:  # whatever a storage raises
+        raise ListingError(f"{pattern}: {type(error).__name__}: {error}") from error
+    local = bool(_LOCAL & {files.protocol} if isinstance(files.protocol, str) else _LOCAL & set(files.protocol))
+    items = [(name if local else files.unstrip_protocol(name), info) for name, info in found.items()]
+    return [Listed(url, _etag(info), info.get("size")) for url, info in sorted(items) if info.get("type") == "file"]
+
+
+def _etag(info: Mapping[str, Any]) -> str:
+    for name in ("ETag", "etag", "md5Hash", "content_md5"):
+        if info.get(name):
+            return str(info[name]).strip('"')
+    changed = info.get("mtime") or info.get("LastModified") or info.get("last_modified") or ""
+    return f"{info.get('size')}-{changed}"
+
+
+class Names:
+    """Whose a capture is and of which day: by a pattern over its address, or by a CSV file with the column `url`.
+
+    Raises `ValueError` for a pattern without fields, or a wrong CSV file, and `OSError`.
+    """
+
+    def __init__(self, pattern: str | None = None, table: str | None = None) -> None:
+        self._pattern = None if pattern is None else _compiled(pattern)
+        self._rows = {} if table is None else _read(table)
+
+    def of(self, url: str) -> tuple[str, str]:
+        """Return vehicle and date, empty where nobody tells them."""
+        known = self._rows.get(url) or self._rows.get(url.rpartition("/")[2])
+        if known is not None:
+            return known
+        found = None if self._pattern is None else self._pattern.search(url)
+        told = {} if found is None else found.groupdict()
+        return told.get("vehicle", ""), _day(told.get("date", ""))
+
+
+def _compiled(pattern: str) -> re.Pattern[str]:
+    parts = re.split(r"(\{\w*\}|\*\*/?|\*|\?)", pattern)
+    fields = [one[1:-1] for one in parts if one.startswith("{")]
+    if not fields or set(fields) - {"vehicle", "date"} or len(fields) != len(set(fields)):
+        raise ValueError(f"--name {pattern}: it takes {{vehicle}} and {{date}}, each once")
+    wild = {"*": "[^/]*", "?": "[^/]", "**": ".*", "**/": "(?:.*/)?"}
+    made = (
+        f"(?P<{one[1:-1]}>[^/]+?)" if one.startswith("{") else wild[one] if one in wild else re.escape(one)
+        for one in parts
+    )  # fmt: skip
+    return re.compile(f"(?:^|/){''.join(made)}$")
+
+
+def _read(path: str) -> dict[str, tuple[str, str]]:
+    with Path(path).open(newline="", encoding="utf-8-sig") as file:
+        rows = csv.DictReader(file)
+        if "url" not in (rows.fieldnames or ()):
+            raise ValueError(f"{path}: line 1: no column url")
+        return {row["url"]: (row.get("vehicle") or "", _day(row.get("date") or "")) for row in rows}
+
+
+def _day(text: str) -> str:
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError:
+        return ""

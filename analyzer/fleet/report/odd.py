@@ -1,0 +1,133 @@
+"""ESCs that are odd: against their own past first, then against others with the same firmware."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from analyzer.fleet.report.model import OddEsc
+from analyzer.fleet.report.statistics import discoveries, normal_p, spread, trend_p, turning_point
+from analyzer.fleet.rows import day
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import duckdb
+
+    from dissectors.kit import Array
+
+
+class Quantity(NamedTuple):
+    """What is compared: a difference in units, or a `share` of the others' value; `least` is what matters to people."""
+
+    column: str
+    what: str
+    share: bool
+    least: float
+
+
+# Least differences: sensors of one kind differ by 2 to 3 K, propellers and motors of one kind by some percent.
+QUANTITIES = (
+    Quantity("temperature_median", "temperature", share=False, least=4.0),
+    Quantity("current_per_krpm2", "current/(1000 rpm)^2", share=True, least=0.05),
+    Quantity("rpm_per_percent", "speed per percent", share=True, least=0.03),
+)
+_FEWEST_ESCS = 8  # of a firmware, among which one may be odd
+_SIGMAS = 4.0  # of an ESC's flights: less is what flights differ by
+_STRONG = 6.0
+_NOW = 5  # flights that say how it is now, or a fifth if that is more
+
+
+class Series(NamedTuple):
+    """The differences of an ESC in its flights, in order."""
+
+    vehicle: str
+    ch: int | None
+    node: int
+    software: str
+    days: list[str]
+    values: Array
+
+
+def odd_escs(answers: duckdb.DuckDBPyConnection, least: int) -> tuple[list[OddEsc], int]:
+    """Return those that are odd, the worst first, and how many series were tested; `least` flights each."""
+    found: list[OddEsc] = []
+    tested = 0
+    for quantity in QUANTITIES:
+        series = [one for one in _series(answers, quantity) if len(one.values) >= least]
+        tested += len(series)
+        if series:
+            changed = _changed(series, quantity)
+            known = {(one.vehicle, one.ch, one.node) for one in changed}
+            found += changed
+            found += [one for one in _unlike(series, quantity) if (one.vehicle, one.ch, one.node) not in known]
+    return sorted(found, key=lambda one: (-abs(one.difference - one.fleet) / one.spread, one.vehicle)), tested
+
+
+def _series(answers: duckdb.DuckDBPyConnection, quantity: Quantity) -> Iterator[Series]:
+    column = f"h.{quantity.column}"
+    others = f"{column}_others"
+    difference = f"{column} / {others} - 1" if quantity.share else f"{column} - {others}"
+    rows = answers.execute(
+        f"select c.vehicle, h.ch, h.node, h.software, h.t_ns, {difference} from esc_health h "  # noqa: S608 - our names
+        f"join counted c using (key, run) where {column} is not null and {others} is not null and {others} <> 0 "
+        "and c.vehicle <> '' order by c.vehicle, h.ch, h.node, h.t_ns, c.url"
+    ).fetchall()
+    for (vehicle, ch, node), group in groupby(rows, key=lambda row: row[:3]):
+        some: list[Any] = list(group)
+        yield Series(vehicle, ch, node, some[-1][3], [day(row[4]) for row in some], np.array([row[5] for row in some]))
+
+
+def _changed(series: list[Series], quantity: Quantity) -> list[OddEsc]:
+    """Return those that are not as they were, among all that were tested."""
+    chances = [trend_p(one.values) for one in series]
+    noise = _noise(series, quantity)
+    found = []
+    for one, p, counts in zip(series, chances, discoveries(chances), strict=True):
+        some = max(_NOW, len(one.values) // 5)
+        now, past = float(np.median(one.values[-some:])), float(np.median(one.values[: len(one.values) // 3]))
+        change = abs(now - past)
+        if counts and change >= quantity.least and change >= _SIGMAS * noise:
+            since = one.days[turning_point(one.values)]
+            strong = change >= _STRONG * noise and p < 1e-4
+            found.append(_odd(one, quantity, now, (past, noise), p, since, "own past", strong=strong))
+    return found
+
+
+def _unlike(series: list[Series], quantity: Quantity) -> list[OddEsc]:
+    """Return those that are unlike others with their firmware; they may have been so from the start."""
+    found, tests = [], []
+    for software in sorted({one.software for one in series}):
+        group = [one for one in series if one.software == software]
+        if len(group) < _FEWEST_ESCS:
+            continue
+        usual = np.array([np.median(one.values) for one in group])
+        middle, width = float(np.median(usual)), max(spread(usual), quantity.least / _SIGMAS)
+        tests += [(one, float(value), middle, width) for one, value in zip(group, usual, strict=True)]
+    chances = [normal_p((value - middle) / width) for _, value, middle, width in tests]
+    for (one, value, middle, width), p, counts in zip(tests, chances, discoveries(chances), strict=True):
+        off = abs(value - middle)
+        if counts and off >= quantity.least:
+            strong = off >= _STRONG * width
+            found.append(_odd(one, quantity, value, (middle, width), p, "", "same firmware", strong=strong))
+    return found
+
+
+def _noise(series: list[Series], quantity: Quantity) -> float:
+    """Return by how much flights of one ESC differ: from one to the next, so that what changes slowly is not in it."""
+    each = [spread(np.diff(one.values)) / np.sqrt(2) for one in series]
+    return max(float(np.median(each)), quantity.least / 8)
+
+
+def _odd(
+    one: Series, quantity: Quantity, value: float, usual: tuple[float, float], p: float, since: str, against: str,
+    *, strong: bool,
+) -> OddEsc:  # fmt: skip
+    return OddEsc(
+        vehicle=one.vehicle, ch=one.ch, node=one.node, quantity=quantity.column, what=quantity.what,
+        share=quantity.share, difference=value, fleet=usual[0], spread=usual[1], flights=len(one.values), since=since,
+        against=against, support="strong" if strong else "weak", p=p,
+        points=tuple(zip(one.days, map(float, one.values), strict=True)),
+    )  # fmt: skip

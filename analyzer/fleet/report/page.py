@@ -1,0 +1,139 @@
+"""The report of a fleet as one HTML page that needs nothing else: tables, and how odd ESCs went."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from analyzer.fleet.report.model import FleetReport, OddEsc
+
+_STYLE = (
+    "body{font:15px/1.45 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222;background:#fff}"
+    "table{border-collapse:collapse;margin:.6em 0}td,th{padding:.2em .8em .2em 0;text-align:left;"
+    "border-bottom:1px solid #ddd;vertical-align:top}code{font-size:90%;overflow-wrap:anywhere}svg{display:block}"
+    "@media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}td,th{border-color:#444}}"
+)
+_WIDTH, _HEIGHT, _MARGIN = 640, 120, 16
+
+
+def render(report: FleetReport) -> str:
+    """Return the page."""
+    return "".join(_page(report))
+
+
+def _page(report: FleetReport) -> Iterator[str]:
+    head = report.head
+    yield f"<!doctype html><html lang=en><meta charset=utf-8><title>Fleet {escape(head.store)}</title>"
+    yield f'<meta name=viewport content="width=device-width"><style>{_STYLE}</style>'
+    yield f"<h1>Fleet {escape(head.store)}</h1>"
+    yield (
+        f"<p>{head.captures:,} captures of {head.vehicles:,} vehicles: {head.judged:,} judged, {head.not_judged:,} too "
+        f"short or no flight, {head.damaged:,} damaged in part, {head.unreadable:,} unreadable, {head.unavailable:,} "
+        f"not available, {head.duplicates:,} duplicates (counted once). {head.flight_hours:,.2f} flight hours in "
+        f"{head.flights:,} flights, {escape(head.first_day)} to {escape(head.last_day)}.</p>"
+    )
+    yield "<h2>Open these first</h2>"
+    yield from _table(
+        ("Vehicle", "Day", "What", "Support", "Command"),
+        ((one.vehicle, one.date, one.title, one.support, one.command) for one in report.open_first),
+    )
+    yield f"<h2>Odd ESCs</h2><p>{report.tested:,} series of at least {report.least_flights} flights were tested.</p>"
+    yield from _table(
+        ("Vehicle", "Ch", "What", "Now", "Usual", "Flights", "Since", "Against", "Support", "p"),
+        (
+            (
+                one.vehicle, _channel(one), one.what, _amount(one, one.difference),
+                _amount(one, one.fleet), one.flights, one.since or "always", one.against, one.support, f"{one.p:.1e}",
+            )
+            for one in report.odd
+        ),
+    )  # fmt: skip
+    for one in report.odd:
+        yield from _plot(one)
+    yield "<h2>Firmware</h2>"
+    yield from _table(
+        ("Firmware", "Flights", "Hours", "Vehicles"),
+        ((one.software, one.flights, f"{one.hours:.2f}", ", ".join(one.vehicles)) for one in report.software),
+    )
+    yield "<p>Captures with a finding per 100 flight hours:</p>"
+    yield from _table(
+        ("Rule", "Title", "Firmware", "Captures", "Rate", "95 % interval", "p", ""),
+        (
+            (
+                one.rule, one.title, one.software, one.captures, f"{one.rate:.2f}", f"{one.low:.2f} - {one.high:.2f}",
+                f"{one.p:.1e}",
+                ("more than the others" + ("" if one.separable else ", but vehicle and firmware are not separable"))
+                if one.differs else "",
+            )
+            for one in report.rates
+        ),
+    )  # fmt: skip
+    if report.since is not None:
+        yield f"<h2>Worse since {escape(report.since.day)}</h2>"
+        yield from _table(
+            ("Rule", "Title", "Before", "After", "p"),
+            ((o.rule, o.title, f"{o.before:.2f}", f"{o.after:.2f}", f"{o.p:.1e}") for o in report.since.worse),
+        )
+        seen = (
+            f"{rule}: {'never' if factor is None else f'x{factor:g}'}" for rule, factor in report.since.seen.items()
+        )
+        yield f"<p>Growth that would have been seen: {escape(', '.join(seen)) or 'none'}</p>"
+    yield "<h2>What fails</h2>"
+    yield from _table(
+        ("Rule", "Title", "Severity", "Captures", "Vehicles", "One of them"),
+        ((one.rule, one.title, one.severity, one.captures, one.vehicles, one.example) for one in report.rules),
+    )
+    yield "<h2>Vehicles</h2>"
+    yield from _table(
+        ("Vehicle", "Captures", "Failed", "Flights", "Hours"),
+        ((one.vehicle, one.captures, one.failed, one.flights, f"{one.hours:.2f}") for one in report.vehicles),
+    )
+    yield "<h2>Without a result</h2>"
+    yield from _table(("Capture", "Outcome", "Why"), ((one.url, one.outcome, one.error) for one in report.unread))
+    yield "</html>\n"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator[str]:
+    some = list(rows)
+    if not some:
+        yield "<p>None.</p>"
+        return
+    yield f"<table><tr>{''.join(f'<th>{escape(one)}' for one in head)}"
+    for row in some:
+        yield f"<tr>{''.join(f'<td>{escape(str(one))}' for one in row)}"
+    yield "</table>"
+
+
+def _channel(one: OddEsc) -> str:
+    return f"node {one.node}" if one.ch is None else str(one.ch)
+
+
+def _amount(one: OddEsc, value: float) -> str:
+    return f"{value:+.1%}" if one.share else f"{value:+.1f} C"
+
+
+def _plot(one: OddEsc) -> Iterator[str]:
+    """Draw the differences, a dot a flight, and a line where it changed."""
+    values = [value for _, value in one.points]
+    low, high = min(*values, one.fleet), max(*values, one.fleet)
+    step = (_WIDTH - 2 * _MARGIN) / max(len(values) - 1, 1)
+
+    def height(value: float) -> float:
+        return _HEIGHT - _MARGIN - (value - low) / ((high - low) or 1) * (_HEIGHT - 2 * _MARGIN)
+
+    who = f"{one.vehicle} ch{one.ch}" if one.ch is not None else f"{one.vehicle} node {one.node}"
+    yield f"<h3>{escape(who)}: {escape(one.what)}, difference from the others of its flights</h3>"
+    yield f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" role="img">'
+    zero = height(one.fleet)
+    yield f'<line x1="{_MARGIN}" x2="{_WIDTH - _MARGIN}" y1="{zero:.1f}" y2="{zero:.1f}" stroke="#888"/>'
+    for place, (day, value) in enumerate(one.points):
+        late = bool(one.since) and day >= one.since
+        colour = "#c33" if late else "#37c"
+        yield (
+            f'<circle cx="{_MARGIN + place * step:.1f}" cy="{height(value):.1f}" r="3" fill="{colour}">'
+            f"<title>{escape(day)}: {_amount(one, value)}</title></circle>"
+        )
+    yield "</svg>"

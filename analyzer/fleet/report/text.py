@@ -1,0 +1,196 @@
+"""The report of a fleet for people: one screen of what matters, or one table with all its rows."""
+
+from __future__ import annotations
+
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+from analyzer.views.terminal import escape
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from analyzer.fleet.report.model import FleetReport, OddEsc, OpenFirst
+
+_MOST = 5  # rows of a table on the screen
+_LEAST_WIDTH = 40
+
+
+def render(report: FleetReport, *, width: int = 80, by: str | None = None) -> str:
+    """Return the report, `by` one table alone: vehicle, software, rule or esc."""
+    width = max(width, _LEAST_WIDTH)
+    parts = [*_head(report, width), ""]
+    if by is not None:
+        parts += _TABLES[by](report, None)
+    else:
+        for part in (_open_first(report.open_first, width), _esc(report, _MOST), _software(report, _MOST)):
+            parts += [*part, ""]
+        parts += _since(report, width)
+        parts += ["", *_rule(report, _MOST), "", *_last(report, width)]
+    return "".join(f"{line}\n" for line in parts)
+
+
+def _head(report: FleetReport, width: int) -> Iterator[str]:
+    head = report.head
+    counts = [f"{head.captures:,} captures: {head.judged:,} judged", f"{head.not_judged:,} too short or no flight"]
+    counts += [f"{head.damaged:,} damaged in part", f"{head.unreadable:,} unreadable (not in any rate below)"]
+    if head.unavailable:
+        counts.append(f"{head.unavailable:,} could not be read: run check again")
+    yield from wrap(f"Fleet {escape(head.store)}  {', '.join(counts)}", width)
+    rules = " ".join(one[:4] for one in head.settings)
+    mixed = " (several: run check again for one)" if len(head.settings) > 1 or len(head.versions) > 1 else ""
+    yield from wrap(
+        f"{head.vehicles:,} vehicles, {_hours(head.flight_hours)} in {head.flights:,} flights, "
+        f"{head.first_day or '?'} to {head.last_day or '?'}  tailbyte {' '.join(head.versions)}, rules {rules}{mixed}",
+        width,
+    )
+
+
+def _hours(hours: float) -> str:
+    return f"{hours:,.0f} flight hours" if hours >= 10 else f"{hours:.2f} flight hours"
+
+
+def _open_first(some: Sequence[OpenFirst], width: int) -> Iterator[str]:
+    yield "Open these first" if some else "Open these first   nothing: no capture tells a cause"
+    for one in some[:_MOST]:
+        what = f" {escape(one.vehicle) or '?'} {one.date}  {one.title}, {one.support}"
+        command = escape(one.command)
+        if len(what) + len(command) + 2 <= width:
+            yield f"{what:<{width - len(command)}}{command}"
+        else:
+            yield from wrap(what.strip(), width, initial_indent=" ", subsequent_indent="  ")
+            yield f"  {command}"
+    if len(some) > _MOST:
+        yield f" and {len(some) - _MOST} more: --json -"
+
+
+def _esc(report: FleetReport, most: int | None) -> Iterator[str]:
+    least = report.least_flights
+    yield f"Odd ESCs (against their own past, then the same firmware; >= {least} flights)"
+    if not report.odd:
+        yield f" none of {report.tested} series" if report.tested else f" no ESC has {least} flights of a named vehicle"
+        return
+    yield " vehicle  ch what                      now usual          n since      support"
+    for one in report.odd[:most]:
+        yield (
+            f" {escape(one.vehicle)[:8]:<8} {_channel(one):>2} {one.what:<20} {_amount(one, one.difference):>8} "
+            f"{_usual(one):<11} {one.flights:>4} {one.since or 'always':<10} {one.support}"
+        )
+    if most is not None and len(report.odd) > most:
+        yield f" and {len(report.odd) - most} more: --by esc"
+
+
+def _channel(one: OddEsc) -> str:
+    return str(one.ch) if one.ch is not None else f"#{one.node}"
+
+
+def _amount(one: OddEsc, value: float) -> str:
+    return f"{value:+.0%}" if one.share else f"{value:+.1f} C"
+
+
+def _usual(one: OddEsc) -> str:
+    if one.share:
+        return f"{one.fleet:+.0%} +-{one.spread * 2:.0%}"
+    return f"{one.fleet:+.1f} +-{one.spread * 2:.1f}"
+
+
+def _software(report: FleetReport, most: int | None) -> Iterator[str]:
+    yield "Firmware x finding (captures with it per 100 flight hours, 95 % interval)"
+    if len(report.software) < 1:
+        yield " no ESC tells its firmware"
+        return
+    uses = sorted(report.software, key=lambda one: -one.hours)[:most]
+    for one in uses:
+        yield f" {escape(one.software)}: {one.flights:,} flights, {_hours(one.hours)}, {_some(one.vehicles)}"
+    if most is not None and len(report.software) > most:
+        yield f" and {len(report.software) - most} more: --by software"
+    rules = _by_weight(report)
+    for rule in rules[:most]:
+        if not any(one.differs for one in report.rates if one.rule == rule) and most is not None:
+            count = sum(one.captures for one in report.rates if one.rule == rule)
+            yield f" {rule:<9} {_captures(count)}, no difference seen"
+            continue
+        for rate in sorted((one for one in report.rates if one.rule == rule), key=lambda one: -one.rate)[:most]:
+            mark = "  * more than the others" if rate.differs else ""
+            amount = f"{_rate(rate.rate)} [{_rate(rate.low)}-{_rate(rate.high)}]"
+            yield f" {rate.rule:<9} {escape(rate.software)[:22]:<22} {amount}{mark}"
+            if rate.differs and not rate.separable:
+                yield f"   {escape(rate.software)} flies only on {_some(rate.only_on)}, where no other firmware flies:"
+                yield "   vehicle and firmware are not separable"
+    if not rules:
+        yield " no ESC breaks a rule"
+    elif most is not None and len(rules) > most:
+        yield f" and {len(rules) - most} rules more: --by software"
+
+
+def _by_weight(report: FleetReport) -> list[str]:
+    """Return the rules, those first that differ, then the frequent ones."""
+    differs = {one.rule for one in report.rates if one.differs}
+    often: dict[str, int] = {}
+    for one in report.rates:
+        often[one.rule] = often.get(one.rule, 0) + one.captures
+    return sorted((rule for rule in often if often[rule]), key=lambda rule: (rule not in differs, -often[rule], rule))
+
+
+def _rate(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100 else f"{value:.1f}" if value >= 1 else f"{value:.2f}"
+
+
+def _some(names: Sequence[str]) -> str:
+    shown = ", ".join(escape(name) or "?" for name in names[:4])
+    return f"{shown} and {len(names) - 4} more" if len(names) > 4 else shown
+
+
+def _since(report: FleetReport, width: int) -> Iterator[str]:
+    then = report.since
+    if then is None:
+        yield "Worse since ...   --since 7d, or a day"
+        return
+    if not then.hours_before or not then.hours_after:
+        yield f"Worse since {then.day}   cannot tell: no flight {'before' if then.hours_after else 'after'} it"
+        return
+    yield f"Worse since {then.day}   {'' if then.worse else 'nothing'}".rstrip()
+    for one in then.worse:
+        yield f" {one.rule:<9} {_rate(one.before)} -> {_rate(one.after)} per 100 h  {one.title}"
+    if then.seen:
+        grown = [f"{rule} x{factor:g}" if factor else f"{rule} never" for rule, factor in list(then.seen.items())[:6]]
+        yield from wrap(f"would have been seen: {', '.join(grown)}", width, initial_indent=" ", subsequent_indent="  ")
+
+
+def _captures(count: int) -> str:
+    return f"{count:,} capture" if count == 1 else f"{count:,} captures"
+
+
+def _rule(report: FleetReport, most: int | None) -> Iterator[str]:
+    yield "What fails" if report.rules else "What fails   nothing"
+    for one in report.rules[:most]:
+        yield f" {one.rule:<9} {one.severity:<8} {_captures(one.captures):<14} of {one.vehicles:,} vehicles"
+        yield f"           {one.title}"
+    if most is not None and len(report.rules) > most:
+        yield f" and {len(report.rules) - most} more: --by rule"
+
+
+def _vehicle(report: FleetReport, most: int | None) -> Iterator[str]:
+    yield " vehicle           captures  failed  flights   hours"
+    for one in report.vehicles[:most]:
+        yield (
+            f" {escape(one.vehicle)[:16] or '?':<16} {one.captures:>9,} {one.failed:>7,} {one.flights:>8,} "
+            f"{one.hours:>7.2f}"
+        )
+
+
+def _last(report: FleetReport, width: int) -> Iterator[str]:
+    count = report.head.duplicates
+    yield f"Duplicates {_captures(count)} with the sha256 of another one: not counted" if count else "Duplicates none"
+    for one in report.unread[:_MOST]:
+        yield from wrap(f"{one.outcome} {escape(one.url)}: {escape(one.error)}", width, subsequent_indent="  ")
+    if len(report.unread) > _MOST:
+        yield f"and {len(report.unread) - _MOST} more without a result: --json -"
+
+
+_TABLES: dict[str, Callable[[FleetReport, int | None], Iterator[str]]] = {
+    "vehicle": _vehicle,
+    "software": _software,
+    "rule": _rule,
+    "esc": _esc,
+}

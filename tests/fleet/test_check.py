@@ -1,0 +1,191 @@
+"""`tailbyte fleet check` in this process: what is stored, what is done again, and what is said."""
+
+from __future__ import annotations
+
+import os
+
+import pandas as pd
+import polars as pl
+import pytest
+from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
+
+import analyzer
+from analyzer.fleet import driver
+from analyzer.fleet.cluster import Serial
+from analyzer.fleet.driver import FleetRun, jobs_of
+from analyzer.fleet.export import scan
+from analyzer.fleet.listing import Names, listed
+from analyzer.fleet.store import Store
+from analyzer.fleet.tables import TABLES
+
+
+@pytest.fixture
+def checked(logs, tmp_path, command):  # noqa: F811 - pytest's way
+    place = tmp_path / "results"
+    arguments = ["fleet", "check", logs / "*.gz", "-o", place, "--name", "{vehicle}_*.log.gz", "--workers", "0"]
+    status, _, said = command(*arguments)
+    assert status == 3, said  # garbage has no result
+    return place, arguments
+
+
+def test_everything_is_stored_once(checked, command):
+    place, arguments = checked
+    answers = Store(str(place)).connected()
+    rows = answers.execute(
+        "select regexp_extract(url, '[^/]*$'), vehicle, outcome, verdict, duplicate from latest order by 1"
+    ).fetchall()
+    by_name = {row[0]: row[1:] for row in rows}
+    assert by_name["v0_again.log.gz"] == ("v0", "judged", "pass", False)
+    assert by_name["v0_hover.log.gz"] == ("v0", "judged", "pass", True)
+    assert by_name["v1_cut.log.gz"][1] == "damaged"
+    assert by_name["v2_garbage.log.gz"][1:3] == ("unreadable", None)
+    assert by_name["v3_empty.log.gz"][2] == "not judged"
+    assert len(rows) == 10
+    before = content(Store(str(place)))
+    status, _, said = command(*arguments)
+    assert (status, "10 done before" in said) == (0, True)
+    assert content(Store(str(place))) == before
+
+
+def test_it_finds_what_check_finds(checked, logs):  # noqa: F811
+    place, _ = checked
+    answers = Store(str(place)).connected()
+    path = logs / "v5_faults.log.gz"
+    report = analyzer.check(str(path))
+    rows = answers.execute(
+        "select rule, node, count from findings join latest using (key, run) where url = $1", [str(path)]
+    ).fetchall()
+    assert sorted(rows, key=repr) == sorted(((one.rule, one.node, one.count) for one in report.findings), key=repr)
+    rules = answers.execute(
+        "select rule, rules.verdict from rules join latest using (key, run) where url = $1", [str(path)]
+    ).fetchall()
+    assert rules
+    assert dict(rules) == {one.rule: one.verdict for one in report.rules}
+
+
+def test_retry_and_change(checked, logs, command):  # noqa: F811
+    place, arguments = checked
+    status, _, said = command(*arguments, "--retry", "failed")
+    assert (status, "1 captures read, 9 done before" in said) == (3, True)
+    (logs / "v2_garbage.log.gz").write_bytes((logs / "v3_empty.log.gz").read_bytes() or b"(1.0) can0 123#00\n")
+    status, _, said = command(*arguments)
+    assert (status, "1 captures read, 9 done before" in said) == (0, True)
+    status, _, said = command(*arguments, "--ignore", "TRF-003")
+    assert "10 captures read, 0 done before" in said
+    assert Store(str(place)).connected().execute("select count(*) from latest").fetchall() == [(10,)]
+
+
+def test_others_read_it_too(checked):
+    place, _ = checked
+    store = Store(str(place))
+    uris = store.opened("captures").file_uris()
+    assert pl.read_delta(store.table("captures")).height == 10
+    assert len(pd.concat(map(pd.read_parquet, uris))) == 10
+    assert set(pl.read_delta(store.table("esc_health")).columns) == set(TABLES["esc_health"].names)
+
+
+def test_what_a_dead_driver_left_does_not_count(checked):
+    place, _ = checked
+    store = Store(str(place))
+    before = content(store)
+    rows = store.opened("findings").to_pyarrow_table().to_pylist()
+    store.append({"findings": [{**row, "run": "of a driver that died"} for row in rows]})
+    assert content(store) == before
+
+
+def test_a_capture_that_vanishes_is_no_verdict(logs, tmp_path):  # noqa: F811
+    store = Store(str(tmp_path / "results"))
+    jobs = jobs_of(listed([str(logs / "v0*.gz")], store.place), Names(), SETTINGS.digest())
+    gone = logs / "v0_again.log.gz"
+    data = gone.read_bytes()
+    gone.unlink()
+    run = FleetRun(store, SETTINGS, QUICK)
+    run.over(jobs, Serial())
+    assert (run.account.done, run.account.unavailable) == (1, 1)
+    rows = store.connected().execute("select outcome, verdict, attempts from latest where url = $1", [str(gone)])
+    assert rows.fetchall() == [("unavailable", None, 2)]
+    gone.write_bytes(data)
+    run = FleetRun(store, SETTINGS, QUICK)
+    run.over(jobs, Serial())
+    assert (run.account.skipped, run.account.done) == (1, 1)
+
+
+def test_ctrl_c_keeps_what_is_done(logs, tmp_path):  # noqa: F811
+    store = Store(str(tmp_path / "results"))
+    jobs = jobs_of(listed([str(logs)], store.place), Names(), SETTINGS.digest())
+
+    def stop(account):
+        if account.done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        FleetRun(store, SETTINGS, QUICK, stop).over(jobs, Serial())
+    assert store.connected().execute("select ended, done from runs").fetchall() == [("interrupted", 3)]
+    run = FleetRun(store, SETTINGS, QUICK)
+    run.over(jobs, Serial())
+    assert (run.account.skipped, run.account.done) == (3, 7)
+
+
+def test_commits_come_in_batches(logs, tmp_path, monkeypatch):  # noqa: F811
+    monkeypatch.setattr(driver, "COMMIT_CAPTURES", 4)
+    store = Store(str(tmp_path / "results"))
+    FleetRun(store, SETTINGS, QUICK).over(
+        jobs_of(listed([str(logs)], store.place), Names(), SETTINGS.digest()), Serial()
+    )
+    assert store.opened("captures").version() == 2
+    assert store.compact()["captures"] == 1
+
+
+def test_one_driver_writes_a_folder(tmp_path, command, logs):  # noqa: F811
+    store = Store(str(tmp_path / "results"))
+    with store.alone():
+        status, _, said = command("fleet", "check", logs, "-o", store.place, "--workers", "0")
+    assert (status, "another run is writing it" in said) == (3, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (["check", "captures"], 2, "check needs captures, and a store"),
+        (["report"], 2, "report takes one store"),
+        (["report", "/nowhere"], 3, "/nowhere: no fleet has been checked into it"),
+        (["status", "/nowhere"], 3, "/nowhere: no fleet has been checked into it"),
+        (["check", "/nowhere.log", "-o", "/tmp/x"], 3, "/nowhere.log: no such file"),
+        (["check", "/nowhere*.log", "-o", "/tmp/x"], 4, "/nowhere*.log: no capture"),
+        (["check", "captures", "-o", "/tmp/x", "--name", "*.log"], 2, "it takes {vehicle} and {date}"),
+        (["check", "captures", "-o", "/tmp/x", "--names", "/nowhere.csv"], 2, "/nowhere.csv: No such file"),
+        (["check", "captures", "-o", "/tmp/x", "--select", "NOPE-1"], 2, "NOPE-1"),
+        (["export", "captures", "-o", "/tmp/x"], 2, "export needs a table"),
+        (["export", "captures", "-o", "/tmp/x", "--table", "ESCStatsu"], 2, "ESCStatus"),
+        (["fly"], 2, "fly"),
+    ],
+)
+def test_slips_of_the_fingers(arguments, status, said, command):
+    found = command("fleet", *arguments)
+    assert (found[0], said in found[2], found[2].count("\n")) == (status, True, 1), found[2]
+
+
+def test_without_the_extra_it_says_how_to_get_it(monkeypatch, command):
+    monkeypatch.setattr("analyzer.cli.fleet.find_spec", lambda name: None if name == "deltalake" else object())
+    status, _, said = command("fleet", "status", "results")
+    assert (status, said) == (2, "tailbyte fleet: deltalake not installed: pip install 'tailbyte[fleet]'\n")
+
+
+def test_export_writes_a_file_a_capture_and_table_once(logs, tmp_path, command):  # noqa: F811
+    place = tmp_path / "tables"
+    arguments = ["fleet", "export", logs / "v0_*.gz", "-o", place, "--table", "ESCStatus", "--workers", "0"]
+    arguments += ["--name", "{vehicle}_*.log.gz", "--partition", "vehicle,date"]
+    assert command(*arguments)[0] == 0
+    files = sorted((place / "ESCStatus/vehicle=v0/date=unknown").iterdir())
+    whole = analyzer.open_capture(str(logs / "v0_hover.log.gz")).table("ESCStatus")
+    assert [len(pd.read_parquet(one)) for one in files] == [len(whole)] * 2
+    assert "0 captures read, 2 done before" in command(*arguments)[2]
+    assert not [name for _, _, names in os.walk(place) for name in names if name.endswith(".part")]
+
+
+def test_a_table_of_many_captures_as_a_stream(logs):  # noqa: F811
+    urls = [str(logs / f"v0_{name}.log.gz") for name in ("hover", "again")]
+    whole = analyzer.open_capture(urls[0]).table("ESCStatus")
+    rows = list(scan(urls, "ESCStatus", ["voltage", "t"]))
+    assert sum(map(len, rows)) == 2 * len(whole)
+    assert {tuple(one.schema.names) for one in rows} == {("voltage", "t")}

@@ -1,0 +1,159 @@
+"""A real cluster of two workers: workers and drivers that are killed change nothing in what is found."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+
+import fsspec
+import pytest
+from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
+from moto.server import ThreadedMotoServer
+
+from analyzer.fleet.cluster import ClusterChoice, Serial, cluster
+from analyzer.fleet.driver import FleetRun, jobs_of
+from analyzer.fleet.listing import Names, listed
+from analyzer.fleet.store import Store
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore"),  # of libraries, about sockets of workers that were killed
+]
+_DRIVER = """
+import sys
+from analyzer.fleet import driver
+from analyzer.fleet.cluster import ClusterChoice, cluster
+from analyzer.fleet.jobs import FleetSettings, Retries
+from analyzer.fleet.listing import Names, listed
+from analyzer.fleet.store import Store
+
+def told(account):
+    print(account.done, flush=True)
+
+if __name__ == "__main__":
+    driver.COMMIT_CAPTURES = 2
+    store, settings = Store(sys.argv[2]), FleetSettings()
+    jobs = driver.jobs_of(listed([sys.argv[1]], store.place), Names(), settings.digest())
+    with store.alone(), cluster(ClusterChoice(workers=2)) as workers:
+        driver.FleetRun(store, settings, Retries(2, 0.01), told).over(jobs, workers)
+"""
+
+
+def jobs_in(place, store):
+    return jobs_of(listed([str(place)], store.place), Names(), SETTINGS.digest())
+
+
+@pytest.fixture
+def serial(logs, tmp_path):  # noqa: F811 - pytest's way
+    store = Store(str(tmp_path / "serial"))
+    FleetRun(store, SETTINGS, QUICK).over(jobs_in(logs, store), Serial())
+    return content(store)
+
+
+def test_a_worker_that_is_killed_changes_nothing(logs, tmp_path, serial):  # noqa: F811
+    store = Store(str(tmp_path / "results"))
+    with cluster(ClusterChoice(workers=2)) as workers:
+        pids = list(workers._client.run(os.getpid).values())
+
+        def told(account):
+            if account.done == 2:
+                os.kill(pids[0], signal.SIGKILL)
+
+        run = FleetRun(store, SETTINGS, QUICK, told)
+        run.over(jobs_in(logs, store), workers)
+    assert run.account.done == run.account.listed
+    assert content(store) == serial
+    assert len(store.opened("captures").to_pyarrow_table()) == run.account.listed
+
+
+def test_a_capture_that_kills_its_worker_is_an_error_and_no_more(logs, tmp_path, serial):  # noqa: F811
+    store = Store(str(tmp_path / "results"))
+
+    class Deadly:
+        """Workers that die of one capture."""
+
+        def __init__(self, workers):
+            self.workers, self._of = workers.workers, workers
+
+        def results(self, jobs, work):
+            def deadly(job):
+                if "v0_again" in job.url:
+                    os.kill(os.getpid(), signal.SIGKILL)
+                return work(job)
+
+            return self._of.results(jobs, deadly)
+
+    with cluster(ClusterChoice(workers=2)) as workers:
+        FleetRun(store, SETTINGS, QUICK).over(jobs_in(logs, store), Deadly(workers))
+    answers = store.connected()
+    rows = answers.execute("select url, outcome, verdict, error from latest where outcome = 'killed'").fetchall()
+    assert [(url.rpartition("/")[2], *rest) for url, *rest in rows] == [
+        ("v0_again.log.gz", "killed", None, "its worker died of it, alone again")
+    ]
+    assert len(content(store)["captures"]) == len(serial["captures"])
+    assert Store.done(store, retry=False) - Store.done(store, retry=True) != set()
+
+
+def test_a_driver_that_is_killed_is_gone_on_with(logs, tmp_path, serial):  # noqa: F811
+    store, script = Store(str(tmp_path / "results")), tmp_path / "driver.py"
+    script.write_text(_DRIVER)
+    with subprocess.Popen(
+        [sys.executable, str(script), str(logs), store.place], stdout=subprocess.PIPE, text=True
+    ) as driver:
+        assert driver.stdout is not None
+        for line in driver.stdout:
+            if int(line) == 5:
+                os.kill(driver.pid, signal.SIGKILL)
+                break
+    done = store.done(retry=False)
+    assert 4 <= len(done) < len(serial["captures"])
+    run = FleetRun(store, SETTINGS, QUICK)
+    with store.alone(), cluster(ClusterChoice(workers=2)) as workers:
+        run.over(jobs_in(logs, store), workers)
+    assert run.account.skipped == len(done)
+    assert content(store) == serial
+
+
+@pytest.fixture
+def storage(monkeypatch):
+    """Return the address of a bucket of S3, on the loopback."""
+    server = ThreadedMotoServer("127.0.0.1", 0)
+    server.start()
+    host, port = server.get_host_and_port()
+    for name, value in {
+        "AWS_ENDPOINT_URL": f"http://{host}:{port}", "AWS_ACCESS_KEY_ID": "key", "AWS_SECRET_ACCESS_KEY": "secret",
+        "AWS_REGION": "us-east-1", "AWS_DEFAULT_REGION": "us-east-1", "AWS_ALLOW_HTTP": "true",
+    }.items():  # fmt: skip
+        monkeypatch.setenv(name, value)
+    files = fsspec.filesystem("s3", skip_instance_cache=True)
+    files.mkdir("fleet")
+    yield "s3://fleet", files
+    server.stop()
+
+
+def test_captures_and_results_in_a_storage(logs, storage, command):  # noqa: F811
+    place, files = storage
+    for path in logs.iterdir():
+        files.put_file(str(path), f"fleet/logs/{path.name}")
+    alone, both = Store(f"{place}/alone"), Store(f"{place}/both")
+    patterns = [f"{place}/logs/*.gz"]
+    jobs = jobs_of(listed(patterns, both.place), Names(), SETTINGS.digest())
+    FleetRun(alone, SETTINGS, QUICK).over(jobs, Serial())
+    with cluster(ClusterChoice(workers=2)) as workers:
+        FleetRun(both, SETTINGS, QUICK).over(jobs, workers)
+    assert content(alone) == content(both)
+    assert {one[1] for one in content(both)["captures"]} == {job.url for job in jobs}
+    run = FleetRun(both, SETTINGS, QUICK)
+    run.over(jobs, Serial())
+    assert (run.account.skipped, run.account.done) == (len(jobs), 0)
+    assert command("triage", f"{place}/logs/v4_control-lost.log.gz")[0] == 0
+    status, _, said = command("triage", f"{place}/logs/gone.log.gz")
+    assert (status, said.count("\n")) == (3, 1), said
+
+
+def test_a_scheduler_that_is_not_there(command, logs, tmp_path):  # noqa: F811
+    arguments = ["fleet", "check", logs, "-o", tmp_path / "results", "--scheduler", "nope://127.0.0.1:1"]
+    status, _, said = command(*arguments)
+    assert (status, "nope://127.0.0.1:1" in said) == (3, True), said

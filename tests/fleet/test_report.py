@@ -1,0 +1,93 @@
+"""The report of a fleet that was made with a key finds what the key says, and nothing else."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from bench.make_fleet import make
+
+from analyzer.fleet.cluster import Serial
+from analyzer.fleet.driver import FleetRun, jobs_of
+from analyzer.fleet.jobs import FleetSettings, Retries
+from analyzer.fleet.listing import Names, listed
+from analyzer.fleet.report import page, text
+from analyzer.fleet.report.build import build
+from analyzer.fleet.store import Store
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fleet")
+    key = make(folder / "logs")
+    store, settings = Store(str(folder / "results")), FleetSettings()
+    names = Names("{vehicle}/{date}/*.log.gz")
+    jobs = jobs_of(listed([str(folder / "logs/**/*.log.gz")], store.place), names, settings.digest())
+    FleetRun(store, settings, Retries(2, 0.01)).over(jobs, Serial())
+    return store, key
+
+
+@pytest.fixture(scope="module")
+def report(fleet):
+    return build(fleet[0], "2026-10-15", 20)
+
+
+def test_what_there_is(report, fleet):
+    head, key = report.head, fleet[1]
+    assert (head.captures, head.vehicles, head.duplicates) == (key["captures"], key["vehicles"], key["duplicates"])
+    assert (head.unreadable, head.damaged, head.unavailable) == (key["unreadable"], key["damaged"], 0)
+
+
+def test_odd_escs(report, fleet):
+    found = [(one.vehicle, one.ch, one.quantity, 1 if one.difference > one.fleet else -1) for one in report.odd]
+    assert found == [(one["vehicle"], one["ch"], one["quantity"], one["sign"]) for one in fleet[1]["odd"]]
+    (since,) = [one.since for one in report.odd]
+    assert abs(int(since[-2:]) - int(fleet[1]["odd"][0]["since"][-2:])) <= 3
+    assert report.tested == 3 * 4 * fleet[1]["vehicles"]
+
+
+def test_firmware(report, fleet):
+    found = [one for one in report.rates if one.differs]
+    assert [(one.rule, one.software[:3]) for one in found] == [
+        (one["rule"], one["software"]) for one in fleet[1]["firmware"]
+    ]
+    assert [(one.separable, list(one.only_on)) for one in found] == [(False, fleet[1]["not_separable"])]
+    assert all(one.low <= one.rate <= one.high for one in report.rates)
+
+
+def test_captures_to_open(report, fleet):
+    assert [{"vehicle": one.vehicle, "kind": one.kind} for one in report.open_first] == fleet[1]["open"]
+
+
+def test_nothing_got_worse(report):
+    assert report.since is not None
+    assert report.since.worse == ()
+    assert report.since.seen["TRF-003"] in (1.5, 2.0, 3.0)
+
+
+@pytest.mark.parametrize("width", [80, 200])
+def test_the_screen_fits(report, width):
+    shown = text.render(report, width=width)
+    assert max(len(line) for line in shown.splitlines() if "/logs/" not in line) <= width
+    for word in ("Open these first", "v03       2 temperature", "TRF-003", "not separable", "nothing", "Duplicates 1"):
+        assert word in shown, word
+
+
+@pytest.mark.parametrize("by", ["vehicle", "software", "rule", "esc"])
+def test_one_table_alone(report, by):
+    assert len(text.render(report, by=by).splitlines()) > 4
+
+
+def test_for_programs_and_browsers(report, fleet, command, tmp_path):
+    place = fleet[0].place
+    status, shown, said = command(
+        "fleet", "report", place, "--html", tmp_path / "fleet.html", "--json", tmp_path / "fleet.json"
+    )
+    assert (status, said, shown[:5]) == (0, "", "Fleet")
+    assert json.loads((tmp_path / "fleet.json").read_text())["head"]["captures"] == report.head.captures
+    html = (tmp_path / "fleet.html").read_text()
+    assert html.count("<svg") == len(report.odd) == 1
+    assert "http" not in html.replace("http-equiv", "")
+    assert page.render(report).startswith("<!doctype html>")
