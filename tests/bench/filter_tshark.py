@@ -2,7 +2,8 @@
 
     python tests/bench/filter_tshark.py [FILTER...]
 
-Filters that stand there are asked for again, and those on the command line, too. Needs tshark.
+Filters that stand there are asked for again, and those on the command line, too: of parts of two captures, whose frames
+are listed, and of every capture of the repository, where their number and a checksum stand. Needs tshark.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import sys
 import tempfile
 from itertools import groupby
 from pathlib import Path
+from zlib import crc32
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from kit import CAPTURES, TESTS
@@ -21,6 +23,7 @@ from kit import CAPTURES, TESTS
 from analyzer.cli import main as tailbyte
 
 KNOWN = TESTS / "filter" / "tshark.json"
+FORMATS = (".log", ".mcap", ".txt")
 
 
 def asked(tshark: str, capture: Path, text: str) -> list[int]:
@@ -36,6 +39,11 @@ def spans(numbers: list[int]) -> str:
     """Write numbers as the file has them: `1-5 7`."""
     runs = ([n for _, n in run] for _, run in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]))
     return " ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+
+
+def summary(numbers: list[int]) -> str:
+    """Write numbers as how many there are, and a checksum of them."""
+    return f"{len(numbers)} {crc32(' '.join(map(str, numbers)).encode()):08x}"
 
 
 def main(more: list[str]) -> None:
@@ -57,6 +65,12 @@ def main(more: list[str]) -> None:
             text: {name: spans(asked(tshark, capture, text)) for name, capture in captures.items()}
             for text in dict.fromkeys([*known["frames"], *more])
         }
+        known["captures"] = {}
+        for path in sorted(one for one in CAPTURES.iterdir() if one.suffix in FORMATS):
+            whole = Path(folder, f"{path.name}.pcapng")
+            tailbyte(["convert", str(path), str(whole)])
+            known["captures"][path.name] = [summary(asked(tshark, whole, text)) for text in known["frames"]]
+            print(path.name, len(known["frames"]), flush=True)
     KNOWN.write_text(json.dumps(known, indent=1) + "\n")
 
 
