@@ -47,7 +47,7 @@ class Batch:
     frames of earlier batches that were found out only now, `readings` how doubtful fields of nodes are read so far,
     `bit_times` how many bits each frame occupies the bus, u16, if its core has `measured` that; `selected` the rows
     that a filter has chosen, None without one. Where only frames that were picked are numbered, `places` says where in
-    the capture these are.
+    the capture these are; `zero` is the time of its first frame, in ns, where this batch is a part of it.
     """
 
     frames: pa.RecordBatch
@@ -62,6 +62,7 @@ class Batch:
     bit_times: Array | None = field(default=None, compare=False)
     selected: SelectedRows | None = field(default=None, compare=False)
     places: Places | None = field(default=None, compare=False)
+    zero: int | None = field(default=None, compare=False)
 
     def make_tables(self) -> Batch:
         """Return it with all message tables made: in a thread that works ahead of who looks at them."""

@@ -65,6 +65,8 @@ class FilterMemory:
         if self._own_numbering:
             self.numbering.picked = batch.places
             self.numbering.feed(batch.first_frame, batch.frames, batch.events)
+        if self.zero is None:
+            self.zero = batch.zero
         if self.zero is None and len(batch.frames):
             column = batch.frames.column("t")
             known = valid(column)

@@ -71,9 +71,9 @@ class WindowDecoder:
 
     def _numbered(self, batch: Batch) -> Batch:
         if self._places is not None:
-            return replace(batch, places=self._places)
+            return replace(batch, places=self._places, zero=self._selection.first)
         if not self._inner:
-            return batch
+            return replace(batch, zero=self._selection.first)
         inner, shifts = np.array(self._inner, np.int64), np.array(self._shifts, np.int64)
 
         def outer(values: Array) -> Array:
@@ -85,6 +85,7 @@ class WindowDecoder:
         settled = pa.array(outer(numbers(batch.settled.column("frame"))))
         return replace(
             batch,
+            zero=self._selection.first,
             first_frame=batch.first_frame + self._shifts[max(bisect_right(self._inner, batch.first_frame) - 1, 0)],
             transfers=_with(batch.transfers, "frame", shifted),
             settled=_with(batch.settled, "frame", settled),
