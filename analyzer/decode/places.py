@@ -24,7 +24,7 @@ class Places:
         self._firsts: list[int] = []  # the place of the part's first frame, or of the first one that was picked
         self._bits: list[Array] = []  # which of the part were picked; empty if they follow each other
         self._count = 0
-        self._opened = -1, _ALL
+        self._opened: tuple[int, Array] = -1, _ALL
 
     def add(self, first: int, rows: Array) -> None:
         """Take rows, in order, that were picked from the next part of the capture, whose first frame is at `first`."""
