@@ -35,7 +35,7 @@ def measured(
 
     What cannot be opened raises `CaptureError`; what is damaged is measured as far as it can be read.
     """
-    for batch, _ in over(judged.batches(judged.run.inside())):
+    for batch, _ in over(judged.batches(judged.run.inside(alone=judged.run.chosen is not None))):
         traits.feed(batch)
 
 

@@ -76,7 +76,12 @@ def add_view(show: argparse._ArgumentGroup) -> None:
     show.add_argument("--derived", action="store_true", help="units and derived values, in -T jsonl, json and csv")
     show.add_argument("--foreign", action="store_true", help="list each frame that is not DroneCAN, not sums of them")
     show.add_argument(
-        "-e", dest="fields", action="append", default=[], metavar="FIELD", help="a field of -T fields; repeatable"
+        "-e",
+        dest="fields",
+        action="append",
+        default=[],
+        metavar="FIELD",
+        help="a field of -T fields, csv, json; repeatable",
     )
 
 
@@ -162,8 +167,12 @@ def view_options(args: argparse.Namespace) -> WriterOptions:
         raise ValueError(
             "--derived is for -T jsonl, json and csv of transfers; -V and -T fields have derived values anyway"
         )
-    if bool(args.fields) != (args.form == "fields"):
-        raise ValueError("-T fields and -e FIELD go together")
+    if args.form == "fields" and not args.fields:
+        raise ValueError("-T fields needs -e FIELD")
+    if args.fields and args.form == "text":
+        raise ValueError("-e FIELD goes with -T fields, csv, jsonl or json")
+    if args.fields and (args.derived or getattr(args, "findings", False)):
+        raise ValueError("-e FIELD says what is written: not with --derived or --findings")
     return WriterOptions(
         form=args.form,
         fields=tuple(args.fields),

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from analyzer._native import FrameBatch
     from analyzer.decode.core import Piece, Totals
     from analyzer.decode.messages import ReadMessages
+    from analyzer.decode.places import Places
     from analyzer.decode.readings import Statement
     from dissectors.kit import Array
     from dissectors.registry import Registry
@@ -45,7 +46,8 @@ class Batch:
     `settled` lists verdicts of
     frames of earlier batches that were found out only now, `readings` how doubtful fields of nodes are read so far,
     `bit_times` how many bits each frame occupies the bus, u16, if its core has `measured` that; `selected` the rows
-    that a filter has chosen, None without one.
+    that a filter has chosen, None without one. Where only frames that were picked are numbered, `places` says where in
+    the capture these are; `zero` is the time of its first frame, in ns, where this batch is a part of it.
     """
 
     frames: pa.RecordBatch
@@ -59,6 +61,8 @@ class Batch:
     readings: tuple[Statement, ...] = ()
     bit_times: Array | None = field(default=None, compare=False)
     selected: SelectedRows | None = field(default=None, compare=False)
+    places: Places | None = field(default=None, compare=False)
+    zero: int | None = field(default=None, compare=False)
 
     def make_tables(self) -> Batch:
         """Return it with all message tables made: in a thread that works ahead of who looks at them."""

@@ -11,7 +11,7 @@ from analyzer.facts.identifiers import NOBODY, who
 from analyzer.filter.columns import column_values, streams
 from analyzer.filter.history import BROADCAST, spans_of
 from analyzer.filter.values import NO_NUMBERS, ByteSpans, CodedWords, Values
-from analyzer.tables import ERROR, EVENTS, EXTENDED, KINDS, REMOTE, STATUSES
+from analyzer.tables import ERROR, EVENTS, EXTENDED, FD, KINDS, REMOTE, STATUSES
 from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
@@ -196,6 +196,8 @@ class BatchContext:
             return made[name](places)
         column = "flags" if name in _FLAGS else "t" if name in _TIMES else name
         found, has = self.memory.history.column(column, places)
+        if name == "rtr":  # CAN FD has no remote frames, and no such bit
+            has = found & FD == 0 if has is None else has & (found & FD == 0)
         if column == "flags":
             return found & _FLAGS[name] != 0, has
         return (self._buses(found) if name == "bus" else self._time(name, found) if column == "t" else found), has

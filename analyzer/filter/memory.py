@@ -63,7 +63,10 @@ class FilterMemory:
     def feed(self, batch: Batch, *, frames: bool) -> None:
         """Take the next batch; its frames are kept if they are needed."""
         if self._own_numbering:
+            self.numbering.picked = batch.places
             self.numbering.feed(batch.first_frame, batch.frames, batch.events)
+        if self.zero is None:
+            self.zero = batch.zero
         if self.zero is None and len(batch.frames):
             column = batch.frames.column("t")
             known = valid(column)

@@ -19,9 +19,10 @@ from dissectors.kit import SECOND
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from analyzer.decode.engine import Batch
+    from analyzer.decode.places import Places
     from analyzer.decode.readings import Statement
     from analyzer.rules.catalogue import Page
     from analyzer.rules.findings import Key
@@ -79,13 +80,14 @@ class Judge:
         made = discovery.new_rules(registry, self.enabled, conformances)
         self._rules = [one for one in made if not self.enabled.keys().isdisjoint(one.rules)]
         self._own = None if own is None else _own_judge(own, self.enabled, registry)
+        self._places: Places | None = None
 
     def feed(self, batch: Batch, bits: Array | None = None) -> View:
         """Judge the next batch.
 
         Return it as the rules saw it. `bits` are the `bit_times` of its frames, if they are known.
         """
-        view = self._past.feed(batch, bits)
+        view, self._places = self._past.feed(batch, bits), batch.places
         self._exercises.feed(view)
         for name_units in self._name_units:
             self._labels |= {(bus, node): label for bus, node, label in name_units(view)}
@@ -107,7 +109,7 @@ class Judge:
         """Return what is known before the end: runs as they stand now, without what only the end will tell."""
         readings = self._past.dialects.statements
         runs = self._findings.results(readings, self._past.end, over=False)
-        return Outcome(tuple(runs), frozenset(), dict(self._labels), readings)
+        return Outcome(tuple(self._placed(runs)), frozenset(), dict(self._labels), readings)
 
     def as_ended(self) -> Outcome:
         """Return what `finish` would if there were no more batches; there may be.
@@ -128,12 +130,17 @@ class Judge:
             self._release(view, None)
         readings = self._past.dialects.statements
         return Outcome(
-            runs=tuple(self._findings.results(readings, self._past.end)),
+            runs=tuple(self._placed(self._findings.results(readings, self._past.end))),
             words=self._exercises.words() | (frozenset() if self._own is None else self._own.words),
             labels=self._labels,
             readings=readings,
             facts=self._exercises.facts(),
         )
+
+    def _placed(self, runs: Iterable[tuple[Key, OccurrenceRun]]) -> Iterator[tuple[Key, OccurrenceRun]]:
+        """Yield the runs with frames numbered as in the capture that they were picked from."""
+        for key, run in runs:
+            yield key, run if self._places is None else run.placed(self._places)
 
     def _take(self, found: Iterable[Occurrences | Occurrence], view: View) -> None:
         for one in found:

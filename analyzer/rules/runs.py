@@ -5,6 +5,7 @@ Where another finding may explain a part of them, they are kept in pieces of som
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_left, insort
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,6 +15,7 @@ from dissectors.records import dataclass, field
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+    from analyzer.decode.places import Places
     from analyzer.rules.episodes import Episode
 
 PAUSE = 10 * SECOND  # a run ends when this time passes without an occurrence
@@ -21,6 +23,9 @@ PIECE = 10 * SECOND
 _PAST = 60 * SECOND  # after so long no cause is found any more
 MOST_EXAMPLES = 20
 MOST_RUNS = 100  # of one rule, node, type and key; later ones belong to the last
+# Where texts of rules name frames: `frame 7`, `frames 7 and 9`, `(right order: 7, 9)`.
+_NAMED = re.compile(r"\b(?:frames?|right order:|too much:) \d+(?:(?:, | and | or | )\d+)*")
+_NUMBER = re.compile(r"\d+")
 
 
 class Shown(NamedTuple):
@@ -32,6 +37,15 @@ class Shown(NamedTuple):
     cause: str
     frames: tuple[int, ...]
     lines: tuple[str, ...]
+
+    def placed(self, places: Places) -> Shown:
+        """Return it with the places in the capture of frames that were picked from there, in its text, too."""
+
+        def renumbered(named: re.Match[str]) -> str:
+            return _NUMBER.sub(lambda number: str(places.of(int(number[0]) - 1) + 1), named[0])
+
+        text = _NAMED.sub(renumbered, self.text)
+        return self._replace(frame=places.of(self.frame), text=text, frames=tuple(map(places.of, self.frames)))
 
 
 @dataclass(slots=True)
@@ -49,6 +63,13 @@ class OccurrenceRun:
         """Return one that grows apart from this."""
         episode = None if self.episode is None else self.episode.copy()
         return OccurrenceRun(self.first, self.last, self.count, list(self.examples), episode, self.text)
+
+    def placed(self, places: Places) -> OccurrenceRun:
+        """Return it with the places in the capture of frames that were picked from there."""
+        found = self.copy()
+        found.first, found.last = ((t, places.of(frame)) for t, frame in (self.first, self.last))
+        found.examples = [one.placed(places) for one in self.examples]
+        return found
 
     def take(self, other: OccurrenceRun) -> None:
         """Join another run of the same key."""

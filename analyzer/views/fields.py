@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 _FIXED = {
     "frame.number": "number of the first frame, from 1",
+    "frame.time": "date and time, local",
     "frame.time_epoch": "seconds since 1970",
     "frame.time_relative": "seconds since the first frame of the capture",
     "frame.time_delta": "seconds since the previous transfer",
@@ -89,6 +90,7 @@ class Fields:
         self._frame_data = frame_data
         self._clocks = {name: TimeFormat(mode, digits=9) for name, mode in _TIMES.items()}
         self._clocks["frame.time_relative"].zero = zero
+        self._dates = TimeFormat("ad", digits=9)
         self._header = header
         self._numbering = numbering or Numbering()
         self._messages = {table for table, _ in self._columns.values() if registry.message_of(table) is not None}
@@ -126,7 +128,7 @@ class Fields:
         if name in _WORDS:
             return columns.of(_TYPE if name == "dronecan.type" else "bus", ("word", _WORDS.index(name)))
         if name in _BESIDE:
-            return columns.of(name, ("copy",) if name in _FRAME else _NUMBER)
+            return columns.of(name, _NUMBER if name == "frame.number" else ("or", "", ("copy",)))
         if name == "payload":
             return columns.of(name, HEX)
         column = name.removeprefix("dronecan.")
@@ -150,6 +152,8 @@ class Fields:
         """Return a column that is no column of a table."""
         if name in _TIMES:
             return self._clocks[name].elapsed(batch.transfers.column("t"))
+        if name == "frame.time":
+            return self._dates.dates(batch.transfers.column("t"))
         if name == "frame.number":
             return pa.array(self._numbering.of_all(first_frames(batch.transfers)))
         frames = pylist(batch.transfers.column("frame"))
@@ -174,6 +178,7 @@ _FRAME: dict[str, Callable[[RawFrame], int | str]] = {
 _BESIDE = {
     **dict.fromkeys(_TIMES, pa.int64()),
     "frame.number": pa.int64(),
+    "frame.time": pa.string(),
     **dict.fromkeys(_FRAME, pa.string()),
 }
 

@@ -122,6 +122,11 @@ class TimeFormat:
         form, utc = _DAY[self.mode], self.mode[0] == "u"
         return pa.array(found), [_day(second, form, utc) for second in seconds.tolist()]
 
+    def dates(self, times: pa.Array) -> pa.Array:
+        """Return the text of each time of a column, null for none; not for modes that count from another row."""
+        known: dict[Time, str | None] = {t: None if t is None else self.text(t) for t in set(raw_times(times))}
+        return pa.array([known[t] for t in raw_times(times)], pa.string())
+
     def written(self, elapsed: pa.Array, days: pa.Array, seconds: list[str], row: int) -> str:
         """Return what `template` writes of a row, from what `elapsed` and `days` gave."""
         ns = elapsed[row].as_py()

@@ -19,7 +19,7 @@ from analyzer.views.times import TimeFormat
 from analyzer.views.tree import Tree
 from analyzer.window.numbering import Numbering
 from dissectors.kit.cells import numbers
-from dissectors.records import dataclass, field
+from dissectors.records import dataclass, field, replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -184,6 +184,11 @@ def writer(
     Raises `LookupError` for unknown names, `ValueError` for a form that does not mark rows and for wrong colour rules.
     """
     numbering = numbering or Numbering()
+    if options.fields and options.form in BY_NAME:
+        from analyzer.views.chosen import ChosenRecords  # noqa: PLC0415 - most records have their own keys
+
+        lines = writer(replace(options, form="fields"), registry, zero, numbering, named, matcher)
+        return ChosenRecords(lines, options.fields, options.form)
     if options.frame_list:
         return _frame_list(options, registry, zero, numbering, named, matcher)
     if options.form in BY_NAME:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
+from analyzer.decode.places import Places
 from analyzer.window.cut import frame_tables
 from dissectors.kit.cells import numbers
 from dissectors.records import replace
@@ -25,12 +26,13 @@ class WindowDecoder:
     """An engine that is fed with the inside of a window; `rows` counts the frames and events that were in it.
 
     Frames of a window of time follow each other, but where a clock was set back: there a new batch begins. With
-    `alone` they are numbered as in a capture that holds nothing else, and no batch ends before it is full.
+    `alone` they are numbered as in a capture that holds nothing else, and no batch ends before it is full; its `places`
+    are those of the whole.
     """
 
     def __init__(self, engine: Engine, selection: FrameSelection, *, alone: bool = False) -> None:
         self.rows = 0
-        self._alone = alone
+        self._places = Places() if alone else None
         self._frames = 0
         self._engine = engine
         self._selection = selection
@@ -40,11 +42,13 @@ class WindowDecoder:
     def batches(self, recorded: Iterable[FrameBatch]) -> Iterator[Batch]:
         """Yield every batch, the last one when the recorded ones end."""
         for part, (frames, events), _ in self._selection.apply(frame_tables(recorded)):
-            runs = [(frames, events)] if self._alone else _runs(part, frames, events)
+            runs = _runs(part, frames, events) if self._places is None else [(frames, events)]
+            if self._places is not None:
+                self._places.add(part.first_frame, frames)
             for own, beside in runs:
                 if not len(own) and not len(beside):
                     continue
-                if len(own) and not self._alone:
+                if len(own) and self._places is None:
                     if self._begins(part.first_frame + int(own[0])) and self._frames:
                         for batch in self._engine.flushed():
                             yield self._numbered(batch)
@@ -66,8 +70,10 @@ class WindowDecoder:
             self._shifts.append(first - self._frames)
 
     def _numbered(self, batch: Batch) -> Batch:
+        if self._places is not None:
+            return replace(batch, places=self._places, zero=self._selection.first)
         if not self._inner:
-            return batch
+            return replace(batch, zero=self._selection.first)
         inner, shifts = np.array(self._inner, np.int64), np.array(self._shifts, np.int64)
 
         def outer(values: Array) -> Array:
@@ -79,6 +85,7 @@ class WindowDecoder:
         settled = pa.array(outer(numbers(batch.settled.column("frame"))))
         return replace(
             batch,
+            zero=self._selection.first,
             first_frame=batch.first_frame + self._shifts[max(bisect_right(self._inner, batch.first_frame) - 1, 0)],
             transfers=_with(batch.transfers, "frame", shifted),
             settled=_with(batch.settled, "frame", settled),

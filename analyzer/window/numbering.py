@@ -12,6 +12,7 @@ from dissectors.kit.cells import numbers
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from analyzer.decode.places import Places
     from dissectors.kit import Array
 
 _ERROR_FRAME = EVENTS.index("error frame")
@@ -26,6 +27,7 @@ class Numbering:
 
     def __init__(self, *, wireshark: bool = False) -> None:
         self.wireshark = wireshark
+        self.picked: Places | None = None  # where frames stand in the capture that they were picked from
         self._places = np.zeros(0, np.int64)  # of frames that error frames come directly before
         self._errors = np.zeros(1, np.int64)  # up to and with each of them
 
@@ -42,6 +44,8 @@ class Numbering:
 
     def of_all(self, places: Array) -> Array:
         """Return the numbers of frames."""
+        if self.picked is not None:
+            places = np.fromiter(map(self.picked.of, np.asarray(places).tolist()), np.int64)
         found: Array = np.asarray(places, np.int64) + 1
         if self.wireshark:
             found += self._errors[np.searchsorted(self._places, places, "right")]

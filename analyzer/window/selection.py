@@ -77,6 +77,11 @@ class Selection(ABC, Generic[F]):
         self._held = 0
         self._dropped = NEVER
 
+    @property
+    def first(self) -> int | None:
+        """The first time of the capture, in nanoseconds; None while there is none."""
+        return self._first
+
     def apply(self, batches: Iterable[F]) -> Iterator[tuple[F, Array, int | None]]:
         """Yield batches with the rows inside the window.
 

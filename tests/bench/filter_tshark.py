@@ -2,7 +2,8 @@
 
     python tests/bench/filter_tshark.py [FILTER...]
 
-Filters that stand there are asked for again, and those on the command line, too. Needs tshark.
+Filters that stand there are asked for again, and those on the command line, too: of parts of two captures, whose frames
+are listed, and of every capture of the repository, where their count and the sum of their numbers stand. Needs tshark.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from kit import CAPTURES, TESTS
 from analyzer.cli import main as tailbyte
 
 KNOWN = TESTS / "filter" / "tshark.json"
+FORMATS = (".log", ".mcap", ".txt")
 
 
 def asked(tshark: str, capture: Path, text: str) -> list[int]:
@@ -36,6 +38,26 @@ def spans(numbers: list[int]) -> str:
     """Write numbers as the file has them: `1-5 7`."""
     runs = ([n for _, n in run] for _, run in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]))
     return " ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+
+
+def summaries(tshark: str, capture: Path, texts: list[str]) -> dict[str, str]:
+    """Return how many frames each filter selects, and the sum of their numbers; as many as can be in one reading."""
+    found = {}
+    for text in texts:
+        if "," in text:  # which ends a filter of a statistic
+            numbers = asked(tshark, capture, text)
+            found[text] = f"{len(numbers)} {sum(numbers)}"
+    together = [text for text in texts if text not in found]
+    columns = [f"{how}(frame.number)frame.number && ({text})" for text in together for how in ("COUNT", "SUM")]
+    arguments = [tshark, "-r", str(capture), "-q", "-z", ",".join(["io,stat,0", *columns])]
+    table = subprocess.run(arguments, capture_output=True, text=True, check=True, env={"TZ": "UTC"}).stdout
+    row = next(line for line in table.splitlines() if "<>" in line)
+    cells = [cell.strip() for cell in row.split("|")[2:-1]][: len(columns)]
+    if len(cells) != len(columns):
+        sys.exit(f"tshark answers something else: {row}")
+    pairs = zip(cells[::2], cells[1::2], strict=True)
+    found |= {text: f"{count} {total}" for text, (count, total) in zip(together, pairs, strict=True)}
+    return {text: found[text] for text in texts}
 
 
 def main(more: list[str]) -> None:
@@ -57,6 +79,11 @@ def main(more: list[str]) -> None:
             text: {name: spans(asked(tshark, capture, text)) for name, capture in captures.items()}
             for text in dict.fromkeys([*known["frames"], *more])
         }
+        known["captures"] = {}
+        for path in sorted(one for one in CAPTURES.iterdir() if one.suffix in FORMATS):
+            whole = Path(folder, f"{path.name}.pcapng")
+            tailbyte(["convert", str(path), str(whole)])
+            known["captures"][path.name] = [*summaries(tshark, whole, [*known["frames"]]).values()]
     KNOWN.write_text(json.dumps(known, indent=1) + "\n")
 
 

@@ -165,11 +165,35 @@ def test_what_a_line_goes_on_with(scripts: Path, shell: str) -> None:
     [
         ("'dronecan.src == 11 && ESCStatus.vol", "dronecan.src == 11 && ESCStatus.voltage"),
         ("ESCStatus.cu", "ESCStatus.current"),
+        ("'ESCStatus.mode == \"er", 'ESCStatus.mode == "error"'),
+        ("'node == 12 and ESCStatus.status.mode != soft", 'node == 12 and ESCStatus.status.mode != "soft start"'),
+        ("'MotorStatus.system_status==f", 'MotorStatus.system_status=="fault"'),
+        ('\'dronecan.status in {"open", "bad', 'dronecan.status in {"open", "bad crc"'),
+        ("'finding.rule == \"TRF-010", 'finding.rule == "TRF-010"'),
+        ("'dronecan.type eq ESC", 'dronecan.type eq "ESCStatus"'),
+        ('\'ESCStatus.mode == "error" && ESCStatus.vol', 'ESCStatus.mode == "error" && ESCStatus.voltage'),
     ],
 )
 def test_the_last_name_of_a_filter(scripts: Path, word: str, first: str) -> None:
     call = f"source {scripts / 'bash' / '_tailbyte'}; _tailbyte_filters {quote(word)}"
     assert subprocess.check_output(["bash", "--norc", "-c", call], text=True).splitlines() == [first]
+
+
+VALUES = {
+    "tailbyte decode -Y 'ESCStatus.mode == \"er": 'ESCStatus.mode == "error"',
+    'tailbyte decode -Y \'dronecan.status in {"open", "bad': 'dronecan.status in {"open", "bad crc"',
+    "tailbyte decode -Y 'node == 12 && ESCStatus.vol": "node == 12 && ESCStatus.voltage",
+}
+
+
+@pytest.mark.parametrize("shell", ["fish", "zsh"])
+def test_values_inside_a_filter(scripts: Path, shell: str) -> None:
+    """What bash does with them is asked of its function: quotes that are still open are none of its words here."""
+    found = completed(shell, scripts, *VALUES)
+    if shell == "zsh":  # only what is new
+        assert found == [{'"error"'}, {'"bad crc"'}, {"voltage"}]
+    else:
+        assert [{one.lstrip("'") for one in some} for some in found] == [{one} for one in VALUES.values()]
 
 
 def test_bash_goes_through_names_part_by_part(scripts: Path) -> None:

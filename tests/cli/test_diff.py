@@ -145,6 +145,21 @@ def test_a_filter(command: Command, differ: Differ) -> None:
     assert "^" in err
 
 
+def test_a_filter_cuts_nothing_apart(differ: Differ, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Frames between which others are left out are one batch, and have the numbers that they have in the capture."""
+    faults, own = CAPTURES / "faults.log", tmp_path / "own.toml"
+    own.write_text("""[rule.ACME-001]\ntitle = "Late"\nwhen = 'dronecan.status != "ok" && frame.number > 500'\n""")
+    arguments = HOVER, faults, "-Y", "ESCStatus || RawCommand", "--vehicle", own
+    picked = differ(*arguments)[1]
+    told = [(one["rule"], one["frame"], one["remark"]) for one in picked["differences"]]
+    assert ("TRF-003", 453, "one frame lost (the 2nd of 3), before frame 454") in told
+    assert "of frame 513)" in next(remark for rule, frame, remark in told if (rule, frame) == ("TRF-010", 512))
+    assert ("ACME-001", 512, "dronecan.status bad crc") in told
+    monkeypatch.setattr("analyzer.decode.core.BATCH_ROWS", 37)
+    monkeypatch.setattr("analyzer.sources.stored.CHUNK", 1000)
+    assert differ(*arguments)[1] == picked
+
+
 def test_a_choice_of_rules(differ: Differ) -> None:
     _, content = differ(HOVER, SAG, "--select", "TYP-305")
     assert {one["rule"] for one in content["differences"]} == {"", "TYP-305"}

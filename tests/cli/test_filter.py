@@ -330,3 +330,17 @@ def test_what_nothing_matches_is_empty_and_whole_and_said(
     for more in (["export", "-o", tmp_path / "none"], ["plot", "-o", tmp_path / "none.rrd"], ["info"]):
         code, _, err = command(*more, HOVER, "-Y", *words)
         assert (code, err.splitlines()[0]) == (0, f"tailbyte: {HOVER}: {said}")
+
+
+@pytest.mark.parametrize("window", [(), ("--from", "2.5"), ("--last", "2s"), ("--around", "3000±500ms")])
+def test_relative_times_of_own_rules_are_those_of_the_whole_capture(
+    command: Command, tmp_path: Path, window: tuple[str, ...]
+) -> None:
+    hover, own, report = CAPTURES / "hover-4.log", tmp_path / "own.toml", tmp_path / "report.json"
+    text = "ESCStatus && frame.time_relative > 3 && src == 11"
+    own.write_text(f'[rule.ACME-001]\ntitle = "Late"\nwhen = "{text}"\n')
+    command("check", hover, *window, "--vehicle", own, "--select", "ACME-001", "--json", report)
+    told = sum(one["count"] for one in json.loads(report.read_text())["findings"])
+    account = command("decode", "-q", hover, *window, "-Y", text)[2]
+    assert account.startswith(f"-- {told} of ")
+    assert told

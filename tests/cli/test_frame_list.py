@@ -230,7 +230,6 @@ def test_frames_without_a_transfer_have_what_their_identifier_says(
     [
         ("can.id,can.len", "one field for each -e: -e can.id -e can.len"),
         ("frame.len", "no field 'frame.len'; did you mean can.len?"),
-        ("frame.time", "'frame.time' is a field of filters, not of -e; did you mean frame.time_epoch"),
         ("ch", "'ch' is a field of filters, not of -e"),
         ("MotorStatus.speed", "no field 'MotorStatus.speed': it may be any of PUSH"),
         ("ESCStatus.temp", "did you mean: ESCStatus.temperature, ESCStatus.temperature_celsius"),

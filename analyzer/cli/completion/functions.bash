@@ -41,9 +41,22 @@ _tailbyte_statistics() {
   esac
 }
 
-# The last name of a filter, which stands between quotes more often than not.
+# What a field is compared with: the name, the operator, a quote, the value so far.
+_tailbyte_compared='([A-Za-z_][A-Za-z0-9_.]*)[ ]*([=!]==?|[ ]eq|[ ]ne|[ ]in[ ]*[{]([^}]*,)?)[ ]*("?)([^]="!{},&|()\]*)$'
+
+# The last name of a filter, which stands between quotes more often than not, or a value of it.
 _tailbyte_filters() {
-  local word=${1#[\'\"]} last line
+  local word=${1#[\'\"]} last line found
+  if [[ $word =~ $_tailbyte_compared ]]; then
+    line='"'; [[ $1 == \"* ]] && line=  # between double quotes a word stands as it is
+    last=${BASH_REMATCH[5]} word=${word%"${BASH_REMATCH[4]}$last"}
+    found=$(compgen -W "$_tailbyte_names_values" -- "${BASH_REMATCH[1]}=${last// /\~}")
+    if [ -n "$found" ]; then
+      while IFS= read -r last; do last=${last#*=}; printf '%s\n' "$word$line${last//\~/ }$line"; done <<< "$found"
+      return
+    fi
+    word=${1#[\'\"]}
+  fi
   last=${word##*[!A-Za-z0-9_.]}
   _tailbyte_dotted _tailbyte_names_terms "$last" | while IFS= read -r line; do printf '%s\n' "${word%"$last"}$line"; done
 }

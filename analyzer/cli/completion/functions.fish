@@ -27,8 +27,18 @@ function _tailbyte_statistics
     end
 end
 
-# The last name of a filter, which stands between quotes more often than not.
+# The last name of a filter, which stands between quotes more often than not, or a value of it.
 function _tailbyte_filters
+    set -l word (string replace -r '^[\'"]' '' -- (commandline -ct))
+    set -l compared '^(.*?)([A-Za-z_][A-Za-z0-9_.]*)( *(?:[=!]==?| eq| ne| in *\{(?:[^}]*,)?) *)("?)([^]="!{},&|()]*)$'
+    set -l parts (string match -r $compared -- $word)
+    if test (count $parts) -ge 4
+        set -l found (string split ' ' -- $_tailbyte_names_values | string match -- "$parts[3]=*")
+        if test (count $found) -gt 0
+            printf '%s\n' "$parts[2]$parts[3]$parts[4]\""(string replace -r '^[^=]*=' '' -- $found | string replace -a '~' ' ')'"'
+            return
+        end
+    end
     set -l before (string replace -r '^[\'"]' '' -- (commandline -ct) | string replace -r '[A-Za-z0-9_.]*$' '')
     printf '%s\n' "$before"(string split ' ' -- $_tailbyte_names_terms)
 end

@@ -29,8 +29,26 @@ _tailbyte_statistics() {
   fi
 }
 
-# The last name of a filter.
-_tailbyte_filters() { compset -P '*[^A-Za-z0-9_.]'; _tailbyte_dotted "$_tailbyte_names_terms" }
+# What a field is compared with: the name, the operator, a quote, the value so far.
+_tailbyte_compared='([A-Za-z_][A-Za-z0-9_.]*)[ ]*([=!]==?|[ ]eq|[ ]ne|[ ]in[ ]*[{]([^}]*,)?)[ ]*("?)([^]="!{},&|()]*)$'
+
+# The last name of a filter, or a value of it.
+_tailbyte_filters() {
+  local -a found match mbegin mend
+  local open
+  if [[ $PREFIX =~ $_tailbyte_compared ]]; then
+    found=(${(M)${=_tailbyte_names_values}:#${match[1]}=*})
+    if (( $#found )); then
+      found=(${${found#*=}//\~/ })
+      open=${match[4]:-\"}
+      compset -p $(( $#PREFIX - $#match[4] - $#match[5] ))
+      compadd -S '' -- $open${^found}\"
+      return
+    fi
+  fi
+  compset -P '*[^A-Za-z0-9_.]'
+  _tailbyte_dotted "$_tailbyte_names_terms"
+}
 
 # Captures by their names, or any files if there are none.
 _tailbyte_file_captures() { _files -g "*.(${_tailbyte_names_suffixes// /|})(|.gz|.zst)(-.)" }

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.cli.help import topics
 from analyzer.cli.usage.first_steps import SUFFIXES
+from analyzer.filter.fields import FIXED
 from analyzer.filter.names import FilterNames
 from analyzer.report.comparison.model import KINDS
 from analyzer.rules.catalogue import LAYERS, load
@@ -20,11 +21,13 @@ from dissectors.tmotor.traffic import FLIGHT_PLANS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from analyzer.filter.fields import FieldRef
     from dissectors import Registry
 
 # Of python-can; their own list would import all of it.
 _DRIVERS = ("ixxat", "kvaser", "pcan", "serial", "slcan", "socketcan", "udp_multicast", "usb2can", "vector", "virtual")
 _OTHER_SUFFIXES = ("txt", "csv", "bin")  # of captures, and of much else
+_UNSAID = frozenset("'\"\\~$`")  # what shells would read as something else
 _TABLES = ("all", "esc", "events", "findings", "frames", "transfers")
 
 
@@ -35,11 +38,13 @@ def names(registry: Registry) -> dict[str, tuple[str, ...]]:
     pages = load(registry)
     rules = (*pages, *LAYERS, *SEVERITIES)
     types = tuple(short[table] for table in tables)
+    catalogue_ = list(FilterNames(registry).catalogue())
     packets = tuple(f"{short[table]}.{packet}" for table in tables for packet in _packets(registry, table))
     return {
         "types": types,
         "fields": tuple(_shortened(field_names(registry), short)),
-        "terms": tuple(dict.fromkeys(_shortened((ref.name for ref in FilterNames(registry).catalogue()), short))),
+        "terms": tuple(dict.fromkeys(_shortened((ref.name for ref in catalogue_), short))),
+        "values": tuple(_values(catalogue_, short, rules)),
         "rules": rules,
         "lexicon": (*pages, *LAYERS, *types),
         "tables": (*_TABLES, *types, *packets),
@@ -68,6 +73,25 @@ def _shortened(fields: Iterable[str], short: dict[str, str]) -> Iterator[str]:
         words = field.split(".")
         table = next((t for n in range(len(words) - 1, 0, -1) if (t := ".".join(words[:n])) in short), "")
         yield short[table] + field.removeprefix(table) if table else field
+
+
+def _values(refs: Sequence[FieldRef], short: dict[str, str], rules: Sequence[str]) -> Iterator[str]:
+    """Yield `FIELD=VALUE` for what fields can be compared with in words, a blank of it as `~`.
+
+    Fields are called by their whole names, and by type or packet and last part.
+    """
+    said = {"dronecan.type": tuple(short.values()), "finding.rule": rules}
+    known: dict[str, dict[str, None]] = {}
+    for ref, name in zip(refs, _shortened((ref.name for ref in refs), short), strict=True):
+        words = said.get(name, [texts[0] for texts in ref.kind.texts.values()])
+        parts = name.split(".")
+        ways = {name} if name in FIXED else {name, f"{parts[0]}.{parts[-1]}", ".".join(parts[-2:])}
+        for called in sorted(ways) if words else ():
+            known.setdefault(called, {}).update(dict.fromkeys(words))
+    for called, values in known.items():
+        for word in values:
+            if word and not set(word) & _UNSAID:
+                yield f"{called}={word.replace(' ', '~')}"
 
 
 def _packets(registry: Registry, table: str) -> list[str]:

@@ -52,5 +52,6 @@ class FirstLosses:
         for k in firsts.tolist():
             row = int(rows[k])
             frames = transfers.column("frame")[row].as_py()
-            place = LossPlace(int(t[row]) if timed[row] else None, frames[0] + 1 if frames else None)
+            first = None if not frames else (frames[0] if batch.places is None else batch.places.of(frames[0])) + 1
+            place = LossPlace(int(t[row]) if timed[row] else None, first)
             places.setdefault((int(bus[k]), int(src[k])), place)

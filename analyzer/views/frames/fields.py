@@ -14,6 +14,7 @@ from analyzer.views.frames.owners import OwnerFields
 from analyzer.views.json_fields import HEX
 from analyzer.views.members import NOTHING, PLAIN
 from analyzer.views.terminal import escape
+from analyzer.views.times import TimeFormat
 from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
@@ -31,7 +32,16 @@ _NUMBERS = {"frame.number": "number", "can.id": "id", "can.len": "length"}
 _TIMES = {"frame.time_epoch": "t", "frame.time_relative": "elapsed", "frame.time_delta": "delta"}
 # Of an error frame there are none.
 _OF_FRAMES = ("can.id", "can.flags.xtd")
-FRAME_FIELDS = ("frame.number", "frame.interface_name", "frame.data", "can.id", "can.len", *_FLAGS, *_TIMES)
+FRAME_FIELDS = (
+    "frame.number",
+    "frame.time",
+    "frame.interface_name",
+    "frame.data",
+    "can.id",
+    "can.len",
+    *_FLAGS,
+    *_TIMES,
+)
 
 
 class FrameFields(FrameWriter):
@@ -45,6 +55,7 @@ class FrameFields(FrameWriter):
     ) -> None:
         super().__init__(rows)
         self._names, self._zero = tuple(map(fixed, names)), zero
+        self._dates = TimeFormat("ad", digits=9)
         owned = dict.fromkeys(name for name in self._names if name not in FRAME_FIELDS)
         self._owners = OwnerFields(registry, list(owned), numbering)
         self._sheet = FrameSheet(self._template)
@@ -63,6 +74,8 @@ class FrameFields(FrameWriter):
         missing = None if known.all() else ~known
         delta = np.where(valid(since), numbers(since), 0)
         beside = {"elapsed": pa.array(t - (self._zero or 0), mask=missing), "delta": pa.array(delta, mask=missing)}
+        if "frame.time" in self._names:
+            beside["date"] = self._dates.dates(times)
         beside |= self._owners.columns(table.rows)
         return self._sheet.texts(table, beside, [[escape(name) for name in table.buses]])
 
@@ -76,6 +89,8 @@ class FrameFields(FrameWriter):
             return columns.of(name, ("or", "", ("copy",)))
         if name == "frame.data":
             return columns.of("data", HEX)
+        if name == "frame.time":
+            return columns.of("date", ("or", "", ("copy",)))
         if name == "frame.interface_name":
             return columns.of("bus", ("word", 0))
         if name in _TIMES:
