@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -86,12 +85,17 @@ def marks_path(capture: str) -> Path:
 def read_marks(path: Path) -> dict[int, Mark]:
     """Return the marks of a file by frame, none if there is no file. Raises `MarksError`."""
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         return {}
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise MarksError(f"{path}: {reason}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise MarksError(f"{path}: {error.strerror if isinstance(error, OSError) else error}") from None
+    import tomllib  # noqa: PLC0415 - most captures have no marks
+
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise MarksError(f"{path}: {error}") from None
     rows = content.get("mark", [])
     if not isinstance(rows, list) or set(content) - {"mark"}:
         raise MarksError(f"{path}: marks are tables [[mark]] with frame and text")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dissectors.keys import parsed
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
@@ -17,7 +17,13 @@ FILE = Path(__file__).with_name("thresholds.toml")
 
 @cache
 def _all() -> Mapping[str, float]:
-    return {name: float(entry["value"]) for name, entry in tomllib.loads(FILE.read_text(encoding="utf-8")).items()}
+    text = FILE.read_bytes()
+    content = parsed.known(text)
+    if content is None:
+        import tomllib  # noqa: PLC0415 - only for a file that was changed after it was shipped
+
+        content = tomllib.loads(text.decode())
+    return {name: float(entry["value"]) for name, entry in content.items()}
 
 
 def threshold(name: str) -> float:

@@ -1,6 +1,8 @@
-"""Writes `dissectors/parsed.jsonl`: what the TOML files of dissectors and of rules say. To be run when one has changed.
+"""Writes `dissectors/parsed.jsonl`: what the TOML files of dissectors, rules and flights say.
 
-python tests/bench/parse_toml.py
+To be run when one has changed:
+
+    python tests/bench/parse_toml.py
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from pathlib import Path
 from dissectors.keys import parsed
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = ("analyzer/rules", "dissectors")
+FOLDERS = ("analyzer/flight", "analyzer/rules", "dissectors")
 
 
 def lines(root: Path = ROOT) -> str:

@@ -62,22 +62,23 @@ def test_apply_prepare_and_combine_a_field_as_filter() -> None:
         async with browser(FAULTS) as seen:
             app = seen.app
 
-            def select(name: str) -> None:
+            async def select(name: str) -> None:
+                await seen.until(lambda: app.shown is not None)
                 app.details.select(next(k for k, line in enumerate(app.shown.lines) if line.name == name))
 
-            select("ESCStatus.status.mode")
+            await select("ESCStatus.status.mode")
             await seen.press("a")
             assert app.view.filter == "ESCStatus.status.mode == 1"
             await seen.until(lambda: app.view.rows.done)
             assert len(app.view.rows) == 12
-            select("dronecan.src")
+            await select("dronecan.src")
             await seen.press("ampersand")
             assert app.view.filter == "(ESCStatus.status.mode == 1) && dronecan.src == 11"
             await seen.until(lambda: app.view.rows.done)
             assert len(app.view.rows) == 2
             await seen.press("escape")
             assert app.view.filter == ""
-            select("ESCStatus.voltage")
+            await select("ESCStatus.voltage")
             await seen.press("p")
             assert app.bar.value == "ESCStatus.voltage == 50.125"
             assert app.view.filter == ""

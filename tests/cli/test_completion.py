@@ -222,8 +222,9 @@ def test_what_has_no_kind_is_a_number_a_time_or_a_text_of_ones_own() -> None:
         if action.metavar and action.nargs != 0 and not action.choices and not _kind(action, command)
     }
     assert shown <= {
-        "10s", "A-B", "ADDRESS", "BITS", "CHANNEL", "CMD", "COND", "FRAME|TIME", "FRAME|TIME[+-1s]", "HZ",
-        "ID:MASK", "K", "KEY=VALUE", "KIND=N", "N", "NAME", "NAME=WHAT", "NODE=CHOICE", "S", "TIME", "URL", "X",
+        "10s", "A-B", "ADDRESS", "BITS", "CAPTURES", "CHANNEL", "CMD", "COND", "FRAME|TIME", "FRAME|TIME[+-1s]", "HZ",
+        "ID:MASK", "K", "KEY=VALUE", "KIND=N", "N", "NAME", "NAMES", "NAME=WHAT", "NODE=CHOICE", "S", "SIZE", "TIME",
+        "URL", "WHEN", "X",
     }  # fmt: skip
     assert set(_FILES_AND_FOLDERS) <= {_kind(a, c) for c in every_command().values() for a in c._actions}
 

@@ -94,14 +94,17 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("decode --arround=4 flight.log", "tailbyte decode: no option --arround; did you mean --around?"),
         ("decode flight.log --json", "tailbyte decode: no option --json; did you mean -T json?"),
         ("decode flight.log --no-color", "tailbyte decode: no option --no-color; did you mean --color never?"),
-        ("live can0 --since 5", "tailbyte live: no option --since (see tailbyte live --help)"),
+        (
+            "live can0 --since 5",
+            "tailbyte live: --since is an option of tailbyte fleet, not of this command (see tailbyte live --help)",
+        ),
         ("replay flight.log vcan0 -b 500000", "tailbyte replay: no option -b; did you mean --bitrate?"),
         ("simulate -o x.log --fautl A", "tailbyte simulate: no option --fautl; did you mean --fault?"),
         (
             "export flight.log -o x --html y",
             (
-                "tailbyte export: --html is an option of tailbyte check, diff, live, not of this command (see "
-                "tailbyte export --help)"
+                "tailbyte export: --html is an option of tailbyte triage, check, diff, fleet, live, not of this "
+                "command (see tailbyte export --help)"
             ),
         ),
         ("help check decode", "tailbyte help: decode is one argument too many (see tailbyte help --help)"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.usefixtures("no_can_configuration")
 FRAMES = 2000
+SPEED = 4  # times that of the flight
 
 
 @pytest.fixture
@@ -105,7 +107,12 @@ def test_the_end_says_what_happened(command: Callable[..., Any], tmp_path: Path)
             can.Bus("crash", interface="virtual") as bus,
         ):
             wait_until(lambda: len(bus.channel) == 2)
+            start, first = time.monotonic(), None
             for message in log:
+                first = message.timestamp if first is None else first
+                due = start + (message.timestamp - first) / SPEED
+                while time.monotonic() < due:  # a flight takes its time
+                    time.sleep(max(0.0, due - time.monotonic()))
                 bus.send(message)
 
     thread = threading.Thread(target=send)

@@ -104,7 +104,7 @@ def test_tables_are_bounded() -> None:
 
 def test_without_a_flight_it_says_so() -> None:
     page = Page(render(of("startup.log")))
-    assert "not judged: 353 reports of 4 ESCs, motors never turned" in page.text
+    assert "not judged: 353 reports of 4 ESCs, motors stopped" in page.text
     assert not page.all("figure")
 
 

@@ -46,7 +46,7 @@ _OPTIONS = {
 }
 _FILES_AND_FOLDERS = {"files": shtab.FILE, "folders": shtab.DIRECTORY}
 # Beginnings of words that stand for a file.
-_FILES = ("FILE", "OUT", "OLD", "REPORT", "DIR|", "FLIGHT.bin")
+_FILES = ("FILE", "OUT", "OLD", "REPORT", "DIR|", "FLIGHT.bin", "STORE")
 
 
 def script(shell: str, registry: Registry) -> str:
