@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from textual.message import Message
 
 from analyzer.browser.dump import Lit, binary
-from analyzer.browser.screen.lines import Lines
+from analyzer.browser.screen.lines import Pane
 from analyzer.browser.screen.styles import NAMED, PLAIN
 from analyzer.views.terminal import fit
 
@@ -24,7 +24,7 @@ _PER_LINE, _CLASSIC = 16, 8
 _CELL = 3  # columns of a byte
 
 
-class BytesPane(Lines, can_focus=True):
+class BytesPane(Pane, can_focus=True):
     """Shows frames in hexadecimal, 16 bytes a line, and in bits what is lit."""
 
     class Selected(Message):
@@ -142,18 +142,6 @@ class BytesPane(Lines, can_focus=True):
 
     def _room(self) -> int:
         return max(1, self.size.height - 1)
-
-    def on_resize(self) -> None:
-        """Draw as large as it is now."""
-        self.draw()
-
-    def on_focus(self) -> None:
-        """Show that keys go here."""
-        self.draw()
-
-    def on_blur(self) -> None:
-        """Show that keys go elsewhere."""
-        self.draw()
 
     def on_click(self, event: events.Click) -> None:
         """Go to a byte."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from textual.message import Message
 
-from analyzer.browser.screen.lines import Lines, padded
+from analyzer.browser.screen.lines import Pane, padded
 from analyzer.browser.screen.styles import NAMED, PLAIN
 from analyzer.views.terminal import fit
 
@@ -22,7 +22,7 @@ _INDENT = 2
 _FOLDED = ("Identifier",)  # at first
 
 
-class DetailPane(Lines, can_focus=True):
+class DetailPane(Pane, can_focus=True):
     """Shows the details of one row; what is folded stays so from row to row."""
 
     class Selected(Message):
@@ -135,18 +135,6 @@ class DetailPane(Lines, can_focus=True):
             hidden = line.depth if _key(line) in self._folded else None
             seen.append(line)
         return seen
-
-    def on_resize(self) -> None:
-        """Draw as large as it is now."""
-        self.draw()
-
-    def on_focus(self) -> None:
-        """Show that keys go here."""
-        self.draw()
-
-    def on_blur(self) -> None:
-        """Show that keys go elsewhere."""
-        self.draw()
 
     def on_click(self, event: events.Click) -> None:
         """Go to a line; once more folds it."""

@@ -52,3 +52,23 @@ class Lines(Widget):
 def padded(text: str, width: int) -> str:
     """Return text as wide as the terminal, so that its style goes through."""
     return text + " " * max(0, width - display_width(text))
+
+
+class Pane(Lines):
+    """Lines that keys may go to; drawn anew for another size, and to show whether they do."""
+
+    def draw(self) -> None:
+        """Draw what there is to be seen."""
+        raise NotImplementedError
+
+    def on_resize(self) -> None:
+        """Draw as large as it is now."""
+        self.draw()
+
+    def on_focus(self) -> None:
+        """Show that keys go here."""
+        self.draw()
+
+    def on_blur(self) -> None:
+        """Show that keys go elsewhere."""
+        self.draw()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from textual.message import Message
 
-from analyzer.browser.screen.lines import Lines, padded
+from analyzer.browser.screen.lines import Pane, padded
 from analyzer.browser.screen.styles import NAMED, PLAIN, of_codes
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _KEPT = 1000  # lines that are written already
 _BESIDE = 1  # column of the marks
 
 
-class PacketList(Lines, can_focus=True):
+class PacketList(Pane, can_focus=True):
     """Shows the rows of a view around the one that it is at."""
 
     class Moved(Message):
@@ -133,18 +133,6 @@ class PacketList(Lines, can_focus=True):
                 sign = "|"
             signs.append(sign)
         return signs
-
-    def on_resize(self) -> None:
-        """Draw as large as it is now."""
-        self.draw()
-
-    def on_focus(self) -> None:
-        """Show that keys go here."""
-        self.draw()
-
-    def on_blur(self) -> None:
-        """Show that keys go elsewhere."""
-        self.draw()
 
     def on_click(self, event: events.Click) -> None:
         """Go to a row."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from textual.message import Message
 
-from analyzer.browser.screen.lines import Lines, padded
+from analyzer.browser.screen.lines import Pane, padded
 from analyzer.browser.screen.styles import NAMED
 from analyzer.views.terminal import fit
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from analyzer.browser.supply import TabLine
 
 
-class TabPane(Lines, can_focus=True):
+class TabPane(Pane, can_focus=True):
     """Shows the lines of a tab; one of them is the current one."""
 
     class Chosen(Message):
@@ -75,18 +75,6 @@ class TabPane(Lines, can_focus=True):
         if self.empty:
             shown.append(((padded(f"  {self.empty}", width), NAMED["dim"]),))
         self.put(shown)
-
-    def on_resize(self) -> None:
-        """Draw as large as it is now."""
-        self.draw()
-
-    def on_focus(self) -> None:
-        """Show that keys go here."""
-        self.draw()
-
-    def on_blur(self) -> None:
-        """Show that keys go elsewhere."""
-        self.draw()
 
     def on_click(self, event: events.Click) -> None:
         """Go to a line; once more chooses it."""
