@@ -49,9 +49,8 @@ def summaries(tshark: str, capture: Path, texts: list[str]) -> dict[str, str]:
             numbers = asked(tshark, capture, f"{OF_CAN} && ({text})")
             found[text] = f"{len(numbers)} {sum(numbers)}"
     together = [text for text in texts if text not in found]
-    columns = [
-        f"{how}(frame.number)frame.number && {OF_CAN} && ({text})" for text in together for how in ("COUNT", "SUM")
-    ]
+    filters = [f"frame.number && {OF_CAN} && ({text})" for text in together]
+    columns = [f"{how}(frame.number){text}" for text in filters for how in ("COUNT", "SUM")]
     arguments = [tshark, "-r", str(capture), "-q", "-z", ",".join(["io,stat,0", *columns])]
     table = subprocess.run(arguments, capture_output=True, text=True, check=True, env={"TZ": "UTC"}).stdout
     row = next(line for line in table.splitlines() if "<>" in line)
