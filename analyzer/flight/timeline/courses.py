@@ -7,23 +7,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.devices import fields
 from analyzer.devices.readings import holding
-from analyzer.devices.rows import keyed, split, usable
+from analyzer.devices.rows import split
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.timeline.course import Course
-from dissectors.kit.order import changes, groups
+from dissectors.kit.order import changes
 from dissectors.records import dataclass, field
-from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import pyarrow as pa
-
     from analyzer.decode.engine import Batch
     from analyzer.flight.orders import CommandReader
     from analyzer.flight.reports import EventOrder
+    from analyzer.flight.tables import ReportTable
     from dissectors.kit import Array
     from dissectors.picture import Plot
 
@@ -104,20 +101,16 @@ class Courses(ReportEvents):
             columns[:width] = some.columns
             known.course.feed(some.at.ran, columns)
         for plot in self._plots:
-            if (table := batch.messages.get(plot.table)) is not None:
-                self._feed_table(plot, usable(table))
+            if (read := self._reader.table(plot, batch)) is not None:
+                self._feed_table(read)
 
     def finish(self) -> None:
         """Take the end: everything is known."""
 
-    def _feed_table(self, plot: Plot, table: pa.RecordBatch) -> None:
-        table, device = keyed(table, plot.who)
-        if not len(table):
-            return
-        at = self._clock.of(table)
-        values, modes = self._values(plot, table), self._modes(plot, table)
-        timed = at.t != NO_TIME
-        for key, places in groups(device):
+    def _feed_table(self, read: ReportTable) -> None:
+        plot, at, timed = read.plot, read.at, read.timed
+        values, modes = _values(read), _modes(read)
+        for key, places, _ in read.devices:
             rows = places[timed[places]]
             one = self._of(plot, key) if len(rows) else None
             if one is None:
@@ -126,31 +119,6 @@ class Courses(ReportEvents):
             one.course.feed(ran, values[:, rows])
             if modes is not None:
                 _note(one, modes[0], rows if modes[1] is None else rows[modes[1][rows]], at.ran, modes[2])
-
-    def _values(self, plot: Plot, table: pa.RecordBatch) -> Array:
-        """Return the quantities as rows, NaN where one is not told."""
-        out = np.full((len(QUANTITIES), len(table)), np.nan, np.float32)
-        of = self._registry.definition(plot.table)
-        for line in plot.lines:
-            place = QUANTITIES.index(line.quantity) if line.quantity in QUANTITIES else None
-            if place is None or line.role == "commanded" or not np.isnan(out[place]).all():
-                continue
-            for found in fields.column(of, table, line.column)[:1]:
-                out[place] = found.values if found.has is None else np.where(found.has, found.values, np.nan)
-        return out
-
-    def _modes(self, plot: Plot, table: pa.RecordBatch) -> tuple[Array, Array | None, _Words] | None:
-        """Return the modes of the rows, which rows have one (None: all), and what they are called."""
-        name = plot.esc.mode
-        found = fields.column(self._registry.definition(plot.table), table, name) if name else []
-        if not found:
-            return None
-        last = name.rpartition(".")[2]
-        word = next((one for one in plot.states if name in {one.column, f"{one.column}.{last}"}), None)
-        has = None if word is None else holding(word.only, table)
-        if found[0].has is not None:
-            has = found[0].has if has is None else has & found[0].has
-        return found[0].values, has, _Words(found[0].texts, last, {} if word is None else word.signs)
 
     def _of(self, plot: Plot, key: int) -> DeviceCourse | None:
         known = self.devices.get((plot.table, key))
@@ -168,6 +136,30 @@ class _Words(NamedTuple):
     texts: Mapping[float, str]
     part: str
     signs: Mapping[str, str]
+
+
+def _values(read: ReportTable) -> Array:
+    """Return the quantities as rows, NaN where one is not told."""
+    out = np.full((len(QUANTITIES), len(read.table)), np.nan, np.float32)
+    for line in read.plot.lines:
+        place = QUANTITIES.index(line.quantity) if line.quantity in QUANTITIES else None
+        if place is not None and line.role != "commanded" and np.isnan(out[place]).all():
+            out[place] = read.numbers(line.column)
+    return out
+
+
+def _modes(read: ReportTable) -> tuple[Array, Array | None, _Words] | None:
+    """Return the modes of the rows, which rows have one (None: all), and what they are called."""
+    name = read.plot.esc.mode
+    found = read.column(name)
+    if found is None:
+        return None
+    last = name.rpartition(".")[2]
+    word = next((one for one in read.plot.states if name in {one.column, f"{one.column}.{last}"}), None)
+    has = None if word is None else holding(word.only, read.table)
+    if found.has is not None:
+        has = found.has if has is None else has & found.has
+    return found.values, has, _Words(found.texts, last, {} if word is None else word.signs)
 
 
 def _note(one: DeviceCourse, codes: Array, rows: Array, ran: Array, words: _Words) -> None:
