@@ -5,24 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from analyzer.flight.channels import ToldChannels
-from analyzer.flight.clock import RecordedClock
 from analyzer.flight.commands import CommandEvents
 from analyzer.flight.holes import hole_events
 from analyzer.flight.log import EventLog, event_table
 from analyzer.flight.motors.events import MotorEvents
-from analyzer.flight.motors.reports import EscReader
 from analyzer.flight.nodes import NodeEvents
-from analyzer.flight.orders import CommandReader
 from analyzer.flight.parameter_services import ParameterServiceEvents
 from analyzer.flight.parameters import ParameterEvents
 from analyzer.flight.power_ups import PowerUpEvents
-from analyzer.flight.reports import EventOrder
+from analyzer.flight.reading import FlightReading
 from analyzer.flight.sags import SagEvents
 from analyzer.flight.silences import SilenceEvents
 from analyzer.flight.states import StateEvents
-from analyzer.flight.tables import ReportReader
 from analyzer.flight.trouble import TroubleEvents
-from dissectors import picture
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -43,13 +38,11 @@ class EventFinder:
     """
 
     def __init__(self, registry: Registry, log: AutopilotLog | None = None) -> None:
-        self.clock, self._channels, self._log = RecordedClock(), ToldChannels(registry), EventLog()
+        self._channels, self._log = ToldChannels(registry), EventLog()
         add = self._log.add
-        plots = tuple(picture.load(registry).plots.values())
-        self.commands = CommandReader(registry, plots, self.clock)
-        self.order = EventOrder(registry, plots, self.clock, add, ReportReader(registry, self.clock))
+        self._reading = reading = FlightReading(registry, add)
+        self.clock, self.commands, self.order, self.escs = reading.clock, reading.commands, reading.order, reading.escs
         order = self.order
-        self.escs = EscReader(order, self.commands)
         self.silences = silences = SilenceEvents(
             registry, self.clock, add, [plot.table for plot in self.commands.plots]
         )
@@ -66,10 +59,8 @@ class EventFinder:
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
-        self.clock.feed(batch)
+        self._reading.feed(batch)
         self._channels.feed(batch)
-        self.commands.feed(batch)
-        self.escs.feed(batch)
         for part in self._parts:
             part.feed(batch)
         if self._told is not None:

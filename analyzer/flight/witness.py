@@ -45,7 +45,7 @@ class Witness:
         self.losses = LossesBySecond(self.clock)
         self._extents = EscExtents(self._finder.order)
         self.courses = Courses(self._finder.order, self._finder.commands) if drawn else None
-        self._odd = OddFinder(registry, self.clock, self._finder.escs)
+        self._odd = OddFinder(self.clock, self._finder.escs)
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -56,7 +56,7 @@ class Witness:
         self._extents.feed(batch)
         if self.courses is not None:
             self.courses.feed(batch)
-        self._odd.feed(batch)
+        self._odd.feed()
 
     def flights(self) -> list[Flight]:
         """Return the flights, after the last batch."""

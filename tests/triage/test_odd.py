@@ -18,6 +18,7 @@ import analyzer
 from analyzer.flight.flights import FlightFinder
 from analyzer.flight.odd.finder import OddFinder
 from analyzer.flight.odd.layers import layers
+from analyzer.flight.reading import FlightReading
 from analyzer.report.triage.json import plain, schema
 from analyzer.report.triage.text import render
 
@@ -38,9 +39,11 @@ def judged(decode: Callable[..., Any], registry: Registry) -> Judged:
     """Gives what is odd in a text, or in its pieces."""
 
     def run(*chunks: bytes) -> OddReport:
-        odd, flights = OddFinder(registry), FlightFinder(registry)
+        reading = FlightReading(registry)
+        odd, flights = OddFinder(reading.clock, reading.escs), FlightFinder(registry, reading.order)
         for batch in decode(*chunks).batches:
-            odd.feed(batch)
+            reading.feed(batch)
+            odd.feed()
             flights.feed(batch)
         return odd.found(flights.flights())
 

@@ -9,6 +9,7 @@ import numpy as np
 from analyzer.flight.flights import FlightFinder
 from analyzer.flight.odd.finder import OddFinder
 from analyzer.flight.odd.quantities import QUANTITIES
+from analyzer.flight.reading import FlightReading
 from analyzer.stats.nodes import NodeTable
 from analyzer.stats.statistic import Statistic
 from analyzer.stats.table import StatColumn, StatTable
@@ -59,10 +60,13 @@ class _OddLook:
     """Looks at all batches for odd ESCs; one reading of a capture for flights and them."""
 
     def __init__(self, registry: Registry) -> None:
-        self._flights, self._odd = FlightFinder(registry), OddFinder(registry)
+        self._reading = reading = FlightReading(registry)
+        self._flights = FlightFinder(registry, reading.order)
+        self._odd = OddFinder(reading.clock, reading.escs)
 
     def feed(self, batch: Batch) -> None:
-        self._odd.feed(batch)
+        self._reading.feed(batch)
+        self._odd.feed()
         self._flights.feed(batch)
 
     def found(self, end: StatEnd) -> OddReport | None:
