@@ -1,0 +1,45 @@
+"""What everything in flights is found from: the clock of a capture, its commands and the reports of its ESCs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from analyzer.flight.clock import RecordedClock
+from analyzer.flight.motors.reports import EscReader
+from analyzer.flight.orders import CommandReader
+from analyzer.flight.reports import EventOrder
+from analyzer.flight.tables import ReportReader
+from dissectors import picture
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from analyzer.decode.engine import Batch
+    from analyzer.flight.log import FlightEvent
+    from dissectors import Registry
+
+
+def _untold(_: FlightEvent) -> None:
+    """Take an event that nobody wants to hear of."""
+
+
+class FlightReading:
+    """Reads each batch once for all who look at it, before they do.
+
+    Args:
+        registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
+        add: takes the events.
+    """
+
+    def __init__(self, registry: Registry, add: Callable[[FlightEvent], None] = _untold) -> None:
+        self.clock = RecordedClock()
+        plots = tuple(picture.load(registry).plots.values())
+        self.commands = CommandReader(registry, plots, self.clock)
+        self.order = EventOrder(registry, plots, self.clock, add, ReportReader(registry, self.clock))
+        self.escs = EscReader(self.order, self.commands)
+
+    def feed(self, batch: Batch) -> None:
+        """Take the next batch."""
+        self.clock.feed(batch)
+        self.commands.feed(batch)
+        self.escs.feed(batch)
