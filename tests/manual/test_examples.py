@@ -286,6 +286,7 @@ def every_option() -> set[str]:
 RECIPE_OPTIONS = {"--tap"}  # of the report that a recipe adds
 TEST_OPTIONS = {
     "--all-examples",
+    "--first",
     "--seed",
     "--share",
     "--rules",
