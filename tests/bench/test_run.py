@@ -23,6 +23,7 @@ def test_a_row_is_the_median_of_its_runs() -> None:
     assert run.table([row], 4000.0).splitlines()[1].split() == ["check", "500,000", "2,000.0", "4,000.0", "2.0", "30"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("make", "count"), [(growth.on_interfaces, 3), (growth.of_types, 5)])
 def test_what_grows_in_a_log(make: Callable[..., Path], count: int, tmp_path: Path) -> None:
     (batch,) = Engine().run([make(tmp_path, count, frames=600).read_bytes()])
@@ -31,6 +32,7 @@ def test_what_grows_in_a_log(make: Callable[..., Path], count: int, tmp_path: Pa
     assert len(set(batch.transfers.column(column).to_pylist())) == count
 
 
+@pytest.mark.slow
 def test_one_frame_in_so_many_is_damaged(tmp_path: Path) -> None:
     flight, log = (growth.damaged(tmp_path, every, frames=600).read_text().splitlines() for every in (0, 2))
     differs = [one.split() != two.split() for one, two in zip(flight, log, strict=True)]

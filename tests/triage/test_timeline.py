@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from kit import CAPTURES
 from kit.strategies import examples
@@ -33,6 +33,7 @@ START = 1_773_475_330 * SECOND
 
 
 @examples(60)
+@example(points=[(25, 0.0), (0, 0.0), (6400, 0.0)], cuts=[1])  # what comes late is before the first
 @given(
     st.lists(st.tuples(st.integers(0, 120_000), st.floats(-1e4, 1e4, width=32)), min_size=1, max_size=300),
     st.lists(st.integers(0, 300), max_size=4),

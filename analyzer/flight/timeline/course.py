@@ -84,8 +84,8 @@ class _Level:
 
     def feed(self, steps: Array, low: Array, high: Array) -> None:
         """Take steps, each once and in order, and their values."""
-        if self._first < 0:
-            self._first = int(steps[0])
+        first = int(steps[0])
+        self._first = first if self._first < 0 else min(self._first, first)
         self._newest = max(self._newest, int(steps[-1]))
         self._grow()
         kept = int(np.searchsorted(steps, self._newest - len(self._step), "right"))
