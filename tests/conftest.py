@@ -57,7 +57,7 @@ def pytest_itemcollected(item: pytest.Item) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Take what lives to the end out of the garbage collector's sight: looking through it costs more than many tests."""
+    """Hide from the garbage collector what lives to the end: looking through it costs more than many tests."""
     gc.collect()
     gc.freeze()
 
