@@ -6,7 +6,6 @@ the decoded tables, fields, parts (`field.part`) and derived ones alike.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import fields
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
@@ -190,10 +189,9 @@ def _table(registry: Registry, name: str, table: TomlTable) -> str:
     """Return the table that is meant."""
     message, _, packet = name.rpartition(".")
     try:
-        return registry.table(name)
+        carrier = "" if (found := registry.known_table(name)) else registry.known_table(message)
+        return found or (f"{carrier}.{packet}" if carrier else registry.table(name))
     except UnknownNameError as error:
-        with suppress(UnknownNameError):
-            return f"{registry.table(message)}.{packet}"
         table.fail(str(error))
 
 

@@ -10,7 +10,7 @@ from dissectors import installed
 from dissectors.profile import KINDS, Profile
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
     from dissectors.schema import Message, MessageKind, Packet, PacketFamily
 
@@ -139,22 +139,31 @@ class Registry:
 
     def table(self, name: str) -> str:
         """Return the name of that message's table, without compiling it. Raises `UnknownNameError`."""
+        if found := self.known_table(name):
+            return found
+        import difflib  # noqa: PLC0415 - costs 4 ms that only a mistyped name is worth
+
+        near = difflib.get_close_matches(name, [known.rpartition(".")[2] for known in self._known], n=3)
+        raise UnknownNameError(name, tuple(dict.fromkeys(near)), several=False)
+
+    def known_table(self, name: str) -> str:
+        """Return the same, or nothing for a name that no message has. Raises `UnknownNameError` if several have it."""
         lower = name.lower()
-        ends: tuple[Callable[[str], bool], ...] = (
-            lambda known: known == name,
-            lambda known: known.endswith(f".{name}"),
-            lambda known: known.lower() == lower or known.lower().endswith(f".{lower}"),
+        ways: tuple[Callable[[], Iterable[str]], ...] = (
+            lambda: self._known.get(name, ()),
+            lambda: self._ending(lambda known: known.endswith(f".{name}")),
+            lambda: self._ending(lambda known: known.lower() == lower or known.lower().endswith(f".{lower}")),
         )
-        for matches in ends:
-            tables = sorted({table for known, table in self._known if matches(known)})
+        for matching in ways:
+            tables = sorted(set(matching()))
             if len(tables) == 1:
                 return tables[0]
             if tables:
                 raise UnknownNameError(name, tuple(tables), several=True)
-        import difflib  # noqa: PLC0415 - costs 4 ms that only a mistyped name is worth
+        return ""
 
-        near = difflib.get_close_matches(name, [known.rpartition(".")[2] for known, _ in self._known], n=3)
-        raise UnknownNameError(name, tuple(dict.fromkeys(near)), several=False)
+    def _ending(self, matches: Callable[[str], bool]) -> Iterator[str]:
+        return (table for known, tables in self._known.items() if matches(known) for table in tables)
 
     def _find(self, type_id: int, *, service: bool) -> list[tuple[Profile, str]]:
         """Return the types with this ID in order of precedence. One alone is not compiled to be found."""
@@ -183,13 +192,14 @@ class Registry:
         return tables
 
     @cached_property
-    def _known(self) -> tuple[tuple[str, str], ...]:
-        """Every name that can be asked for, with its table; the name of a service stands for both of its halves."""
-        known = []
+    def _known(self) -> dict[str, list[str]]:
+        """Every name that can be asked for, with its tables; the name of a service stands for both of its halves."""
+        known: dict[str, list[str]] = {}
         for table, (profile, kind, full_name) in self._tables.items():
             names = (table, full_name, *(profile.aliases(full_name) if kind == "message" else ()))
-            known += [(name, table) for name in names]
-        return tuple(known)
+            for name in names:
+                known.setdefault(name, []).append(table)
+        return known
 
 
 def load(extra: Sequence[Path] = (), trusted: Collection[Path] = ()) -> Registry:

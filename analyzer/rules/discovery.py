@@ -14,7 +14,7 @@ from dissectors.kit import Conformance, rules_of
 from dissectors.toml_table import ProfileError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
     from types import ModuleType
 
@@ -41,14 +41,18 @@ def conformances_of(registry: Registry) -> list[Conformance]:
 
 
 def new_rules(registry: Registry, pages: Mapping[str, Page], vendors: Sequence[Conformance]) -> Iterator[Rule]:
-    """Yield a new rule of every kind."""
+    """Yield a new rule of every kind that looks for what one of the pages describes."""
     for package in layer_packages():
-        for kind in rules_of(package.__name__):
-            yield kind()
+        yield from _made(rules_of(package.__name__), pages)
     yield from field_tests.rules_from(registry, pages)
     yield NotedFields(registry)
     for vendor in vendors:
-        for kind in vendor.rules:
+        yield from _made(vendor.rules, pages)
+
+
+def _made(kinds: Iterable[type[Rule]], pages: Mapping[str, Page]) -> Iterator[Rule]:
+    for kind in kinds:
+        if not pages.keys().isdisjoint(kind.rules):
             yield kind()
 
 

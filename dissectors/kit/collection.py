@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import import_module
 from pkgutil import walk_packages
 
 from dissectors.kit.rule import Rule
 
 
+@cache
 def rules_of(package: str) -> tuple[type[Rule], ...]:
     """Return the rules that stand in the modules below a package: by module, and as they follow each other there.
 

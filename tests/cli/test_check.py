@@ -93,6 +93,7 @@ def test_json_is_as_documented_and_complete(faulty: Any) -> None:
     assert faulty["coverage"]["packets"]["MotorStatus"] > 0
 
 
+@pytest.mark.slow
 def test_findings_are_the_worst_first_and_their_frames_can_be_found(faulty: Any) -> None:
     ranks = [("error", "warning", "note").index(one["severity"]) for one in faulty["findings"]]
     assert ranks == sorted(ranks)

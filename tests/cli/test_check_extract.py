@@ -118,6 +118,7 @@ def test_a_capture_is_not_written_over(tmp_path: Path, capfd: pytest.CaptureFixt
     assert (path.read_bytes(), list(tmp_path.iterdir())) == (content, [path])
 
 
+@pytest.mark.slow
 def test_other_files_are_left_alone_without_force(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "out"
     folder.mkdir()
@@ -174,6 +175,7 @@ def test_one_that_cannot_be_written_does_not_stop_the_others(tmp_path: Path, cap
     assert (tmp_path / "CAP-004-1.log").read_bytes().endswith(b"on 'can0' socket (total drops 3)\n")
 
 
+@pytest.mark.slow
 def test_of_an_unreadable_line_there_is_no_part(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     args = ["check", str(CAPTURES / "faults.log"), "--select", "CAP-003", "--fail-on", "capture:error"]
     assert main(args) == 1
@@ -199,6 +201,7 @@ KINDS = [
 ]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("stamped", [True, False])
 def test_every_kind_of_line_may_stand_near_a_finding(tmp_path: Path, *, stamped: bool) -> None:
     lines = [line if stamped or not line.startswith("(") else line.partition(") ")[2] for line in KINDS]

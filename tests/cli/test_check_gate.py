@@ -71,6 +71,7 @@ def test_help_and_manual_state_the_defaults(command: Command) -> None:
 # ---- the headline ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_without_a_limit_there_is_no_pass(command: Command) -> None:
     status, out, _ = command("check", FAULTS, "--fail-on", "never")
     assert status == 0
@@ -177,6 +178,7 @@ def test_a_window_is_judged_as_a_capture_of_its_own(command: Command) -> None:
     assert errors <= every, "frames have the numbers that they have in the file"
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("window", [["--frames", "100-2000"], ["--last", "2s"], ["--around", "2000+-500ms"]])
 def test_any_window_of_a_healthy_flight_passes(command: Command, window: list[str]) -> None:
     status, out, err = command("check", HOVER, *window)
@@ -185,6 +187,7 @@ def test_any_window_of_a_healthy_flight_passes(command: Command, window: list[st
     assert "start NO" in out
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("first", range(2400, 2408))
 def test_transfers_that_the_edges_of_a_window_cut_are_no_findings(first: int, command: Command) -> None:
     """Whatever frame of a transfer it begins and ends with: the whole capture has none of that."""

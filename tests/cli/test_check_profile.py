@@ -246,6 +246,7 @@ def test_a_first_vehicle_file_describes_its_capture(capfd: pytest.CaptureFixture
     assert check(FAULTS, vehicle=path).gate.requirements[-5].what == "4 ESCs"
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("capture", ["startup.log", "duplicate-node.log", "hover.log"])
 def test_occasional_types_are_not_demanded(capture: str, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """What is asked and answered now and then has a rate, too, but none that another flight would have."""
@@ -266,6 +267,7 @@ def test_any_part_of_the_same_flight_passes_the_file(capfd: pytest.CaptureFixtur
         assert "expects " in capfd.readouterr().out
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("last", ["300ms", "700ms", "1500ms"])
 def test_few_transfers_are_counted_against_those_that_are_due(judged: Check, last: str) -> None:
     """A rate of its own takes four: in a part of 700 ms one status is right for 2/s, and far too few for 20/s."""

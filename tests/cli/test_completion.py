@@ -147,6 +147,7 @@ OFFERED = {
 }
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("shell", SHELLS)
 def test_what_a_line_goes_on_with(scripts: Path, shell: str) -> None:
     found = dict(zip(OFFERED, completed(shell, scripts, *OFFERED), strict=True))

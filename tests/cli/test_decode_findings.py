@@ -32,6 +32,7 @@ def objects(capfd: pytest.CaptureFixture[str], *args: object) -> list[dict[str, 
     return [json.loads(line) for line in listed(capfd, *args, "--findings", "-T", "jsonl")]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("path", LOGS, ids=lambda path: path.stem)
 def test_the_first_row_of_each_finding_is_marked(capfd: pytest.CaptureFixture[str], path: Path) -> None:
     found = [one for one in analyzer.check(path).findings if one.first.frame is not None]
@@ -42,6 +43,7 @@ def test_the_first_row_of_each_finding_is_marked(capfd: pytest.CaptureFixture[st
         assert one.rule in marked[one.first.frame], one
 
 
+@pytest.mark.slow
 def test_text_details_and_csv(capfd: pytest.CaptureFixture[str]) -> None:
     text = listed(capfd, FAULTS, "--findings")
     assert any(re.match(r"x +453 .* ESCStatus +10  \[TRF-003\] broken, 2 of 3 frames$", line) for line in text)

@@ -63,6 +63,7 @@ def test_everything(command: Command) -> None:
     assert "(--all)" not in out
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("more", [(), ("--fail-on", "any")])
 def test_a_capture_and_itself(command: Command, more: tuple[str, ...]) -> None:
     status, out, err = command("diff", HOVER, HOVER, *more)
@@ -72,6 +73,7 @@ def test_a_capture_and_itself(command: Command, more: tuple[str, ...]) -> None:
     assert "\nCannot   error frames: not recorded in either capture\n" in out
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("suffix", ["mcap", "pcapng", "log.gz"])
 def test_another_format_is_the_same_capture(command: Command, tmp_path: Path, suffix: str) -> None:
     other = tmp_path / f"other.{suffix}"
@@ -80,6 +82,7 @@ def test_another_format_is_the_same_capture(command: Command, tmp_path: Path, su
     assert (status, out.splitlines()[0].split("  ")[0]) == (0, "NO DIFFERENCE FOUND")
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("names", "status"),
     [("any", 1), ("error", 1), ("node", 1), ("telemetry,firmware", 0), ("never", 0), ("finding", 1)],
@@ -124,6 +127,7 @@ def test_reports(command: Command, tmp_path: Path) -> None:
     assert names[2].read_text().splitlines()[0] == out.splitlines()[0]
 
 
+@pytest.mark.slow
 def test_windows(command: Command, differ: Differ) -> None:
     status, content = differ(HOVER, HOVER, "--good-to", "2.5", "--bad-from", "2.5")
     assert status == 0
@@ -145,6 +149,7 @@ def test_a_filter(command: Command, differ: Differ) -> None:
     assert "^" in err
 
 
+@pytest.mark.slow
 def test_a_filter_cuts_nothing_apart(differ: Differ, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames between which others are left out are one batch, and have the numbers that they have in the capture."""
     faults, own = CAPTURES / "faults.log", tmp_path / "own.toml"
@@ -165,6 +170,7 @@ def test_a_choice_of_rules(differ: Differ) -> None:
     assert {one["rule"] for one in content["differences"]} == {"", "TYP-305"}
 
 
+@pytest.mark.slow
 def test_pipes(tmp_path: Path) -> None:
     path = tmp_path / "x.json"
     code = "import sys; from analyzer.cli import main; sys.exit(main(sys.argv[1:]))"
@@ -187,6 +193,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", DAMAGES)
 @pytest.mark.parametrize("first", [True, False])
 def test_nothing_to_compare(command: Command, tmp_path: Path, name: str, *, first: bool) -> None:
@@ -221,6 +228,7 @@ def test_without_times(command: Command, tmp_path: Path) -> None:
     assert "no times" in " ".join(out.split()) or out.startswith("NOT COMPARED")
 
 
+@pytest.mark.slow
 def test_a_recorder_that_lost_frames_leaves_nothing_sure(differ: Differ, tmp_path: Path) -> None:
     lines = flown(12, flight="hover").text.splitlines(keepends=True)
     good, bad = tmp_path / "good.log", tmp_path / "bad.log"
@@ -251,6 +259,7 @@ def test_all_captures_with_each_other(differ: Differ, good: Path) -> None:
             assert content["differences"] == []
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("bad", EVERY[::4], ids=lambda path: path.name)
 def test_some_captures(command: Command, bad: Path) -> None:
     for good in (bad, HOVER):

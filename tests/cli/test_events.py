@@ -136,6 +136,7 @@ def test_hostile_words_are_escaped(tmp_path: Path, command: Command) -> None:
 # ---- a flight as a window
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("flight", "frames"), [("1", "76-375"), ("2", "751-1125"), ("last", "751-1125")])
 def test_a_flight_is_a_window(flight: str, frames: str, two: Path, command: Command) -> None:
     for name in ("decode", "info", "stats io,1"):

@@ -42,6 +42,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return capture, log
 
 
+@pytest.mark.slow
 def test_its_words_stand_among_the_events(pair: tuple[Path, Path], command: Command) -> None:
     capture, log = pair
     status, out, err = command("events", capture, "--with", log)
@@ -57,6 +58,7 @@ def test_its_words_stand_among_the_events(pair: tuple[Path, Path], command: Comm
     assert [line for line in map(str.split, out.splitlines()) if line in alone] == alone
 
 
+@pytest.mark.slow
 def test_every_form_has_them(pair: tuple[Path, Path], command: Command, tmp_path: Path) -> None:
     capture, log = pair
     status, whole, _ = command("events", capture, "--with", log, "-T", "json")
@@ -111,6 +113,7 @@ def test_a_start_that_is_given(pair: tuple[Path, Path], command: Command) -> Non
         assert own[1]["t_ns"] == own[1]["t_end_ns"]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("form", ["text", "json"])
 def test_a_log_of_another_flight_is_refused_in_one_line(form: str, pair: tuple[Path, Path], command: Command) -> None:
     _, log = pair
@@ -139,6 +142,7 @@ def test_a_log_that_ends_early_keeps_what_stands_before(
     assert "RTL (flies home and lands)" in out
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("content", "why"),
     [

@@ -135,6 +135,7 @@ def test_lists_and_documents_are_of_rules(command: Command) -> None:
         assert "no rule is called 'ESCStatus'" in err
 
 
+@pytest.mark.slow
 def test_every_printed_word_has_something_it_stands_for() -> None:
     types, lexicon = registry(), Lexicon(registry(), load(registry()))
     words = list(printed(TMOTOR))

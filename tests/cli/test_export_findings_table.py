@@ -64,6 +64,7 @@ def test_rows_join_the_other_tables(command: Main, tmp_path: Path) -> None:
     assert {row["transfer"] for row in tables["findings"] if row["rule"] == "TRF-010"} == broken
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("form", ["arrow", "csv"])
 def test_every_format_has_them(command: Main, tmp_path: Path, form: str) -> None:
     wanted = exported(command, tmp_path / "f.parquet", FAULTS)
@@ -86,6 +87,7 @@ def test_columns_say_what_they_are(command: Main, tmp_path: Path) -> None:
     assert schema.field("frame").metadata[b"about"].endswith(b"from 1; null when it has none")
 
 
+@pytest.mark.slow
 def test_rules_are_chosen(command: Main, tmp_path: Path) -> None:
     rules = lambda *more: {row["rule"] for row in exported(command, tmp_path / "f.arrow", FAULTS, *more)}  # noqa: E731
     every = rules()

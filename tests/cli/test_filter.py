@@ -25,6 +25,7 @@ FAILURE = CAPTURES / "esc-failure.mcap"
 WRONG = "ESCStatus.voltge < 44"
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("form", ["jsonl", "json", "csv", "fields"])
 def test_every_form_lists_the_same_rows(command: Command, form: str) -> None:
     more = ["-e", "frame.number"] if form == "fields" else []
@@ -96,6 +97,7 @@ def test_what_never_occurs_is_said(command: Command) -> None:
     assert "never occurs" not in err
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("text", "word", "reason"),
     [
@@ -118,6 +120,7 @@ def test_words_that_exist_nowhere(command: Command, tmp_path: Path, text: str, w
         assert not err.startswith("-- 0 of")
 
 
+@pytest.mark.slow
 def test_an_interface_that_did_not_come_is_said(command: Command, tmp_path: Path) -> None:
     text = 'frame.interface_name == "nope" || NodeStatus'
     said = "has no interface 'nope' (it has can0)\n"
@@ -247,6 +250,7 @@ def told(command: Command, *words: object) -> list[str]:
     return out[out.index("\nTime ") :].splitlines()
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("path", [FAULTS, BREAK, FAILURE], ids=lambda path: path.stem)
 @pytest.mark.parametrize("text", ["!ESCStatus", "src == 12", "frame.time_relative > 0.5 && src != 12"])
 def test_info_says_what_it_says_of_a_capture_of_what_matches(
@@ -284,6 +288,7 @@ def test_quiet_counts_what_the_list_of_a_window_shows(command: Command, path: Pa
     assert account.startswith(f"-- {len(rows.splitlines())} of ")
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("text", ["src == 11", "can.flags.err", "finding.rule == 'TRF-010'", "NodeStatus.mode == 7"])
 def test_findings_are_exported_as_check_reports_them(command: Command, tmp_path: Path, text: str) -> None:
     import pyarrow.parquet as pq  # noqa: PLC0415
@@ -312,6 +317,7 @@ def test_events_and_escs_are_exported_as_far_as_they_match(command: Command, tmp
     assert pq.read_table(tmp_path / "some" / "events.parquet").num_rows == some.num_rows < every.num_rows
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -332,6 +338,7 @@ def test_what_nothing_matches_is_empty_and_whole_and_said(
         assert (code, err.splitlines()[0]) == (0, f"tailbyte: {HOVER}: {said}")
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("window", [(), ("--from", "2.5"), ("--last", "2s"), ("--around", "3000±500ms")])
 def test_relative_times_of_own_rules_are_those_of_the_whole_capture(
     command: Command, tmp_path: Path, window: tuple[str, ...]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     Told = tuple[int, list[str], str]
 
 FAULTS = CAPTURES / "faults.log"
-FILTERS = ("can.len == 8", "!dronecan.src", 'dronecan.status != "ok"', "!RawCommand", "ESCStatus")
+FILTERS = ("!dronecan.src", "can.len == 8", 'dronecan.status != "ok"', "!RawCommand", "ESCStatus")
 
 
 def cut(monkeypatch: pytest.MonkeyPatch, rows: int, bytes_: int) -> None:
@@ -41,15 +41,14 @@ def told(command: Command, folder: Path, path: Path, text: str) -> dict[str, Tol
     return found
 
 
-@pytest.mark.parametrize(
-    "text", [one if k == 1 else pytest.param(one, marks=pytest.mark.slow) for k, one in enumerate(FILTERS)]
-)
+@pytest.mark.sampled(9)
+@pytest.mark.parametrize("text", FILTERS)
+@pytest.mark.parametrize(("rows", "bytes_"), [(50, 2000), (7, 300)])
 def test_late_verdicts_select_what_they_select_at_once(
-    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int, bytes_: int, text: str
 ) -> None:
     """Frames that are foreign, orphans or of a transfer only in a later batch are rows as in a whole one."""
     whole = told(command, tmp_path, FAULTS, text)
-    for rows, bytes_ in ((50, 2000), (7, 300)):
-        cut(monkeypatch, rows, bytes_)
-        assert sum(len(batch.settled) for batch in analyzer.open_capture(FAULTS)) > 0
-        assert told(command, tmp_path, FAULTS, text) == whole
+    cut(monkeypatch, rows, bytes_)
+    assert sum(len(batch.settled) for batch in analyzer.open_capture(FAULTS)) > 0
+    assert told(command, tmp_path, FAULTS, text) == whole

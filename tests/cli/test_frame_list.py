@@ -75,6 +75,7 @@ def test_details_have_them_too(capfd: pytest.CaptureFixture[str], odd: Path) -> 
     assert not any("Time [s]" in line for line in text)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("path", LOGS, ids=lambda path: path.stem)
 def test_every_frame_is_in_one_row_of_either_list(capfd: pytest.CaptureFixture[str], path: Path) -> None:
     every = frames(capfd, path)
@@ -180,6 +181,7 @@ def columns(capfd: pytest.CaptureFixture[str], names: Sequence[str], *args: obje
     return [line.split("\t") for line in text]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("path", LOGS, ids=lambda path: path.stem)
 def test_each_frame_has_the_fields_of_its_transfer(capfd: pytest.CaptureFixture[str], path: Path) -> None:
     """What `-T fields` says of a transfer stands in the row of each of its frames, in no other; rows are the text's."""
@@ -195,6 +197,7 @@ def test_each_frame_has_the_fields_of_its_transfer(capfd: pytest.CaptureFixture[
     assert len({tuple(row[1:]) for row in rows}) > 20
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("text", ["can.id & 0x80", "ESCStatus", "can.flags.err || can.flags.rtr", "!dronecan.type"])
 def test_a_filter_chooses_the_same_frames_in_every_form(capfd: pytest.CaptureFixture[str], text: str) -> None:
     for path in LOGS:
@@ -244,6 +247,7 @@ def test_a_field_that_there_is_not(
     assert said in capfd.readouterr().err
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("name", "full"),
     [("ESCStatus.mode", "ESCStatus.error_count.mode"), ("src", "dronecan.src"), ("data.data", "frame.data")],

@@ -97,6 +97,7 @@ def test_what_is_settled_without_new_frames_is_judged(
     assert found[0] == found[1]
 
 
+@pytest.mark.slow
 def test_the_end_says_what_happened(command: Callable[..., Any], tmp_path: Path) -> None:
     """As `check` does of the recording."""
     path, count = tmp_path / "x.log", frames_of(CAPTURES / "propeller-lost.log")

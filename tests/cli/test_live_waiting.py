@@ -116,6 +116,7 @@ def listed(path: Path, record: Path, text: str, step: int) -> tuple[list[str], l
     return printed.texts, counts
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("step", [500, 100_000])
 @pytest.mark.parametrize("name", ["mission-8-faults.log", "reordering.log", "services.log"])
 def test_the_rows_are_those_of_the_recording(name: str, step: int, command: Command, tmp_path: Path) -> None:
@@ -125,6 +126,7 @@ def test_the_rows_are_those_of_the_recording(name: str, step: int, command: Comm
         assert sorted(rows) == sorted(out.splitlines()), text
 
 
+@pytest.mark.slow
 def test_they_come_when_they_have_waited(tmp_path: Path) -> None:
     """A flight of 20 s: what is found at its start is listed long before its end, what comes too late is not."""
     path = CAPTURES / "esc-failure.mcap"
@@ -136,6 +138,7 @@ def test_they_come_when_they_have_waited(tmp_path: Path) -> None:
         assert all(t <= now - PATIENCE * NS for t in came)
 
 
+@pytest.mark.slow
 def test_what_waits_is_bounded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert MOST_FRAMES > 100_000
     monkeypatch.setattr("analyzer.app.live.waiting.MOST_FRAMES", 500)
@@ -158,6 +161,7 @@ def test_names_are_forgotten() -> None:
     assert names.between(0, 2000) == {980: ["TRF-003"], 985: ["TRF-003"], 990: ["TRF-003"]}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("form", ["text", "jsonl"])
 def test_on_a_bus(form: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     with can.LogReader(FAULTY) as log:

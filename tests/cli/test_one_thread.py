@@ -54,6 +54,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     assert not [thread for thread in threading.enumerate() if thread.name in ("ahead", "judging")]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("capture", ["whole.log", "broken.log.gz"])
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_threads_change_nothing(

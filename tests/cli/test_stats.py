@@ -28,6 +28,7 @@ HOVER, FAULTS, SERVICES = (CAPTURES / f"{name}.log" for name in ("hover-4", "fau
 EACH = {name: name for name in STATISTICS} | {"values": "values,ESCStatus.voltage", "io": "io,0.5,ESCStatus"}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", [name for name in STATISTICS if name != "odd"])  # no ESC of a hover is: see test_odd
 def test_every_statistic_in_every_form(name: str, command: Command) -> None:
     status, out, err = command("stats", EACH[name], HOVER)
@@ -68,6 +69,7 @@ def test_which_one_is_asked_for(command: Command) -> None:
     )
 
 
+@pytest.mark.slow
 def test_several_in_one_reading_are_what_each_is_alone(command: Command) -> None:
     texts = list(EACH.values())
     _, together, _ = command("stats", texts[0], *(part for text in texts[1:] for part in ("-z", text)), FAULTS)
@@ -118,6 +120,7 @@ def test_frames_that_another_capture_repeats_are_told(command: Command) -> None:
     assert "repeated" not in command("stats", "io,0", HOVER)[1]
 
 
+@pytest.mark.slow
 def test_findings_have_the_order_of_check(command: Command) -> None:
     for path in (FAULTS, CAPTURES / "mission-8-faults.log"):
         out = command("check", path)[1]
@@ -197,6 +200,7 @@ def test_windows_and_filters(command: Command) -> None:
     assert 0 < content["frames"] < content["all_frames"]
 
 
+@pytest.mark.slow
 def test_findings_are_those_of_check(command: Command, tmp_path: Path) -> None:
     for where in ([], ["-Y", "node == 12"]):
         command("check", FAULTS, "--json", tmp_path / "report.json", "--force", *where)

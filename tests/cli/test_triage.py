@@ -142,20 +142,21 @@ def test_explain_has_a_page_of_each_verdict(kind: str, capfd: pytest.CaptureFixt
     assert {"For it", "Against", "Near", "Next"} <= {line[:10].strip() for line in text.splitlines()}
 
 
-def test_check_says_it_too(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+@pytest.mark.sampled(6)
+@pytest.mark.parametrize("path", ALL, ids=lambda path: path.name)
+def test_check_says_it_too(capfd: pytest.CaptureFixture[str], tmp_path: Path, path: Path) -> None:
     """The verdict that `check` has in its head is that of `triage`, whatever the number of threads."""
-    for path in ALL:
-        main(["triage", str(path), "--json", str(tmp_path / "triage.json")])
-        found = json.loads((tmp_path / "triage.json").read_text())
-        told = []
-        for threads in ("1", "2"):
-            main(["check", str(path), "--threads", threads, "--json", str(tmp_path / "check.json")])
-            told.append(json.loads((tmp_path / "check.json").read_text())["captures"][0]["triage"])
-        assert told[0] == told[1], path.name
-        assert (told[0] is None) == (not found["flights"]), path.name
-        if told[0] is not None:
-            first = found["verdicts"][0]
-            assert {name: told[0][name] for name in ("kind", "title", "t_ns", "node")} == {
-                name: first[name] for name in ("kind", "title", "t_ns", "node")
-            }
+    main(["triage", str(path), "--json", str(tmp_path / "triage.json")])
+    found = json.loads((tmp_path / "triage.json").read_text())
+    told = []
+    for threads in ("1", "2"):
+        main(["check", str(path), "--threads", threads, "--json", str(tmp_path / "check.json")])
+        told.append(json.loads((tmp_path / "check.json").read_text())["captures"][0]["triage"])
+    assert told[0] == told[1], path.name
+    assert (told[0] is None) == (not found["flights"]), path.name
+    if told[0] is not None:
+        first = found["verdicts"][0]
+        assert {name: told[0][name] for name in ("kind", "title", "t_ns", "node")} == {
+            name: first[name] for name in ("kind", "title", "t_ns", "node")
+        }
     capfd.readouterr()

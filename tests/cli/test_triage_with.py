@@ -32,6 +32,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return capture, log
 
 
+@pytest.mark.slow
 def test_its_words_stand_beside_the_verdict(pair: tuple[Path, Path], command: Command) -> None:
     capture, log = pair
     status, out, err = command("triage", capture, "--with", log)

@@ -67,6 +67,7 @@ def test_a_flight_cell_by_cell() -> None:
     assert 0 < min(ages) < max(ages) < 4 * MS
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", ["hobbywing.log", "mission-8-faults.log"])
 def test_any_cut_gives_the_same(made: Callable[..., Rows], flush: object, name: str) -> None:
     text = b"".join((CAPTURES / name).read_bytes().splitlines(keepends=True)[:400])

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -42,6 +43,7 @@ def said(one: Break | None) -> object:
     return one and (one.start, one.stop, one.period, one.kept, one.lowered)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.lists(REPORTS, min_size=1, max_size=4), st.data())
 def test_together_and_piece_by_piece_they_break_where_each_breaks_alone(kinds: Any, data: st.DataObject) -> None:

@@ -22,6 +22,7 @@ def verdicts(path: Path, text: str) -> tuple[dict[str, object], dict[str, str]]:
     return dict(report.captures[0].can_judge), {one.rule: one.verdict for one in report.rules}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("drops", "errors", "can", "proven"),
     [
@@ -40,6 +41,7 @@ def test_what_it_says_is_proof(
     assert {rule: rules[rule] for rule in proven} == proven
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("text", ["recorded with care", "recorded with drops and luck", "not recorded with drops"])
 def test_other_comments_prove_nothing(tmp_path: Path, text: str) -> None:
     judge, _ = verdicts(tmp_path / "a.log", f"# {text}\n{HOVER}")

@@ -251,6 +251,7 @@ STATEFUL = [
 ]  # fmt: skip
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("text", STATEFUL)
 @pytest.mark.parametrize("size", [2500, 9000])
 def test_batches_of_any_size_give_the_same(text: str, size: int) -> None:

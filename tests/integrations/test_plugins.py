@@ -119,6 +119,7 @@ def test_can_player(suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         assert got.equals(message(record), timestamp_delta=None, check_channel=False, check_direction=False)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("suffix", WRITERS)
 @given(found=captures())
 def test_messages_come_back(suffix: str, found: list[Record], tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from kit.live import START, Lost, Note, Row, cut, made, sessions
@@ -43,6 +44,7 @@ def rows(draw: st.DrawFn) -> list[Row]:
     return found
 
 
+@pytest.mark.slow
 @examples(400)
 @given(rows(), st.lists(st.integers(0, 25), max_size=3))
 def test_a_recording_gives_back_the_same_rows(found: list[Row], cuts: list[int]) -> None:

@@ -108,6 +108,7 @@ def names(told: Sequence[tuple[float, Change]]) -> list[str]:
     return [change.finding.rule for _, change in told if change.fresh and change.finding.severity != "note"]
 
 
+@pytest.mark.slow
 def test_silence_releases_what_waits() -> None:
     """Once a silence, and what comes true is not told again; what the end of a recording means is not told before."""
     slices = round(SILENCE / SLICE)
@@ -125,11 +126,13 @@ def test_silence_releases_what_waits() -> None:
     assert told == final
 
 
+@pytest.mark.slow
 def test_a_finding_ends_the_session_in_silence() -> None:
     assert not lived(1, "-a", "finding:BUS-007")[2]
     assert lived(20, "-a", "finding:BUS-007")[2]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("silent", [0, 20], ids=["the session ends", "the bus falls silent"])
 def test_a_dashcam_records_what_is_known_late(tmp_path: Path, silent: int) -> None:
     path = tmp_path / "a.log"

@@ -177,6 +177,7 @@ def test_a_line_a_day() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_losses_that_go_on_for_a_week_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     """The latest are what explains something."""
     monkeypatch.setattr(events, "LATEST", 100)

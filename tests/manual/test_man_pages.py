@@ -38,6 +38,7 @@ def test_the_wheel_takes_them() -> None:
     assert (ROOT / settings["data"] / "data/share/man").resolve() == man_pages.TARGET.resolve()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")
 def test_groff_has_nothing_to_say_and_a_terminal_holds_every_line() -> None:
     plain = ["-P-c", "-P-b", "-P-o", "-P-u"]

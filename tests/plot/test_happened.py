@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from dissectors import Registry
 
 
+@pytest.mark.slow
 def test_marks_of_a_flight_are_its_events(command: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
     capture, target = CAPTURES / "esc-failure.mcap", tmp_path / "flight.rrd"
     assert command("plot", capture, "-o", target, "--max-points", "all")[0] == 0
@@ -51,6 +52,7 @@ def test_marks_of_a_flight_are_its_events(command: Callable[..., tuple[int, str,
     assert (begin["time"], end["time"], state) == (flight["t_ns"], flight["t_end_ns"], flight["end"])
 
 
+@pytest.mark.slow
 def test_events_without_a_line_of_their_own_are_on_the_bus(
     command: Callable[..., tuple[int, str, str]], tmp_path: Path
 ) -> None:
@@ -65,6 +67,7 @@ def test_events_without_a_line_of_their_own_are_on_the_bus(
     assert set(on_bus.values()) <= loads
 
 
+@pytest.mark.slow
 def test_commands_are_marked_where_they_were(command: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
     capture, target = CAPTURES / "control-lost.log", tmp_path / "flight.rrd"
     assert command("plot", capture, "-o", target, "--max-points", "all")[0] == 0
@@ -99,6 +102,7 @@ def test_a_live_session_marks_what_a_plot_marks(registry: Registry) -> None:
     assert all(values for one, values in told if one.ch is not None)
 
 
+@pytest.mark.slow
 def test_logs_begin_with_their_whole_time(command: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
     target = tmp_path / "flight.rrd"
     assert command("plot", CAPTURES / "esc-failure.mcap", "-o", target)[0] == 0

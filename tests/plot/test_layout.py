@@ -163,6 +163,7 @@ def test_bits_that_were_set_are_in_the_overview() -> None:
     assert "/states/stall/esc1" not in one.under("Overview")["Status bits"]
 
 
+@pytest.mark.slow
 def test_an_esc_has_one_colour() -> None:
     """What is commanded has the same one, only less of it."""
     static = laid(8).drawn.static

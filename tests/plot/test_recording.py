@@ -135,6 +135,7 @@ def test_fewer_points_are_asked_for_by_number(command: Command) -> None:
     assert (min(values), max(values)) == (min(wanted), max(wanted))
 
 
+@pytest.mark.slow
 def test_a_line_has_so_many_points_unless_somebody_asks_for_all(
     command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -57,6 +57,7 @@ def test_every_bit_and_the_mode_of_a_status_word(text: str, drawn: Drawn) -> Non
             assert shown(drawn, f"/states/{flag}/esc{index + 1}") == wanted
 
 
+@pytest.mark.slow
 def test_states_of_a_power_unit_and_of_a_node(text: str, drawn: Drawn) -> None:
     found, first = tables(text)
     rows = [row for row in found["PUSHCAN.MotorStatus"] if row["unit"] == 1]

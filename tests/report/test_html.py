@@ -201,6 +201,7 @@ def test_hostile_texts_are_harmless(text: str) -> None:
     harmless(text)
 
 
+@pytest.mark.slow
 @given(st.text(st.characters(), max_size=80) | st.text("<>&'\"{}%#/=\x00\x1b\u202e\u2028", max_size=40))
 @examples(60)
 def test_any_text_is_harmless(text: str) -> None:

@@ -29,6 +29,7 @@ def browse(page: Path, *flags: str) -> str:
     return subprocess.run(command, capture_output=True, check=True, timeout=120).stdout.decode()
 
 
+@pytest.mark.slow
 def test_a_browser_shows_it(tmp_path: Path) -> None:
     page = tmp_path / "report.html"
     page.write_text(render(samples.faulty()), encoding="utf-8")
@@ -38,6 +39,7 @@ def test_a_browser_shows_it(tmp_path: Path) -> None:
     assert "52 AE 2B 4C 4D 00 00" in seen
 
 
+@pytest.mark.slow
 def test_a_link_opens_its_finding(tmp_path: Path) -> None:
     page = tmp_path / "report.html"
     jump = '<meta http-equiv="refresh" content="0;url=#f2">'
@@ -47,6 +49,7 @@ def test_a_link_opens_its_finding(tmp_path: Path) -> None:
     assert len(opened) == 1
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("text", [samples.HOSTILE[k] for k in (0, 5, 6, 7)], ids=range(4))
 def test_a_browser_obeys_no_name(tmp_path: Path, text: str) -> None:
     """Were a name obeyed, it would leave a mark in the page."""
@@ -58,12 +61,14 @@ def test_a_browser_obeys_no_name(tmp_path: Path, text: str) -> None:
     assert "<title>owned" not in seen
 
 
+@pytest.mark.slow
 def test_a_browser_opens_a_long_report(tmp_path: Path) -> None:
     page = tmp_path / "report.html"
     page.write_text(render(samples.long()), encoding="utf-8")
     assert "5000 findings" in browse(page, "--dump-dom")
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("script", [True, False], ids=["script", "style alone"])
 def test_printing_opens_every_finding(tmp_path: Path, script: bool) -> None:
     written = render(samples.faulty())

@@ -124,6 +124,7 @@ def _speeds(page: Page) -> list[str]:
     return [one["d"] or "" for one in page.all("path") if one["class"] == "strand speed"]
 
 
+@pytest.mark.slow
 def test_several_captures_have_a_section_each(tmp_path: Path) -> None:
     path = tmp_path / "report.html"
     main(["check", str(CRASH), str(CAPTURES / "control-lost.log"), "--html", str(path), "-o", str(tmp_path / "x.json")])

@@ -43,6 +43,7 @@ def test_the_last_look_has_what_the_report_has(name: str, lines: int) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_finding_is_told_once_and_then_as_it_grows() -> None:
     changes, newest = looked("duplicate-node.log", 200)
     (device,) = (one for one in newest.all if one.rule == "BUS-010")

@@ -108,6 +108,7 @@ def up(*since: int, ids: Sequence[int]) -> list[Timed]:
     return [(3000 + 500 * k, alive(half // 2, 11, one)) for k, (half, one) in enumerate(zip(since, ids, strict=True))]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("lost", [3, 10, 24])
 def test_a_restart_has_a_second_witness(lost: int) -> None:
     ids = [*range(31 - lost - 20, 32 - lost), *range(20)]
@@ -328,6 +329,7 @@ def test_a_transfer_that_only_lacks_its_start_is_told_from_a_missing_one(
     assert [(one.type, one.cause) for one in found if one.node == 12] == [(ALIVE, "")]
 
 
+@pytest.mark.slow
 def test_frames_without_a_start_count_only_between_the_transfers_of_their_own_session() -> None:
     def sent(t: int, number: int, src: int = 11, dst: int = 12) -> list[str]:
         fields = {"index": 0, "value": {"empty": {}}, "name": b"a much longer name"}

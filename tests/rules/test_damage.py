@@ -67,6 +67,7 @@ def test_nothing_is_said_of_whole_transfers(type_id: int) -> None:
     assert judged(type_id, sent(type_id, 6)) == []
 
 
+@pytest.mark.slow
 @LAWS
 @given(kinds, st.data())
 def test_frames_that_are_lost_are_one_occurrence(type_id: int, data: st.DataObject) -> None:
@@ -87,6 +88,7 @@ def test_frames_that_are_lost_are_one_occurrence(type_id: int, data: st.DataObje
         assert str(len(frames)) in one.text
 
 
+@pytest.mark.slow
 @LAWS
 @given(kinds, st.data())
 def test_frames_that_are_swapped_are_one_occurrence(type_id: int, data: st.DataObject) -> None:
@@ -98,6 +100,7 @@ def test_frames_that_are_swapped_are_one_occurrence(type_id: int, data: st.DataO
     assert [(one.cause, one.count) for one in said] == [(causes.SWAPPED, 1)]
 
 
+@pytest.mark.slow
 @LAWS
 @given(kinds, st.data())
 def test_a_frame_that_comes_again_later(type_id: int, data: st.DataObject) -> None:
@@ -112,6 +115,7 @@ def test_a_frame_that_comes_again_later(type_id: int, data: st.DataObject) -> No
         assert sum(one.count for one in said if one.cause == causes.REPEATED) == 1
 
 
+@pytest.mark.slow
 @LAWS
 @given(kinds, st.data())
 def test_one_turned_bit_of_the_payload_is_placed(type_id: int, data: st.DataObject) -> None:
@@ -127,6 +131,7 @@ def test_one_turned_bit_of_the_payload_is_placed(type_id: int, data: st.DataObje
     assert one.text.endswith(f"(one bit turned in byte {byte + 1} of frame {place})")
 
 
+@pytest.mark.slow
 @LAWS
 @given(kinds, st.data())
 def test_a_turned_bit_of_a_tail_byte_is_named(type_id: int, data: st.DataObject) -> None:
@@ -172,6 +177,7 @@ def test_a_foreign_frame_inside_leaves_the_rest_right(type_id: int, body: bytes,
     assert any(f"foreign frame {place} inside, the CRC is right without" in one.text for one in said)
 
 
+@pytest.mark.slow
 @LAWS
 @given(kinds, st.integers(0, 0xFFFF))
 def test_a_start_value_that_all_crcs_have_in_common(type_id: int, start: int) -> None:

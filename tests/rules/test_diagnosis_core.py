@@ -158,6 +158,7 @@ WHY = {causes.NOTHING: "", causes.FOREIGN_RIGHT: ": a foreign frame, the CRC is 
        causes.INSIDE: "inside", causes.GONE: "gone"}  # fmt: skip
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("question", range(5))
 @examples(40)
 @given(st.integers(0, 1 << 32))

@@ -67,6 +67,7 @@ def test_what_is_not_searched_is_counted(monkeypatch: pytest.MonkeyPatch) -> Non
     assert turned > sequences > 0 < len(broken) - turned
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("kind", make_faults.KINDS)
 def test_any_cut_gives_the_same(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(budgets, "MOST_SEARCHES", 12)

@@ -63,6 +63,7 @@ def inferred(found: Iterable[Said]) -> list[Said]:
     return [one for one in found if one.rule == "CAP-006"]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("since", [1.0, 2.0, 2.7])
 def test_its_place_is_close_before_the_loss(since: float, tmp_path: Path) -> None:
     """Within the 50 ms that the report's command shows, and not at a frame of a node that sends once in a while."""

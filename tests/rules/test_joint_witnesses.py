@@ -137,6 +137,7 @@ def test_frames_that_come_again_are_no_loss(seed: int, how: str) -> None:
     assert {one.rule for one in found if one.severity != "note"}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("values", [1, 8, 100])
 @pytest.mark.parametrize("seconds", [0.1, 0.4])
 def test_what_says_the_same_again_and_again_may_be_lost(values: int, seconds: float) -> None:

@@ -7,6 +7,7 @@ from collections import Counter
 from functools import cache
 from typing import TYPE_CHECKING
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from kit.judged import judge, outcome, registry
@@ -23,8 +24,6 @@ from analyzer.rules.vehicle.expected import load
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
-
-    import pytest
 
     from analyzer.rules.vehicle.own import OwnRules
 
@@ -107,6 +106,7 @@ def test_it_needs_frames_and_no_transfers(tmp_path: Path) -> None:
     assert "transfers" not in words
 
 
+@pytest.mark.slow
 @given(st.integers(30, 900))
 @examples(3)
 def test_any_cut_gives_the_same(tmp_path_factory: pytest.TempPathFactory, step: int) -> None:

@@ -200,6 +200,7 @@ within = "300 ms"
 """
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("commands", "rpm", "count"),
     [
@@ -280,6 +281,7 @@ def test_what_lasts_is_what_a_plain_loop_says(
         assert counts == expected
 
 
+@pytest.mark.slow
 def test_everywhere(tmp_path: Path, command: Callable[..., tuple[int, str, str]]) -> None:
     path, log = tmp_path / "vehicle.toml", "captures/pack-sag.log"
     path.write_text(TEN)

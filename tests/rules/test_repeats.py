@@ -81,6 +81,7 @@ def lacks(numbers: list[int]) -> list[Lack]:
     ]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("at_once", [1, 600])
 def test_frames_that_came_once_before_are_found(seed: int, at_once: int) -> None:

@@ -96,6 +96,7 @@ def test_a_counter_that_wraps_early_each_time_is_one_finding(top: int) -> None:
     assert (one.text, one.cause) == (f"0 instead of {top + 1}", f"the counter always wraps after {top}")
 
 
+@pytest.mark.slow
 def test_restarts_at_the_same_id_are_restarts_when_the_uptime_says_so() -> None:
     for uptime in (lambda k: k % 16 // 8, lambda _: 0, lambda k: 5 + k % 16):
         sent = [(3000 + k * 100, alive(uptime(k), 11, k % 16)) for k in range(70)]
@@ -232,6 +233,7 @@ def test_a_counter_that_goes_on_beside_ids_that_do_not_count_is_one_of_two_sende
     assert 1990 < _milliseconds(text, one.first) < 2500
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("k", range(1, 4))
 def test_late_copies_are_no_second_sender(k: int) -> None:
     sent = [message(3000 + n * 50, n % 32, status=n) for n in range(100)]

@@ -191,6 +191,7 @@ def loud(text: str) -> list[tuple[str, int]]:
     return [(one.rule, one.node) for one in whole(text, rules, (211,)) if one.severity != "note"]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("pause", [160, 500, 1900])
 def test_a_fast_esc_that_is_away_for_less_than_two_seconds(pause: int) -> None:
     both = [("BUS-025", 11), ("BUS-035", 11)]

@@ -31,6 +31,7 @@ def cut(seed: int) -> list[Timed]:
     return found
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_messages_of_every_length(seed: int) -> None:
     assert outcome(log(*nodes(), *cut(seed)), ["all"]).runs

@@ -96,6 +96,7 @@ def test_an_esc_fails_in_flight() -> None:
     assert health == sorted(health)
 
 
+@pytest.mark.slow
 def test_the_autopilot_stops_commanding() -> None:
     flight = told("command-loss")
     stop = event(flight, "no more RawCommand")
@@ -145,6 +146,7 @@ def test_two_devices_share_a_node_id() -> None:
     assert len(by_node(flight.log, STATUS)) == 3
 
 
+@pytest.mark.slow
 def test_the_pack_sags() -> None:
     flight = told("pack-sag")
     begin = event(flight, "a cell of the pack fails")

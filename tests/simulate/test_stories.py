@@ -148,6 +148,7 @@ def test_every_story_has_a_cause() -> None:
     assert set(catalogue.stories()) == set(KINDS)
 
 
+@pytest.mark.slow
 def test_few_reports_may_leave_it_open() -> None:
     name = f"desync:recovers=yes:{ALONE}"
     fast, slow = (told(name, rate=rate).key["scenario"]["knowable"] for rate in (50, 10))
@@ -169,6 +170,7 @@ def test_in_the_twin_control_is_lost_before_it(name: str) -> None:
     assert max(max(one) - min(one) for one in commands) > 3000, "they spread"
 
 
+@pytest.mark.slow
 def test_without_the_tail_the_recording_ends_at_the_impact() -> None:
     flight = told(f"propeller-lost:{ALONE}")
     assert 0 <= event(flight, "impact") - flight.log.frames[-1].t < SECOND // 100
@@ -191,6 +193,7 @@ def test_what_is_no_setting_is_told(text: str, said: str) -> None:
         catalogue.story_options(text)
 
 
+@pytest.mark.slow
 def test_a_motor_without_its_propeller_is_fast_and_draws_nothing() -> None:
     flight = told(f"propeller-lost:{ALONE}")
     node = truth(flight)["node"]
@@ -200,6 +203,7 @@ def test_a_motor_without_its_propeller_is_fast_and_draws_nothing() -> None:
     assert all(not one["error_count"] & 0xFFF for one in after)
 
 
+@pytest.mark.slow
 def test_a_blocked_motor_stands_and_says_so() -> None:
     flight = told(f"motor-stall:{ALONE}")
     calm, after = reports(flight, truth(flight)["node"])
@@ -208,6 +212,7 @@ def test_a_blocked_motor_stands_and_says_so() -> None:
     assert all(one["error_count"] >> 7 & 1 for one in after)
 
 
+@pytest.mark.slow
 def test_a_motor_out_of_step_loses_speed_and_says_nothing() -> None:
     flight = told(f"desync:recovers=no:{ALONE}")
     calm, after = reports(flight, truth(flight)["node"])
@@ -218,6 +223,7 @@ def test_a_motor_out_of_step_loses_speed_and_says_nothing() -> None:
     assert of([one for one in mine if one.t > t + SECOND], "rpm") > 0.7 * of(reports(back, mine[0].src)[0], "rpm")
 
 
+@pytest.mark.slow
 def test_an_esc_that_limits_itself_gives_less_than_it_is_told() -> None:
     flight = told(f"derating:{ALONE}", escs=8)
     found = truth(flight)
@@ -227,6 +233,7 @@ def test_an_esc_that_limits_itself_gives_less_than_it_is_told() -> None:
     assert mean(told_) > 0.42 * 8191
 
 
+@pytest.mark.slow
 def test_a_heavy_vehicle_needs_all_it_has() -> None:
     flight = told(f"heavy-lift:{ALONE}")
     up = truth(flight)["t_ns"] + 8 * SECOND
@@ -236,6 +243,7 @@ def test_a_heavy_vehicle_needs_all_it_has() -> None:
         assert all(one["power_rating_pct"] > 70 for one in list_ if one.t > up)
 
 
+@pytest.mark.slow
 def test_without_the_pack_all_are_silent_but_the_autopilot() -> None:
     flight = told("pack-lost:distract=no:tail=yes")
     t = truth(flight)["t_ns"]
@@ -243,6 +251,7 @@ def test_without_the_pack_all_are_silent_but_the_autopilot() -> None:
     assert any(one.t > t + SECOND for one in messages(flight.log, "RawCommand"))
 
 
+@pytest.mark.slow
 def test_half_of_the_motors_lose_their_voltage() -> None:
     flight = told(f"two-packs:{ALONE}")
     t = truth(flight)["t_ns"] + 1.2 * SECOND
@@ -254,6 +263,7 @@ def test_half_of_the_motors_lose_their_voltage() -> None:
     assert low[1] < low[2] - 4
 
 
+@pytest.mark.slow
 def test_the_silence_of_a_wire_is_not_a_restart() -> None:
     wire, restart, power = (told(f"{name}:{ALONE}", escs=8) for name in ("esc-wire", "esc-brown-out", "esc-power"))
     for flight, falls in ((wire, False), (restart, True)):
@@ -266,6 +276,7 @@ def test_the_silence_of_a_wire_is_not_a_restart() -> None:
     assert by_node(power.log, STATUS)[truth(power)["node"]][-1].t <= truth(power)["t_ns"]
 
 
+@pytest.mark.slow
 def test_a_deaf_esc_reports_throttle_loss_while_the_bus_carries_it() -> None:
     flight = told(f"deaf-esc:{ALONE}", escs=8)
     _, after = reports(flight, truth(flight)["node"])
@@ -280,6 +291,7 @@ def test_two_escs_report_one_index() -> None:
     assert {one["esc_index"] for one in (*first, *second)} == {0}
 
 
+@pytest.mark.slow
 def test_the_autopilot_restarts() -> None:
     flight = told("autopilot-reboot:distract=no:tail=yes", seed=5)
     uptimes = [one["uptime_sec"] for one in by_node(flight.log, NODE_STATUS)[10]]
@@ -288,6 +300,7 @@ def test_the_autopilot_restarts() -> None:
     assert sorted(uptimes) != uptimes or flight.log.frames[-1].t < event(flight, "restarts") + 5 * SECOND
 
 
+@pytest.mark.slow
 def test_zero_is_commanded_in_the_air() -> None:
     flight = told(f"zero-in-air:{ALONE}")
     after = [one["cmd"] for one in messages(flight.log, "RawCommand") if one.t > truth(flight)["t_ns"] + SECOND // 20]
@@ -295,6 +308,7 @@ def test_zero_is_commanded_in_the_air() -> None:
     assert all(not any(one) for one in after)
 
 
+@pytest.mark.slow
 def test_a_motor_turns_the_wrong_way() -> None:
     flight = told(f"swapped-esc:{ALONE}")
     sane = told(f"control-lost:{ALONE}")
@@ -306,6 +320,7 @@ def test_a_motor_turns_the_wrong_way() -> None:
     assert turning(flight) != turning(sane)
 
 
+@pytest.mark.slow
 def test_the_clock_steps_and_everything_runs_on() -> None:
     flight = told("clock-step")
     times = [frame.t for frame in flight.log.frames]
@@ -317,6 +332,7 @@ def test_the_clock_steps_and_everything_runs_on() -> None:
     assert uptimes == sorted(uptimes)
 
 
+@pytest.mark.slow
 def test_a_gps_receiver_restarts() -> None:
     flight = told("gps-restart")
     assert not by_node(flight.log, STATUS)
@@ -331,6 +347,7 @@ def test_a_gps_receiver_restarts() -> None:
     assert max(b - a for a, b in pairwise(fixes)) > 7 * SECOND
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("count", [4, 6, 8, 12])
 def test_the_loop_brings_any_airframe_back_to_level(count: int) -> None:
     """The law of the physics under the stories: what tilts is level again, and drives away with the wrong sign."""

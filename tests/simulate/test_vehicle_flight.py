@@ -39,6 +39,7 @@ def test_the_voltage_sags_for_all_when_current_flows(flight: Flown) -> None:
         assert max(spread) - min(spread) < 0.8
 
 
+@pytest.mark.slow
 def test_speed_follows_the_throttle(flight: Flown) -> None:
     commands = flight.of("RawCommand")
     times = [one.t + 20 * MILLISECOND for one in commands]

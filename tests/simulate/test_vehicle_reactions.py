@@ -158,6 +158,7 @@ def test_the_checksum_range_of_a_setting() -> None:
     assert set(answered) == {300}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("rate", [50, 0])
 def test_a_report_rate_that_is_set_is_kept(rate: int) -> None:
     flight = after(lambda vehicle: vehicle.configure(1, esc_fdb_rate=rate))

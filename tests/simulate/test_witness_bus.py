@@ -15,5 +15,6 @@ def test_a_motor_that_turns_on_without_throttle_is_in_the_bytes() -> None:
     agree("BUS-038", text_of(run, run.frames()))
 
 
+@pytest.mark.slow
 def test_no_motor_does_that_in_a_clean_flight() -> None:
     assert finder("BUS-038")(clean(seconds=6.0).log) == []

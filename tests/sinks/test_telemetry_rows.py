@@ -93,6 +93,7 @@ def wanted(cell: Any, kind: pa.DataType) -> Any:
     return cell
 
 
+@pytest.mark.slow
 @examples(300, derandomize=True)
 @given(tables())
 def test_google_reads_what_was_written(table: pa.RecordBatch) -> None:

@@ -35,6 +35,7 @@ def log(seed: int, count: int) -> tuple[bytes, list[Frame]]:
     return HEAD + b"".join(record(frame) + PARAMETER for frame in frames), frames
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("size", [1, 50, 1 << 20])
 def test_frames_read_as_they_were_logged(size: int) -> None:
     data, frames = log(1, 300)

@@ -46,6 +46,7 @@ def test_mdf_without_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
 NO_MDF = "capture.mf4: damaged, or not of the kinds of MDF 4 that asammdf reads"
 
 
+@pytest.mark.slow
 def test_what_is_no_mdf_is_refused() -> None:
     """In words of our own, whatever asammdf trips over."""
     data = library_file(".mf4", SAMPLE)
@@ -55,6 +56,7 @@ def test_what_is_no_mdf_is_refused() -> None:
         assert str(caught.value) == NO_MDF
 
 
+@pytest.mark.slow
 def test_a_packed_mdf_that_ends_early_says_where(tmp_path: Path) -> None:
     path = tmp_path / "x.mf4.gz"
     data = gzip.compress(library_file(".mf4", SAMPLE))[:-900]

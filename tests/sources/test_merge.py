@@ -40,6 +40,7 @@ def captures(draw: st.DrawFn) -> list[list[Record]]:
     return out
 
 
+@pytest.mark.slow
 @given(captures(), st.randoms(use_true_random=False))
 @examples(300)
 def test_the_order_is_that_of_the_times(given_: list[list[Record]], chance: random.Random) -> None:

@@ -49,6 +49,7 @@ FILES = {
 }
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("what", FILES)
 def test_what_a_file_is(tmp_path: Path, what: str, capfd: pytest.CaptureFixture[str]) -> None:
     data, names = FILES[what]

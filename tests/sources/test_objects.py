@@ -123,6 +123,7 @@ def test_an_object_gives_what_the_file_gives(tmp_path: Path, name: str) -> None:
     assert path.length == len(data)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", NAMES)
 def test_an_object_that_fails_in_the_middle_is_damaged_there(tmp_path: Path, name: str) -> None:
     data = capture(name)
@@ -137,6 +138,7 @@ def test_an_object_that_fails_in_the_middle_is_damaged_there(tmp_path: Path, nam
     assert found[0] or name in ("a.log.zst", "dataflash.seed", "a.mf4")
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", NAMES)
 def test_an_object_that_can_seek_is_read_again_from_where_it_stood(name: str) -> None:
     data = capture(name)

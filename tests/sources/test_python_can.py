@@ -58,6 +58,7 @@ def left(suffix: str, found: list[Record]) -> list[Record]:
     return [record for record in (kept(suffix, one, start) for one in found) if record is not None]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("suffix", ALL)
 def test_what_python_can_writes(suffix: str) -> None:
     pieces, source = pieces_of(suffix, library_file(suffix, SAMPLE))
@@ -96,6 +97,7 @@ def test_any_traffic_in_any_cut(suffix: str, found: list[Record], size: int) -> 
     assert frames(suffix, library_file(suffix, found), size) == left(suffix, found)
 
 
+@pytest.mark.slow
 @given(captures())
 @examples(10)
 def test_any_traffic_in_mdf(found: list[Record]) -> None:
@@ -125,6 +127,7 @@ def test_an_empty_chunk_is_passed_on(suffix: str) -> None:
     assert records(chunk for chunk in chunks if isinstance(chunk, FrameBatch)) == left(suffix, SAMPLE)
 
 
+@pytest.mark.slow
 def test_formats_are_found_by_content_and_in_zstd(tmp_path: Path) -> None:
     for suffix in ALL:
         path = tmp_path / "capture"

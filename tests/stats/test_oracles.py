@@ -33,6 +33,7 @@ def tshark(path: Path, statistic: str) -> str:
     return done.stdout
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
 @pytest.mark.parametrize("name", LOGS)
 def test_tshark_counts_the_same(name: str, tmp_path: Path) -> None:

@@ -108,6 +108,7 @@ def told(found: dict[str, StatTable]) -> dict[str, Any]:
     return {name: (table.rows, table.total, table.notes) for name, table in found.items()}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("where", ["", "node == 11", "can.len >= 4", "!ESCStatus"])
 def test_any_cut_gives_the_same(where: str, tables: Callable[..., dict[str, StatTable]], flush: object) -> None:
     text = (ROOT / "captures/faults.log").read_bytes()

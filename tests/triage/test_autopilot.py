@@ -70,6 +70,7 @@ def off(found: dict[str, Any], boot: int) -> tuple[int, int]:
     return abs(part["offset_ns"] - boot), part["error_ns"]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("plan", "hz", "first"), [("hover", 10, 1), ("hover", 50, 5), ("mission", 10, 1)])
 def test_its_clock_is_found(plan: str, hz: float, first: int, told: Callable[..., _Told]) -> None:
     text, commands, start = flight(plan, 2, 20) if plan == "mission" else flight()
@@ -106,6 +107,7 @@ def test_any_shift_is_found_again_from_any_cut(
     assert found["parts"] or cut < 0.95 or high - low < 0.8
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("noise", "drift"), [(0.5, 0), (1, 5e-5), (0, -1e-4)])
 def test_noise_and_drift_are_in_its_error(noise: float, drift: float, told: Callable[..., _Told]) -> None:
     text, commands, start = flight("mission", 2, 20)
@@ -137,6 +139,7 @@ def test_wrong_times_in_the_log_hide_nothing(told: Callable[..., _Told]) -> None
     assert far <= error < 6_000_000
 
 
+@pytest.mark.slow
 def test_no_other_flight_is_taken_for_it(told: Callable[..., _Told]) -> None:
     flights = [flight(), flight(seed=2), flight("mission", 2, 20)]
     for text, _, start in flights:

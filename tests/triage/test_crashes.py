@@ -49,6 +49,7 @@ def test_what_began_it_is_the_first_event(name: str, seed: int, escs: int, told:
     assert len(flights) == 1
 
 
+@pytest.mark.slow
 def test_a_healthy_flight_lands_without_an_event(told: Told) -> None:
     run = simulation(24, scenario="landing", seed=3)
     (flight,), events = told(text_of(run, run.frames()).encode())
@@ -56,6 +57,7 @@ def test_a_healthy_flight_lands_without_an_event(told: Told) -> None:
     assert {one["kind"] for one in events} <= {*USUAL, "commands zero"}
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_set_changes_no_flight(told: Told) -> None:
     run = simulation(24, scenario="clock-step", seed=1)
     (flight,), events = told(text_of(run, run.frames()).encode())

@@ -54,6 +54,7 @@ def told(found: OddReport) -> list[tuple[int | None, str, str]]:
     return [(one.ch, one.quantity, one.against) for one in found.odd]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("escs", "hz", "seconds"), [(4, 1, 160), (6, 10, 60), (8, 50, 24)])
 def test_one_takes_more_current_than_before(escs: int, hz: float, seconds: float, judged: Judged) -> None:
     half = seconds / 2
@@ -65,6 +66,7 @@ def test_one_takes_more_current_than_before(escs: int, hz: float, seconds: float
     assert one.gist.endswith("more current than before")
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("escs", "hz", "seconds"), [(4, 1, 160), (6, 10, 60), (8, 50, 24)])
 @pytest.mark.parametrize("seed", [2, 3])
 def test_equal_ones_are_never_odd(escs: int, hz: float, seconds: float, seed: int, judged: Judged) -> None:
@@ -73,6 +75,7 @@ def test_equal_ones_are_never_odd(escs: int, hz: float, seconds: float, seed: in
     assert len(found.compared) == escs
 
 
+@pytest.mark.slow
 def test_one_that_ages_in_a_long_flight(judged: Judged) -> None:
     found = judged(flight(seconds=300, hz=5, odd=lambda esc, t: {"current": 0.12 * t / 300} if esc == 2 else {}))
     (one,) = found.odd
@@ -80,6 +83,7 @@ def test_one_that_ages_in_a_long_flight(judged: Judged) -> None:
     assert 6 < one.difference < 12
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("what", "size", "quantity"), [
     ("speed", -0.04, SPEED), ("degrees", 15, "temperature at equal power"), ("volts", -0.02, "supply voltage"),
 ])  # fmt: skip
@@ -90,6 +94,7 @@ def test_other_quantities(what: str, size: float, quantity: str, judged: Judged)
     assert all(one.difference * size > 0 for one in found.odd if one.quantity == quantity)
 
 
+@pytest.mark.slow
 def test_reports_that_get_lost(judged: Judged) -> None:
     found = judged(flight(seconds=60, hz=30, odd=lambda esc, t: {"lost": 0.1} if esc == 0 and t > 30 else {}))
     assert told(found) == [(1, "lost reports", "own past")]
@@ -104,6 +109,7 @@ def test_different_from_the_start_is_a_fact(judged: Judged) -> None:
     assert one.gist.endswith("than the others, always so")
 
 
+@pytest.mark.slow
 def test_a_coaxial_vehicle(judged: Judged) -> None:
     """Lower motors take more: that is said of all of them together, and one that changes is seen all the same."""
     calm = judged(flight(8, 40, odd=lambda esc, _: {"current": 0.12} if esc > 3 else {}))
@@ -116,6 +122,7 @@ def test_a_coaxial_vehicle(judged: Judged) -> None:
     assert odd.facts
 
 
+@pytest.mark.slow
 def test_two_packs(judged: Judged) -> None:
     """They are told from voltages, also if one of them falls faster; a plug that gets worse is seen in its pack."""
     packs = judged(flight(8, 40, odd=lambda esc, t: {"volts": -(0.015 + 0.0002 * t) * (esc % 2)}))
@@ -132,6 +139,7 @@ def test_an_earlier_flight_is_the_past(judged: Judged) -> None:
     assert (one.since - START) / 1e9 == pytest.approx(46, abs=0.3)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("without", "left"), [
     ("voltage", {CURRENT, SPEED}), ("current", {SPEED}), ("temperature", {CURRENT, SPEED}),
     ("power_rating_pct", {CURRENT, SPEED}), ("rpm", set()),
@@ -158,6 +166,7 @@ def _ageing() -> bytes:
     return flight(4, 30, 20, lambda esc, t: {"current": 0.1 * (esc == 2 and t > 15), "lost": 0.02})
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(0, 1 << 20), max_size=6))
 @examples(10)
 def test_any_cut_gives_the_same(judged: Judged, places: list[int]) -> None:

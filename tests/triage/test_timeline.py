@@ -146,6 +146,7 @@ def test_the_onset_is_on_it_and_it_is_a_minute_at_most(name: str) -> None:
         assert line.end - line.start <= LONGEST
 
 
+@pytest.mark.slow
 def test_of_a_long_flight_it_is_the_minute_around_the_onset_and_the_moment() -> None:
     found = flown("motor-stall", seconds=130, seed=5)
     minute, moment = found.timelines

@@ -15,6 +15,7 @@ def kinds_after(name: str, **more: int) -> set[str]:
     return {one.kind for one in told(name, **more).after}
 
 
+@pytest.mark.slow
 def test_1_a_thrown_propeller_is_propulsion_and_what_saturates_comes_after_it() -> None:
     found = told("propeller-lost:twin=no:tail=yes", seed=12, rate=50)
     assert (found.first.kind, found.first.ch) == ("propulsion", found.primary[0].ch)
@@ -24,16 +25,19 @@ def test_1_a_thrown_propeller_is_propulsion_and_what_saturates_comes_after_it() 
     assert {one.kind for one in found.after} & {"spread", "saturation"}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", [11, 12, 13])
 def test_1_reports_at_10_hz_are_late_and_never_blame_another(seed: int) -> None:
     found = told("propeller-lost:twin=no:tail=yes", seed=seed, rate=10)
     assert found.first.kind in {"propulsion", "unknown"}
 
 
+@pytest.mark.slow
 def test_1_not_if_control_was_lost_before() -> None:
     assert told("propeller-lost:twin=yes:tail=yes", seed=12, rate=50).first.kind in {"control", "unknown"}
 
 
+@pytest.mark.slow
 def test_2_a_desync_that_recovers_is_an_esc_and_not_told_from_a_block() -> None:
     found = told("desync:twin=no:tail=no", seed=21, escs=6, rate=50)
     assert (found.first.kind, found.first.ch) == ("esc", found.primary[0].ch)
@@ -42,11 +46,13 @@ def test_2_a_desync_that_recovers_is_an_esc_and_not_told_from_a_block() -> None:
     assert not any(one.kind == "fault" for one in found.events)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", [11, 12, 13])
 def test_2_at_10_hz_it_may_go_unseen(seed: int) -> None:
     assert told("desync:twin=no:tail=yes", seed=seed, rate=10).first.kind in {"esc", "unknown", "control"}
 
 
+@pytest.mark.slow
 def test_3_a_shaken_plug_is_wiring_and_stopped_reporting() -> None:
     found = told("esc-wire:twin=no:tail=no", seed=15, rate=50)
     assert (found.first.kind, found.first.ch) == ("wiring", found.primary[0].ch)
@@ -63,6 +69,7 @@ def test_3_an_uptime_of_0_is_its_power() -> None:
     assert "starts anew: uptime" in said(found)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("tail", ["yes", "no"])
 def test_4_a_cable_that_is_crushed_at_the_impact_is_a_consequence(tail: str) -> None:
     found = told(f"bus-fails:twin=yes:tail={tail}", seed=16)
@@ -74,6 +81,7 @@ def test_4_one_that_breaks_in_a_calm_flight_is_the_cause() -> None:
     assert told("bus-fails:twin=no:tail=no", seed=16).first.kind == "bus"
 
 
+@pytest.mark.slow
 def test_5_a_brown_out_at_the_impact_is_load_and_a_consequence() -> None:
     found = told("control-lost:tail=yes", seed=3)
     assert found.first.kind == "control"
@@ -109,6 +117,7 @@ def test_7_a_filter_that_diverges_is_lost_control_and_all_that_is_excluded_is_a_
     assert "who decided a command" in found.not_seen
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", [20, 21, 22])
 def test_8_a_landing_in_a_tree_is_nothing_wrong_on_this_bus(seed: int) -> None:
     found = told("tree:tail=yes", seed=seed)
@@ -117,6 +126,7 @@ def test_8_a_landing_in_a_tree_is_nothing_wrong_on_this_bus(seed: int) -> None:
     assert {"attitude", "GPS", "pilot"} <= set(found.not_seen)
 
 
+@pytest.mark.slow
 def test_9_a_heavy_lift_is_thrust_with_every_esc_obeying() -> None:
     found = told("heavy-lift", seed=23)
     assert found.first.kind == "thrust"
@@ -124,6 +134,7 @@ def test_9_a_heavy_lift_is_thrust_with_every_esc_obeying() -> None:
     assert "battery" not in {one.kind for one in found.verdicts}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", [24, 25])
 def test_10_derating_without_a_bit_is_at_most_possible(seed: int) -> None:
     found = told("derating:twin=no:tail=no", seed=seed)
@@ -133,6 +144,7 @@ def test_10_derating_without_a_bit_is_at_most_possible(seed: int) -> None:
     assert not any(one.kind == "fault" for one in found.events)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     "name", ["control-lost:tail=yes", "motor-stall:twin=no:tail=yes", "pack-sag", "esc-power:twin=no"]
 )

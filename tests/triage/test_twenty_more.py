@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 NODE = 12
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", ["duplicate-node", "duplicate-index"])
 def test_11_two_devices_with_one_address(name: str) -> None:
     found = told(name, seed=31)
@@ -23,11 +24,13 @@ def test_11_two_devices_with_one_address(name: str) -> None:
     assert words in found.first.title
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", ["exchanged-esc", "two-interfaces"])
 def test_11_not_if_it_was_exchanged_or_is_seen_on_two_interfaces(name: str) -> None:
     assert told(name, seed=31).first.kind == "none"
 
 
+@pytest.mark.slow
 def test_12_a_motor_that_turns_the_other_way_is_setup_and_at_most_possible() -> None:
     found = told("swap-flights:tail=no", seed=32)
     assert (found.first.kind, found.first.support) == ("setup", "possible")
@@ -35,6 +38,7 @@ def test_12_a_motor_that_turns_the_other_way_is_setup_and_at_most_possible() -> 
     assert "it tips over" in said(found)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", [7, 32, 33])
 def test_12_a_flight_of_less_than_a_second_is_a_flight(seed: int) -> None:
     found = told("swapped-esc:tail=no", seed=seed)
@@ -43,6 +47,7 @@ def test_12_a_flight_of_less_than_a_second_is_a_flight(seed: int) -> None:
     assert found.first.support == "possible"
 
 
+@pytest.mark.slow
 def test_12_not_if_nothing_was_exchanged() -> None:
     assert not any("changed since" in row for row in told("second-flight:tail=no:twin=no", seed=32).first.reasons)
 
@@ -54,12 +59,14 @@ def test_13_what_the_recorder_lost_is_no_evidence() -> None:
     assert not any(one.kind in {"wiring", "bus", "battery", "commands-lost"} for one in found.verdicts)
 
 
+@pytest.mark.slow
 def test_13_a_moment_that_was_not_recorded_cannot_be_told() -> None:
     found = told("blind-crash:tail=no", seed=34)
     assert found.first.kind == "unknown"
     assert "the recorder lost frames when it began" in found.first.title
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("back", ["yes", "no"])
 def test_14_a_clock_that_is_set_is_one_flight_without_a_gap(back: str) -> None:
     found = told(f"clock-step:back={back}", seed=35)
@@ -72,6 +79,7 @@ def test_14_a_clock_that_is_set_is_one_flight_without_a_gap(back: str) -> None:
     assert not any(one.kind in {"gap", "silence"} for one in found.events)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", ["autopilot-dies", "power-cut"])
 def test_15_the_end_of_the_recording_may_be_that_of_the_autopilot(name: str) -> None:
     found = told(name, seed=36)
@@ -80,16 +88,19 @@ def test_15_the_end_of_the_recording_may_be_that_of_the_autopilot(name: str) -> 
     assert "the vehicle's, the recorder's, or the autopilot's if that is the recorder" in fits
 
 
+@pytest.mark.slow
 def test_16_a_pack_that_is_unplugged_after_landing_is_an_event_and_no_cause() -> None:
     found = told("unplugged", seed=37)
     assert (found.first.kind, found.flights[-1].end) == ("none", "landed")
     assert len({one.node for one in found.events if one.kind == "silence" and one.after is None}) == 4
 
 
+@pytest.mark.slow
 def test_16_not_if_it_comes_off_in_the_air() -> None:
     assert told("pack-lost:twin=no:tail=no", seed=37).first.kind == "battery"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["coaxial", "aft-weight"])
 def test_17_what_was_always_so_is_no_cause(name: str) -> None:
     assert told(name, seed=38, escs=8).first.kind == "none"

@@ -66,6 +66,7 @@ def told(
     return analyzer.triage(path)
 
 
+@pytest.mark.slow
 def test_what_follows_lost_control_is_no_cause(tmp_path: Path) -> None:
     """Near miss of esc, wiring and battery: the same stall, but after the commands went apart."""
     found = told(tmp_path, "motor-stall:twin=yes:tail=yes:distract=no", seed=4)
@@ -75,12 +76,14 @@ def test_what_follows_lost_control_is_no_cause(tmp_path: Path) -> None:
     assert (first.first.kind, first.first.ch) == ("esc", first.primary[0].ch)
 
 
+@pytest.mark.slow
 def test_slow_reports_are_no_proof_of_order(tmp_path: Path) -> None:
     """Near miss of propulsion: at 10 reports a second the current tells too late what came first, or just in time."""
     kinds = {told(tmp_path, "propeller-lost:twin=no:distract=no", seed=seed, rate=10).first.kind for seed in (1, 2, 3)}
     assert kinds <= {"propulsion", "unknown"}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("flight", ["hover", "mission"])
 @pytest.mark.parametrize(("seed", "escs"), [(1, 4), (2, 6), (3, 8)])
 def test_healthy_motors_are_as_they_were(flight: str, seed: int, escs: int, tmp_path: Path) -> None:
@@ -92,6 +95,7 @@ def test_healthy_motors_are_as_they_were(flight: str, seed: int, escs: int, tmp_
     assert found.first.kind in {"none", "unknown"}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("size", [1, 97, 4096])
 @pytest.mark.parametrize("name", ["propeller-lost", "deaf-esc", "control-lost", "pack-sag"])
 def test_it_does_not_matter_how_batches_are_cut(

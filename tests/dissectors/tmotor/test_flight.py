@@ -120,6 +120,7 @@ def test_a_window_says_nothing_of_the_end() -> None:
     assert verdicts(Window(frames=(1, 2000)))["CAP-005"] == "INCONCLUSIVE"
 
 
+@pytest.mark.slow
 def test_the_stories_of_the_repository() -> None:
     """What a tired person reads of five flights, and what CI gets."""
     told = {

@@ -32,6 +32,7 @@ def asked(
     return vehicle
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("packet", "unit", "text"),
     [

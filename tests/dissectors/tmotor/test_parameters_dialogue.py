@@ -166,6 +166,7 @@ def test_an_answer_may_have_come_in_a_gap_of_the_capture() -> None:
     assert whole("".join(map(moved, lines)), ("BUS-011",), (7,)) == []
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("address", [{"esc_index": 1}, {"esc_uuid": 0xA1}])
 @pytest.mark.parametrize(("last", "count"), [(8000, 1), (1500, 0)])
 def test_the_addressee_has_to_live(address: dict[str, int], last: int, count: int) -> None:
@@ -182,6 +183,7 @@ def test_the_addressee_has_to_live(address: dict[str, int], last: int, count: in
     assert [one.key.partition("=")[0] for one in said] == ["address"] * count
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("node", "count"), [(11, 1), (12, 0), (13, 0)])
 def test_an_answer_that_cannot_be_read(node: int, count: int) -> None:
     """It counts unless its sender is known as another ESC."""

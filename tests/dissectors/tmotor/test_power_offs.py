@@ -38,6 +38,7 @@ def test_escs_that_fall_silent_together_at_rest_were_switched_off() -> None:
     assert off[0].text == "4 ESCs silent together at 0 rpm, 5.9 s to the end"
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("what", [{"rpm": 900}, {"apart": 2000}, {"stays": 14}, {"last": 8500}])
 def test_escs_that_turn_or_go_one_by_one_have_dropped_out(what: dict[str, int]) -> None:
     vehicle = landed(**what)
@@ -50,11 +51,13 @@ def unanswered(vehicle: Vehicle, at: float) -> list[str]:
     return [one.severity for one in whole(vehicle.finish(), ("BUS-011",), (7,))]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("at", [3070, 3500, 5900, 6500])
 def test_who_has_just_been_switched_off_owes_no_answer(at: float) -> None:
     assert unanswered(landed(), at) == []
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("what", [{"rpm": 900}, {"stays": 14}, {"last": 8500}])
 def test_who_turns_or_goes_on_owes_one(what: dict[str, int]) -> None:
     assert unanswered(landed(**what), 3500) == ["error"]
@@ -99,6 +102,7 @@ def test_a_power_off_is_an_event_and_no_finding(tmp_path: Path) -> None:
     assert all(said in write(report) for write in (html.render, markdown.render))
 
 
+@pytest.mark.slow
 def test_who_is_switched_off_owes_no_answer() -> None:
     off, on = landed(), landed(last=8990)
     for vehicle in (off, on):

@@ -70,6 +70,7 @@ def test_a_restart_that_the_uptime_tells_is_not_told_twice(fell: bool, count: in
     assert len(found(vehicle, "BUS-037")) == count
 
 
+@pytest.mark.slow
 def test_a_restart_is_no_dropout() -> None:
     for powered, count in ((42, 0), (41, 1)):
         vehicle = flying(*[41] * 10)

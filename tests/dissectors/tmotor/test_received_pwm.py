@@ -56,6 +56,7 @@ def test_ten_percent_instead_of_37(status: bool) -> None:
     assert one.text == "ch2 at 37 %, PWM 1130.0 us is 10 % (51 packets in 5.0 s and on)"
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("pwm", "cmd", "count"),
     [

@@ -86,6 +86,7 @@ def test_throttle_that_comes_back_while_it_is_held() -> None:
     assert found(soon, "BUS-017") == []
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("negative", [False, True])
 def test_a_motor_that_turns_on_is_an_error(negative: bool) -> None:
     vehicle = lost(5000)

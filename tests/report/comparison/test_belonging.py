@@ -39,6 +39,7 @@ def moved(sending: Sending, _: int) -> dict[str, Any]:
     return {"src": 33} if sending.node == HOT else {}
 
 
+@pytest.mark.slow
 def test_exchanged_nodes_are_compared_with_themselves(compare: Compare) -> None:
     found = compare(flight(), flight(exchanged))
     pairs = [(one.good, one.bad) for one in found.differences if one.kind == "exchange"]
@@ -69,6 +70,7 @@ def test_another_time_and_length_show_nothing(compare: Compare) -> None:
 # ---- times and lengths -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("row", "wrong"), [(0, 1.0), (6000, START - 3600), (6000, START + 1e6)])
 def test_a_stray_time_stamp_rules_no_order(compare: Compare, row: int, wrong: float) -> None:
     """All but what it breaks itself is as without it."""

@@ -33,6 +33,7 @@ def seconds(t: int | None) -> float:
 # ---- the same --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", [2, 3])
 def test_another_seed_is_noise(compare: Compare, seed: int) -> None:
     found = compare(flight(), flight(seed=seed))
@@ -137,6 +138,7 @@ def silent_from_six(sending: Sending, _: int) -> dict[str, Any] | None:
     return None if sending.node == HOT and sending.t > 6_000_000_000 else {}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("change", "kind", "what", "values"),
     [
@@ -190,6 +192,7 @@ def second_device(sending: Sending, place: int) -> dict[str, Any]:
     return {"src": HOT, "transfer_id": (place + 11) % 32} if other else {}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("ignore", ["", "BUS-010"])
 def test_nothing_is_lost_of_two_devices_behind_one_node_id(compare: Compare, ignore: str) -> None:
     found = compare(flight(), flight(second_device), ignore)
@@ -199,6 +202,7 @@ def test_nothing_is_lost_of_two_devices_behind_one_node_id(compare: Compare, ign
     assert "what node 13 of can0 lost: two devices have this ID in the second capture" in found.cannot
 
 
+@pytest.mark.slow
 def test_where_it_begins(compare: Compare) -> None:
     (one,) = (d for d in compare(flight(), flight(silent_from_six)).differences if d.what == "ESCStatus silent")
     assert (one.weight, one.since, one.node) == ("error", "from", HOT)
@@ -213,6 +217,7 @@ def test_where_it_begins(compare: Compare) -> None:
     assert seconds(one.t_ns) == pytest.approx(3, abs=1)
 
 
+@pytest.mark.slow
 def test_another_rate_in_a_part(compare: Compare) -> None:
     (one,) = (d for d in compare(flight(halved), flight(halved_but_for_a_quarter)).differences if d.kind == "rate")
     assert (one.what, one.weight, one.since, one.node) == ("ESCStatus rate in a part", "warning", "from", HOT)
@@ -223,6 +228,7 @@ def test_another_rate_in_a_part(compare: Compare) -> None:
     assert (one.good_value, one.bad_value) == pytest.approx((30, 15), rel=0.1)
 
 
+@pytest.mark.slow
 def test_an_esc_that_no_longer_reports(compare: Compare) -> None:
     found = compare(flight(), flight(without_status)).differences
     (one,) = (d for d in found if d.what == "ESCStatus")
@@ -234,12 +240,14 @@ def test_an_esc_that_no_longer_reports(compare: Compare) -> None:
     assert seconds(one.t_ns) == pytest.approx(6, abs=0.1)
 
 
+@pytest.mark.slow
 def test_another_reading_of_a_doubtful_field(compare: Compare) -> None:
     (one,) = compare(flight(), flight(unchanged, 1, "TYP-301:node=13")).differences
     assert (one.kind, one.weight, one.who, one.since) == ("reading", "warning", "ch3", "throughout")
     assert (one.what, one.good, one.bad) == ("ESCStatus.temperature read as", "degC", "K")
 
 
+@pytest.mark.slow
 def test_error_frames_that_nobody_recorded_are_not_none(compare: Compare) -> None:
     found = compare(flight(), flight(unchanged, 1, "CAN-004@5")).differences
     told = {one.what: (one.good, one.good_value, one.bad, one.support) for one in found}
@@ -267,6 +275,7 @@ def test_what_all_escs_have_in_common_is_told_once(compare: Compare) -> None:
     assert (one.who, one.node, one.weight) == ("all 4 ESCs", None, "note")
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("order", ["TRF-003@5:node=13", "TYP-306@5:node=13", "TRF-010@5:node=13", "BUS-005@5"])
 def test_a_fault_is_first(compare: Compare, order: str) -> None:
     first = compare(flight(), flight(unchanged, 1, order)).differences[0]
@@ -276,6 +285,7 @@ def test_a_fault_is_first(compare: Compare, order: str) -> None:
     assert first.weight == "error"
 
 
+@pytest.mark.slow
 def test_a_fault_that_announces_itself(compare: Compare) -> None:
     """The ESC gets warm before it says that it is too hot."""
     found = compare(flight(), flight(unchanged, 1, "TYP-305@5:node=13")).differences
@@ -286,6 +296,7 @@ def test_a_fault_that_announces_itself(compare: Compare) -> None:
 # ---- swapped ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("change", [without_node, halved, hotter_later, lossy])
 def test_swapped_sides_are_mirrored(compare: Compare, change: Change) -> None:
     there, back = compare(flight(), flight(change)), compare(flight(change), flight())
