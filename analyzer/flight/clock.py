@@ -141,6 +141,7 @@ class RecordedClock:
         self.last: int | None = None  # time of the last frame
         self._borders = [np.iinfo(np.int64).min]  # frames from which on each shift holds
         self._shifts = [0]
+        self._arrays: tuple[Array, Array] | None = None  # both, until something comes to them
         self._first: int | None = None
         self._count = 0
         self._transfers = Places(*(np.zeros(0, np.int64),) * 5)
@@ -198,6 +199,7 @@ class RecordedClock:
 
     def _trim(self) -> None:
         """Forget where shifts began that no transfer can ask for any more."""
+        self._arrays = None
         if len(self._borders) > 2 * MOST_HOLES:
             del self._borders[1:-MOST_HOLES]
             del self._shifts[1:-MOST_HOLES]
@@ -205,8 +207,11 @@ class RecordedClock:
     def _placed(self, t: Array, frame: Array, frame_end: Array, step: Array) -> Places:
         if len(self._borders) == 1:
             return Places(t, t, frame, frame_end, step)
-        at = np.searchsorted(np.array(self._borders), frame, "right") - 1
-        return Places(t, np.where(t == NO_TIME, NO_TIME, t + np.array(self._shifts)[at]), frame, frame_end, step)
+        if self._arrays is None:
+            self._arrays = np.array(self._borders), np.array(self._shifts)
+        borders, shifts = self._arrays
+        at = np.searchsorted(borders, frame, "right") - 1
+        return Places(t, np.where(t == NO_TIME, NO_TIME, t + shifts[at]), frame, frame_end, step)
 
     @property
     def transfers(self) -> Places:
