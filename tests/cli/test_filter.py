@@ -25,7 +25,6 @@ FAILURE = CAPTURES / "esc-failure.mcap"
 WRONG = "ESCStatus.voltge < 44"
 
 
-@pytest.mark.sampled(4)
 @pytest.mark.parametrize("form", ["jsonl", "json", "csv", "fields"])
 def test_every_form_lists_the_same_rows(command: Command, form: str) -> None:
     more = ["-e", "frame.number"] if form == "fields" else []
@@ -120,7 +119,6 @@ def test_words_that_exist_nowhere(command: Command, tmp_path: Path, text: str, w
         assert not err.startswith("-- 0 of")
 
 
-@pytest.mark.slow
 def test_an_interface_that_did_not_come_is_said(command: Command, tmp_path: Path) -> None:
     text = 'frame.interface_name == "nope" || NodeStatus'
     said = "has no interface 'nope' (it has can0)\n"
@@ -250,7 +248,6 @@ def told(command: Command, *words: object) -> list[str]:
     return out[out.index("\nTime ") :].splitlines()
 
 
-@pytest.mark.sampled(4)
 @pytest.mark.parametrize("path", [FAULTS, BREAK, FAILURE], ids=lambda path: path.stem)
 @pytest.mark.parametrize("text", ["!ESCStatus", "src == 12", "frame.time_relative > 0.5 && src != 12"])
 def test_info_says_what_it_says_of_a_capture_of_what_matches(

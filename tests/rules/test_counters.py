@@ -345,8 +345,3 @@ def test_frames_without_a_start_count_only_between_the_transfers_of_their_own_se
     for other in (sent(400, 4, dst=13), sent(400, 4, src=12, dst=11), sent(400, 7)):
         assert causes(other[1:]) == [""]
     assert causes([], sent(600, 4)[1:]) == [""]
-
-
-@pytest.mark.slow
-def test_a_steady_flight_breaks_nothing() -> None:
-    assert judge(flight(seconds=10), (*IDS, "TRF-028")) == []
