@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit.encode import Transfer, transfer
-from kit.judged import Said, judge, outcome, proved, whole
+from kit.judged import Said, outcome, proved, whole
 from kit.simulated import flight
 from kit.traffic import ALIVE, Timed, alive, log
 
