@@ -189,8 +189,9 @@ def _table(registry: Registry, name: str, table: TomlTable) -> str:
     """Return the table that is meant."""
     message, _, packet = name.rpartition(".")
     try:
-        carrier = "" if (found := registry.known_table(name)) else registry.known_table(message)
-        return found or (f"{carrier}.{packet}" if carrier else registry.table(name))
+        if registry.named(message) and not registry.named(name):
+            return f"{registry.table(message)}.{packet}"
+        return registry.table(name)
     except UnknownNameError as error:
         table.fail(str(error))
 

@@ -139,28 +139,25 @@ class Registry:
 
     def table(self, name: str) -> str:
         """Return the name of that message's table, without compiling it. Raises `UnknownNameError`."""
-        if found := self.known_table(name):
-            return found
+        tables = self.named(name)
+        if len(tables) == 1:
+            return tables[0]
+        if tables:
+            raise UnknownNameError(name, tuple(tables), several=True)
         import difflib  # noqa: PLC0415 - costs 4 ms that only a mistyped name is worth
 
         near = difflib.get_close_matches(name, [known.rpartition(".")[2] for known in self._known], n=3)
         raise UnknownNameError(name, tuple(dict.fromkeys(near)), several=False)
 
-    def known_table(self, name: str) -> str:
-        """Return the same, or nothing for a name that no message has. Raises `UnknownNameError` if several have it."""
+    def named(self, name: str) -> list[str]:
+        """Return the tables that `table` would choose from: one if it is unique, none for a name that nothing has."""
         lower = name.lower()
         ways: tuple[Callable[[], Iterable[str]], ...] = (
             lambda: self._known.get(name, ()),
             lambda: self._ending(lambda known: known.endswith(f".{name}")),
             lambda: self._ending(lambda known: known.lower() == lower or known.lower().endswith(f".{lower}")),
         )
-        for matching in ways:
-            tables = sorted(set(matching()))
-            if len(tables) == 1:
-                return tables[0]
-            if tables:
-                raise UnknownNameError(name, tuple(tables), several=True)
-        return ""
+        return next((tables for matching in ways if (tables := sorted(set(matching())))), [])
 
     def _ending(self, matches: Callable[[str], bool]) -> Iterator[str]:
         return (table for known, tables in self._known.items() if matches(known) for table in tables)
