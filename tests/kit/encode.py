@@ -1,8 +1,7 @@
 """An independent DroneCAN sender for tests: it shares no code and no tables with the analyzer.
 
-Read upwards from `Transfer.frames`: fields become bits (`encode`), bits a payload (`transfer`), a payload frames,
-frames lines of candump. The layouts below were written from the document by hand; test_encode.py compares them
-with the golden vectors and with pydronecan.
+Read upwards from `Transfer.frames`: fields become bits, bits a payload, a payload frames, frames lines of candump. The
+layouts were written from the document by hand; test_encode.py compares them with golden vectors and pydronecan.
 """
 
 from __future__ import annotations
@@ -334,8 +333,7 @@ def console_line(frame: Frame, stamp: str = "", since: int = 0, extra: bool = Fa
     """One line of candump on a terminal: `stamp` as -t (a, d, z, A), `since` for d and z, `extra` -x, `text` -a."""
     when = seconds(frame.t, 6, 10) if stamp == "a" else seconds(frame.t - since, 6, 3)
     if stamp == "A":
-        when = datetime.fromtimestamp(frame.t // 10**9, UTC).strftime("%Y-%m-%d %H:%M:%S")
-        when += f".{frame.t // 1000 % 10**6:06}"
+        when = f"{datetime.fromtimestamp(frame.t // 10**9, UTC):%Y-%m-%d %H:%M:%S}.{frame.t // 1000 % 10**6:06}"
     size = f"[{len(frame.data):02}]" if frame.fd else f" [{frame.dlc or 0 if frame.remote else len(frame.data)}]"
     mode = ("- -", "B -", "- E", "B E")[frame.flags & 3 if frame.fd else 0]
     info = f"  {'TX' if frame.direction == 'T' else 'RX'} {mode}" if extra else ""

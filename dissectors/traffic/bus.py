@@ -1,24 +1,18 @@
-"""The vocabulary of simulated traffic: what a vehicle sends, and what can be done to it on the way.
-
-A dissector's folder may hold a vehicle and the faults of its own fields; `analyzer.simulate` runs them. Both sides
-speak in the terms below, so that neither imports the other. Times are integer nanoseconds from the simulation's start.
-"""
+"""What a vehicle sends, who sends it, and the world in which that happens."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from enum import Enum
 from typing import TYPE_CHECKING, Any, Protocol
 
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from random import Random
 
     from dissectors.schema import Message
 
 Values = dict[str, Any]
-Setting = int | float | str
 
 # The lowest priority that there is (4.1.2).
 LOWEST = 31
@@ -197,162 +191,8 @@ class World(Protocol):
         """Return the data type of a name."""
 
 
-class Step(Enum):
-    """The fate of a fault when a transfer came along: not this one, part of it done, all done."""
-
-    SKIP = 0
-    MORE = 1
-    DONE = 2
-
-
-class Case(Protocol):
-    """One fault that was asked for, at work."""
-
-    options: Mapping[str, Setting]
-    random: Random
-    world: World
-    vehicle: Any
-    answer: Answer
-    state: dict[str, Any]
-
-    def say(self, done: str) -> None:
-        """Tell the answer key what was done."""
-
-    def mark(self, what: Sending | SimulatedFrame) -> None:
-        """List this frame, or the frames of this transfer, in the answer."""
-
-    def watch(self, wanted: Callable[[Sending], bool], until: int | None = None) -> None:
-        """List the frames of every transfer from now on whose values are `wanted`."""
-
-    def touch(self, stage: str, do: Callable[[Case, Sending], Step]) -> None:
-        """Try `do` on the coming transfers at this stage (`values`, `transfer`, `frames`) until it is done."""
-
-
-@dataclass(frozen=True, slots=True)
-class Truth:
-    """The cause that a story is about: its `kind`, and where; `channels` count from 1.
-
-    `knowable` are the verdicts that a reader of the bus may come to first: it may not be able to tell some apart, or
-    cannot tell at all (`unknown`). The cause began at `t` (ns), `stamp` by the recorder's clock; the bus has
-    shown it `within` so many ns.
-    """
-
-    kind: str
-    t: int
-    stamp: int
-    within: int
-    knowable: tuple[str, ...]
-    nodes: tuple[int, ...]
-    channels: tuple[int, ...]
-
-
-class Story(Protocol):
-    """A scenario while it happens."""
-
-    random: Random
-    world: World
-    vehicle: Any
-
-    def tell(self, what: str) -> None:
-        """Tell that `what` happens now."""
-
-    def choose(self, option: str, likely: float) -> bool:
-        """Return what was asked for by an option of the scenario, else what the dice say."""
-
-    def settle(
-        self,
-        kind: str,
-        knowable: tuple[str, ...] = (),
-        *,
-        nodes: tuple[int, ...] = (),
-        channels: tuple[int, ...] = (),
-        within: int = 0,
-    ) -> None:
-        """Tell the true cause of what comes, from now on, which the bus shows `within` so many ns; see `Truth`.
-
-        Without `knowable` the cause alone is right.
-        """
-
-    def case(self, rule: str, done: str, also: tuple[str, ...] = ()) -> Case:
-        """Return a breach of `rule` that the story brings: an answer of its own in the key, from now on."""
-
-
-Touch = Callable[[Case, Sending], Step]
-Start = Callable[[Case], None]
-Fits = Callable[[Sending], bool]
-
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """A fault named by the `rule` that it must trigger; `title` says what it does.
-
-    Exactly one of four says how: `values`, `transfer` or `frames` change the first transfer that `fits` (before it is
-    encoded, before it is cut into frames, before it is sent), `start` does something at its time. `options` are the
-    settings that it takes, with their defaults; `choices` lists what a text may be, `limits` the least and the
-    most of a number. Rules in `also` may fire for the
-    same reason. Who listens does not get a transfer that `transfer` or `frames` changed, unless the fault is
-    `harmless`. The answer lists all frames of what was changed, or if the fault is `exact` only those that it marks. It
-    `lasts` so many ns, which the flight has to go on for, so that a receiver can know. What only a whole capture can
-    show is `early`: it begins before anything is sent. What ends the capture is `late`: without a time, at its end.
-    """
-
-    rule: str
-    title: str
-    values: Touch | None = None
-    transfer: Touch | None = None
-    frames: Touch | None = None
-    start: Start | None = None
-    fits: Fits | None = None
-    options: Mapping[str, Setting] = field(default_factory=dict)
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    also: tuple[str, ...] = ()
-    harmless: bool = False
-    exact: bool = False
-    lasts: int = 0
-    early: bool = False
-    late: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Scenario:
-    """A story that a capture tells; `start` lets it happen in a flight of its `flight` with at `least` some ESCs.
-
-    A capture without any of its `rules` does not tell it. `options` are what may be said to be so or not so, which
-    the dice decide otherwise.
-    """
-
-    name: str
-    title: str
-    story: str
-    start: Callable[[Story], None]
-    flight: str = "hover"
-    seconds: float = 8.0
-    least: int = 1
-    rules: tuple[str, ...] = ()
-    options: tuple[str, ...] = ()
-
-
 def next_id(node: BusNode, table: str, dst: int | None = None) -> int:
     """Return the transfer ID of a node's next transfer of a type, which is then taken."""
     found = node.transfer_ids.get((table, dst), 0)
     node.transfer_ids[table, dst] = (found + 1) % 32
     return found
-
-
-def of(*names: str) -> Fits:
-    """Return a test for transfers of these types, by table name."""
-    return lambda sending: sending.message.table in names
-
-
-def change(case: Case, stage: str, fits: Fits, do: Touch) -> None:
-    """Let `do` change the next transfers that fit, until it is done; the answer lists what it did not skip."""
-
-    def touch(case: Case, sending: Sending) -> Step:
-        step = Step.SKIP if sending.changed or not fits(sending) else do(case, sending)
-        if step is not Step.SKIP:
-            case.mark(sending)
-            sending.changed = True
-        return step
-
-    case.touch(stage, touch)
