@@ -74,8 +74,9 @@ def pytest_runtest_teardown() -> Generator[None]:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Make parameters of `sampled` tests slow, all but the first and each so-manieth after it.
 
-    With `--share N` only one in N of those that became slow is left, and of other slow tests, but for laws, every
-    second one: others for each seed. The guest, which takes longest and waits most of the time, begins at once.
+    With `--share N` only one in N of those that became slow is left, one in N of the parameters of other slow tests,
+    but for laws, and every second one of those without parameters: others for each seed. The guest, which takes longest
+    and waits most of the time, begins at once.
     """
     items.sort(key=lambda item: item.path.name != GUEST)
     share, seed = config.getoption("--share"), config.getoption("--seed")
@@ -90,8 +91,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                 if crc32(item.nodeid.encode()) % share != seed % share:
                     spared.add(item)
             seen[name] += 1
-        elif share > 1 and _waits_its_turn(item) and crc32(item.nodeid.encode()) % 2 != seed % 2:
-            spared.add(item)
+        elif share > 1 and _waits_its_turn(item):
+            turns = share if hasattr(item, "callspec") else 2
+            if crc32(item.nodeid.encode()) % turns != seed % turns:
+                spared.add(item)
     if spared:
         config.hook.pytest_deselected(items=list(spared))
         items[:] = [item for item in items if item not in spared]
