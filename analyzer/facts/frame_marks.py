@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from errno import ENAMETOOLONG, ENOENT, ENOTDIR
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 SUFFIX = ".marks.toml"
+_NO_FILE = (ENOENT, ENOTDIR, ENAMETOOLONG)  # a capture's name may be too long for a suffix
 _MOST_TEXT = 4096  # characters of a comment
 _MOST = 100_000
 
@@ -86,9 +88,9 @@ def read_marks(path: Path) -> dict[int, Mark]:
     """Return the marks of a file by frame, none if there is no file. Raises `MarksError`."""
     try:
         text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        return {}
     except (OSError, UnicodeDecodeError) as error:
+        if isinstance(error, OSError) and error.errno in _NO_FILE:
+            return {}
         raise MarksError(f"{path}: {error.strerror if isinstance(error, OSError) else error}") from None
     import tomllib  # noqa: PLC0415 - most captures have no marks
 

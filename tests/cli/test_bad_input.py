@@ -127,7 +127,6 @@ def test_windows_that_do_not_fit_the_capture(command: Command, tmp_path: Path) -
     assert command("decode", timeless, "--frames", "1")[0] == 0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("do", ["decode", "info"])
 def test_names_that_cannot_be_read(command: Command, do: str, tmp_path: Path) -> None:
     for name, reason in (
@@ -142,6 +141,12 @@ def test_names_that_cannot_be_read(command: Command, do: str, tmp_path: Path) ->
         done = run(do, name, env={"PYTHONUTF8": "1"})
         assert (done.returncode, done.stdout) == (3, b"")
         assert done.stderr.decode() == f"tailbyte: {shown}: No such file or directory\n"
+
+
+def test_a_name_may_leave_no_room_for_that_of_marks(command: Command, tmp_path: Path) -> None:
+    name = tmp_path / ("x" * 251 + ".log")
+    name.write_bytes(HOVER.read_bytes())
+    assert command("decode", "-c", "3", name)[0] == 0
 
 
 @pytest.mark.sampled(3)
