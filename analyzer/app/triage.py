@@ -36,6 +36,7 @@ def triage(
     same_bus: bool = False,
     dissectors_: Sequence[Path] = (),
     trust_dissectors: bool = False,
+    drawn: bool = False,
 ) -> Triage:
     """Return what happened in captures, which are parts of one recording or of one vehicle: they are merged by time.
 
@@ -45,6 +46,7 @@ def triage(
         same_bus: recordings of one bus, of which what repeats is left out.
         dissectors_: folders with further data types.
         trust_dissectors: run the Python that these folders bring.
+        drawn: keep what time lines are drawn from, in `timelines`.
 
     A capture that is damaged is read as far as that goes. Raises `CaptureError` for one that cannot be opened, and
     `ValueError` for arguments that make no sense (`ProfileError` is such).
@@ -58,7 +60,7 @@ def triage(
         tuple(map(given, captures)), Plan(same_bus=same_bus), folders, folders if trust_dissectors else (),
         rules=RuleChoice(dialects=chosen),
     ))  # fmt: skip
-    looked = RunTriage(run)
+    looked = RunTriage(run, drawn=drawn)
     with suppress(CaptureError):  # what was readable has been looked at
         for _ in looked.over(run.inside()):
             pass
