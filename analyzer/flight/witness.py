@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
+    from analyzer.flight.autopilot.side import AutopilotSide
     from analyzer.flight.clock import RecordedClock
     from analyzer.flight.extents import EscExtent
     from analyzer.flight.flights import Flight
@@ -78,6 +79,11 @@ class Witness:
     def autopilot(self) -> dict[str, Any] | None:
         """What became of the autopilot's log, after `events`; None without one."""
         return self._finder.autopilot
+
+    @property
+    def side(self) -> AutopilotSide | None:
+        """What the autopilot's log measured in the time of the capture, after `events`; None if that is not known."""
+        return self._finder.side
 
     @property
     def more(self) -> int:

@@ -8,7 +8,9 @@ from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.case import Case
 from analyzer.flight.verdict.exclusions import could_not_see, excluded, looked_at, recorder_lines
+from analyzer.flight.verdict.logged import Logged
 from analyzer.flight.verdict.model import SUPPORTS, Verdict
+from analyzer.flight.verdict.said import Onset
 from analyzer.flight.verdict.troubles import troubles
 from dissectors.records import dataclass
 from dissectors.times import SECOND
@@ -53,8 +55,13 @@ class Judgement:
     began: int
 
 
-def judge(witness: Witness, events: Sequence[FlightEvent], flight: Flight, border: int) -> Judgement:
-    """Judge a flight; `border` is where the next one begins, or the recording ends (recorded time)."""
+def judge(
+    witness: Witness, events: Sequence[FlightEvent], flight: Flight, border: int, words: Sequence[FlightEvent] = ()
+) -> Judgement:
+    """Judge a flight; `border` is where the next one begins, or the recording ends (recorded time).
+
+    `words` are those of the autopilot's own log: they speak for or against what the bus tells, and tell no cause.
+    """
     case = Case(witness, events, flight, border)
     found = [one for one in troubles(case) if _matters(case, one)]
     verdicts = _verdicts(case, found)
@@ -67,16 +74,22 @@ def judge(witness: Witness, events: Sequence[FlightEvent], flight: Flight, borde
         if one not in primary and one.first.ran >= began and one.kind not in _ORDINARY and verdicts[0].kind != "none"
     ]  # fmt: skip
     earlier = [one for one in case.events if one not in primary and one.first.ran < began and one.kind not in _ORDINARY]
-    return Judgement(
-        verdicts,
-        primary,
-        after,
-        earlier,
-        excluded(case, verdicts[0], began),
-        looked_at(case),
-        recorder_lines(case),
-        began,
-    )
+    facts = list(excluded(case, verdicts[0], began))
+    if words or witness.side is not None:
+        log, onset = Logged(case, witness.side, words), _onset(case, shown, first)
+        facts += log.excluded(verdicts[0], onset)
+        heard = {id(one): log.heard(one, onset) for one in (verdicts[0], shown)}
+        verdicts = [heard.get(id(one), one) for one in verdicts]
+    return Judgement(verdicts, primary, after, earlier, facts, looked_at(case), recorder_lines(case), began)
+
+
+def _onset(case: Case, shown: Verdict, first: Trouble | None) -> Onset:
+    """Return between which times a verdict began; what is so all the time, and nothing, are told by the end."""
+    if first is not None and first.kind not in _STATES:
+        return Onset(first.low, first.high)
+    if shown.kind in {"control", "setup"} and case.excursion is not None:
+        return Onset(case.excursion.start, case.excursion.stop)
+    return Onset(case.stop, case.stop)
 
 
 def _began(case: Case, verdict: Verdict, first: Trouble | None) -> int:

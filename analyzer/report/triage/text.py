@@ -162,7 +162,8 @@ class _Screen:
 
     def _seen(self) -> Iterator[str]:
         if self._found.not_seen:
-            yield from self._row("Not on CAN", f"{', '.join(self._found.not_seen)}.  Add --with flight.bin")
+            more = "" if self._found.autopilot is not None else ".  Add --with flight.bin"
+            yield from self._row("Not on CAN", f"{', '.join(self._found.not_seen)}{more}")
 
     def _next(self) -> Iterator[str]:
         for label, command in zip(
