@@ -115,6 +115,7 @@ class RunTriage:
         names = " ".join(quote(name) for name in self._run.request.names)
         if verdict.t_end is None or verdict.kind == "none":
             return [f"tailbyte check {names}", f"tailbyte events {names}"]
+        at = f" --at {verdict.frame + 1}" if verdict.frame is not None else ""
         around = f" --around {verdict.frame + 1}+-{_AROUND}" if verdict.frame is not None else ""
         chosen = f" --flight {flight.number}" if flight is not None else ""
-        return [f"tailbyte decode {names}{around}", f"tailbyte plot {names}{chosen}"]
+        return [f"tailbyte view {names}{at}", f"tailbyte decode {names}{around}", f"tailbyte plot {names}{chosen}"]

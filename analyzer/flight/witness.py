@@ -10,6 +10,7 @@ from analyzer.flight.flights import FlightFinder
 from analyzer.flight.odd.finder import OddFinder
 from analyzer.flight.pulse import CommandPulse
 from analyzer.flight.senders import LossesBySecond
+from analyzer.flight.supply_lows import SupplyLows
 from analyzer.flight.timeline.courses import Courses
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ class Witness:
         self.pulse = CommandPulse(self.clock, self._finder.commands)
         self.losses = LossesBySecond(self.clock)
         self._extents = EscExtents(self._finder.order)
+        self.supply = SupplyLows(self._finder.order)
         self.courses = Courses(self._finder.order, self._finder.commands) if drawn else None
         self._odd = OddFinder(self.clock, self._finder.escs)
 
@@ -55,6 +57,7 @@ class Witness:
         self.pulse.feed()
         self.losses.feed(batch)
         self._extents.feed(batch)
+        self.supply.feed(batch)
         if self.courses is not None:
             self.courses.feed(batch)
         self._odd.feed()

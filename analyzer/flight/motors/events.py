@@ -138,6 +138,8 @@ class MotorEvents(ReportEvents):
         plot = next(plot for plot in self._plots if plot.table == table)
         sign, speed, current, reported = _told(memory)
         words = _WORDS[sign] if speed > _STANDS else "it stands"
+        if sign == UNLOADED and current > threshold("motor_bare"):
+            words = "a part of its load is gone"
         text = f"speed {_change(speed)}, current {_change(current)} at such a command: {words}"
         if sign == UNDRIVEN and isfinite(reported):
             text += f" (it reports {100 * reported:.0f} % of what is commanded)"

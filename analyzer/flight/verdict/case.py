@@ -56,7 +56,7 @@ class Case:
 
     def __init__(self, witness: Witness, events: Iterable[FlightEvent], flight: Flight, border: int) -> None:
         self.flight, self.pulse, self.losses, self.clock = flight, witness.pulse, witness.losses, witness.clock
-        self._commands = witness.command_types
+        self._commands, self.supply = witness.command_types, witness.supply
         self.start, self.stop, self.border = flight.first.ran, flight.last.ran, border
         self.events = [one for one in events if self.start <= one.first.ran <= border]
         self.before = [one for one in events if one.first.ran < self.start]

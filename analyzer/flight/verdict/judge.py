@@ -248,7 +248,8 @@ def _control(case: Case, lost: Excursion, found: list[Trouble]) -> Verdict:
     t = (event.before or event.first).t
     if lost.start - case.start <= lasting("tip"):
         esc = case.esc_of(int(event.values.get("highest_ch", 0)))
-        reasons.append(f"it tips over {(lost.start - case.start) / SECOND:.1f} s after the motors began to turn")
+        took = max(0.1, (lost.start - case.start) / SECOND)
+        reasons.append(f"it tips over within {took:.1f} s of the motors turning")
         if esc is not None:
             reasons.append(f"ch{esc.ch} is commanded up most, in vain: it lifts least, or the wrong way")
         reasons += [*case.changed(), *case.turning()]
@@ -276,11 +277,23 @@ def _end(case: Case) -> Verdict:
     if flight.end == "cut" and len(case.joint) >= threshold("joint_often"):
         holes = f"{len(case.joint)} times several senders are silent together, and their transfer IDs run on"
         return Verdict("recorder", _LOSSY, _LIKELY, reasons=(holes, f"{seen}, as far as it was recorded"))
+    if not over and (slowest := max((case.period(*node) for node in case.esc_nodes), default=0)):
+        before = f"an ESC or motor that failed more than {slowest / SECOND:.2f} s before; a sag of the pack before"
+    else:
+        before = ""
     would = ("would tell", "the autopilot's own log; a recorder with a battery of its own; error frames (candump -e)")
-    then = "the recording ends" if flight.end == "cut" else "the reports end, and others go on"
+    at_once = ", for every sender at once" if _at_once(case) else ""
+    then = f"the recording ends{at_once}" if flight.end == "cut" else "the reports end, and others go on"
     notes = [("last seen", f"{seen}; then {then}"), *([("fits", _FITS)] if flight.end == "cut" else [])]
+    notes += [("does not", before)] if before and flight.end == "cut" else []
     notes += [*could_not_see(case), would]
     return Verdict(
         "unknown", "cannot tell: the recording ends in flight" if flight.end == "cut" else "cannot tell",
         _POSSIBLE, t=flight.last.t, t_end=flight.last.t, frame=flight.frame_end, notes=notes,
     )  # fmt: skip
+
+
+def _at_once(case: Case) -> bool:
+    """Return whether every sender went on to the end, as far as its own period tells."""
+    told = [one for one in case.paces if one.usual]
+    return len(told) > 1 and all(case.border - one.last <= 2 * one.usual + STEP for one in told)
