@@ -10,6 +10,7 @@ from analyzer.flight.flights import FlightFinder
 from analyzer.flight.odd.finder import OddFinder
 from analyzer.flight.pulse import CommandPulse
 from analyzer.flight.senders import LossesBySecond
+from analyzer.flight.setups import Setups
 from analyzer.flight.supply_lows import SupplyLows
 from analyzer.flight.timeline.courses import Courses
 
@@ -46,7 +47,7 @@ class Witness:
         self.pulse = CommandPulse(self.clock, self._finder.commands)
         self.losses = LossesBySecond(self.clock)
         self._extents = EscExtents(self._finder.order)
-        self.supply = SupplyLows(self._finder.order)
+        self.supply, self.setups = SupplyLows(self._finder.order), Setups(self._finder.order)
         self.courses = Courses(self._finder.order, self._finder.commands) if drawn else None
         self._odd = OddFinder(self.clock, self._finder.escs)
 
@@ -58,6 +59,7 @@ class Witness:
         self.losses.feed(batch)
         self._extents.feed(batch)
         self.supply.feed(batch)
+        self.setups.feed(batch)
         if self.courses is not None:
             self.courses.feed(batch)
         self._odd.feed()

@@ -56,12 +56,13 @@ class Case:
 
     def __init__(self, witness: Witness, events: Iterable[FlightEvent], flight: Flight, border: int) -> None:
         self.flight, self.pulse, self.losses, self.clock = flight, witness.pulse, witness.losses, witness.clock
-        self._commands, self.supply = witness.command_types, witness.supply
+        self._commands, self.supply, self.setups = witness.command_types, witness.supply, witness.setups
         self.start, self.stop, self.border = flight.first.ran, flight.last.ran, border
         self.events = [one for one in events if self.start <= one.first.ran <= border]
         self.before = [one for one in events if one.first.ran < self.start]
         telling = [one for one in witness.escs if one.last >= self.start and one.first <= border]
         self.escs: list[EscExtent] = telling
+        self.earlier_escs: list[EscExtent] = [one for one in witness.escs if one.last < self.start]
         self.paces: list[SenderPace] = [one for one in witness.paces if one.last >= self.start and one.first <= border]
         self.esc_nodes: set[Node] = {(one.bus, one.node) for one in telling}
         self.escs_by_channel = {one.ch for one in telling if one.ch is not None}
@@ -78,6 +79,11 @@ class Case:
         """Return who reports as a channel, None if nobody does, or several."""
         found = [one for one in self.escs if one.ch == ch]
         return found[0] if len({(one.bus, one.node) for one in found}) == 1 else None
+
+    def name(self, node: Node) -> str:
+        """Return what people call an ESC: its channel, if it has one alone."""
+        chs = {one.ch for one in self.escs if (one.bus, one.node) == node and one.ch is not None}
+        return f"ch{chs.pop()}" if len(chs) == 1 else f"node {node[1]}"
 
     @property
     def commanded(self) -> bool:

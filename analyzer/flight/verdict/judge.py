@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.case import Case
+from analyzer.flight.verdict.exchanged import exchanged
 from analyzer.flight.verdict.exclusions import could_not_see, excluded, looked_at, recorder_lines
 from analyzer.flight.verdict.logged import Logged
 from analyzer.flight.verdict.model import SUPPORTS, Verdict
 from analyzer.flight.verdict.said import Onset
 from analyzer.flight.verdict.troubles import troubles
-from dissectors.records import dataclass
+from dissectors.records import dataclass, replace
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
@@ -65,6 +66,9 @@ def judge(
     case = Case(witness, events, flight, border)
     found = [one for one in troubles(case) if _matters(case, one)]
     verdicts = _verdicts(case, found)
+    if verdicts[0].kind == "setup":
+        more = tuple(exchanged(case, witness.flights()))
+        verdicts = [replace(verdicts[0], reasons=(*verdicts[0].reasons, *more)), *verdicts[1:]]
     shown = verdicts[1] if not verdicts[0].told and len(verdicts) > 1 else verdicts[0]
     first = next((one for one in found if one.kind == shown.kind and one.node == shown.node), None)
     began = _began(case, verdicts[0], first)
