@@ -21,9 +21,9 @@ _SEVERAL = 6  # values, of which the spread inside of two groups is known well e
 def layers(level: Array, least: float, tolerated: float, chs: Sequence[int | None] = ()) -> Array:
     """Return for each value whether it is in the upper one of two groups; all False if they are one.
 
-    They are two if the gap between them is wide - more than `least`, and several times the spread inside of each, but
-    no less than `tolerated` - and neither has but a few: those are the odd ones. Where loads are noisy that gap closes:
-    then they are two as well if these are just the halves that a vehicle is built of, by its channels `chs`.
+    They are two if the gap between them is wide - more than `least`, and several times the spread inside of each, which
+    of few is what is `tolerated` at least - and neither has but a few: those are the odd ones. Where loads are noisy
+    that gap closes: then they are two as well if these are just the halves that a vehicle is built of, by its `chs`.
     """
     known = np.flatnonzero(np.isfinite(level))
     order = known[np.argsort(level[known], kind="stable")]
@@ -43,10 +43,10 @@ def layers(level: Array, least: float, tolerated: float, chs: Sequence[int | Non
 
 def _apart(low: Array, high: Array, gap: float, tolerated: float) -> bool:
     """Return whether two groups are farther from each other than their values are from one another."""
-    inside = max(float(spread(low)), float(spread(high)), tolerated / 4)
-    if gap >= threshold("layer_gap") * inside:
-        return True
     count = len(low) + len(high)
+    least = tolerated / 4 if count >= _SEVERAL else tolerated  # of a few, two may be alike by chance
+    if gap >= threshold("layer_gap") * max(float(spread(low)), float(spread(high)), least):
+        return True
     pooled = np.sqrt((len(low) * low.var() + len(high) * high.var()) / (count - 2))
     far = threshold("layer_far") * max(float(pooled), tolerated / 4)
     return count >= _SEVERAL and float(high.mean() - low.mean()) >= far

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from analyzer.flight.witness import Witness
 
 _NEARLY_ALL = 98  # percent
+_MOSTLY = 0.9
 Node = tuple[int, int]  # bus, node
 ROLES = (
     ("ArmingStatus", "autopilot"),
@@ -67,9 +68,15 @@ class Case:
         self.esc_nodes: set[Node] = {(one.bus, one.node) for one in telling}
         self.escs_by_channel = {one.ch for one in telling if one.ch is not None}
         self.calm_limit = self._usual_spread()
-        self.swings = self._swings()
+        self.one_by_one = self._one_by_one()
+        self.swings = [] if self.one_by_one else self._swings()
         self.excursion = self.swings[-1] if self.swings and self.swings[-1].again is None else None
         self.joint = self._joint_losses()
+
+    def volts(self) -> tuple[float, float]:
+        """Return the lowest and the highest voltage that ESCs report, NaN if none does."""
+        ranges = [one.ranges["voltage"] for one in self.escs if "voltage" in one.ranges]
+        return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else (np.nan, np.nan)
 
     def commanders(self) -> set[Node]:
         """Return who commands."""
@@ -161,6 +168,12 @@ class Case:
     def lasts(self, event: FlightEvent) -> bool:
         """Return whether it goes on to the end of the flight, or nearly so."""
         return event.after is None or event.after.ran > self.stop - lasting("harmless")
+
+    def _one_by_one(self) -> bool:
+        """Return whether motors are tried in turn: wherever commands are apart, one alone is above all others."""
+        level = self.pulse.level(self.start, self.stop, threshold("spread_percent") / threshold("calm_share"))
+        alone = level <= threshold("alone") / max(self.pulse.channels, 1)
+        return self.pulse.channels > 2 and len(level) * STEP >= lasting("turning") and float(alone.mean()) >= _MOSTLY
 
     def _usual_spread(self) -> float:
         """Return how far apart commands may be, in %: somewhat more than nearly all of the first half of the flight."""

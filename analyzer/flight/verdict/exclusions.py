@@ -83,7 +83,7 @@ def _lowest(case: Case) -> str:
 def looked_at(case: Case) -> Sequence[str]:
     """Return what was looked at, in numbers."""
     parts = _measured(case.escs)
-    parts.insert(0, f"{(case.stop - case.start) / 1e9:.0f} s in flight")
+    parts.insert(0, f"{(case.stop - case.start) / 1e9:.0f} s {'armed' if case.flight.by == 'arming' else 'turning'}")
     count = case.pulse.count(case.start, case.stop)
     if count:
         parts.insert(min(2, len(parts)), f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz")

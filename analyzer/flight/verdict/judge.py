@@ -35,6 +35,7 @@ _FITS = (
 )
 _NO_BITS = ("not told", "fault bits: not told by these ESCs")
 _NO_ESC = ("No ESC", "on this bus: motors, propellers and thrust are not judged")
+_BENCH = ("bench", "motors are driven one by one: nothing flew, so commands tell nothing of an attitude")
 _STATES = frozenset({"thrust", "address"})  # are so all the time
 _WHOLE = frozenset({"commands-lost", "commanded", "bus"})  # after which commands say nothing any more
 _NEED_CALM = frozenset({"esc", "propulsion", "wiring", "bus", "battery"})  # commands until it began
@@ -142,7 +143,7 @@ def _ordered(case: Case, before: list[Trouble]) -> list[Verdict]:
 
 
 def _nothing(case: Case, title: str) -> Verdict:
-    notes = [*could_not_see(case), *([] if case.esc_nodes else [_NO_ESC])]
+    notes = [*([_BENCH] if case.one_by_one else []), *could_not_see(case), *([] if case.esc_nodes else [_NO_ESC])]
     return Verdict("none", title, _LIKELY, reasons=looked_at(case), notes=notes)
 
 
@@ -277,11 +278,14 @@ def _end(case: Case) -> Verdict:
     if not case.commanded:
         commands = "no commands recorded"
     over = any(one.kind in _SIGNS for one in case.events)
-    seen = f"{turning}{commands}, {'nothing wrong that lasted' if over else 'nothing wrong until then'}"
+    lowest, highest = case.volts()
+    sunk = lowest < highest * (1 - threshold("sag_percent") / 100)
+    wrong = f"{highest:.1f} V at first, {lowest:.1f} V at the lowest" if sunk else "nothing wrong until then"
+    seen = f"{turning}{commands}, {'nothing wrong that lasted' if over else wrong}"
     if flight.end == "cut" and len(case.joint) >= threshold("joint_often"):
         holes = f"{len(case.joint)} times several senders are silent together, and their transfer IDs run on"
         return Verdict("recorder", _LOSSY, _LIKELY, reasons=(holes, f"{seen}, as far as it was recorded"))
-    if not over and (slowest := max((case.period(*node) for node in case.esc_nodes), default=0)):
+    if not over and not sunk and (slowest := max((case.period(*node) for node in case.esc_nodes), default=0)):
         before = f"an ESC or motor that failed more than {slowest / SECOND:.2f} s before; a sag of the pack before"
     else:
         before = ""
