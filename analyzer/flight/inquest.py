@@ -54,7 +54,7 @@ def inquest(
         facts=odd.facts,
     )
     if not flights:
-        why = _unjudged(witness, start)
+        why = _unjudged(witness, start, frames)
         empty = start is None or not witness.losses.transfers
         still = not empty and not any(one.kind not in _ORDINARY for one in events if one.source == "bus")
         looked = [] if empty else looked_at_rest(witness)
@@ -124,7 +124,9 @@ def _onset(events: Sequence[FlightEvent], verdict: Verdict) -> tuple[Spot, Spot]
     return None
 
 
-def _unjudged(witness: Witness, start: int | None) -> str:
+def _unjudged(witness: Witness, start: int | None, frames: int) -> str:
+    if not frames:
+        return "not judged: no CAN frame is in it"
     if start is None:
         return "not judged: the capture has no times"
     if not witness.losses.transfers:
