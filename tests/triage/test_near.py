@@ -33,6 +33,19 @@ def test_a_gps_on_the_bus_is_not_called_unseen() -> None:
     assert "GPS" in analyzer.triage(CAPTURES / "power-cut.log").not_seen
 
 
+def test_a_motor_that_was_learned_in_a_hurry_is_not_out_of_step() -> None:
+    """It turns faster than when it was run up through that command, and takes what a propeller takes for it."""
+    found = analyzer.triage(CAPTURES / "duplicate-node.log")
+    assert [one.kind for one in found.verdicts] == ["address"]
+    assert not any(one.kind == "motor" for one in found.events)
+
+
+def test_a_mode_says_what_it_is_the_mode_of() -> None:
+    reasons = analyzer.triage(CAPTURES / "esc-failure.mcap").first.reasons
+    assert any(one.startswith("mode: system status no rotor lock -> fault") for one in reasons)
+    assert any(one.startswith("mode: operating -> error") for one in reasons)
+
+
 def test_a_damaged_blade_is_no_lost_propeller() -> None:
     found = told("blade-damage:twin=no:tail=no", seed=12, rate=50)
     assert found.first.kind == "propulsion"
