@@ -45,7 +45,7 @@ def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
     if verdict.kind != "wiring":
         missing = case.losses.missing(start, began - 1)
         if not missing and not case.joint:
-            yield Excluded("a hole in the recording", f"no transfer ID missing in {span:.0f} s")
+            yield Excluded("a hole in the recording", f"no transfer ID missing in the {span:.0f} s before it")
 
 
 def _wire(case: Case, node: Node) -> Iterator[Excluded]:
