@@ -116,6 +116,7 @@ class RunTriage:
         if verdict.t_end is None or verdict.kind == "none":
             return [f"tailbyte check {names}", f"tailbyte events {names}"]
         at = f" --at {verdict.frame + 1}" if verdict.frame is not None else ""
+        at += f" -Y 'node == {verdict.node}'" if verdict.kind == "device" else ""
         around = f" --around {verdict.frame + 1}+-{_AROUND}" if verdict.frame is not None else ""
         chosen = f" --flight {flight.number}" if flight is not None else ""
         return [f"tailbyte view {names}{at}", f"tailbyte decode {names}{around}", f"tailbyte plot {names}{chosen}"]

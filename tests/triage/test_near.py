@@ -30,6 +30,7 @@ def test_what_an_esc_says_behind_a_hole_is_no_proof_that_the_bus_carried_it() ->
 
 def test_a_gps_on_the_bus_is_not_called_unseen() -> None:
     assert analyzer.triage(CAPTURES / "gps-restart.log").not_seen == ["attitude", "pilot", "who decided a command"]
+    assert analyzer.triage(CAPTURES / "gps-restart.log").commands[0].endswith("--at 2606 -Y 'node == 42'")
     assert "GPS" in analyzer.triage(CAPTURES / "power-cut.log").not_seen
 
 
