@@ -124,7 +124,8 @@ class Plot:
     """The picture of one table. Columns in `hidden` say nothing that is not shown otherwise.
 
     Tables of `parameters` are shown beside the commands; of their columns those in `own` are of one device and no
-    settings, and `identity` tells one piece of hardware from all others; what sets them says in `saved` whether that
+    settings, `turning` are those that say which way a motor turns and what it follows, and `identity` tells one piece
+    of hardware from all others; what sets them says in `saved` whether that
     is kept. `starts` counts how often a device was powered up. A motor faster than `idle_rpm` is driven; 0 if
     the vendor says nothing.
     """
@@ -140,6 +141,7 @@ class Plot:
     parameters: bool = False
     own: frozenset[str] = frozenset()
     identity: str = ""
+    turning: tuple[str, ...] = ()
     saved: str = ""
     starts: str = ""
     esc: EscColumns = EscColumns()
@@ -221,6 +223,7 @@ class _Reader:
             parameters=table.flag("parameters"),
             own=frozenset(table.strings("own")),
             identity=table.string("identity"),
+            turning=tuple(table.strings("turning")),
             saved=table.string("saved"),
             starts=table.string("starts"),
             esc=_esc(table),

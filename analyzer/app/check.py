@@ -47,6 +47,7 @@ def check(
     vehicle: Name | None = None,
     baseline: Name | None = None,
     profile: Name | None = None,
+    drawn: bool = False,
 ) -> Report:
     """Judge captures one by one, or as recordings of one bus with `same_bus`.
 
@@ -66,6 +67,7 @@ def check(
         vehicle: a vehicle file; what is given here as an argument goes before it.
         baseline: the JSON of an older report, to tell what is new.
         profile: the name that `vehicle` had.
+        drawn: keep what the time line of an HTML report is drawn from, in `timelines` of each triage.
 
     A capture that cannot be read is in the report, as damage. Raises `LookupError` for an unknown rule and `ValueError`
     for other arguments that make no sense (`ProfileError` and `BaselineError` are such).
@@ -98,14 +100,14 @@ def check(
         arguments=("--same-bus",) if same_bus else (),
     )
     criteria = Criteria(rules, dissectors.load(request.dissectors, request.trusted))
-    return criteria.report(list(_judged(request, criteria)))
+    return criteria.report(list(_judged(request, criteria, drawn=drawn)))
 
 
-def _judged(request: Request, criteria: Criteria) -> Iterator[JudgedCapture]:
+def _judged(request: Request, criteria: Criteria, *, drawn: bool) -> Iterator[JudgedCapture]:
     for label, alone in request.each().items():
         run = Run(alone, registry=criteria.registry)
         judged = JudgedRun(run, criteria)
-        looked = RunTriage(run)
+        looked = RunTriage(run, drawn=drawn)
         with suppress(CaptureError):
             for _ in judged.batches(looked.beside(run.inside())):
                 pass

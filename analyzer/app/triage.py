@@ -36,6 +36,7 @@ def triage(
     same_bus: bool = False,
     dissectors_: Sequence[Path] = (),
     trust_dissectors: bool = False,
+    drawn: bool = False,
 ) -> Triage:
     """Return what happened in captures, which are parts of one recording or of one vehicle: they are merged by time.
 
@@ -45,6 +46,7 @@ def triage(
         same_bus: recordings of one bus, of which what repeats is left out.
         dissectors_: folders with further data types.
         trust_dissectors: run the Python that these folders bring.
+        drawn: keep what time lines are drawn from, in `timelines`.
 
     A capture that is damaged is read as far as that goes. Raises `CaptureError` for one that cannot be opened, and
     `ValueError` for arguments that make no sense (`ProfileError` is such).
@@ -58,7 +60,7 @@ def triage(
         tuple(map(given, captures)), Plan(same_bus=same_bus), folders, folders if trust_dissectors else (),
         rules=RuleChoice(dialects=chosen),
     ))  # fmt: skip
-    looked = RunTriage(run)
+    looked = RunTriage(run, drawn=drawn)
     with suppress(CaptureError):  # what was readable has been looked at
         for _ in looked.over(run.inside()):
             pass
@@ -113,6 +115,8 @@ class RunTriage:
         names = " ".join(quote(name) for name in self._run.request.names)
         if verdict.t_end is None or verdict.kind == "none":
             return [f"tailbyte check {names}", f"tailbyte events {names}"]
+        at = f" --at {verdict.frame + 1}" if verdict.frame is not None else ""
+        at += f" -Y 'node == {verdict.node}'" if verdict.kind == "device" else ""
         around = f" --around {verdict.frame + 1}+-{_AROUND}" if verdict.frame is not None else ""
         chosen = f" --flight {flight.number}" if flight is not None else ""
-        return [f"tailbyte decode {names}{around}", f"tailbyte plot {names}{chosen}"]
+        return [f"tailbyte view {names}{at}", f"tailbyte decode {names}{around}", f"tailbyte plot {names}{chosen}"]

@@ -184,6 +184,7 @@ class Wanted:
             status_file=args.status_file,
             command=command,
             filter=chosen,
+            drawn=any(form == "html" for form, _ in self.files),
         )
 
     def run(self) -> int:

@@ -26,13 +26,12 @@ class Software:
     def feed(self, tables: Mapping[str, pa.RecordBatch]) -> None:
         """Add the tables of a batch; the latest version of its kind counts."""
         for table in tables.values():
-            names = table.schema.names
-            column = next((name for name in (_TEXT, _NUMBERS) if name in names), None)
-            if column is None or pa.types.is_list(table.schema.field(column).type):
+            column = version_column(table)
+            if column is None:
                 continue
             columns = [pylist(table.column(name)) for name in ("bus", "src", "trusted", column)]
             for bus, src, trusted, value in zip(*columns, strict=True):
-                text = _version(value)
+                text = version(value)
                 if trusted and text:
                     self._note((bus, src), text, is_text=not isinstance(value, dict))
 
@@ -47,7 +46,14 @@ class Software:
             self._texts.add(node)
 
 
-def _version(value: Any) -> str:
+def version_column(table: pa.RecordBatch) -> str | None:
+    """Return the column of a table that tells a version, None if there is none."""
+    column = next((name for name in (_TEXT, _NUMBERS) if name in table.schema.names), None)
+    return None if column is None or pa.types.is_list(table.schema.field(column).type) else column
+
+
+def version(value: Any) -> str:
+    """Return a version in words, empty for none."""
     if isinstance(value, dict):
         parts = [value.get("major"), value.get("minor")]
         return ".".join(map(str, parts)) if None not in parts else ""

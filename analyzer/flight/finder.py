@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.flight.autopilot.events import AutopilotEvents
+    from analyzer.flight.autopilot.side import AutopilotSide
     from analyzer.flight.log import FlightEvent
     from analyzer.sources.dataflash import AutopilotLog
     from dissectors import Registry
@@ -86,6 +87,11 @@ class EventFinder:
     def autopilot(self) -> dict[str, Any] | None:
         """What became of the autopilot's log, after `finish`, as `Alignment.plain` has it; None without a log."""
         return None if self._told is None else self._told.plain()
+
+    @property
+    def side(self) -> AutopilotSide | None:
+        """What the autopilot's log measured in the time of the capture, after `finish`; None if that is not known."""
+        return None if self._told is None else self._told.side
 
     @property
     def notes(self) -> list[str]:

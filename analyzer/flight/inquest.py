@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _ORDINARY = frozenset({"mode", "join", "arming", "message", "health"})  # of a vehicle that stands
 NOT_SEEN = ("attitude", "GPS", "pilot", "who decided a command")
+_SENT = {"attitude": "Solution", "GPS": "Fix"}  # how the types begin that tell it: ahrs.Solution, gnss.Fix
 
 
 def inquest(
@@ -33,7 +34,7 @@ def inquest(
 ) -> Triage:  # fmt: skip
     """Return what happened, after the last batch: of the last flight. `commands` are what to do next.
 
-    What the autopilot's own log says is told beside it; the verdict is that of the bus.
+    What the autopilot's own log says speaks for or against it; the verdict is that of the bus.
     """
     events, flights = witness.events(), witness.flights()
     odd = witness.odd(flights)
@@ -47,30 +48,43 @@ def inquest(
         flights,
         events=events,
         more=witness.more,
-        not_seen=NOT_SEEN if witness.autopilot is None else (),
+        not_seen=_not_seen(witness),
         autopilot=witness.autopilot,
         odd=odd.odd,
         facts=odd.facts,
     )
     if not flights:
-        why = _unjudged(witness, start)
+        why = _unjudged(witness, start, frames)
         empty = start is None or not witness.losses.transfers
         still = not empty and not any(one.kind not in _ORDINARY for one in events if one.source == "bus")
         looked = [] if empty else looked_at_rest(witness)
         verdict = Verdict("none" if still else "unknown", why, "possible", reasons=looked)
         return made(None, [verdict], judged=why, empty=empty, looked=looked, commands=commands(verdict, None))
     flight = flights[-1]
-    bus = [one for one in events if one.source == "bus"]
+    bus, words = ([one for one in events if (one.source == "bus") == told] for told in (True, False))
     border = max([witness.clock.ran or flight.last.ran, *(one.first.ran for one in bus)])
-    found = judge(witness, bus, _whole(flights, bus), border)
-    near = lasting("said_around")
-    said = [one for one in events if one.source != "bus" and abs(one.first.ran - found.began) <= near]
+    found = judge(witness, bus, _whole(flights, bus), border, words)
+    said = [one for one in words if _belongs(one, found, flight)]
     return made(
         flight, found.verdicts, after=found.after, earlier=found.earlier, excluded=found.excluded, looked=found.looked,
         lines=found.lines, primary=found.primary, said=said, commands=commands(found.verdicts[0], flight),
         timelines=_timelines(witness, events, flights, found.verdicts[0]),
         odd_before=_odd_before(odd, found),
     )  # fmt: skip
+
+
+def _not_seen(witness: Witness) -> Sequence[str]:
+    """Return what is never on the bus, but for what somebody sends on this one."""
+    sent = {one.type.rpartition(".")[2] for one in witness.paces}
+    return [what for what in NOT_SEEN if not any(name.startswith(_SENT.get(what, "-")) for name in sent)]
+
+
+def _belongs(one: FlightEvent, found: Judgement, flight: Flight) -> bool:
+    """Return whether a word of the autopilot belongs to an answer: said around it, of none any error in flight."""
+    if abs(one.first.ran - found.began) <= lasting("said_around"):
+        return True
+    inside = flight.first.ran <= one.first.ran <= flight.last.ran
+    return not found.verdicts[0].told and inside and one.kind in {"autopilot error", "low battery"}
 
 
 def _odd_before(odd: OddReport, found: Judgement) -> Sequence[OddEsc]:
@@ -110,7 +124,9 @@ def _onset(events: Sequence[FlightEvent], verdict: Verdict) -> tuple[Spot, Spot]
     return None
 
 
-def _unjudged(witness: Witness, start: int | None) -> str:
+def _unjudged(witness: Witness, start: int | None, frames: int) -> str:
+    if not frames:
+        return "not judged: no CAN frame is in it"
     if start is None:
         return "not judged: the capture has no times"
     if not witness.losses.transfers:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analyzer.devices.rows import usable
 from analyzer.devices.settings import GET_SET, MOST_TEXT, given, written
 from analyzer.facts.meaning import meaning
 from analyzer.flight.log import FlightEvent
@@ -33,7 +32,7 @@ class ParameterServiceEvents:
     """Adds up batches; bound: `MOST_KNOWN` of what is remembered."""
 
     def __init__(self, order: EventOrder) -> None:
-        self._registry, self._clock, self._add = order.registry, order.clock, order.add
+        self._registry, self._clock, self._add, self._reader = order.registry, order.clock, order.add, order.reader
         self._known: dict[tuple[int, int, str], tuple[str, Spot]] = {}  # values by bus, node and name
         # What was asked for and in which frame, by bus, who asks and who is asked.
         self._opcodes: dict[tuple[int, int, int], deque[tuple[int, str]]] = {}
@@ -46,8 +45,8 @@ class ParameterServiceEvents:
             (f"{OPCODE}.Request", "opcode", self._note_opcodes),
             (f"{OPCODE}.Response", "ok", self._note_done),
         ):
-            table = batch.messages.get(name)
-            if table is not None and column in table.schema.names and len(table := usable(table)):
+            table = self._reader.rows(name, batch)
+            if table is not None and column in table.schema.names:
                 feed(table)
 
     def finish(self) -> None:

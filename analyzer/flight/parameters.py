@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from analyzer.devices import fields
-from analyzer.devices.rows import usable
 from analyzer.devices.settings import commands, is_setting, written
 from analyzer.facts.meaning import meaning
 from analyzer.flight.log import FlightEvent
@@ -56,8 +55,7 @@ class ParameterEvents(ReportEvents):
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
         for plot in self._plots:
-            table = batch.messages.get(plot.table)
-            if table is None or not len(table := usable(table)):
+            if (table := self._reader.rows(plot.table, batch)) is None:
                 continue
             if plot.saved in table.schema.names:
                 self._note_sets(plot, table)

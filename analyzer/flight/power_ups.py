@@ -6,23 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.devices import fields
-from analyzer.devices.rows import keyed, split, usable
+from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.thresholds import lasting
 from dissectors.kit.cells import numbers
-from dissectors.kit.order import changes, groups
-from dissectors.times import NO_TIME, SECOND
+from dissectors.kit.order import changes
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import pyarrow as pa
-
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import Places, Spot
     from analyzer.flight.reports import EventOrder
+    from analyzer.flight.tables import ReportTable
     from dissectors.kit import Array
     from dissectors.picture import Plot
 
@@ -44,28 +42,25 @@ class PowerUpEvents(ReportEvents):
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
         for plot in self._plots:
-            table = batch.messages.get(plot.table)
-            if table is not None and plot.starts in table.schema.names and len(table := usable(table)):
-                self._note_starts(plot, table)
+            if (read := self._reader.table(plot, batch)) is not None:
+                self._note_starts(read)
 
     def finish(self) -> None:
         """Take the end: everything has been told."""
 
-    def _note_starts(self, plot: Plot, table: pa.RecordBatch) -> None:
+    def _note_starts(self, read: ReportTable) -> None:
         """Take counters; where a table tells the hardware by its identity, that has the counter."""
-        table, device = keyed(table, plot.who)
-        found = fields.column(self._registry.definition(plot.table), table, plot.starts)
-        if not len(table) or not found:
+        plot, table, counter = read.plot, read.table, read.column(read.plot.starts)
+        if counter is None:
             return
-        counter, at = found[0], self._clock.of(table)
         identity = numbers(table.column(plot.identity)) if plot.identity in table.schema.names else None
-        timed = (at.t != NO_TIME) & (True if counter.has is None else counter.has)
-        for key, places in groups(device):
-            rows = places[timed[places]]
+        counted = read.timed if counter.has is None else read.timed & counter.has
+        for key, places, _ in read.devices:
+            rows = places[counted[places]]
             pieces = [(None, rows)] if identity is None else _by_value(identity, rows)
             for which, mine in pieces:
                 if len(mine):
-                    self._count(plot, (plot.table, key, which), counter.values[mine], at.take(mine))
+                    self._count(plot, (plot.table, key, which), counter.values[mine], read.at.take(mine))
 
     def _count(self, plot: Plot, device: tuple[str, int, object], counts: Array, at: Places) -> None:
         """Tell where a counter goes on, by no more than there was time for."""

@@ -1,4 +1,4 @@
-"""The commands of a vehicle as a pulse: how far apart they are, how high, how many, in steps of 20 ms."""
+"""The commands of a vehicle as a pulse: how far apart they are, how high and low, how many, in steps of 20 ms."""
 
 from __future__ import annotations
 
@@ -29,9 +29,11 @@ class CommandPulse:
         self._clock, self._commands = clock, commands
         self._spread = np.zeros(0, np.uint8)
         self._mean = np.zeros(0, np.uint8)
+        self._room = np.zeros(0, np.uint8)  # from the lowest one up to `_MOST_PERCENT`
         self._count = np.zeros(0, np.uint16)
         self._pause = np.zeros(0, np.uint16)
         self._last: int | None = None
+        self.channels = 0
 
     def feed(self) -> None:
         """Add the commands of the batch."""
@@ -42,6 +44,7 @@ class CommandPulse:
             if not good.any():
                 continue
             self._grow(int(step[good].max()) + 1)
+            self.channels = max(self.channels, len(some.columns))
             pause = np.diff(ran, prepend=ran[0] if self._last is None else self._last)
             self._last = int(ran[-1])
             with np.errstate(invalid="ignore"):
@@ -49,11 +52,11 @@ class CommandPulse:
             order = None if (step[1:] >= step[:-1]).all() and good.all() else np.argsort(step, kind="stable")
             if order is not None:
                 order = order[good[order]]
-            values = (step, some.highest - some.lowest, mean, pause)
-            step, spread, mean, pause = values if order is None else tuple(one[order] for one in values)
+            values = (step, some.highest - some.lowest, mean, _MOST_PERCENT - some.lowest, pause)
+            step, spread, mean, room, pause = values if order is None else tuple(one[order] for one in values)
             starts = np.flatnonzero(np.diff(step, prepend=step[0] - 1))
             at, count = step[starts], np.diff(np.append(starts, len(step)))
-            for kept, new in ((self._spread, spread), (self._mean, mean)):
+            for kept, new in ((self._spread, spread), (self._mean, mean), (self._room, room)):
                 high = np.ceil(np.clip(np.maximum.reduceat(new, starts), 0, _MOST_PERCENT)).astype(np.uint8)
                 kept[at] = np.maximum(kept[at], high)
             longest = np.clip(np.maximum.reduceat(pause, starts) // MILLISECOND, 0, 65535).astype(np.uint16)
@@ -69,6 +72,15 @@ class CommandPulse:
         """Return how high they were in the mean of all channels, in %."""
         rows = self._rows(start, stop)
         return self._mean[rows][self._count[rows] > 0]
+
+    def level(self, start: int, stop: int, least: float) -> Array:
+        """Return where the mean is between the lowest channel, 0, and the highest, 1, in steps so far apart (%)."""
+        rows = self._rows(start, stop)
+        apart = self._spread[rows]
+        some = (self._count[rows] > 0) & (apart >= max(least, 1))
+        low = _MOST_PERCENT - self._room[rows][some].astype(np.int64)
+        found: Array = (self._mean[rows][some] - low) / apart[some]
+        return found
 
     def count(self, start: int, stop: int) -> int:
         """Return how many there were."""
@@ -93,6 +105,6 @@ class CommandPulse:
     def _grow(self, count: int) -> None:
         if count > len(self._count):
             wide = max(count, min(2 * len(self._count), MOST_STEPS), 1024)
-            for name in ("_spread", "_mean", "_count", "_pause"):
+            for name in ("_spread", "_mean", "_room", "_count", "_pause"):
                 old: Array = getattr(self, name)
                 setattr(self, name, np.concatenate((old, np.zeros(wide - len(old), old.dtype))))

@@ -183,7 +183,8 @@ class StateEvents(ReportEvents):
         for k in changes(values, values[0] if before is None else before[0]).tolist():
             old, spot = (int(values[k - 1]), some.at.at(k - 1)) if k else before or (0, some.at.at(0))
             text, sign = f"{_word(about, old)} -> {_word(about, int(values[k]))}", signs.get(f"{part}={values[k]}", "")
-            self._change(kind, text, spot, some, k, about.clause, sign)
+            of_what = "" if part in {kind, some.plot.esc.mode.rpartition(".")[2]} else f"{part.replace('_', ' ')} "
+            self._change(kind, of_what + text, spot, some, k, about.clause, sign)
         self._modes[word] = int(values[-1]), some.at.at(-1)
 
     def _change(

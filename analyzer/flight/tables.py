@@ -78,19 +78,31 @@ class ReportReader:
         self._registry, self._clock = registry, clock
         self._batch: Batch | None = None
         self._tables: dict[str, ReportTable | None] = {}
+        self._rows: dict[str, pa.RecordBatch | None] = {}
 
     def table(self, plot: Plot, batch: Batch) -> ReportTable | None:
         """Return the table of a plot; None if the batch has no row of it that can be used."""
-        if self._batch is not batch:
-            self._batch, self._tables = batch, {}
+        self._turn_to(batch)
         if plot.table not in self._tables:
             self._tables[plot.table] = self._read(plot, batch)
         return self._tables[plot.table]
 
+    def rows(self, name: str, batch: Batch) -> pa.RecordBatch | None:
+        """Return the rows of a table that can be used, whether they say of which device or not; None without any."""
+        self._turn_to(batch)
+        if name not in self._rows:
+            table = batch.messages.get(name)
+            self._rows[name] = None if table is None or not len(table := usable(table)) else table
+        return self._rows[name]
+
+    def _turn_to(self, batch: Batch) -> None:
+        if self._batch is not batch:
+            self._batch, self._tables, self._rows = batch, {}, {}
+
     def _read(self, plot: Plot, batch: Batch) -> ReportTable | None:
-        if (table := batch.messages.get(plot.table)) is None:
+        if (some := self.rows(plot.table, batch)) is None:
             return None
-        table, device = keyed(usable(table), plot.who)
+        table, device = keyed(some, plot.who)
         if not len(table):
             return None
         return ReportTable(plot, self._registry.definition(plot.table), table, device, self._clock.of(table))

@@ -10,6 +10,8 @@ from analyzer.flight.flights import FlightFinder
 from analyzer.flight.odd.finder import OddFinder
 from analyzer.flight.pulse import CommandPulse
 from analyzer.flight.senders import LossesBySecond
+from analyzer.flight.setups import Setups
+from analyzer.flight.supply_lows import SupplyLows
 from analyzer.flight.timeline.courses import Courses
 
 if TYPE_CHECKING:
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
+    from analyzer.flight.autopilot.side import AutopilotSide
     from analyzer.flight.clock import RecordedClock
     from analyzer.flight.extents import EscExtent
     from analyzer.flight.flights import Flight
@@ -44,6 +47,7 @@ class Witness:
         self.pulse = CommandPulse(self.clock, self._finder.commands)
         self.losses = LossesBySecond(self.clock)
         self._extents = EscExtents(self._finder.order)
+        self.supply, self.setups = SupplyLows(self._finder.order), Setups(self._finder.order)
         self.courses = Courses(self._finder.order, self._finder.commands) if drawn else None
         self._odd = OddFinder(self.clock, self._finder.escs)
 
@@ -54,6 +58,8 @@ class Witness:
         self.pulse.feed()
         self.losses.feed(batch)
         self._extents.feed(batch)
+        self.supply.feed(batch)
+        self.setups.feed(batch)
         if self.courses is not None:
             self.courses.feed(batch)
         self._odd.feed()
@@ -78,6 +84,11 @@ class Witness:
     def autopilot(self) -> dict[str, Any] | None:
         """What became of the autopilot's log, after `events`; None without one."""
         return self._finder.autopilot
+
+    @property
+    def side(self) -> AutopilotSide | None:
+        """What the autopilot's log measured in the time of the capture, after `events`; None if that is not known."""
+        return self._finder.side
 
     @property
     def more(self) -> int:

@@ -75,6 +75,10 @@ TABLE = Keys("table.NAME", "What is shown of one table: a message, or MESSAGE.PA
     Key("parameters", "flag", "Its columns are settings, shown beside the commands.", "true", "false"),
     Key("own", "texts", "Of parameters: what is of one device, like counters and dates: no settings.", '["starts"]'),
     Key("identity", "text", "Of parameters: the column that tells one piece of hardware from all others.", '"serial"'),
+    Key(
+        "turning", "texts", "Of parameters that devices report: which way a motor turns, and what it follows.",
+        '["direction"]',
+    ),
     Key("saved", "text", "Of a command that sets parameters: the column that says whether they are kept.", '"save"'),
     Key("starts", "text", "The column that counts how often a device was powered up.", '"power_on_count"'),
 ))  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from kit.command import HOVER
+from kit.command import CAPTURES, HOVER
 
 import analyzer
 
@@ -35,3 +35,10 @@ def test_both_names_at_once_are_refused(vehicle: Path) -> None:
 
 def test_readings_that_were_asked_for_are_stated() -> None:
     assert analyzer.check(HOVER, dialects={20: ["dronecan"]}).settings["dialects"] == ["20=dronecan"]
+
+
+def test_time_lines_are_there_if_they_are_asked_for() -> None:
+    crash = CAPTURES / "propeller-lost.log"
+    (plain,), (drawn,) = (analyzer.check(crash, drawn=drawn).triages for drawn in (False, True))
+    assert (plain.timelines, plain) == ((), drawn)
+    assert [lane for line in drawn.timelines for lane in line.lanes if lane.ch == 4]

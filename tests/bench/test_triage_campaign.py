@@ -103,6 +103,15 @@ def test_a_sample_goes_round() -> None:
     assert campaign.seeds(5, 10, 0, 0) == list(range(5, 15))
 
 
+@pytest.mark.parametrize(("outcome", "met"), [("unknown", True), ("wrong", False)])
+def test_of_a_sample_nothing_may_be_wrong(outcome: str, *, met: bool) -> None:
+    """One of eight is no share: an honest unknown is no failure, a wrong verdict is."""
+    one = campaign.Judged(case(1, FAMILIES), STORY["cause"], STORY["knowable"], None, Answer("unknown"),
+                          campaign.Score(outcome, first=None, healthy_blamed=False))  # fmt: skip
+    assert campaign.report([one], each=False, sampled=True)[1] is met
+    assert not campaign.report([one], each=False)[1]
+
+
 def blind(path: Path) -> tuple[str, list[int], list[int]]:
     """Calls everything healthy. Nothing beside the capture tells the answer."""
     assert [one.name for one in path.parent.iterdir()] == ["crash.log"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 import time
 from typing import TYPE_CHECKING, Any
@@ -99,8 +100,8 @@ def test_what_is_settled_without_new_frames_is_judged(
 
 @pytest.mark.slow
 def test_the_end_says_what_happened(command: Callable[..., Any], tmp_path: Path) -> None:
-    """As `check` does of the recording."""
-    path, count = tmp_path / "x.log", frames_of(CAPTURES / "propeller-lost.log")
+    """As `check` does of the recording; its page draws the flight."""
+    path, page, count = tmp_path / "x.log", tmp_path / "x.html", frames_of(CAPTURES / "propeller-lost.log")
 
     def send() -> None:
         with (
@@ -118,8 +119,10 @@ def test_the_end_says_what_happened(command: Callable[..., Any], tmp_path: Path)
 
     thread = threading.Thread(target=send)
     thread.start()
-    _, out, err = command("live", "virtual:crash", "-q", "-c", count, "-w", path)
+    _, out, err = command("live", "virtual:crash", "-q", "-c", count, "-w", path, "--html", page)
     thread.join()
+    lanes = re.findall(r'class="course-lane"[^>]* aria-label="([^",]*)', page.read_text())
+    assert [lane for lane in lanes if lane.startswith("ch")] == [f"ch{k} node {10 + k}" for k in range(1, 5)]
     told = [line for line in out.splitlines() if line.startswith("      Triage: ")]
     assert len(told) == 1, err
     assert [line for line in command("check", path)[1].splitlines() if line.startswith("      Triage: ")] == told

@@ -41,7 +41,7 @@ def test_its_words_stand_beside_the_verdict(pair: tuple[Path, Path], command: Co
     assert "autopilot error: radio failsafe" in first
     assert r"Radio \x1b[31mfailsafe" in out
     assert "long before" not in out
-    assert "Not on CAN" not in out
+    assert "Not on CAN attitude, GPS, pilot, who decided a command\n" in out
     alone = command("triage", capture)[1]
     assert "Add --with flight.bin" in alone
     verdict = [line for line in out.splitlines() if line.startswith("What broke first")]

@@ -27,6 +27,7 @@ TYPES = {
     "ARM": (95, "QBIBB", "TimeUS,ArmState,ArmChecks,Forced,Method"),
     "RCOU": (96, "Q" + 14 * "H", "TimeUS," + _OUTPUTS),
     "BAT": (97, "QBfffffcfB", "TimeUS,Inst,Volt,VoltR,Curr,CurrTot,EnrgTot,Temp,Res,RemPct"),
+    "ESC": (99, "QBeeffcfcf", "TimeUS,Instance,RPM,RawRPM,Volt,Curr,Temp,CTot,MotTemp,Err"),
     "IMU": (98, "QBfff", "TimeUS,I,GyrX,GyrY,GyrZ"),
 }
 

@@ -243,6 +243,7 @@ FLIGHTS = {
     "swapped-esc.log": "--scenario swapped-esc:tail=no:distract=no --duration 6 --seed 1",
     "gps-restart.log": "--scenario gps-restart --duration 30 --seed 1",
     "recorder-overload.log": "--scenario recorder-overload:distract=no --duration 6 --seed 1",
+    "bench.log": "--flight bench --duration 8 --rate 10",
     "power-cut.log": "--scenario power-cut:distract=no --duration 6 --seed 1",
 }
 

@@ -19,6 +19,7 @@ from kit.strategies import examples
 
 from analyzer.flight.autopilot.track import OUTPUTS
 from analyzer.flight.autopilot.words import SAID
+from analyzer.flight.autopilot.words import words as said_of
 from analyzer.flight.finder import EventFinder
 from analyzer.sources.dataflash import AutopilotLog, read_log
 from analyzer.tables import raw_rows
@@ -230,9 +231,35 @@ def test_words_keep_their_order(told: Callable[..., _Told]) -> None:
 
 def test_modes_of_a_vehicle_that_nobody_names_are_numbers(told: Callable[..., _Told]) -> None:
     text, commands, start = flight()
-    said = words(BEFORE // MICROS, (1, "MSG", "ArduPlane V4.5.7"), (2, "MODE", 10, 10, 2), (3, "EV", 10))
+    said = words(BEFORE // MICROS, (1, "MSG", "MyFirmware V4.5.7"), (2, "MODE", 10, 10, 2), (3, "EV", 10))
     rows, _, _ = told(text, log(rcou(commands, start - BEFORE), said))
-    assert [row["text"] for row in rows] == ["ArduPlane V4.5.7", "mode 10, why: the ground station", "armed"]
+    assert [row["text"] for row in rows] == ["MyFirmware V4.5.7", "mode 10, why: the ground station", "armed"]
+
+
+@pytest.mark.parametrize(
+    ("firmware", "mode", "name"),
+    [
+        ("ArduCopter V4.5.7 (2a3dc4b7)", 5, "Loiter (holds its place)"),
+        ("ArduPlane V4.5.7", 5, "FBWA (the pilot tilts it within limits)"),
+        ("APM:Plane 3.9", 21, "QRTL (flies home and lands by hovering)"),
+        ("ArduRover V4.5.7", 4, "Hold (stops, or drifts as a boat)"),
+        ("ArduSub V4.1.2", 9, "Surface (comes up)"),
+        ("ArduSub V4.1.2", 5, "mode 5"),
+        ("Blimp V4.2", 0, "mode 0"),
+    ],
+)
+def test_a_number_of_a_mode_is_that_of_its_vehicle(firmware: str, mode: int, name: str) -> None:
+    said = words(BEFORE // MICROS, (1, "MSG", firmware), (2, "MODE", mode, mode, 2), (3, "ERR", 10, mode))
+    _, told, refused = said_of(log(said))
+    assert told.text == f"{name}, why: the ground station"
+    assert refused.text == f"flight mode: refused: mode {name.partition(' (')[0].removeprefix('mode ')}"
+
+
+def test_an_error_is_over_when_its_subsystem_says_so() -> None:
+    said = words(0, (1, "ERR", 16, 2), (2, "ERR", 6, 1), (3, "ERR", 16, 2), (4, "ERR", 16, 0), (5, "ERR", 12, 1),
+                 (6, "ERR", 10, 4), (7, "ERR", 10, 0))  # fmt: skip
+    ends = [word.until for word in said_of(log(said))]
+    assert ends == [4_000_000, None, 4_000_000, None, None, None, None]
 
 
 def test_a_low_battery_by_the_parameters_of_the_log(told: Callable[..., _Told]) -> None:

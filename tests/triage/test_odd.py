@@ -194,6 +194,29 @@ def test_two_groups_or_one() -> None:
     assert not layers(numpy.array([0.0, 3, 6, 9, 12, 15]), 2, 1).any()
 
 
+@pytest.mark.parametrize("level", [
+    [-6.6, -4.3, -4.3, -4.2, 8.3, 9.0, 5.8, 4.4], [-7.5, -2.6, -5.9, -4.4, 11.8, 2.6, 3.6, 8.6],
+    [-5.5, 10.7, -5.1, 3.0, -6.3, 8.4, -2.1, 5.4],
+])  # fmt: skip
+def test_noisy_loads_hide_no_layer_that_a_vehicle_is_built_of(level: list[float]) -> None:
+    """The first two are what coaxial flights of the simulator have, the third has every other motor below."""
+    numpy = pytest.importorskip("numpy")
+    found = layers(numpy.array(level), 5, 2, range(1, 9))
+    assert found.tolist() == [one > 0 for one in level]
+
+
+def test_nor_do_they_make_one() -> None:
+    """Motors whose load is as noisy, one in eight too high, halves that are no halves, and the weight aft."""
+    numpy = pytest.importorskip("numpy")
+    dice = numpy.random.default_rng(5)
+    drawn = [layers(row, 5, 2, range(1, 9)).any() for row in dice.normal(0, 2.5, (2000, 8))]
+    assert sum(drawn) < 10
+    for level in ([0, 1, -1, 2, 0, -2, 1, 14.0], [-7.5, 2.6, -5.9, -4.4, 11.8, -2.6, 3.6, 8.6],
+                  [-2.8, 3.3, 3.2, 1.2, 0.1, 0.4, -3.4, -3.6]):  # fmt: skip
+        assert not layers(numpy.array(level), 5, 2, range(1, 9)).any()
+    assert not layers(numpy.array([-7.5, -2.6, -5.9, -4.4, 11.8, 2.6, 3.6, 8.6]), 5, 2, [None] * 8).any()
+
+
 def test_triage_tells_it(tmp_path: Path) -> None:
     path = tmp_path / "ages.log"
     path.write_bytes(_ageing())

@@ -19,7 +19,7 @@ def kinds_after(name: str, **more: int) -> set[str]:
 def test_1_a_thrown_propeller_is_propulsion_and_what_saturates_comes_after_it() -> None:
     found = told("propeller-lost:twin=no:tail=yes", seed=12, rate=50)
     assert (found.first.kind, found.first.ch) == ("propulsion", found.primary[0].ch)
-    assert "lost the load of its motor: propeller or blade" in found.first.title
+    assert "lost the load of its motor: propeller" in found.first.title
     assert "its load is gone" in said(found)
     assert "no fault bit of it" in said(found)
     assert {one.kind for one in found.after} & {"spread", "saturation"}

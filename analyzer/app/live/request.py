@@ -25,6 +25,7 @@ class LiveRequest:
     often. `plan` is the recording, `every` are the seconds between two lines about the state, `hardware` asks for the
     controller's time stamps. `plot` is the address of a viewer, empty for a new one. `bit_rate` is what is known of it.
     `status_file` is where its state is written, `command` is run for findings, `filter` chooses the rows of a list.
+    `drawn` says that a report at the end has time lines.
     """
 
     buses: tuple[tuple[Interface, Filters], ...]
@@ -39,6 +40,7 @@ class LiveRequest:
     status_file: str | None = None
     command: FindingCommand | None = None
     filter: Filter | None = None
+    drawn: bool = False
 
     @property
     def counted(self) -> set[str]:

@@ -87,8 +87,9 @@ class LiveRun:
                 self._interval(),
             )  # fmt: skip
             session = LiveSession(
-                loop, recording, request.name, self._criteria, self._views, self._interval(), named=self._names
-            )
+                loop, recording, request.name, self._criteria, self._views, self._interval(), named=self._names,
+                drawn=request.drawn,
+            )  # fmt: skip
             self._add_views(stack, session, recording, say)
             with loop:
                 self._go(session, say)

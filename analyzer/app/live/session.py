@@ -63,6 +63,7 @@ class LiveSession:
         interval: seconds between two batches.
         now: seconds of a monotonic clock.
         named: is told which frames rules name.
+        drawn: what happened is to have time lines.
     """
 
     def __init__(
@@ -75,12 +76,14 @@ class LiveSession:
         interval: float,
         now: Callable[[], float] = time.monotonic,
         named: TakesOccurrences | None = None,
+        *,
+        drawn: bool = False,
     ) -> None:
         self.loop = loop
         source = LiveSource(loop, recording, name, interval, self._look)
         self._run = Run(Request((name,), rules=criteria.choice), registry=criteria.registry, source=source)
         self._judged: JudgedRun | None = JudgedRun(self._run, criteria, named)
-        self._looked: RunTriage | None = RunTriage(self._run)
+        self._looked: RunTriage | None = RunTriage(self._run, drawn=drawn)
         self.newest = Newest(self._judged.judge, criteria.settings, criteria.revisions(), now=now)
         self.problems: list[str] = []
         self._views, self._recording, self._now = views, recording, now

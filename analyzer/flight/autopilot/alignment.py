@@ -36,7 +36,7 @@ class ClockPart:
     """A stretch of the capture in which the autopilot's clock is known: `offset` is its start on the capture's clock.
 
     All in ns, but `drift`, by which the capture's clock is faster, and log times, which are microseconds: `offset`
-    holds at `at`, between `since` and `until` it was compared. `start`, `end` and `ran` are those of the `Piece`.
+    holds at `at`, between `since` and `until` it was compared. `start`, `end`, `ran`, `holes` are those of the `Piece`.
     """
 
     start: int
@@ -48,6 +48,12 @@ class ClockPart:
     at: int
     since: int
     until: int
+    holes: Sequence[tuple[int, int]] = ()
+
+    def recorded(self, t: Array) -> Array:
+        """Return times of the capture's clock as recorded ones: in a hole time stands still."""
+        lost = sum((np.clip(t, low, high) - low for low, high in self.holes), np.zeros_like(t))
+        return t + self.ran - lost
 
     def time(self, micros: int) -> tuple[int, int]:
         """Return a time of the log on the capture's clock, and its error."""
@@ -85,6 +91,18 @@ class Alignment:
             "unexplained": round(self.unexplained, 6), "parts": parts,
         }  # fmt: skip
 
+    def placed(self, micros: Array) -> tuple[Array, Array]:
+        """Return times of the log by the capture's clock, and as recorded ones, each by the part it is nearest to."""
+        away = [np.maximum(np.maximum(one.since - micros, micros - one.until), 0) for one in self.parts]
+        nearest = np.argmin(away, axis=0)
+        t, ran = np.zeros(len(micros), np.int64), np.zeros(len(micros), np.int64)
+        for k, one in enumerate(self.parts):
+            rows = nearest == k
+            drift = np.round(one.drift * (micros[rows] - one.at) * MICROSECOND).astype(np.int64)
+            t[rows] = one.offset + micros[rows] * MICROSECOND + drift
+            ran[rows] = one.recorded(t[rows])
+        return t, ran
+
     def part(self, micros: int) -> ClockPart:
         """Return the part that a time of the log is in, or nearest to."""
         return min(self.parts, key=lambda part: max(part.since - micros, micros - part.until, 0))
@@ -120,9 +138,9 @@ def align(log: AutopilotLog, pieces: Sequence[Piece], start: int) -> Alignment:
     return Alignment(parts, "outputs", text, best.moves, best.unexplained)
 
 
-def given(ns: int, start: int, end: int) -> Alignment:
+def given(ns: int, start: int, end: int, holes: Sequence[tuple[int, int]] = ()) -> Alignment:
     """Return the alignment that somebody gives: the autopilot started `ns` behind the start of the capture."""
-    part = ClockPart(start, end, 0, start + ns, 0, 0.0, 0, -_ALWAYS, _ALWAYS)
+    part = ClockPart(start, end, 0, start + ns, 0, 0.0, 0, -_ALWAYS, _ALWAYS, holes)
     return Alignment((part,), "given", f"its clock began {_from_start(ns)}, as it is given")
 
 
@@ -220,6 +238,7 @@ def _part(piece: Piece, found: Sequence[Match]) -> ClockPart:
         piece.start, piece.end, piece.ran, piece.start + round(offset * SECOND),
         round((off + float(np.median(error))) * SECOND), drift, round(at * 1e6),
         round(min(match.since for match in found) * 1e6), round(max(match.until for match in found) * 1e6),
+        piece.holes,
     )  # fmt: skip
 
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from analyzer.flight.autopilot.alignment import Alignment, align, given
+from analyzer.flight.autopilot.side import side_of
 from analyzer.flight.autopilot.track import CommandTrack
 from analyzer.flight.autopilot.words import words
 from analyzer.flight.clock import Spot
@@ -14,6 +17,7 @@ from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
+    from analyzer.flight.autopilot.side import AutopilotSide
     from analyzer.flight.autopilot.words import Word
     from analyzer.flight.reports import EventOrder
     from analyzer.sources.dataflash import AutopilotLog
@@ -25,11 +29,12 @@ _NO_FRAME = -(1 << 62)  # with the number of the record behind it: words of one 
 class AutopilotEvents:
     """Follows the commands of a bus, and adds what the autopilot's log says, if that can be aligned with them.
 
-    After `finish`, `alignment` says how it lies, and `notes` what people should know.
+    After `finish`, `alignment` says how it lies, `side` what it measured, and `notes` what people should know.
     """
 
     def __init__(self, log: AutopilotLog, order: EventOrder) -> None:
         self.alignment: Alignment | None = None
+        self.side: AutopilotSide | None = None
         self.notes: list[str] = []
         self._log, self._clock, self._add = log, order.clock, order.add
         self._track = CommandTrack(order)
@@ -45,11 +50,13 @@ class AutopilotEvents:
         if start is None or end is None:
             self.alignment = Alignment((), "outputs", "the capture has no times: nothing to align it with")
         elif self._log.given is not None:
-            self.alignment = given(self._log.given, start, end)
+            holes = [(one.t, one.t_end) for one in self._clock.holes if one.length >= 0]
+            self.alignment = given(self._log.given, start, end, holes)
         else:
             self.alignment = align(self._log, self._track.pieces(), start)
         if not self.alignment.parts:
             return
+        self.side = side_of(self._log, self.alignment)
         self.notes.append(f"{self._log.name}: {self.alignment.text}")
         far = sum(not self._told(word, self.alignment) for word in words(self._log))
         if far:
@@ -68,7 +75,8 @@ class AutopilotEvents:
             return False
 
         def spot(at: int) -> Spot:
-            return Spot(at, at + part.ran, _NO_FRAME + word.number, _NO_FRAME + word.number, 0)
+            ran = int(part.recorded(np.array([at]))[0])
+            return Spot(at, ran, _NO_FRAME + word.number, _NO_FRAME + word.number, 0)
 
         after = None if word.until is None else spot(part.time(word.until)[0])
         self._add(FlightEvent(

@@ -14,7 +14,7 @@ from dissectors.records import dataclass
 from dissectors.times import NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import RecordedClock
@@ -47,13 +47,15 @@ class Signal:
 class Piece:
     """A stretch of a recording through which its clock runs on: from `start` to `end`, in ns of the capture's clock.
 
-    `ran` is what is added to a time for recorded time; `commands` count seconds from `start`.
+    `ran` is what is added to a time for recorded time; `commands` count seconds from `start`. `holes` are in it, from
+    when to when nothing was recorded.
     """
 
     start: int
     end: int
     ran: int
     commands: Signal
+    holes: Sequence[tuple[int, int]] = ()
 
 
 class CommandTrack(ReportEvents):
@@ -88,8 +90,8 @@ class CommandTrack(ReportEvents):
             return []
         t, frame, columns = max(self._kept.values(), key=lambda one: one.count).joined()
         found = [
-            Piece(start, end, ran, _signal(t[first:last], columns[:, first:last], start))
-            for start, end, ran, first, last in _stretches(self._clock, frame)
+            Piece(start, end, ran, _signal(t[first:last], columns[:, first:last], start), holes)
+            for start, end, ran, first, last, holes in _stretches(self._clock, frame)
             if last > first
         ]
         longest = sorted(range(len(found)), key=lambda k: len(found[k].commands))[-MOST_PIECES:]
@@ -125,19 +127,26 @@ class _Kept:
         return t, frame, np.concatenate(room, axis=1)
 
 
-def _stretches(clock: RecordedClock, frame: Array) -> Iterator[tuple[int, int, int, int, int]]:
-    """Yield the stretches through which the clock runs on: start, end, shift, and the commands from one to another."""
+def _stretches(
+    clock: RecordedClock, frame: Array
+) -> Iterator[tuple[int, int, int, int, int, Sequence[tuple[int, int]]]]:
+    """Yield the stretches through which the clock runs on.
+
+    Start, end, shift, the commands from one to another, and the holes in it.
+    """
     if clock.start is None or clock.last is None:
         return
     start, ran, shift, first = clock.start, 0, 0, 0
+    holes: list[tuple[int, int]] = []
     for hole in clock.holes:
         shift -= hole.length
         if 0 <= hole.length <= lasting("clock_split"):
+            holes.append((hole.t, hole.t_end))
             continue
         last = int(np.searchsorted(frame, hole.frame))
-        yield start, hole.t, ran, first, last
-        start, ran, first = hole.t_end, shift, last
-    yield start, clock.last, ran, first, len(frame)
+        yield start, hole.t, ran, first, last, holes
+        start, ran, first, holes = hole.t_end, shift, last, []
+    yield start, clock.last, ran, first, len(frame), holes
 
 
 def _signal(t: Array, values: Array, start: int) -> Signal:

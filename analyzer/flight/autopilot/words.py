@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 FILE = Path(__file__).with_name("words.toml")
 # Names of the records that are read: what it says, and by what it is found on the bus.
-SAID = ("MSG", "ERR", "EV", "MODE", "ARM", "BAT", "CURR", "PARM")
+SAID = ("MSG", "ERR", "EV", "MODE", "ARM", "BAT", "CURR", "ESC", "PARM")
 _TEXTS = ("Message", "Name")
 _ARMED, _DISARMED = 10, 11  # events that an ARM record tells better
 # Parameters of a battery by the name of what it is below.
@@ -103,7 +103,7 @@ def _armings(log: AutopilotLog) -> Iterator[Word]:
     for micros, number, (armed, forced, method) in _rows(log.table("ARM"), "ArmState", "Forced", "Method"):
         how = _facts()["methods"].get(str(method)) if "Method" in log.table("ARM").columns else None
         text = f"{'' if armed else 'dis'}armed{', forced' if forced else ''}{f', by: {how}' if how else ''}"
-        yield Word(micros, number, "arming", "ARM", text, {"method": method})
+        yield Word(micros, number, "arming", "ARM", text, {"armed": armed, "method": method})
 
 
 def _events(log: AutopilotLog) -> Iterator[Word]:
@@ -116,16 +116,30 @@ def _events(log: AutopilotLog) -> Iterator[Word]:
 
 
 def _errors(log: AutopilotLog) -> Iterator[Word]:
-    modes = _vehicle(log)
-    for micros, number, (subsystem, code) in _rows(log.table("ERR"), "Subsys", "ECode"):
+    modes, rows = _vehicle(log), list(_rows(log.table("ERR"), "Subsys", "ECode"))
+    over = _overs(rows)
+    for micros, number, (subsystem, code) in rows:
         known = _facts()["subsystems"].get(str(subsystem), {"name": f"subsystem {subsystem}"})
         said = known.get(str(code), f"code {code}")
         if "any" in known:
             named = modes.get(str(code), "").partition(" (")[0] if known["any"].endswith("mode") else ""
             said = f"{known['any']} {named or code}"
         yield Word(
-            micros, number, "autopilot error", "ERR", f"{known['name']}: {said}", {"subsystem": subsystem, "code": code}
-        )
+            micros, number, "autopilot error", "ERR", f"{known['name']}: {said}",
+            {"subsystem": subsystem, "code": code}, over.get(number) if "0" in known else None,
+        )  # fmt: skip
+
+
+def _overs(rows: list[tuple[int, int, list[Any]]]) -> Mapping[int, int]:
+    """Return when errors were over, by their numbers: with the next code 0 of their subsystem."""
+    found: dict[int, int] = {}
+    open_: dict[Any, list[int]] = {}
+    for micros, number, (subsystem, code) in rows:
+        if code:
+            open_.setdefault(subsystem, []).append(number)
+        else:
+            found |= dict.fromkeys(open_.pop(subsystem, ()), micros)
+    return found
 
 
 def _batteries(log: AutopilotLog) -> Iterator[Word]:

@@ -27,6 +27,7 @@ MOST_DEVICES = 256
 UNLOADED, DRAGGED, UNDRIVEN, SLOW = "unloaded", "dragged", "undriven", "slow"
 _TOLD = 8  # reports by which it is told what happens
 _STANDS, _SAME, _TIMES = 0.02, 0.015, 2.0  # shares of what was before
+_FASTER, _LAW = 0.05, 3  # of its speed; the power of a propeller goes with the third power of the speed
 _WORDS = {
     UNLOADED: "its load is gone",
     DRAGGED: "something brakes it, or it is out of step",
@@ -54,6 +55,12 @@ class _Memory:
             some.speed[rows][:_TOLD].tolist(), some.current[rows][:_TOLD].tolist(),
             some.reported[rows][:_TOLD].tolist(), len(some.speed[rows]), bool(low.any()),
         ))  # fmt: skip
+
+    @property
+    def driven_faster(self) -> bool:
+        """Whether it just turns faster, with no more current than a propeller takes for that: it was learned slower."""
+        speed, currents = float(np.median(self.speed)), [share for share in self.current if isfinite(share)]
+        return speed > 1 + _FASTER and bool(currents) and 1 <= float(np.median(currents)) <= speed**_LAW
 
     def add(self, other: _Memory) -> None:
         """Take what follows."""
@@ -131,13 +138,15 @@ class MotorEvents(ReportEvents):
 
     def _tell(self, spell: Spell) -> None:
         memory: _Memory = spell.memory
-        if memory.count <= 1 and not memory.sure:
+        if (memory.count <= 1 and not memory.sure) or memory.driven_faster:
             return
         table, key = spell.key
         bus, node, number = split(key)
         plot = next(plot for plot in self._plots if plot.table == table)
         sign, speed, current, reported = _told(memory)
         words = _WORDS[sign] if speed > _STANDS else "it stands"
+        if sign == UNLOADED and current > threshold("motor_bare"):
+            words = "a part of its load is gone"
         text = f"speed {_change(speed)}, current {_change(current)} at such a command: {words}"
         if sign == UNDRIVEN and isfinite(reported):
             text += f" (it reports {100 * reported:.0f} % of what is commanded)"

@@ -101,9 +101,10 @@ def judged(devices: Sequence[EscCells], flights: Sequence[Flight], width: int) -
     comparisons = 0
     for group in _groups(devices):
         candidates: list[_Candidate] = []
-        told = list(courses(group, width))
+        told, chs = list(courses(group, width)), [channel(one.plot, one.key) for one in group]
         for course in told:
-            upper = layers(course.level, course.quantity.layer / course.quantity.scale, _tolerated(course.quantity))
+            least = course.quantity.layer / course.quantity.scale
+            upper = layers(course.level, least, _tolerated(course.quantity), chs)
             if upper.any():
                 facts.append(layer_words(course.quantity, _names(group, upper), _gap(course, upper)))
             own, tried = _own_past(course, upper)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from analyzer.flight.witness import Witness
 
 _NEARLY_ALL = 98  # percent
+_MOSTLY = 0.9
 Node = tuple[int, int]  # bus, node
 ROLES = (
     ("ArmingStatus", "autopilot"),
@@ -56,19 +57,26 @@ class Case:
 
     def __init__(self, witness: Witness, events: Iterable[FlightEvent], flight: Flight, border: int) -> None:
         self.flight, self.pulse, self.losses, self.clock = flight, witness.pulse, witness.losses, witness.clock
-        self._commands = witness.command_types
+        self._commands, self.supply, self.setups = witness.command_types, witness.supply, witness.setups
         self.start, self.stop, self.border = flight.first.ran, flight.last.ran, border
         self.events = [one for one in events if self.start <= one.first.ran <= border]
         self.before = [one for one in events if one.first.ran < self.start]
         telling = [one for one in witness.escs if one.last >= self.start and one.first <= border]
         self.escs: list[EscExtent] = telling
+        self.earlier_escs: list[EscExtent] = [one for one in witness.escs if one.last < self.start]
         self.paces: list[SenderPace] = [one for one in witness.paces if one.last >= self.start and one.first <= border]
         self.esc_nodes: set[Node] = {(one.bus, one.node) for one in telling}
         self.escs_by_channel = {one.ch for one in telling if one.ch is not None}
         self.calm_limit = self._usual_spread()
-        self.swings = self._swings()
+        self.one_by_one = self._one_by_one()
+        self.swings = [] if self.one_by_one else self._swings()
         self.excursion = self.swings[-1] if self.swings and self.swings[-1].again is None else None
         self.joint = self._joint_losses()
+
+    def volts(self) -> tuple[float, float]:
+        """Return the lowest and the highest voltage that ESCs report, NaN if none does."""
+        ranges = [one.ranges["voltage"] for one in self.escs if "voltage" in one.ranges]
+        return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else (np.nan, np.nan)
 
     def commanders(self) -> set[Node]:
         """Return who commands."""
@@ -78,6 +86,11 @@ class Case:
         """Return who reports as a channel, None if nobody does, or several."""
         found = [one for one in self.escs if one.ch == ch]
         return found[0] if len({(one.bus, one.node) for one in found}) == 1 else None
+
+    def name(self, node: Node) -> str:
+        """Return what people call an ESC: its channel, if it has one alone."""
+        chs = {one.ch for one in self.escs if (one.bus, one.node) == node and one.ch is not None}
+        return f"ch{chs.pop()}" if len(chs) == 1 else f"node {node[1]}"
 
     @property
     def commanded(self) -> bool:
@@ -155,6 +168,12 @@ class Case:
     def lasts(self, event: FlightEvent) -> bool:
         """Return whether it goes on to the end of the flight, or nearly so."""
         return event.after is None or event.after.ran > self.stop - lasting("harmless")
+
+    def _one_by_one(self) -> bool:
+        """Return whether motors are tried in turn: wherever commands are apart, one alone is above all others."""
+        level = self.pulse.level(self.start, self.stop, threshold("spread_percent") / threshold("calm_share"))
+        alone = level <= threshold("alone") / max(self.pulse.channels, 1)
+        return self.pulse.channels > 2 and len(level) * STEP >= lasting("turning") and float(alone.mean()) >= _MOSTLY
 
     def _usual_spread(self) -> float:
         """Return how far apart commands may be, in %: somewhat more than nearly all of the first half of the flight."""

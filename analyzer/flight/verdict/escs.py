@@ -72,7 +72,9 @@ def _own(case: Case, own: list[FlightEvent], warned: list[FlightEvent]) -> Troub
     told = [one for one in own if one.kind != "motor" and one.sign in _FAILS]
     if not told and motor is not None and motor.sign == UNLOADED:
         bits = [] if own[0].ch in case.bitless() else ["no fault bit of it"]
-        return made("propulsion", "lost the load of its motor: propeller or blade", own, 2, [text(motor), *bits])
+        bare = motor.values["current_share"] <= threshold("motor_bare")
+        lost = "the load of its motor: propeller" if bare else "a part of the load of its motor: a damaged blade"
+        return made("propulsion", f"lost {lost}", own, 2, [text(motor), *bits])
     reasons = [*(text(one) for one in warned[:1]), *(text(one) for one in own[:3])]
     if told or motor is None:
         return made("esc", "stopped driving its motor as it should", own, 2, reasons)
@@ -139,8 +141,10 @@ def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Iterator[Trouble]:
 
 
 def _commanded(case: Case, one: FlightEvent) -> bool:
-    """Return whether the bus carried commands all the time before an ESC said that it got none."""
+    """Return whether the bus carried commands before an ESC said that it got none; what was in a hole nobody knows."""
     start = (one.before or one.first).ran - lasting("together")
+    if any(other.kind == "gap" and start <= other.first.ran <= one.first.ran for other in case.events):
+        return False
     return case.pulse.count(start, one.first.ran) > 0 and case.pulse.longest(start, one.first.ran) < _PAUSE_MS
 
 

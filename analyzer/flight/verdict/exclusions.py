@@ -26,11 +26,12 @@ def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
     start, span = max(case.start, began - lasting("looked_back")), lasting("looked_back") / 1e9
     span = min(span, (began - start) / 1e9)
     count = case.pulse.count(case.start, case.stop)
-    if count and verdict.kind not in {"commands-lost", "commanded"}:
+    torn = any(one.kind == "gap" and one.first.ran <= case.stop for one in case.events)  # nobody knows what was in it
+    if count and not torn and verdict.kind not in {"commands-lost", "commanded"}:
         length = max((case.stop - case.start) / 1e9, 0.001)
         longest = case.pulse.longest(case.start, case.stop)
         yield Excluded("commands stopping", f"{count / length:.0f} Hz to the end, longest pause {longest} ms")
-    if verdict.kind != "battery" and case.esc_nodes and (sag := _lowest(case)):
+    if verdict.kind != "battery" and (sag := _lowest(case)):
         yield Excluded("pack sag", sag)
     if verdict.kind == "device" and verdict.node is not None and verdict.bus is not None:
         yield from _wire(case, (verdict.bus, verdict.node))
@@ -44,7 +45,7 @@ def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
     if verdict.kind != "wiring":
         missing = case.losses.missing(start, began - 1)
         if not missing and not case.joint:
-            yield Excluded("a hole in the recording", f"no transfer ID missing in {span:.0f} s")
+            yield Excluded("a hole in the recording", f"no transfer ID missing in the {span:.0f} s before it")
 
 
 def _wire(case: Case, node: Node) -> Iterator[Excluded]:
@@ -67,17 +68,28 @@ def _lowest(case: Case) -> str:
         if expected is None or not isfinite(expected):
             return f"{low:.1f} V at {one.values.get('current_then', 0):.0f} A of an ESC, the load of take-off"
         return f"{low:.1f} V, where its current explains {expected:.1f} V"
+    if any(one.kind == "sag" for one in case.events):
+        return ""  # of a monitor, with no line of a current to hold it against
     lows = [one.ranges["voltage"] for one in case.escs if "voltage" in one.ranges]
-    return f"none; {min(low for low, _ in lows):.1f} V at the lowest" if lows else ""
+    own = [f"none; {min(low for low, _ in lows):.1f} V at the lowest"] if lows else []
+    own += [
+        f"{low:.1f} V at the lowest by node {node}{case.role(bus, node)}"
+        for (bus, node), low in sorted(case.supply.lowest(case.start, case.stop).items())
+        if (bus, node) not in case.esc_nodes
+    ][:1]  # fmt: skip
+    return ("" if lows else "none; ") + ", ".join(own) if own else ""
 
 
 def looked_at(case: Case) -> Sequence[str]:
     """Return what was looked at, in numbers."""
     parts = _measured(case.escs)
+    parts.insert(0, f"{(case.stop - case.start) / 1e9:.0f} s {'armed' if case.flight.by == 'arming' else 'turning'}")
     count = case.pulse.count(case.start, case.stop)
     if count:
-        parts.insert(min(1, len(parts)), f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz")
-    parts.append(f"{case.losses.broken(case.start, case.border)} broken transfers")
+        parts.insert(min(2, len(parts)), f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz")
+    if case.esc_nodes:
+        parts.append(f"{case.losses.missing(case.start, case.stop, case.esc_nodes)} transfer IDs of ESCs missing")
+    parts.append(f"{case.losses.broken(case.start, case.border)} broken of {case.losses.transfers} transfers")
     return parts
 
 

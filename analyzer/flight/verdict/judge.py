@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.case import Case
+from analyzer.flight.verdict.exchanged import exchanged
 from analyzer.flight.verdict.exclusions import could_not_see, excluded, looked_at, recorder_lines
+from analyzer.flight.verdict.logged import Logged
 from analyzer.flight.verdict.model import SUPPORTS, Verdict
+from analyzer.flight.verdict.said import Onset
 from analyzer.flight.verdict.troubles import troubles
-from dissectors.records import dataclass
+from dissectors.records import dataclass, replace
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
@@ -32,6 +35,7 @@ _FITS = (
 )
 _NO_BITS = ("not told", "fault bits: not told by these ESCs")
 _NO_ESC = ("No ESC", "on this bus: motors, propellers and thrust are not judged")
+_BENCH = ("bench", "motors are driven one by one: nothing flew, so commands tell nothing of an attitude")
 _STATES = frozenset({"thrust", "address"})  # are so all the time
 _WHOLE = frozenset({"commands-lost", "commanded", "bus"})  # after which commands say nothing any more
 _NEED_CALM = frozenset({"esc", "propulsion", "wiring", "bus", "battery"})  # commands until it began
@@ -53,11 +57,19 @@ class Judgement:
     began: int
 
 
-def judge(witness: Witness, events: Sequence[FlightEvent], flight: Flight, border: int) -> Judgement:
-    """Judge a flight; `border` is where the next one begins, or the recording ends (recorded time)."""
+def judge(
+    witness: Witness, events: Sequence[FlightEvent], flight: Flight, border: int, words: Sequence[FlightEvent] = ()
+) -> Judgement:
+    """Judge a flight; `border` is where the next one begins, or the recording ends (recorded time).
+
+    `words` are those of the autopilot's own log: they speak for or against what the bus tells, and tell no cause.
+    """
     case = Case(witness, events, flight, border)
     found = [one for one in troubles(case) if _matters(case, one)]
     verdicts = _verdicts(case, found)
+    if verdicts[0].kind == "setup":
+        more = tuple(exchanged(case, witness.flights()))
+        verdicts = [replace(verdicts[0], reasons=(*verdicts[0].reasons, *more)), *verdicts[1:]]
     shown = verdicts[1] if not verdicts[0].told and len(verdicts) > 1 else verdicts[0]
     first = next((one for one in found if one.kind == shown.kind and one.node == shown.node), None)
     began = _began(case, verdicts[0], first)
@@ -67,16 +79,22 @@ def judge(witness: Witness, events: Sequence[FlightEvent], flight: Flight, borde
         if one not in primary and one.first.ran >= began and one.kind not in _ORDINARY and verdicts[0].kind != "none"
     ]  # fmt: skip
     earlier = [one for one in case.events if one not in primary and one.first.ran < began and one.kind not in _ORDINARY]
-    return Judgement(
-        verdicts,
-        primary,
-        after,
-        earlier,
-        excluded(case, verdicts[0], began),
-        looked_at(case),
-        recorder_lines(case),
-        began,
-    )
+    facts = list(excluded(case, verdicts[0], began))
+    if words or witness.side is not None:
+        log, onset = Logged(case, witness.side, words), _onset(case, shown, first)
+        facts += log.excluded(verdicts[0], onset)
+        heard = {id(one): log.heard(one, onset) for one in (verdicts[0], shown)}
+        verdicts = [heard.get(id(one), one) for one in verdicts]
+    return Judgement(verdicts, primary, after, earlier, facts, looked_at(case), recorder_lines(case), began)
+
+
+def _onset(case: Case, shown: Verdict, first: Trouble | None) -> Onset:
+    """Return between which times a verdict began; what is so all the time, and nothing, are told by the end."""
+    if first is not None and first.kind not in _STATES:
+        return Onset(first.low, first.high)
+    if shown.kind in {"control", "setup"} and case.excursion is not None:
+        return Onset(case.excursion.start, case.excursion.stop)
+    return Onset(case.stop, case.stop)
 
 
 def _began(case: Case, verdict: Verdict, first: Trouble | None) -> int:
@@ -125,7 +143,7 @@ def _ordered(case: Case, before: list[Trouble]) -> list[Verdict]:
 
 
 def _nothing(case: Case, title: str) -> Verdict:
-    notes = [*could_not_see(case), *([] if case.esc_nodes else [_NO_ESC])]
+    notes = [*([_BENCH] if case.one_by_one else []), *could_not_see(case), *([] if case.esc_nodes else [_NO_ESC])]
     return Verdict("none", title, _LIKELY, reasons=looked_at(case), notes=notes)
 
 
@@ -235,7 +253,8 @@ def _control(case: Case, lost: Excursion, found: list[Trouble]) -> Verdict:
     t = (event.before or event.first).t
     if lost.start - case.start <= lasting("tip"):
         esc = case.esc_of(int(event.values.get("highest_ch", 0)))
-        reasons.append(f"it tips over {(lost.start - case.start) / SECOND:.1f} s after the motors began to turn")
+        took = max(0.1, (lost.start - case.start) / SECOND)
+        reasons.append(f"it tips over within {took:.1f} s of the motors turning")
         if esc is not None:
             reasons.append(f"ch{esc.ch} is commanded up most, in vain: it lifts least, or the wrong way")
         reasons += [*case.changed(), *case.turning()]
@@ -259,15 +278,30 @@ def _end(case: Case) -> Verdict:
     if not case.commanded:
         commands = "no commands recorded"
     over = any(one.kind in _SIGNS for one in case.events)
-    seen = f"{turning}{commands}, {'nothing wrong that lasted' if over else 'nothing wrong until then'}"
+    lowest, highest = case.volts()
+    sunk = lowest < highest * (1 - threshold("sag_percent") / 100)
+    wrong = f"{highest:.1f} V at first, {lowest:.1f} V at the lowest" if sunk else "nothing wrong until then"
+    seen = f"{turning}{commands}, {'nothing wrong that lasted' if over else wrong}"
     if flight.end == "cut" and len(case.joint) >= threshold("joint_often"):
         holes = f"{len(case.joint)} times several senders are silent together, and their transfer IDs run on"
         return Verdict("recorder", _LOSSY, _LIKELY, reasons=(holes, f"{seen}, as far as it was recorded"))
+    if not over and not sunk and (slowest := max((case.period(*node) for node in case.esc_nodes), default=0)):
+        before = f"an ESC or motor that failed more than {slowest / SECOND:.2f} s before; a sag of the pack before"
+    else:
+        before = ""
     would = ("would tell", "the autopilot's own log; a recorder with a battery of its own; error frames (candump -e)")
-    then = "the recording ends" if flight.end == "cut" else "the reports end, and others go on"
+    at_once = ", for every sender at once" if _at_once(case) else ""
+    then = f"the recording ends{at_once}" if flight.end == "cut" else "the reports end, and others go on"
     notes = [("last seen", f"{seen}; then {then}"), *([("fits", _FITS)] if flight.end == "cut" else [])]
+    notes += [("does not", before)] if before and flight.end == "cut" else []
     notes += [*could_not_see(case), would]
     return Verdict(
         "unknown", "cannot tell: the recording ends in flight" if flight.end == "cut" else "cannot tell",
         _POSSIBLE, t=flight.last.t, t_end=flight.last.t, frame=flight.frame_end, notes=notes,
     )  # fmt: skip
+
+
+def _at_once(case: Case) -> bool:
+    """Return whether every sender went on to the end, as far as its own period tells."""
+    told = [one for one in case.paces if one.usual]
+    return len(told) > 1 and all(case.border - one.last <= 2 * one.usual + STEP for one in told)

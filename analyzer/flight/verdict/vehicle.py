@@ -72,7 +72,7 @@ def _thrown(case: Case, one: FlightEvent) -> tuple[float, float] | None:
     """Return the commands just before all are 0, and the usual one, if the vehicle cannot have stood on the ground."""
     before = case.pulse.mean(one.first.ran - lasting("before_zero"), one.first.ran - STEP)
     usual = case.pulse.mean(case.start + lasting("take_off"), one.first.ran)
-    if not len(before) or not len(usual):
+    if case.one_by_one or not len(before) or not len(usual):
         return None
     middle = float(np.median(usual))
     lowest = float(before.min())
@@ -103,7 +103,7 @@ def thrust_troubles(case: Case) -> Iterator[Trouble]:
     start, stop = case.start + lasting("take_off"), case.stop
     if case.excursion is not None:
         stop = case.excursion.start
-    mean = case.pulse.mean(start, stop)
+    mean = case.pulse.mean(start, 0 if case.one_by_one else stop)
     high = mean >= threshold("high_percent")
     if not len(mean) or high.sum() * STEP < lasting("high") or high[-1 - len(high) // 4 :].mean() < _NEARLY_ALL:
         return

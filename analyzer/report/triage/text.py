@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import zip_longest
+from itertools import chain, zip_longest
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
@@ -44,16 +44,15 @@ class _Screen:
         found = self._found
         yield from self._head()
         yield from self._verdict(found.first, "What broke first")
-        below = (
-            self._said, self._others, self._after, self._excluded, self._looked, self._odd, self._seen, self._earlier
-        )  # fmt: skip
-        parts = [list(part()) for part in below]
-        closing = [*self._next()]
+        below = self._said, self._others, self._after, self._excluded, self._looked, self._odd, self._earlier
+        closing = [*self._seen(), *self._next()]
         room = LINES - 1 - len(list(self._head())) - len(list(self._verdict(found.first, ""))) - len(closing)
-        for part in parts:
-            shown = part if self._all else part[: max(0, room)]
-            room -= len(shown)
-            yield from shown
+        for part in below:
+            for row in part():
+                if len(row) > room and not self._all:
+                    break
+                room -= len(row)
+                yield from row
         yield from closing
 
     def story(self) -> Iterator[str]:
@@ -77,7 +76,8 @@ class _Screen:
             armed = round((found.flight.last.ran - found.flight.first.ran) / SECOND)
             flights = f"{'last ' if count > 1 else ''}armed {armed} s (ArmingStatus)"
         elif found.flight is not None:
-            flights += f", {'the last one ' if count > 1 else ''}{found.flight.end}"
+            stopped = found.flight.end == "landed" and found.first.told  # whether that was a landing is another matter
+            flights += f", {'the last one ' if count > 1 else ''}{'motors stopped' if stopped else found.flight.end}"
         behind = f"  {self._words.span(found)}  {', '.join(map(escape, found.buses))}  {flights}"
         name = ", ".join(map(escape, found.captures))
         if display_width(name) + display_width(behind) > self._width:
@@ -100,31 +100,31 @@ class _Screen:
             number = f"  flight {flight.number}" if flight is not None and len(self._found.flights) > 1 else ""
             yield from self._row(" at", f"{when}{number}")
         if one.told:
-            yield from self._rows(" for", one.reasons)
-            yield from self._rows(" against", one.against or ("nothing found",))
+            yield from chain.from_iterable(self._rows(" for", one.reasons))
+            yield from chain.from_iterable(self._rows(" against", one.against or ("nothing found",)))
         for label_, text in one.notes:
             yield from self._row(f" {label_}", text)
 
-    def _said(self) -> Iterator[str]:
+    def _said(self) -> Iterator[list[str]]:
         """Yield what the autopilot's log says around it."""
         log = self._found.autopilot
         if log is not None and log["parts"]:
             yield from self._events("Autopilot", self._found.said, _SAID, " around it, of the autopilot's log")
             if not self._found.said:
-                yield from self._row("Autopilot", "its log says nothing within 5 s of it")
+                yield [*self._row("Autopilot", "its log says nothing within 5 s of it")]
 
-    def _others(self) -> Iterator[str]:
+    def _others(self) -> Iterator[list[str]]:
         told = " ".join(text for _, text in self._found.first.notes)
         for one in [one for one in self._found.verdicts[1:] if one.title not in told][:2]:
-            yield from self._row("Then, or", f"{self._words.time(one.t_end)}  {one.title} ({one.support})")
+            yield [*self._row("Then, or", f"{self._words.time(one.t_end)}  {one.title} ({one.support})")]
 
-    def _after(self) -> Iterator[str]:
+    def _after(self) -> Iterator[list[str]]:
         yield from self._events("After it", self._found.after, _AFTER, "  (consequences: not used as causes)")
 
-    def _earlier(self) -> Iterator[str]:
+    def _earlier(self) -> Iterator[list[str]]:
         yield from self._events("Earlier", self._found.earlier, _EARLIER, "")
 
-    def _odd(self) -> Iterator[str]:
+    def _odd(self) -> Iterator[list[str]]:
         """Yield which ESCs were odd before, and of a flight without a fault what groups of them have in common."""
         found = self._found
         if found.judged:
@@ -140,29 +140,29 @@ class _Screen:
             room = self._width - _LABEL - display_width(text) - len(_STATS) - 2
             more = f"{' ' * (room + 2)}{_STATS}" if last and room >= 0 else ""
             rows = list(self._row(label if not number else "", text))
-            yield from rows[:-1]
-            yield rows[-1] + more
+            yield [*rows[:-1], rows[-1] + more]
 
-    def _events(self, label: str, events: Sequence[FlightEvent], most: int, note: str) -> Iterator[str]:
+    def _events(self, label: str, events: Sequence[FlightEvent], most: int, note: str) -> Iterator[list[str]]:
         told = list(together(events))
         shown = told if self._all else told[:most]
         for number, (one, whose) in enumerate(shown):
             text = f"{self._words.time(one.first.t)}  {whose + ' ' if whose else ''}{one.kind}: {one.text}"
-            yield fit(f"{label if not number else '':<{_LABEL}}{escape(text)}", self._width)
+            yield [fit(f"{label if not number else '':<{_LABEL}}{escape(text)}", self._width)]
         if len(told) > len(shown):
-            yield f"{'':<{_LABEL}}{len(told) - len(shown)} more{note}"
+            yield [f"{'':<{_LABEL}}{len(told) - len(shown)} more{note}"]
 
-    def _excluded(self) -> Iterator[str]:
+    def _excluded(self) -> Iterator[list[str]]:
         rows = [f"{one.fact}: {one.seen}" for one in self._found.excluded]
         yield from self._rows("Ruled out", rows)
 
-    def _looked(self) -> Iterator[str]:
+    def _looked(self) -> Iterator[list[str]]:
         if self._found.looked and (not self._found.first.told or self._all):
-            yield from self._row("Looked at", "; ".join(self._found.looked))
+            yield [*self._row("Looked at", "; ".join(self._found.looked))]
 
     def _seen(self) -> Iterator[str]:
         if self._found.not_seen:
-            yield from self._row("Not on CAN", f"{', '.join(self._found.not_seen)}.  Add --with flight.bin")
+            more = "" if self._found.autopilot is not None else ".  Add --with flight.bin"
+            yield from self._row("Not on CAN", f"{', '.join(self._found.not_seen)}{more}")
 
     def _next(self) -> Iterator[str]:
         for label, command in zip(
@@ -173,9 +173,9 @@ class _Screen:
             more = f"-- all {len(self._found.events)} events: --story; everything: --all; words: tailbyte help triage"
             yield self._palette.paint("dim", fit(more, self._width))
 
-    def _rows(self, label: str, texts: Iterable[str]) -> Iterator[str]:
+    def _rows(self, label: str, texts: Iterable[str]) -> Iterator[list[str]]:
         for number, text in enumerate(texts):
-            yield from self._row(label if not number else "", text)
+            yield [*self._row(label if not number else "", text)]
 
     def _row(self, label: str, text: str) -> Iterator[str]:
         indent = " " if label.startswith(" ") else ""

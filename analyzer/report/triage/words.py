@@ -36,7 +36,7 @@ class TriageWords:
     def span(self, found: Triage) -> str:
         """Return from when to when a capture goes."""
         if found.start is None or found.end is None:
-            return "no times"
+            return "no times" if found.frames else "no frames"
         if not self._dated:
             return f"{(found.end - found.start) / SECOND:.1f} s, without a date"
         return f"{self._day.text(found.start)[:-7]} to {self._clock.text(found.end)[:-7]}"

@@ -1,0 +1,86 @@
+"""How devices are set up: which hardware they are, their software, which way they are set to turn; and since when."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from analyzer.devices.settings import commands, written
+from analyzer.facts.meaning import meaning
+from analyzer.facts.software import version, version_column
+from analyzer.flight.reports import ReportEvents
+from dissectors.kit.cells import numbers, pylist
+from dissectors.times import NO_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    import pyarrow as pa
+
+    from analyzer.decode.engine import Batch
+    from analyzer.flight.reports import EventOrder
+    from dissectors.picture import Plot
+
+SOFTWARE, HARDWARE = "software", "hardware"
+MOST_NODES, MOST_CHANGES = 256, 64  # changes of one thing of a node, of which the first ones are kept
+Node = tuple[int, int]  # bus, node
+
+
+class Told(NamedTuple):
+    """What a node told from a recorded time on."""
+
+    ran: int
+    text: str
+
+
+class Setups(ReportEvents):
+    """Adds up batches; bounds: `MOST_NODES`, `MOST_CHANGES`."""
+
+    def __init__(self, order: EventOrder) -> None:
+        super().__init__(order)
+        self._plots = [plot for plot in self._plots if not commands(order.registry, plot.table)]
+        self._all: dict[Node, dict[str, list[Told]]] = {}
+
+    @staticmethod
+    def of_use(plot: Plot) -> bool:
+        """Return whether devices tell there which they are, or which way they turn."""
+        return plot.parameters and bool(plot.turning or plot.identity)
+
+    def feed(self, batch: Batch) -> None:
+        """Add the next batch."""
+        for name in batch.messages:
+            if (table := self._reader.rows(name, batch)) is not None and (column := version_column(table)) is not None:
+                # Who tells it in two types tells it in two ways: neither is a change of the other.
+                what = f"{SOFTWARE} ({name.removesuffix('.Response').rpartition('.')[2]})"
+                self._note(table, what, [version(value) for value in pylist(table.column(column))])
+        for plot in self._plots:
+            if (table := self._reader.rows(plot.table, batch)) is not None:
+                for name, what in ((plot.identity, HARDWARE), *((one, one) for one in plot.turning)):
+                    if name in table.schema.names:
+                        self._note(table, what, list(self._texts(plot, table, name)))
+
+    def finish(self) -> None:
+        """Take the end: everything is known."""
+
+    def of(self, node: Node, until: int) -> Mapping[str, str]:
+        """Return what a node told last of each thing, up to a recorded time."""
+        told = {name: [one for one in some if one.ran <= until] for name, some in self._all.get(node, {}).items()}
+        return {name: some[-1].text for name, some in told.items() if some}
+
+    def _texts(self, plot: Plot, table: pa.RecordBatch, name: str) -> Iterator[str]:
+        about = meaning(self._registry.definition(plot.table), name)
+        for value in pylist(table.column(name)):
+            hexadecimal = about.note is not None and about.note.hex and isinstance(value, int)
+            yield about.texts.get(value) or (f"0x{value & 0xFFFF_FFFF:X}" if hexadecimal else written(value))
+
+    def _note(self, table: pa.RecordBatch, what: str, texts: list[str]) -> None:
+        at = self._clock.of(table)
+        bus, src = (numbers(table.column(name)).astype(np.int64).tolist() for name in ("bus", "src"))
+        for row in np.flatnonzero(at.t != NO_TIME).tolist():
+            node = bus[row], src[row]
+            if not texts[row] or (node not in self._all and len(self._all) >= MOST_NODES):
+                continue
+            told = self._all.setdefault(node, {}).setdefault(what, [])
+            if len(told) < MOST_CHANGES and (not told or told[-1].text != texts[row]):
+                told.append(Told(int(at.ran[row]), texts[row]))
