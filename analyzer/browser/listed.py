@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer.browser.plain_numbers import plain_numbers
 from analyzer.browser.store.cut import StoredFrames, cut_transfers
 from analyzer.browser.store.order import EVENT, FRAME, SETTLED, TRANSFER
 from analyzer.views.listing import Listing
@@ -53,6 +54,7 @@ class ListPages:
         self._frames = StoredFrames(store)
         self.named: NamedFrames | None = None
         self.mode = "r"
+        self.numbers = False  # in place of names
         self.zero: int | None = None  # a time reference in place of the first frame
         self.columns: OwnColumns | None = None
         self._made: tuple[object, ...] = ()
@@ -114,9 +116,21 @@ class ListPages:
         listing.feed(batch, ListedRows(shown, _NONE, _NONE, _NONE))
         first = listing.places()
         self._head = listing.before(first[0] if first else None).rstrip("\n")
-        for number, entry in zip(numbered, listing.entries(), strict=True):
+        lines = [entry.partition("\n")[0] for entry in listing.entries()]
+        if self.numbers:
+            lines = list(map(self._in_numbers, lines, plain_numbers(batch, self._registry)))
+        for number, line in zip(numbered, lines, strict=True):
             if number in at:
-                found[at[number]] = entry.partition("\n")[0]
+                found[at[number]] = line
+
+    def _in_numbers(self, line: str, said: tuple[str, str]) -> str:
+        """Return a line with numbers in place of the name of its type, and of what it says."""
+        begin, ends, info = (self._head.find(name) for name in ("Type", " ID", "Info"))
+        if not 0 < begin < ends < info:
+            return line
+        called, values = said
+        changed = f"{line[:begin]}{fit(called, ends - begin):<{ends - begin}}{line[ends:]}"
+        return f"{changed[:info]:<{info}}{values}" if values else changed
 
     def _with_context(self, numbers: dict[int, int]) -> set[int]:
         """Return transfers, and those before them of the same senders."""

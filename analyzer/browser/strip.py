@@ -72,11 +72,11 @@ class Strip:
 
     def cells(
         self, width: int, *, now: int | None, flights: Iterable[tuple[int, int]], findings: Iterable[tuple[int, str]],
-        marks: Iterable[int],
+        marks: Iterable[int], events: Iterable[int] = (),
     ) -> list[StripCell]:  # fmt: skip
         """Return the columns; findings are times with a severity, flights spans of time.
 
-        `!` an error, `?` a warning, `o` a mark: they stand in place of the load, and so does the place of the list.
+        `!` an error, `?` a warning, `o` a mark, `e` an event: they stand in place of the load, and so does the place of the list.
         """
         loads = self.loads(width)
         steps = np.ceil(loads * (len(self._bars) - 1)).astype(int)
@@ -86,6 +86,10 @@ class Strip:
             if first is not None and last is not None:
                 flying[first : last + 1] = True
         cells = [StripCell(self._bars[step], "head" if flying[k] else "dim") for k, step in enumerate(steps.tolist())]
+        for t in events:
+            at = self.place_of(t, width)
+            if at is not None:
+                cells[at] = StripCell("e", "head")
         for t, severity in sorted(findings, key=lambda one: one[1] == "error"):
             at = self.place_of(t, width)
             if at is not None and severity in ("error", "warning"):

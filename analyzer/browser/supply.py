@@ -33,11 +33,13 @@ class Supply(Protocol):
         name: of the captures or buses.
         paths: captures as the commands take them, empty for a bus.
         arguments: what else a command needs to read them in the same way.
+        recorded: the file that a bus is recorded in as a whole, empty without one.
         live: they come from a bus.
         doing: what is done now, in a word or two, empty for nothing.
         notes: what was complained of.
         named: the rules that name frames.
         flights: first and last time of each.
+        places: what is to be read at frames, from 0: events, and where flights begin and end.
         troubles: time and severity of each finding.
         starts: frames at which findings begin, from 0, ascending.
         labels: of nodes in the vehicle file.
@@ -48,11 +50,13 @@ class Supply(Protocol):
     name: str
     paths: tuple[str, ...]
     arguments: tuple[str, ...]
+    recorded: str
     live: bool
     doing: str
     notes: list[str]
     named: NamedFrames | None
     flights: Sequence[tuple[int, int]]
+    places: dict[int, str]
     troubles: Sequence[tuple[int, str]]
     starts: Sequence[int]
     labels: dict[int, str]
@@ -69,7 +73,10 @@ class Supply(Protocol):
     def tab(self, name: str) -> Sequence[TabLine] | None:
         """Return what a tab shows, one of `TABS`."""
 
-    def ask(self, statistic: str) -> str:
+    def renew(self, name: str) -> None:
+        """Find out anew what a tab shows, where that may have changed since."""
+
+    def ask(self, text: str) -> str:
         """Ask for a statistic, which is in its tab later; return what is wrong with it, empty for nothing."""
 
     def stop(self) -> None:

@@ -301,3 +301,29 @@ def test_the_strip_is_clicked_and_help_comes_and_goes() -> None:
             assert seen.app.view.number() == seen.app.list._top + 2
 
     asyncio.run(work())
+
+
+def test_rows_are_selected_copied_and_written(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with browser(FAULTS, judged=False) as seen:
+            app = seen.app
+            await seen.press("down", "v", "down", "down")
+            assert "3 selected" in seen.screen
+            assert app.copied("filter") == "frame.number in {4, 9, 12}"
+            assert [json.loads(line)["frames"] for line in app.copied("JSON").splitlines()][:2] == [
+                [4, 5, 6, 7, 8],
+                [9, 10, 11],
+            ]
+            assert [line.split()[0] for line in app.copied("text").splitlines()] == ["4", "9", "12"]
+            assert len(app.copied("candump").splitlines()) == 13
+            await seen.press("w")
+            assert "3 selected rows" in seen.said
+            await seen.type(str(tmp_path / "part.log"))
+            await seen.until((tmp_path / "part.log").exists)
+            await seen.press("escape", "shift+up")
+            assert "2 selected" in seen.screen
+            await seen.press("v")
+            assert "selected" not in seen.screen
+
+    asyncio.run(work())
+    assert len((tmp_path / "part.log").read_text().splitlines()) == 13

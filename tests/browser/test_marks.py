@@ -14,6 +14,7 @@ from analyzer.cli import main
 if TYPE_CHECKING:
     from pathlib import Path
 
+
 @pytest.fixture
 def marked(tmp_path: Path) -> Path:
     path = tmp_path / "flight.log"
@@ -65,7 +66,9 @@ def test_a_part_has_those_of_its_frames(marked: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["copy.log", "copy.mcap"])
-def test_what_cannot_hold_them_says_so(name: str, marked: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_hold_them_says_so(
+    name: str, marked: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["convert", str(marked), str(tmp_path / name)]) == 0
     assert "cannot hold: comments on frames (2)" in capsys.readouterr().err
 

@@ -6,7 +6,9 @@ import threading
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
-from analyzer.app.browse.tabs import finding_lines, flight_lines, statistic_lines, triage_lines
+from analyzer.app.browse.happened import happened, statistic
+from analyzer.app.browse.tabs import finding_lines
+from analyzer.app.criteria import Criteria
 from analyzer.app.run import Run
 from analyzer.browser.store.store import Store, StoreFullError
 from analyzer.sources import CaptureError
@@ -31,10 +33,11 @@ class CaptureSupply:
         request: what is asked; its window is not.
         folder: of the store.
 
-    Raises `DsdlError`, `ProfileError`, `CaptureError` and `OSError` for what cannot be opened.
+    Raises `DsdlError`, `ProfileError`, `CaptureError` and `OSError` for what cannot be opened, `ValueError` for a wrong
+    vehicle file.
     """
 
-    live = False
+    live, recorded = False, ""
 
     def __init__(self, request: Request, folder: Path) -> None:
         self.notes: list[str] = []
@@ -48,8 +51,10 @@ class CaptureSupply:
         self.flights: Sequence[tuple[int, int]] = ()
         self.troubles: Sequence[tuple[int, str]] = ()
         self.starts: Sequence[int] = ()
-        self.labels: dict[int, str] = {}
-        self.severities: dict[str, str] = {}
+        self.places: dict[int, str] = {}
+        self._criteria = Criteria(request.rules, self.registry)
+        self.labels = self._criteria.labels
+        self.severities = {rule: page.severity for rule, page in self._criteria.pages.items()}
         self.report: Report | None = None
         self._tabs: dict[str, Sequence[TabLine]] = {}
         self._asked: SimpleQueue[str] = SimpleQueue()
@@ -82,16 +87,19 @@ class CaptureSupply:
         """Return what a tab shows."""
         return self._tabs.get(name)
 
-    def ask(self, statistic: str) -> str:
+    def renew(self, name: str) -> None:
+        """Do nothing: what a tab shows is of all that there is."""
+
+    def ask(self, text: str) -> str:
         """Ask for a statistic; return what is wrong with it."""
         from analyzer.stats.catalogue import named  # noqa: PLC0415 - few ask
 
         try:
-            named(statistic)
+            named(text)
         except ValueError as error:
             return str(error)
         self._tabs.pop("statistics", None)
-        self._asked.put(statistic)
+        self._asked.put(text)
         return ""
 
     # ---- in the thread
@@ -130,30 +138,19 @@ class CaptureSupply:
 
     def _happened(self) -> None:
         """Find flights, events and what broke first."""
-        from analyzer.app.statistics import RunStatistics  # noqa: PLC0415
-        from analyzer.app.triage import RunTriage  # noqa: PLC0415
-
         self.doing = "flights"
-        statistics, triage = RunStatistics(self._run, ["flights", "events"]), RunTriage(self._run)
-        for _ in triage.over(statistics.over(self._stored())):
-            pass
-        if self._stopped:
-            return
-        flights, events = statistics.tables()
-        self.flights = [(one["t_ns"], one["t_end_ns"]) for one in flights.records()]
-        self._tabs["flights"] = flight_lines(flights, statistics.start)
-        self._tabs["events"] = statistic_lines([events], statistics.start, statistics.end)
-        self._tabs["triage"] = triage_lines(triage.found())
+        found = happened(self._run, self._stored())
+        if not self._stopped:
+            self.flights, self.places = found.flights, found.places
+            self._tabs |= found.tabs
 
     def _judge(self) -> None:
         """Judge by all rules, as `check` does."""
-        from analyzer.app.criteria import Criteria  # noqa: PLC0415
         from analyzer.app.judged import JudgedRun  # noqa: PLC0415
         from analyzer.rules.named_frames import NamedFrames  # noqa: PLC0415
 
         self.doing = "judging"
-        named, run = NamedFrames(), self._run
-        criteria = Criteria(run.request.rules, run.registry)
+        named, run, criteria = NamedFrames(), self._run, self._criteria
         judged = JudgedRun(run, criteria, named)
         for _ in judged.batches(self._stored()):
             pass
@@ -164,26 +161,14 @@ class CaptureSupply:
         named.finish(
             (one.rule, index.get(one.bus or "", -1), -1 if one.node is None else one.node) for one in report.findings
         )
-        self.labels = criteria.labels
-        self.severities = {rule: page.severity for rule, page in criteria.pages.items()}
         self.troubles = [(one.first.t_ns, one.severity) for one in report.findings if one.first.t_ns is not None]
         self.starts = sorted({one.first.frame - 1 for one in report.findings if one.first.frame is not None})
         self._tabs["findings"] = finding_lines(report, self.store.low)
         self.report, self.named = report, named
 
     def _statistic(self, text: str) -> None:
-        from analyzer.app.statistics import RunStatistics  # noqa: PLC0415
-        from analyzer.browser.supply import TabLine  # noqa: PLC0415
-
         self.doing = text
-        try:
-            statistics = RunStatistics(self._run, [text], self._run.request.rules.bit_rate)
-            for _ in statistics.over(self._stored()):
-                pass
-            tables = statistics.tables()
-            self._tabs["statistics"] = statistic_lines(tables, statistics.start, statistics.end)
-        except (LookupError, ValueError, OSError) as error:
-            self._tabs["statistics"] = [TabLine(line, "bad") for line in str(error).splitlines()]
+        self._tabs["statistics"] = statistic(self._run, text, self._stored())
         self.doing = ""
 
     def _note(self, text: str) -> None:

@@ -64,8 +64,10 @@ def made(supply: Supply, options: BrowseOptions, rules: Sequence[ColourRule]) ->
     from analyzer.browser.screen.app import Browser  # noqa: PLC0415 - Textual takes a third of a second
 
     book = MarkBook(None)
-    only = supply.paths[0] if len(supply.paths) == 1 and os.path.isfile(supply.paths[0]) else None  # noqa: PTH113
-    if options.marks and only is not None:
+    only = supply.paths[0] if len(supply.paths) == 1 and os.path.isfile(supply.paths[0]) else ""  # noqa: PTH113
+    if options.marks and supply.recorded:
+        book = MarkBook(marks_path(supply.recorded))  # those of an older recording are none of this one
+    elif options.marks and only:
         book = MarkBook(marks_path(only))
         book.marks = read_marks(marks_path(only))
     view = BrowserView(supply, rules, book)

@@ -43,6 +43,7 @@ class Browser(Gestures):
         if self.start and len(view.rows):
             self.begin_at()
         self.wait_for_search()
+        self.wait_for_walk()
         if self.tools.said:
             self.say(self.tools.said.pop(0))
         if self.following and len(view.rows):
@@ -112,7 +113,10 @@ class Browser(Gestures):
         """Take the second key of a chord before anybody else does."""
         if isinstance(event, Key) and self.chord:
             chord, self.chord = self.chord, ""
-            (self.copy if chord == "copy" else self.follow)(event.key)
+            if chord in ("apply", "prepare"):
+                self.combine(chord, event.key)
+            else:
+                (self.copy if chord == "copy" else self.follow)(event.key)
             event.prevent_default()
             event.stop()
             return

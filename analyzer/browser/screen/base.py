@@ -65,6 +65,8 @@ class BrowserBase(App[None]):
         self.bar = Bar(self.names)
         self.panes = (self.list, self.details, self.bytes)
         self.following, self.wanted = False, 0
+        self._back: list[tuple[int, int]] = []  # places that were left by a jump, and those that were gone back from
+        self._ahead: list[tuple[int, int]] = []
         self.search: Search | None = None  # and `wanted` the step to the match that is waited for
 
     def compose(self) -> ComposeResult:
@@ -99,6 +101,8 @@ class BrowserBase(App[None]):
         view = self.view
         count, at = len(view.rows), view.number() + 1 if len(view.rows) else 0
         where = f"row {at:,} of {count:,}"
+        if view.begun is not None:
+            where = f"{len(view.selected()):,} selected  {where}"
         if isinstance(view.rows, ChosenRows):
             where += "" if view.rows.done else f" so far, {view.rows.share:.0%}"
             if view.rows.problem is not None:
@@ -165,6 +169,7 @@ class BrowserBase(App[None]):
     def action_tab(self, name: str) -> None:
         """Show a tab, or the three panes."""
         self.tab = name
+        self.view.supply.renew(name)
         packets = name == TABS[0]
         self.list.display = self.lower.display = packets
         self.tabs.display = not packets

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from analyzer.browser.screen.lines import Spans
 
 _INDENT = 2
+_BEGIN = ("Comment", "Event", "Message")  # what is seen first of a row
 _FOLDED = ("Identifier",)  # at first
 
 
@@ -42,7 +43,7 @@ class DetailPane(Pane, can_focus=True):
         seen = self._seen()
         here = ("", 0) if old is None else (old.name, old.depth)
         same = [k for k, line in enumerate(seen) if line.name and (line.name, line.depth) == here]
-        begin = next((k for k, line in enumerate(seen) if line.text.startswith("Message")), 0)
+        begin = next((k for k, line in enumerate(seen) if line.text.startswith(_BEGIN)), 0)
         self._at = same[0] if same else begin
         self._top = begin if not same else self._top
         self.draw()

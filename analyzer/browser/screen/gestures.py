@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from analyzer.browser.conditions import combined, condition, field_name
 from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.screen.handing import Handing
+from analyzer.browser.screen.styles import CONVERSATIONS
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
 from analyzer.filter.errors import FilterError
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from analyzer.browser.screen.bar import Bar
 
 _FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}
+_HOW = {"s": "", "n": "not", "a": "and", "o": "or", "b": "and not", "c": "or not"}
 _ASKS = {
     "go": "go to a frame (4711), a time (12.5 or 12:49:54.89) or 50%",
     "find": "find text, bytes (0a ff), or = and a filter; tab completes",
@@ -81,15 +83,34 @@ class Gestures(Handing):
         self.fail(f"{caret} {error.reason}" if fits else f"^ {wrong}: {error.reason}")
 
     def action_clear(self) -> None:
-        """End a search; else take the filter off."""
-        if self.search is not None:
+        """End a search or a selection; else take the filter off."""
+        if self.end_walk():
+            self.say("it is looked for no more")
+        elif self.search is not None:
             self.search.stop()
             self.search, self.wanted = None, 0
             self.say("the search has ended")
+        elif self.view.begun is not None:
+            self.action_select(0)
         elif self.tab != TABS[0]:
             self.action_tab(TABS[0])
         elif self.view.filter:
             self.set_filter("")
+
+    def action_combine(self, chord: str) -> None:
+        """Ask how what is selected becomes a filter."""
+        self.chord = chord
+        self.say(f"{chord}: s selected  n not selected  a and  o or  b and not  c or not", "bold")
+
+    def combine(self, chord: str, key: str) -> None:
+        """Apply or prepare what is selected, together with the filter that is there."""
+        how = _HOW.get(key)
+        if how is None:
+            self.say(f"nothing to {chord}")
+        elif chord == "apply":
+            self.action_apply(how)
+        else:
+            self.action_prepare(how)
 
     def action_follow(self) -> None:
         """Ask what to follow."""
@@ -136,11 +157,26 @@ class Gestures(Handing):
         self.list.forget()
 
     def action_conversation(self) -> None:
-        """Mark the rows of this conversation, or no more."""
-        row = self.view.current()
+        """Colour the rows of this conversation, or no more."""
+        row, some = self.view.current(), self.list.conversations
         own = None if row is None else self.view.conversation_of(row)
-        self.list.conversation = None if own == self.list.conversation else own
+        if own is None:
+            self.fail("only transfers are of a conversation")
+            return
+        if own in some:
+            some.remove(own)
+        else:
+            some[:] = [*some[-len(CONVERSATIONS) + 1 :], own]
         self.list.draw()
+        who = " and ".join(f"node {node}" for node in sorted(own))
+        self.say(f"{'coloured' if own in some else 'not coloured any more'}: {who}")
+
+    def action_numbers(self) -> None:
+        """Show types and fields by numbers in place of names, or again by names."""
+        pages = self.view.pages
+        pages.numbers = not pages.numbers
+        self.list.forget()
+        self.say("numbers: IDs of types, fields as they are" if pages.numbers else "names of types, words for values")
 
     def action_reference(self) -> None:
         """Count times from this row, or again from the first frame."""
@@ -209,6 +245,9 @@ class Gestures(Handing):
     def action_ask_write(self) -> None:
         """Ask for a file."""
         self.ask("write")
+        view = self.view
+        what = f"{len(view.selected()):,} selected rows" if view.begun is not None else f"all {len(view.rows):,} rows"
+        self.say(f"write {what} to {_ASKS['write']}", "dim")
 
     def action_ask_statistic(self) -> None:
         """Ask for a statistic."""

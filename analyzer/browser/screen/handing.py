@@ -5,16 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analyzer.browser.conditions import condition
-from analyzer.browser.screen.moving import Moving
+from analyzer.browser.screen.searching import Searching
+from analyzer.browser.store.cut import cut_transfers
+from analyzer.browser.store.order import TRANSFER
 from analyzer.views.records import JsonLines
 
 if TYPE_CHECKING:
     from analyzer.browser.store.store import Row
 
+_MOST_COPIED = 2000  # rows: a clipboard goes through the terminal
 _COPIES = {"t": "text", "j": "JSON", "c": "candump", "f": "filter", "d": "details"}
 
 
-class Handing(Moving):
+class Handing(Searching):
     """The part of the browser that keeps and hands on."""
 
     _warned = False
@@ -64,8 +67,13 @@ class Handing(Moving):
 
     def write(self, path: str) -> None:
         """Write what is displayed to a file."""
+        view = self.view
+        chosen = view.filter if view.begun is None else view.filter_of(view.selected())
+        if view.begun is not None and not chosen:
+            self.fail("the selected rows have no frames")
+            return
         try:
-            self.say(self.tools.write(path, self.view.filter))
+            self.say(self.tools.write(path, chosen))
         except ValueError as error:
             self.fail(str(error))
 
@@ -82,35 +90,44 @@ class Handing(Moving):
 
     def action_copy(self) -> None:
         """Ask what to copy."""
-        self.chord = "copy"
-        self.say("copy: t text  j JSON  c candump lines  f filter of the field  d details", "bold")
+        self.chord, count = "copy", len(self.view.selected())
+        what = f"{count:,} rows" if self.view.begun is not None else "this row"
+        self.say(f"copy {what}: t text  j JSON  c candump lines  d details  f as filter", "bold")
 
     def copy(self, key: str) -> None:
-        """Copy the current row in one of several forms."""
+        """Copy the selected rows, or the current one, in one of several forms."""
         form = _COPIES.get(key)
         text = "" if form is None else self.copied(form)
         if not text:
             self.fail("nothing is copied" if form is None else f"this row has no {form}")
             return
         self.copy_to_clipboard(text)
-        first = text.splitlines()[0]
-        self.say(f"copied: {first}" + (" ..." if "\n" in text.rstrip() else ""))
+        lines = text.rstrip().splitlines()
+        more = f" ... {len(lines):,} lines" if len(lines) > 1 else ""
+        left = len(self.view.selected()) - _MOST_COPIED
+        self.say(f"copied: {lines[0]}{more}" + (f", {left:,} rows left out: w writes all" if left > 0 else ""))
 
     def copied(self, form: str) -> str:
-        """Return the current row as text, JSON, candump lines, a filter or its details."""
-        view, shown, row = self.view, self.shown, self.view.current()
-        if row is None or shown is None:
+        """Return rows as text, JSON, candump lines or details; a field of one row, or the rows, as a filter."""
+        view, shown, numbers = self.view, self.shown, self.view.selected()[:_MOST_COPIED]
+        if not numbers or shown is None:
             return ""
-        if form == "text":
-            return view.pages.lines([row], 500)[0].text.rstrip()
-        if form == "details":
-            return "\n".join(f"{'    ' * line.depth}{line.text}" for line in shown.lines)
-        if form == "candump":
-            return self._candump(row)
-        line = self.details.line
         if form == "filter":
-            return "" if line is None else condition(line, view.supply.registry, shown.batch)
-        return "" if shown.batch is None else "".join(JsonLines(view.supply.registry).rows(shown.batch)).rstrip("\n")
+            line = self.details.line
+            if view.begun is not None or line is None:
+                return view.filter_of(numbers)
+            return condition(line, view.supply.registry, shown.batch)
+        rows = [view.row(number) for number in numbers]
+        if form == "text":
+            return "\n".join(line.text.rstrip() for line in view.pages.lines(rows, 500))
+        if form == "JSON":
+            at = sorted(view.number_of(row) for row in rows if row.kind == TRANSFER)
+            batch = cut_transfers(view.store, at)
+            return "".join(JsonLines(view.supply.registry).rows(batch)).rstrip("\n") if at else ""
+        if form == "details":
+            every = (view.shown(row).lines for row in rows)
+            return "\n\n".join("\n".join(f"{'    ' * line.depth}{line.text}" for line in lines) for lines in every)
+        return "\n".join(filter(None, map(self._candump, rows)))
 
     def _candump(self, row: Row) -> str:
         """Return the frames of a row as `candump -l` writes them."""

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from textual.events import Key
 
 _SIGNS = (
-    ("m c * |", "in front of a row: a mark, a comment, a rule names it, the conversation"),
-    ("! ? o", "in the strip: findings of severity error and warning, marks; coloured: in flight"),
+    ("m c * e", "in front of a row: a mark, a comment, a rule names it, an event or a flight's begin or end"),
+    ("> 1-6", "it is selected; of which coloured conversation it is"),
+    ("! ? o e", "in the strip: findings of severity error and warning, marks, events; coloured: in flight"),
 )  # fmt: skip
 _KEY = 11
 

@@ -16,8 +16,11 @@ if TYPE_CHECKING:
     from analyzer.browser.view import BrowserView
 
 
+_MOST_EVENTS = 500
+
+
 class StripPane(Lines):
-    """One line: load by time, `!` errors, `?` warnings, `o` marks, flights in colour, and where the list stands."""
+    """One line: load by time, `!` errors, `?` warnings, `o` marks, `e` events, flights in colour, and where the list stands."""
 
     class Went(Message):
         """A time was clicked at."""
@@ -29,6 +32,8 @@ class StripPane(Lines):
     def __init__(self, view: BrowserView, *, plain: bool) -> None:
         super().__init__("strip")
         self._view, self.strip = view, Strip(view.store, plain=plain)
+        self._places: dict[int, str] = {}
+        self._times: list[int] = []
 
     def draw(self) -> None:
         """Draw it as it is now."""
@@ -38,9 +43,18 @@ class StripPane(Lines):
         marks = [one.t for one in view.marks.ordered() if one.t is not None]
         cells = self.strip.cells(
             width, now=now, flights=[one for one in view.supply.flights if None not in one],
-            findings=view.supply.troubles, marks=marks,
+            findings=view.supply.troubles, marks=marks, events=self._events(),
         )  # fmt: skip
         self.put([tuple((cell.sign, NAMED[cell.style]) for cell in cells)])
+
+    def _events(self) -> list[int]:
+        """Return the times of events, looked up once."""
+        places = self._view.supply.places
+        if places is not self._places:
+            self._places = places
+            times = (self._view.store.frame_time(place) for place in list(places)[:_MOST_EVENTS])
+            self._times = [t for t in times if t is not None]
+        return self._times
 
     def on_resize(self) -> None:
         """Draw as wide as it is now."""
