@@ -63,7 +63,8 @@ class ListPages:
     def clock(self) -> TimeFormat:
         """Return what writes times now."""
         mode = "r" if self.mode in _DELTAS else self.mode
-        clock = TimeFormat(mode, self.zero)
+        part = self._store.segments[0].zero if self._store.segments else None
+        clock = TimeFormat(mode, part if self.zero is None else self.zero)
         if self._store.segments:
             clock.start(self._store.opened(0).table("frames").slice(0, _LOOKED_AT))
         clock.signed = self.zero is not None

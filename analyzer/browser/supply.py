@@ -33,6 +33,7 @@ class Supply(Protocol):
         name: of the captures or buses.
         paths: captures as the commands take them, empty for a bus.
         arguments: what else a command needs to read them in the same way.
+        window: arguments that name the part of them that is shown.
         recorded: the file that a bus is recorded in as a whole, empty without one.
         live: they come from a bus.
         doing: what is done now, in a word or two, empty for nothing.
@@ -50,6 +51,7 @@ class Supply(Protocol):
     name: str
     paths: tuple[str, ...]
     arguments: tuple[str, ...]
+    window: tuple[str, ...]
     recorded: str
     live: bool
     doing: str

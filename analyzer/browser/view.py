@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from analyzer.browser.store.store import Row
     from analyzer.browser.supply import Supply
     from analyzer.decode.engine import Batch
+    from analyzer.facts.frame_marks import Mark
     from analyzer.filter.matcher import Matcher
     from analyzer.views.colours.rules import ColourRule
 
@@ -82,7 +83,9 @@ class BrowserView:
         chosen = compile_filter(text, supply.registry)
         if chosen.asks_findings and supply.named is None:
             raise FilterError("findings are not known yet: the capture is still being judged", text, 0, len(text))
-        return chosen.matcher(labels=supply.labels, named=supply.named, severities=supply.severities)
+        return chosen.matcher(
+            zero=self.store.zero, labels=supply.labels, named=supply.named, severities=supply.severities
+        )
 
     def row(self, number: int) -> Row:
         """Return a row that is listed, by its number from 0."""
@@ -182,6 +185,10 @@ class BrowserView:
             found: list[int] = self.store.opened(row.segment).table("transfers").column("frame")[row.entry].as_py()
             return found
         return [] if row.kind == EVENT else [row.place]
+
+    def time_of(self, mark: Mark) -> int | None:
+        """Return the time of a mark, which a file need not say."""
+        return self.store.frame_time(mark.frame) if mark.t is None else mark.t
 
     def _rules(self, places: Sequence[int]) -> list[str]:
         if self.supply.named is None or not places:

@@ -37,6 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     show.add_argument("--no-marks", action="store_true", help="neither read nor keep marks beside the capture")
     options.add_dialect(parser)
     options.add_filter(parser)
+    options.add_window(parser)
     parser.set_defaults(run=run, follow=False)
 
 

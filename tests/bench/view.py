@@ -120,8 +120,8 @@ def measure(log: str, size: str, chosen: str) -> None:
     cpu = used(terminal.process.pid)
     judged = terminal.until(b"", gone=True)
     sys.stdout.write(
-        f"{log} {size}: first rows {first:.2f} s ({begun:.2f} s of processor), decoded {loaded:.1f} s ({cpu:.1f} s of processor), "
-        f"judged {judged:.1f} s ({used(terminal.process.pid):.1f} s)\n"
+        f"{log} {size}: first rows {first:.2f} s ({begun:.2f} s of processor), "
+        f"decoded {loaded:.1f} s ({cpu:.1f} s), judged {judged:.1f} s ({used(terminal.process.pid):.1f} s)\n"
         f"  memory: {own:.0f} MB of its own when decoded, {memory(terminal.process.pid, 'RssAnon'):.0f} when judged, "
         f"peak with pages of files {memory(terminal.process.pid, 'VmHWM'):.0f} MB\n"
     )

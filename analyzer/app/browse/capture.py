@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from analyzer.app.browse.happened import happened, statistic
 from analyzer.app.browse.tabs import finding_lines
 from analyzer.app.criteria import Criteria
+from analyzer.app.flown import narrow
 from analyzer.app.run import Run
 from analyzer.browser.store.store import Store, StoreFullError
 from analyzer.sources import CaptureError
@@ -30,7 +31,7 @@ class CaptureSupply:
     """Decodes and judges captures for a browser, as `analyzer.browser.supply.Supply` has it.
 
     Args:
-        request: what is asked; its window is not.
+        request: what is asked.
         folder: of the store.
 
     Raises `DsdlError`, `ProfileError`, `CaptureError` and `OSError` for what cannot be opened, `ValueError` for a wrong
@@ -46,6 +47,7 @@ class CaptureSupply:
         self.store, self.registry = Store(folder), self._run.registry
         self.name, self.paths = self._run.source.name, request.names
         self.arguments = request.arguments
+        self.window = tuple(word for words in request.window_words for word in words.split(" ", maxsplit=1))
         self.loaded, self.doing = False, "decoding"
         self.named: NamedFrames | None = None
         self.flights: Sequence[tuple[int, int]] = ()
@@ -121,7 +123,10 @@ class CaptureSupply:
 
     def _decode(self) -> None:
         try:
-            for batch in self._run.batches():
+            if self._run.request.flight is not None and (problem := narrow(self._run)):
+                self._note(problem)
+                return
+            for batch in self._run.inside():
                 if len(batch.frames) or len(batch.transfers) or len(batch.events) or not self.store.segments:
                     self.store.add(batch)
                 if self._stopped:

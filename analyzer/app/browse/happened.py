@@ -1,4 +1,4 @@
-"""What happened in stored batches, for the tabs, the strip and the list: flights, events, what broke first; statistics."""
+"""What happened in stored batches: flights, events, what broke first; and statistics of them."""
 
 from __future__ import annotations
 

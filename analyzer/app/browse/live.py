@@ -53,6 +53,7 @@ class LiveSupply:
         self.store, self.registry, self.name = Store(folder), criteria.registry, name
         self.paths: tuple[str, ...] = ()
         self.arguments: tuple[str, ...] = ()
+        self.window: tuple[str, ...] = ()
         self.notes: list[str] = []
         self.named, self.recorded = named, recorded
         self.flights: Sequence[tuple[int, int]] = ()
@@ -169,7 +170,7 @@ class LiveSupply:
 
     def _make(self, run: Run, asked: str) -> None:
         head = TabLine(
-            f"of the {self.store.frames:,} frames that came until this was asked for; the key again: anew", "dim"
+            f"of the {self.store.count:,} frames that came until this was asked for; the key again: anew", "dim"
         )
         if asked in _MADE:
             found = happened(run, self._stored())

@@ -21,8 +21,8 @@ _AROUND = "2s"
 class BrowserTools:
     """Writes, plots and keeps for a browser; `said` are lines about what has ended meanwhile."""
 
-    def __init__(self, supply: Supply, options: Sequence[str] = ()) -> None:
-        self._supply, self._options = supply, tuple(options)
+    def __init__(self, supply: Supply) -> None:
+        self._supply = supply
         self.said: list[str] = []
         self.columns: list[str] = []
 
@@ -35,7 +35,7 @@ class BrowserTools:
         target = Path(name).expanduser()
         if target.exists():
             raise ValueError(f"{target}: exists already: another name, please")
-        chosen = ("-Y", filter_text) if filter_text else ()
+        chosen = (*self._supply.window, *(("-Y", filter_text) if filter_text else ()))
         if target.suffix.lower() in _TABLES:
             table = path[len(name) :].strip() or "transfers"
             words = ("export", *self._captures(), "--table", table, "-o", str(target), *chosen)
@@ -69,7 +69,7 @@ class BrowserTools:
         if not paths or "-" in paths:
             raise ValueError("what comes from a bus or a pipe exists only once: record it, and view the file")
         safe = (f"./{path}" if path.startswith("-") else path for path in paths)
-        return (*safe, *self._supply.arguments, *self._options)
+        return (*safe, *self._supply.arguments)
 
     def _start(self, words: Sequence[str], done: str) -> None:
         process = subprocess.Popen(  # noqa: S603 - ourselves

@@ -87,7 +87,7 @@ class BrowserBase(App[None]):
         doing = supply.doing if supply.loaded else f"{supply.doing} {supply.share:.0%}"
         if supply.live and not supply.loaded:
             doing = "live, following" if self.following else "live, held"
-        counts = f"{view.store.frames:,} frames"
+        counts = f"{view.store.count:,} frames"
         notes = f"  {len(supply.notes)} note{'s' * (len(supply.notes) != 1)}" if supply.notes else ""
         right = f"{counts}{notes}  {doing}".rstrip() + " "
         left = fit(f" {escape(supply.name)}", max(8, width - len(right) - 1))

@@ -118,15 +118,22 @@ class Handing(Searching):
                 return view.filter_of(numbers)
             return condition(line, view.supply.registry, shown.batch)
         rows = [view.row(number) for number in numbers]
-        if form == "text":
-            return "\n".join(line.text.rstrip() for line in view.pages.lines(rows, 500))
-        if form == "JSON":
-            at = sorted(view.number_of(row) for row in rows if row.kind == TRANSFER)
-            batch = cut_transfers(view.store, at)
-            return "".join(JsonLines(view.supply.registry).rows(batch)).rstrip("\n") if at else ""
-        if form == "details":
-            every = (view.shown(row).lines for row in rows)
-            return "\n\n".join("\n".join(f"{'    ' * line.depth}{line.text}" for line in lines) for lines in every)
+        return {"text": self._lines, "JSON": self._json, "details": self._details, "candump": self._frames}[form](rows)
+
+    def _lines(self, rows: list[Row]) -> str:
+        return "\n".join(line.text.rstrip() for line in self.view.pages.lines(rows, 500))
+
+    def _json(self, rows: list[Row]) -> str:
+        view = self.view
+        at = sorted(view.number_of(row) for row in rows if row.kind == TRANSFER)
+        texts = JsonLines(view.supply.registry).rows(cut_transfers(view.store, at)) if at else ()
+        return "".join(texts).rstrip("\n")
+
+    def _details(self, rows: list[Row]) -> str:
+        every = (self.view.shown(row).lines for row in rows)
+        return "\n\n".join("\n".join(f"{'    ' * line.depth}{line.text}" for line in lines) for lines in every)
+
+    def _frames(self, rows: list[Row]) -> str:
         return "\n".join(filter(None, map(self._candump, rows)))
 
     def _candump(self, row: Row) -> str:

@@ -88,10 +88,12 @@ class PacketList(Pane, can_focus=True):
             if sign.isdigit() and not line.codes:
                 own += CONVERSATIONS[int(sign) - 1]
             if number in selected:
-                sign, own = ">", own + NAMED["selected"]
+                own += NAMED["selected"]
             if number == at:
                 own = NAMED["focus"] + (own if not line.codes else of_codes(line.codes))
-            shown.append(((sign, NAMED["good"]), (padded(line.text, width - _BESIDE), own)))
+            shown.append(
+                ((">" if number in selected else sign, NAMED["good"]), (padded(line.text, width - _BESIDE), own))
+            )
         if not count:
             shown.append(((padded(f"  {self._nothing()}", width), NAMED["dim"]),))
         self.put(shown)

@@ -162,9 +162,9 @@ class Moving(BrowserBase):
     def go_to_frame(self, frame: int) -> bool:
         """Go to the row of a frame, from 0."""
         store = self.view.store
-        if not 0 <= frame < store.frames:
+        if not store.first <= frame < store.frames:
             more = "" if self.view.supply.loaded else " so far"
-            self.fail(f"there is no frame {frame + 1:,}: frames are 1 to {store.frames:,}{more}")
+            self.fail(f"there is no frame {frame + 1:,}: frames are {store.first + 1:,} to {store.frames:,}{more}")
             return False
         return self.go_to(store.row_of_frame(frame), f"no row shows frame {frame + 1:,}")
 
@@ -188,10 +188,10 @@ class Moving(BrowserBase):
         except ValueError as error:
             self.fail(f"{error}, nor a frame")
             return False
-        if store.low is None:
+        if store.zero is None:
             self.fail("the capture has no times")
             return False
-        return self.go_to_time(moment.at(store.low))
+        return self.go_to_time(moment.at(store.zero))
 
     def begin_at(self) -> None:
         """Go where `--at` says, once that is decoded."""
@@ -200,7 +200,7 @@ class Moving(BrowserBase):
             ready = int(text.lstrip("#")) <= store.frames
         else:
             try:
-                ready = store.high is not None and store.high >= Moment.parse(text).at(store.low or 0)
+                ready = store.high is not None and store.high >= Moment.parse(text).at(store.zero or 0)
             except ValueError:
                 ready = True
         if ready or self.view.supply.loaded:

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from analyzer.browser.view import BrowserView
 
 
-_MOST_EVENTS = 500
+_MOST_MARKS = 1000
 
 
 class StripPane(Lines):
-    """One line: load by time, `!` errors, `?` warnings, `o` marks, `e` events, flights in colour, and where the list stands."""
+    """One line: load by time, coloured in flights; findings and marks by their signs; where the list stands."""
 
     class Went(Message):
         """A time was clicked at."""
@@ -32,29 +32,18 @@ class StripPane(Lines):
     def __init__(self, view: BrowserView, *, plain: bool) -> None:
         super().__init__("strip")
         self._view, self.strip = view, Strip(view.store, plain=plain)
-        self._places: dict[int, str] = {}
-        self._times: list[int] = []
 
     def draw(self) -> None:
         """Draw it as it is now."""
         view, width = self._view, self.size.width
         row = view.current()
         now = None if row is None else view.store.time(row)
-        marks = [one.t for one in view.marks.ordered() if one.t is not None]
+        marks = [t for one in view.marks.ordered()[:_MOST_MARKS] if (t := view.time_of(one)) is not None]
         cells = self.strip.cells(
-            width, now=now, flights=[one for one in view.supply.flights if None not in one],
-            findings=view.supply.troubles, marks=marks, events=self._events(),
+            width, now=now, flights=view.supply.flights,
+            findings=view.supply.troubles, marks=marks,
         )  # fmt: skip
         self.put([tuple((cell.sign, NAMED[cell.style]) for cell in cells)])
-
-    def _events(self) -> list[int]:
-        """Return the times of events, looked up once."""
-        places = self._view.supply.places
-        if places is not self._places:
-            self._places = places
-            times = (self._view.store.frame_time(place) for place in list(places)[:_MOST_EVENTS])
-            self._times = [t for t in times if t is not None]
-        return self._times
 
     def on_resize(self) -> None:
         """Draw as wide as it is now."""
