@@ -51,7 +51,10 @@ def run(args: argparse.Namespace) -> int:
         from analyzer.cli import main  # noqa: PLC0415 - a bus is a matter of another command
 
         return main(["live", "--view", *names])
-    from analyzer.app.browse.session import BrowseOptions, browse  # noqa: PLC0415
+    from analyzer.app.start import plain_arrow  # noqa: PLC0415
+
+    plain_arrow()
+    from analyzer.app.browse.session import BrowseOptions, browse  # noqa: PLC0415 - behind that
     from analyzer.sources import CaptureError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError, load  # noqa: PLC0415
 

@@ -6,15 +6,12 @@ import threading
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
-from analyzer.app.browse.happened import happened, statistic
-from analyzer.app.browse.tabs import finding_lines
-from analyzer.app.criteria import Criteria
-from analyzer.app.flown import narrow
 from analyzer.app.run import Run
 from analyzer.browser.store.store import Store, StoreFullError
 from analyzer.sources import CaptureError
 
 if TYPE_CHECKING:
+    from analyzer.app.criteria import Criteria
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
@@ -54,9 +51,9 @@ class CaptureSupply:
         self.troubles: Sequence[tuple[int, str]] = ()
         self.starts: Sequence[int] = ()
         self.places: dict[int, str] = {}
-        self._criteria = Criteria(request.rules, self.registry)
-        self.labels = self._criteria.labels
-        self.severities = {rule: page.severity for rule, page in self._criteria.pages.items()}
+        self.labels: dict[int, str] = {}
+        self.severities: dict[str, str] = {}
+        self._criteria: Criteria | None = self._judging() if request.rules.vehicle is not None else None
         self.report: Report | None = None
         self._tabs: dict[str, Sequence[TabLine]] = {}
         self._asked: SimpleQueue[str] = SimpleQueue()
@@ -123,8 +120,7 @@ class CaptureSupply:
 
     def _decode(self) -> None:
         try:
-            if self._run.request.flight is not None and (problem := narrow(self._run)):
-                self._note(problem)
+            if self._run.request.flight is not None and not self._narrowed():
                 return
             for batch in self._run.inside():
                 if len(batch.frames) or len(batch.transfers) or len(batch.events) or not self.store.segments:
@@ -133,6 +129,24 @@ class CaptureSupply:
                     return
         except (CaptureError, StoreFullError) as error:
             self._note(str(error))
+
+    def _judging(self) -> Criteria:
+        """Return what is judged by; filters may ask for its labels. Raises `ValueError` for a wrong vehicle file."""
+        from analyzer.app.criteria import Criteria as Made  # noqa: PLC0415 - rows come first
+
+        criteria = Made(self._run.request.rules, self.registry)
+        self.labels = criteria.labels
+        self.severities = {rule: page.severity for rule, page in criteria.pages.items()}
+        return criteria
+
+    def _narrowed(self) -> bool:
+        """Return whether the window is that of the flight that is asked for; complain if there is none."""
+        from analyzer.app.flown import narrow  # noqa: PLC0415 - few ask for a flight
+
+        problem = narrow(self._run)
+        if problem is not None:
+            self._note(problem)
+        return problem is None
 
     def _stored(self) -> Iterator[Batch]:
         """Yield the batches from the store until the end is asked for."""
@@ -143,6 +157,8 @@ class CaptureSupply:
 
     def _happened(self) -> None:
         """Find flights, events and what broke first."""
+        from analyzer.app.browse.happened import happened  # noqa: PLC0415 - rows come first
+
         self.doing = "flights"
         found = happened(self._run, self._stored())
         if not self._stopped:
@@ -151,11 +167,12 @@ class CaptureSupply:
 
     def _judge(self) -> None:
         """Judge by all rules, as `check` does."""
+        from analyzer.app.browse.tabs import finding_lines  # noqa: PLC0415 - rows come first
         from analyzer.app.judged import JudgedRun  # noqa: PLC0415
         from analyzer.rules.named_frames import NamedFrames  # noqa: PLC0415
 
         self.doing = "judging"
-        named, run, criteria = NamedFrames(), self._run, self._criteria
+        named, run, criteria = NamedFrames(), self._run, self._criteria or self._judging()
         judged = JudgedRun(run, criteria, named)
         for _ in judged.batches(self._stored()):
             pass
@@ -172,6 +189,8 @@ class CaptureSupply:
         self.report, self.named = report, named
 
     def _statistic(self, text: str) -> None:
+        from analyzer.app.browse.happened import statistic  # noqa: PLC0415 - few ask
+
         self.doing = text
         self._tabs["statistics"] = statistic(self._run, text, self._stored())
         self.doing = ""

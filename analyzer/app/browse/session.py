@@ -49,9 +49,9 @@ def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]
     sys.setswitchinterval(_TURN)
     with StoreFolder() as folder:
         supply = CaptureSupply(request, folder.path)
-        app = made(supply, options, rules)
         supply.start()
         try:
+            app = made(supply, options, rules)
             app.run()
         finally:
             supply.stop()
