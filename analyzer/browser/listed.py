@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from analyzer.browser.colouring import RowColouring
     from analyzer.browser.own_columns import OwnColumns
     from analyzer.browser.store.store import Row, Store
-    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.filter.memory import NamesFrames
     from analyzer.window.numbering import Numbering
     from dissectors import Registry
 
@@ -52,7 +52,7 @@ class ListPages:
     def __init__(self, store: Store, registry: Registry, numbering: Numbering, colouring: RowColouring) -> None:
         self._store, self._registry, self._numbering, self._colouring = store, registry, numbering, colouring
         self._frames = StoredFrames(store)
-        self.named: NamedFrames | None = None
+        self.named: NamesFrames | None = None
         self.mode = "r"
         self.numbers = False  # in place of names
         self.zero: int | None = None  # a time reference in place of the first frame

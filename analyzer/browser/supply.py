@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analyzer.browser.store.store import Store
-    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.filter.memory import NamesFrames
     from dissectors import Registry
 
 TABS = ("packets", "findings", "events", "flights", "triage", "statistics")
@@ -56,7 +56,7 @@ class Supply(Protocol):
     live: bool
     doing: str
     notes: list[str]
-    named: NamedFrames | None
+    named: NamesFrames | None
     flights: Sequence[tuple[int, int]]
     places: dict[int, str]
     troubles: Sequence[tuple[int, str]]

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import threading
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 from kit.browsing import Seen, capture
 
 from analyzer.app.browse.live import LiveSupply
+from analyzer.app.browse.live_names import LiveNames
 from analyzer.app.browse.session import BrowseOptions, made
 from analyzer.app.criteria import Criteria
 from analyzer.app.request import Request, RuleChoice
@@ -23,8 +26,10 @@ def test_a_bus_is_followed_and_held(tmp_path: Path) -> None:
     run = Run(Request((capture("mission-8-faults.log"),)))
     criteria = Criteria(RuleChoice(), run.registry)
     ended: list[bool] = []
-    supply = LiveSupply(criteria, "can0", tmp_path, lambda: ended.append(True))
-    check = Check(run.registry, criteria.settings)
+    names = LiveNames()
+    supply = LiveSupply(criteria, "can0", tmp_path, lambda: ended.append(True), names, str(tmp_path / "bench.log"))
+    supply.look(SimpleNamespace(reading=run))
+    check = Check(run.registry, criteria.settings, names)
     newest = Newest(check.judge, criteria.settings, criteria.revisions(), now=lambda: 0.0)
     pieces = []
     with open(capture("mission-8-faults.log"), "rb") as file:  # noqa: PTH123 - in pieces
@@ -38,7 +43,8 @@ def test_a_bus_is_followed_and_held(tmp_path: Path) -> None:
             supply.found(newest.look(run.engine.buses))
 
     async def work() -> None:
-        app = made(supply, BrowseOptions(marks=False), [])
+        threading.Thread(target=supply._work, daemon=True).start()
+        app = made(supply, BrowseOptions(), [])
         app.following = True
         async with app.run_test(size=(80, 24)) as pilot:
             seen = Seen(app, pilot)
@@ -60,6 +66,21 @@ def test_a_bus_is_followed_and_held(tmp_path: Path) -> None:
             supply.found(newest.look(run.engine.buses, last=True))
             await seen.press("2")
             assert "CAN-005" in seen.screen
+            await seen.press("a")
+            await seen.until(lambda: len(app.view.rows) > 0)
+            assert app.view.filter.startswith('finding.rule == "')
+            await seen.press("escape", "right_square_bracket", "m")
+            assert (tmp_path / "bench.log.marks.toml").exists()
+            for key, word in (("4", "flight 1"), ("3", "what happened"), ("5", "What broke first")):
+                await seen.press(key)
+                await seen.until(lambda: supply.tab(app.tab) is not None)
+                app.look()
+                await pilot.pause()
+                assert "came until this was asked for" in seen.screen
+                assert word in seen.screen
+            await seen.press("s")
+            await seen.type("talkers")
+            await seen.until(lambda: supply.tab("statistics") is not None)
             await seen.press("1", "equals_sign")
             await seen.type("ESCStatus")
             await seen.until(lambda: len(app.view.rows) > 100)

@@ -11,10 +11,10 @@ from analyzer.browser.store.store import Store, StoreFullError
 from analyzer.sources import CaptureError
 
 if TYPE_CHECKING:
-    from analyzer.app.criteria import Criteria
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from analyzer.app.criteria import Criteria
     from analyzer.app.request import Request
     from analyzer.browser.supply import TabLine
     from analyzer.decode.engine import Batch
@@ -163,7 +163,7 @@ class CaptureSupply:
         found = happened(self._run, self._stored())
         if not self._stopped:
             self.flights, self.places = found.flights, found.places
-            self._tabs |= found.tabs
+            self._tabs.update(found.tabs)
 
     def _judge(self) -> None:
         """Judge by all rules, as `check` does."""

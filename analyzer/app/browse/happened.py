@@ -10,7 +10,7 @@ from analyzer.app.triage import RunTriage
 from analyzer.browser.supply import TabLine
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from analyzer.app.run import Run
     from analyzer.decode.engine import Batch
@@ -21,7 +21,7 @@ class Happened(NamedTuple):
 
     flights: Sequence[tuple[int, int]]
     places: dict[int, str]
-    tabs: dict[str, Sequence[TabLine]]
+    tabs: Mapping[str, Sequence[TabLine]]
 
 
 def happened(run: Run, batches: Iterable[Batch]) -> Happened:
