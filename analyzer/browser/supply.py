@@ -38,7 +38,6 @@ class Supply(Protocol):
         live: they come from a bus.
         doing: what is done now, in a word or two, empty for nothing.
         notes: what was complained of.
-        named: the rules that name frames.
         flights: first and last time of each.
         places: what is to be read at frames, from 0: events, and where flights begin and end.
         troubles: time and severity of each finding.
@@ -56,13 +55,16 @@ class Supply(Protocol):
     live: bool
     doing: str
     notes: list[str]
-    named: NamesFrames | None
     flights: Sequence[tuple[int, int]]
     places: dict[int, str]
     troubles: Sequence[tuple[int, str]]
     starts: Sequence[int]
     labels: dict[int, str]
     severities: dict[str, str]
+
+    @property
+    def named(self) -> NamesFrames | None:
+        """The rules that name frames."""
 
     @property
     def loaded(self) -> bool:

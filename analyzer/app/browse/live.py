@@ -51,7 +51,7 @@ class LiveSupply:
         recorded: str = "",
     ) -> None:  # fmt: skip
         self.store, self.registry, self.name = Store(folder), criteria.registry, name
-        self.paths: tuple[str, ...] = ()
+        self.paths = (recorded,) if recorded else ()  # what is written and drawn is read from there
         self.arguments: tuple[str, ...] = ()
         self.window: tuple[str, ...] = ()
         self.notes: list[str] = []

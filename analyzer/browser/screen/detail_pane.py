@@ -41,7 +41,8 @@ class DetailPane(Pane, can_focus=True):
         old = self.line
         self._all = lines
         seen = self._seen()
-        here = ("", 0) if old is None else (old.name, old.depth)
+        usual = old is None or old.text.startswith(_BEGIN)
+        here = ("", 0) if old is None or usual else (old.name, old.depth)
         same = [k for k, line in enumerate(seen) if line.name and (line.name, line.depth) == here]
         begin = next((k for k, line in enumerate(seen) if line.text.startswith(_BEGIN)), 0)
         self._at = same[0] if same else begin

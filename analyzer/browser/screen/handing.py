@@ -61,6 +61,7 @@ class Handing(Searching):
         else:
             self.say(said if marks.path is None else f"{said}: {marks.path.name}")
         self.list.draw()
+        self.show_row()
         self.strip.draw()
 
     # ---- hand on

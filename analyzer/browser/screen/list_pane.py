@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from analyzer.browser.listed import ListLine
     from analyzer.browser.screen.lines import Spans
-    from analyzer.browser.store.store import Row
     from analyzer.browser.view import BrowserView
 
 _KEPT = 1000  # lines that are written already
@@ -83,17 +82,17 @@ class PacketList(Pane, can_focus=True):
         style = NAMED["title" if self.has_focus else "head"]
         shown: list[Spans] = [((padded(" " + view.pages.head(width - _BESIDE), width), style),)]
         selected = range(0) if view.begun is None else view.selected()
-        for number, sign, line in zip(numbers, marked, lines, strict=True):
+        for number, place, sign, line in zip(numbers, places, marked, lines, strict=True):
+            colour = self._conversation(place)
             own = of_codes(line.codes) if line.codes else NAMED["bad"] if line.broken else PLAIN
-            if sign.isdigit() and not line.codes:
-                own += CONVERSATIONS[int(sign) - 1]
+            if colour and not line.codes:
+                own += CONVERSATIONS[colour - 1]
             if number in selected:
                 own += NAMED["selected"]
             if number == at:
                 own = NAMED["focus"] + (own if not line.codes else of_codes(line.codes))
-            shown.append(
-                ((">" if number in selected else sign, NAMED["good"]), (padded(line.text, width - _BESIDE), own))
-            )
+            beside = ">" if number in selected else sign if sign != " " or not colour else str(colour)
+            shown.append(((beside, NAMED["good"]), (padded(line.text, width - _BESIDE), own)))
         if not count:
             shown.append(((padded(f"  {self._nothing()}", width), NAMED["dim"]),))
         self.put(shown)
@@ -144,15 +143,15 @@ class PacketList(Pane, can_focus=True):
                 sign = "*"
             elif any(frame in events for frame in frames):
                 sign = "e"
-            else:
-                sign = self._conversation(row)
             signs.append(sign)
         return signs
 
-    def _conversation(self, row: Row) -> str:
-        """Return the number of the coloured conversation that a row is part of, a blank for none."""
-        own = self._view.conversation_of(row) if self.conversations else None
-        return str(self.conversations.index(own) + 1) if own is not None and own in self.conversations else " "
+    def _conversation(self, place: tuple[int, int]) -> int:
+        """Return the number of the coloured conversation that a row is part of, from 1; 0 for none."""
+        if not self.conversations:
+            return 0
+        own = self._view.conversation_of(self._view.store.row(*place))
+        return self.conversations.index(own) + 1 if own is not None and own in self.conversations else 0
 
     def on_click(self, event: events.Click) -> None:
         """Go to a row; with shift select all rows up to it."""

@@ -137,6 +137,9 @@ class Moving(BrowserBase):
                 "this row has no frame" if not frames else f"no frame {'behind' if by > 0 else 'before'} this one"
             )
             return
+        if self.tab != TABS[0]:
+            self.action_tab(TABS[0])
+        self.set_focus(self.bytes)
         self.bytes.to((at, 0))
         one = frames[at]
         self.say(f"frame {one.number} is {at + 1} of {len(frames)} of this transfer, identifier {one.identifier}")
