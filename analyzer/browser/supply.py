@@ -77,6 +77,9 @@ class Supply(Protocol):
     def tab(self, name: str) -> Sequence[TabLine] | None:
         """Return what a tab shows, one of `TABS`."""
 
+    def changed(self) -> str:
+        """Return what has become of the files since they were read, once; empty for nothing."""
+
     def renew(self, name: str) -> None:
         """Find out anew what a tab shows, where that may have changed since."""
 

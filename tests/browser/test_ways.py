@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-from typing import TYPE_CHECKING
-
+from pathlib import Path
 from kit.browsing import browser, capture
 
 from analyzer.app.browse.session import BrowseOptions
 from analyzer.window.limits import Window
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 FAULTS, SERVICES = capture("mission-8-faults.log"), capture("services.log")
 
@@ -87,12 +83,12 @@ def test_names_or_numbers_and_conversations() -> None:
             assert "cmd=" in seen.row or "error_count=" in seen.row
             await seen.press("number_sign")
             assert "RawCommand" in seen.row or "ESCStatus" in seen.row
-            await seen.press("c", "f", "t", "escape", "down", "down", "down", "down", "c")
-            signs = [line[0] for line in seen.app.list.text.splitlines()[1:]]
-            assert "1" in signs
-            assert "2" in signs
             await seen.press("c")
-            assert "not coloured any more: node " in seen.said
+            assert "1" in [line[0] for line in seen.app.list.text.splitlines()[1:]]
+            await seen.press("down", "c")
+            assert seen.app.list.conversations == [frozenset({1}), frozenset({11})]
+            await seen.press("c")
+            assert "not coloured any more: node 11" in seen.said
 
     asyncio.run(work())
 
@@ -125,5 +121,21 @@ def test_a_part_keeps_its_numbers_and_times() -> None:
             await seen.press("g")
             await seen.type("17")
             assert "frames are 5,700 to 6,000" in seen.said
+
+    asyncio.run(work())
+
+
+def test_a_capture_that_grows_is_read_anew(tmp_path: Path) -> None:
+    path = tmp_path / "flight.log"
+    lines = Path(FAULTS).read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join(lines[:3000]))
+
+    async def work() -> None:
+        async with browser(path, judged=False) as seen:
+            path.write_bytes(b"".join(lines))
+            assert "has grown since it was read: ctrl+r reads it anew" in seen.app.view.supply.changed()
+            assert seen.app.view.supply.changed() == ""
+            await seen.press("ctrl+r")
+            assert seen.app.reload
 
     asyncio.run(work())

@@ -6,6 +6,7 @@ import threading
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
+from analyzer.app.browse.stamps import FileStamps
 from analyzer.app.run import Run
 from analyzer.browser.store.store import Store, StoreFullError
 from analyzer.sources import CaptureError
@@ -57,6 +58,7 @@ class CaptureSupply:
         self.report: Report | None = None
         self._tabs: dict[str, Sequence[TabLine]] = {}
         self._asked: SimpleQueue[str] = SimpleQueue()
+        self._stamps = FileStamps(request.names)
         self._stopped = False
         self._thread = threading.Thread(target=self._work, name="decode", daemon=True)
 
@@ -85,6 +87,10 @@ class CaptureSupply:
     def tab(self, name: str) -> Sequence[TabLine] | None:
         """Return what a tab shows."""
         return self._tabs.get(name)
+
+    def changed(self) -> str:
+        """Return what has become of the files since they were read, once; empty for nothing."""
+        return self._stamps.changed() if self.loaded else ""
 
     def renew(self, name: str) -> None:
         """Do nothing: what a tab shows is of all that there is."""

@@ -12,7 +12,7 @@ from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.store.folder import StoreFolder
 from analyzer.browser.view import BrowserView
 from analyzer.facts.frame_marks import MarkBook, marks_path, read_marks
-from dissectors.records import dataclass
+from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,16 +47,23 @@ def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]
     that cannot be opened, `OSError` if there is no room for the store.
     """
     sys.setswitchinterval(_TURN)
-    with StoreFolder() as folder:
-        supply = CaptureSupply(request, folder.path)
-        supply.start()
-        try:
-            app = made(supply, options, rules)
-            app.run()
-        finally:
-            supply.stop()
-            supply.join()
-        return app.return_code or 0, supply.notes
+    while True:
+        with StoreFolder() as folder:
+            supply = CaptureSupply(request, folder.path)
+            supply.start()
+            try:
+                app = made(supply, options, rules)
+                app.run()
+            finally:
+                supply.stop()
+                supply.join()
+        if not app.reload:
+            return app.return_code or 0, supply.notes
+        row, pages = app.view.current(), app.view.pages
+        options = replace(
+            options, at="" if row is None else f"#{row.place + 1}", filter=app.view.filter, time=pages.mode,
+            columns=() if pages.columns is None else pages.columns.names,
+        )  # fmt: skip
 
 
 def made(supply: Supply, options: BrowseOptions, rules: Sequence[ColourRule]) -> Browser:

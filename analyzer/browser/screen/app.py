@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from analyzer.browser.screen.strip_pane import StripPane
 
 PERIOD = 0.2  # seconds between two looks at what is decoded
+_RARELY = 10  # looks until the files themselves are looked at
 
 
 class Browser(Gestures):
@@ -29,6 +30,7 @@ class Browser(Gestures):
         Binding("ctrl+c", "leave", priority=True),
     ]
     _seen: tuple[object, ...] = ()
+    _looks = 0
 
     def on_mount(self) -> None:
         """Begin to look at what is decoded."""
@@ -44,6 +46,9 @@ class Browser(Gestures):
             self.begin_at()
         self.wait_for_search()
         self.wait_for_walk()
+        self._looks += 1
+        if self._looks % _RARELY == 0 and (text := supply.changed()):
+            self.say(text, "warn")
         if self.tools.said:
             self.say(self.tools.said.pop(0))
         if self.following and len(view.rows):

@@ -41,7 +41,7 @@ class DetailPane(Pane, can_focus=True):
         old = self.line
         self._all = lines
         seen = self._seen()
-        usual = old is None or old.text.startswith(_BEGIN)
+        usual = old is None or not old.depth or old.text.startswith(_BEGIN)
         here = ("", 0) if old is None or usual else (old.name, old.depth)
         same = [k for k, line in enumerate(seen) if line.name and (line.name, line.depth) == here]
         begin = next((k for k, line in enumerate(seen) if line.text.startswith(_BEGIN)), 0)

@@ -21,6 +21,7 @@ class Handing(Searching):
     """The part of the browser that keeps and hands on."""
 
     _warned = False
+    reload = False  # what is shown is to be read anew
 
     def frames_now(self) -> list[int]:
         """Return the frames of the current row, from 0."""
@@ -147,6 +148,15 @@ class Handing(Searching):
                 second, ns = divmod(frame.t or 0, 10**9)
                 lines.append(f"({second}.{ns // 1000:06d}) {view.store.buses[frame.bus]} {frame.candump}")
         return "\n".join(lines)
+
+    def action_reload(self) -> None:
+        """Read the captures anew, and come back to this row."""
+        if self.view.supply.live or "-" in self.view.supply.paths:
+            self.fail("what comes from a bus or a pipe exists only once")
+            return
+        self.reload = True
+        self.view.supply.stop()
+        self.exit()
 
     def action_leave(self) -> None:
         """Quit; a mark that could not be kept is worth a warning."""

@@ -87,6 +87,7 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
         KeyWords("w,ctrl+s", "ask_write", "w ctrl+s", "write what is selected, or all that is displayed"),
         KeyWords("y", "copy", "y", "copy the rows: t text, j JSON, c candump, d details, f field or rows as filter"),
         KeyWords("o", "plot", "o", "open Rerun at this time (plot --around)"),
+        KeyWords("ctrl+r", "reload", "ctrl+r", "read the capture anew, after it has grown or changed"),
         KeyWords("q,ctrl+q", "leave", "q", "quit; asks once if marks are not kept yet"),
     ),
 }  # fmt: skip

@@ -68,9 +68,9 @@ class PacketList(Pane, can_focus=True):
             return
         rows, at = view.rows, view.number()
         count = len(rows)
-        self._top = max(0, min(self._top, at, count - self.page))
-        if at >= self._top + self.page:
-            self._top = at - self.page + 1
+        if not self._top - self.page <= at < self._top + 2 * self.page:
+            self._top = at - self.page // 2  # what was jumped to stands amid its neighbours
+        self._top = max(0, min(self._top, at, count - self.page), at - self.page + 1)
         numbers = range(self._top, min(self._top + self.page, count))
         places = [rows.at(number) for number in numbers]
         made = (width, view.pages.mode, view.pages.zero, view.pages.columns, view.supply.named, view.store.buses)
