@@ -15,13 +15,17 @@ TABS = ("packets", "findings", "events", "flights", "triage", "statistics")
 
 
 class TabLine(NamedTuple):
-    """A line of a tab: where it leads to, a frame from 0 or a time in nanoseconds, and the filter it stands for."""
+    """A line of a tab: where it leads to, a frame from 0 or a time in nanoseconds, and the filter it stands for.
+
+    `ask` is a statistic that it asks for.
+    """
 
     text: str
     style: str = ""
     frame: int | None = None
     t: int | None = None
     filter: str = ""
+    ask: str = ""
 
 
 class Supply(Protocol):
@@ -43,6 +47,7 @@ class Supply(Protocol):
         troubles: time and severity of each finding.
         starts: frames at which findings begin, from 0, ascending.
         labels: of nodes in the vehicle file.
+        asking: a statistic is asked for that is not there yet.
     """
 
     store: Store
@@ -60,6 +65,7 @@ class Supply(Protocol):
     troubles: Sequence[tuple[int, str]]
     starts: Sequence[int]
     labels: dict[int, str]
+    asking: bool
     severities: dict[str, str]
 
     @property
@@ -85,6 +91,9 @@ class Supply(Protocol):
 
     def ask(self, text: str) -> str:
         """Ask for a statistic, which is in its tab later; return what is wrong with it, empty for nothing."""
+
+    def explain(self, rule: str, width: int) -> str:
+        """Return the page of a rule, empty if there is none or it is not known yet."""
 
     def stop(self) -> None:
         """Ask for the end."""

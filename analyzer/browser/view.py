@@ -190,6 +190,10 @@ class BrowserView:
         """Return the time of a mark, which a file need not say."""
         return self.store.frame_time(mark.frame) if mark.t is None else mark.t
 
+    def rules_of(self, row: Row) -> list[str]:
+        """Return the rules that name a row."""
+        return self._rules(self.places_of(row))
+
     def _rules(self, places: Sequence[int]) -> list[str]:
         if self.supply.named is None or not places:
             return []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import shutil
 from pathlib import Path
+
 from kit.browsing import browser, capture
 
 from analyzer.app.browse.session import BrowseOptions

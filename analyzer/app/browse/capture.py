@@ -37,6 +37,7 @@ class CaptureSupply:
     """
 
     live, recorded = False, ""
+    asking = False
 
     def __init__(self, request: Request, folder: Path) -> None:
         self.notes: list[str] = []
@@ -104,8 +105,16 @@ class CaptureSupply:
         except ValueError as error:
             return str(error)
         self._tabs.pop("statistics", None)
+        self.asking = True
         self._asked.put(text)
         return ""
+
+    def explain(self, rule: str, width: int) -> str:
+        """Return the page of a rule."""
+        from analyzer.report.explain import render  # noqa: PLC0415 - few ask
+
+        page = None if self._criteria is None else self._criteria.pages.get(rule)
+        return "" if page is None else render(rule, page, width=width)
 
     # ---- in the thread
 
@@ -141,7 +150,7 @@ class CaptureSupply:
         from analyzer.app.criteria import Criteria as Made  # noqa: PLC0415 - rows come first
 
         criteria = Made(self._run.request.rules, self.registry)
-        self.labels = criteria.labels
+        self._criteria, self.labels = criteria, criteria.labels
         self.severities = {rule: page.severity for rule, page in criteria.pages.items()}
         return criteria
 
@@ -199,7 +208,7 @@ class CaptureSupply:
 
         self.doing = text
         self._tabs["statistics"] = statistic(self._run, text, self._stored())
-        self.doing = ""
+        self.doing, self.asking = "", False
 
     def _note(self, text: str) -> None:
         if len(self.notes) < _MOST_NOTES:

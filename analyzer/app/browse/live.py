@@ -44,6 +44,7 @@ class LiveSupply:
     """
 
     live = True
+    asking = False
     doing = "ended"
 
     def __init__(
@@ -60,7 +61,7 @@ class LiveSupply:
         self.places: dict[int, str] = {}
         self.troubles: Sequence[tuple[int, str]] = ()
         self.starts: Sequence[int] = ()
-        self.labels = criteria.labels
+        self.labels, self._pages = criteria.labels, criteria.pages
         self.severities: dict[str, str] = {rule: page.severity for rule, page in criteria.pages.items()}
         self.ended = self.failed = False
         self._stop, self._full = stop, False
@@ -139,8 +140,16 @@ class LiveSupply:
         except ValueError as error:
             return str(error)
         self._tabs.pop("statistics", None)
+        self.asking = True
         self._text = text
         return ""
+
+    def explain(self, rule: str, width: int) -> str:
+        """Return the page of a rule."""
+        from analyzer.report.explain import render  # noqa: PLC0415 - few ask
+
+        page = self._pages.get(rule)
+        return "" if page is None else render(rule, page, width=width)
 
     def stop(self) -> None:
         """End the session."""
@@ -182,6 +191,7 @@ class LiveSupply:
             self._tabs |= {name: [head, *lines] for name, lines in found.tabs.items()}
         else:
             self._tabs["statistics"] = [head, *statistic(run, asked.strip(), self._stored())]
+            self.asking = False
 
     def _stored(self) -> Iterator[Batch]:
         return self.store.batches()

@@ -9,7 +9,7 @@ from textual.events import Key
 
 from analyzer.browser.dump import line_at
 from analyzer.browser.screen.gestures import Gestures
-from analyzer.browser.screen.help import HelpPage
+from analyzer.browser.screen.help import help_page
 from analyzer.browser.screen.keys import EVERY
 from analyzer.browser.supply import TABS
 
@@ -106,7 +106,7 @@ class Browser(Gestures):
 
     def action_help(self) -> None:
         """Show what keys mean."""
-        self.push_screen(HelpPage())
+        self.push_screen(help_page())
 
     def on_key(self) -> None:
         """Forget what was said."""

@@ -8,6 +8,7 @@ from textual.app import App
 from textual.containers import Container
 
 from analyzer.browser.chosen import ChosenRows
+from analyzer.browser.conditions import field_name
 from analyzer.browser.dump import lit_by
 from analyzer.browser.screen.bar import Bar
 from analyzer.browser.screen.bytes_pane import BytesPane
@@ -18,8 +19,9 @@ from analyzer.browser.screen.list_pane import PacketList
 from analyzer.browser.screen.strip_pane import StripPane
 from analyzer.browser.screen.styles import NAMED
 from analyzer.browser.screen.tab_pane import TabPane
-from analyzer.browser.supply import TABS
+from analyzer.browser.supply import TABS, TabLine
 from analyzer.filter.names import FilterNames
+from analyzer.stats.catalogue import STATISTICS
 from analyzer.views.terminal import escape, fit
 
 if TYPE_CHECKING:
@@ -101,6 +103,8 @@ class BrowserBase(App[None]):
         view = self.view
         count, at = len(view.rows), view.number() + 1 if len(view.rows) else 0
         where = f"row {at:,} of {count:,}"
+        if isinstance(view.rows, ChosenRows) and len(view.store):
+            where += f" ({count / len(view.store):.2%})"
         if view.begun is not None:
             where = f"{len(view.selected()):,} selected  {where}"
         if isinstance(view.rows, ChosenRows):
@@ -185,6 +189,17 @@ class BrowserBase(App[None]):
         """Show what the tab has by now."""
         supply = self.view.supply
         empty = "not known yet: the capture is still being read and judged"
-        if self.tab == "statistics" and not supply.doing:
-            empty = "press s for a statistic: talkers, nodes, services, periods, load, hierarchy, io, values,FIELD"
-        self.tabs.take(self.tab.capitalize(), supply.tab(self.tab), empty)
+        if self.tab == "statistics":
+            empty = "it is being added up, once everything is decoded and judged"
+        lines = supply.tab(self.tab)
+        menu = self.tab == "statistics" and lines is None and not supply.asking
+        self.tabs.take(self.tab.capitalize(), self._menu() if menu else lines, empty)
+
+    def _menu(self) -> list[TabLine]:
+        """Return the statistics that there are, to be asked for."""
+        head = TabLine("enter asks for one; s for any, such as io,100ms or values,FIELD", "dim")
+        line = self.details.line
+        name = "" if line is None else field_name(line.name, self.view.supply.registry)
+        known = {**STATISTICS, "values": f"how the values of {name} are spread"} if name else STATISTICS
+        asks = {one: f"values,{name}" if one == "values" and name else one for one in known if one != "values" or name}
+        return [head, *(TabLine(f"{asks[one]:<12} {known[one]}", ask=asks[one]) for one in asks)]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from analyzer.browser.conditions import combined, condition, field_name
 from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.screen.handing import Handing
+from analyzer.browser.screen.help import rule_page
 from analyzer.browser.screen.styles import CONVERSATIONS
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from analyzer.browser.screen.bar import Bar
 
 _FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}
+_RULE = re.compile(r'finding\.rule == "([^"]+)"')
 _HOW = {"s": "", "n": "not", "a": "and", "o": "or", "b": "and not", "c": "or not"}
 _ASKS = {
     "go": "go to a frame (4711), a time (12.5 or 12:49:54.89) or 50%",
@@ -205,7 +208,9 @@ class Gestures(Handing):
         line = self.tabs.line
         if line is None:
             return
-        if line.frame is not None:
+        if line.ask:
+            self.statistic(line.ask)
+        elif line.frame is not None:
             self.go_to_frame(line.frame)
         elif self.tab == "statistics" and line.filter:
             self.set_filter(line.filter)
@@ -213,6 +218,27 @@ class Gestures(Handing):
             self.go_to_time(line.t)
         elif line.filter:
             self.set_filter(line.filter)
+
+    def statistic(self, text: str) -> None:
+        """Ask for a statistic, and show its tab."""
+        wrong = self.view.supply.ask(text)
+        if wrong:
+            self.fail(wrong)
+        else:
+            self.action_tab("statistics")
+
+    def action_explain(self) -> None:
+        """Show the page of the rule that the current line or row is about."""
+        row = self.view.current()
+        found = _RULE.search(self.tabs.line.filter) if self.tab == "findings" and self.tabs.line else None
+        rules = [found[1]] if found else [] if row is None else self.view.rules_of(row)
+        page = self.view.supply.explain(rules[0], self.size.width - 2) if rules else ""
+        if not page:
+            self.fail("no rule names this row" if not rules else f"{rules[0]} has no page so far")
+            return
+        self.push_screen(rule_page(page))
+        if len(rules) > 1:
+            self.say(f"this row is named by {', '.join(rules)}")
 
     def action_fold_all(self) -> None:
         """Fold all details, or open them."""
@@ -290,8 +316,4 @@ class Gestures(Handing):
         elif purpose == "write" and text:
             self.write(text)
         elif purpose == "statistic" and text:
-            wrong = self.view.supply.ask(text)
-            if wrong:
-                self.fail(wrong)
-            else:
-                self.action_tab("statistics")
+            self.statistic(text)

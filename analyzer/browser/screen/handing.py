@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from analyzer.browser.store.store import Row
 
 _MOST_COPIED = 2000  # rows: a clipboard goes through the terminal
-_COPIES = {"t": "text", "j": "JSON", "c": "candump", "f": "filter", "d": "details"}
+_COPIES = {"t": "text", "j": "JSON", "c": "candump", "f": "filter", "d": "details", "v": "value"}
 
 
 class Handing(Searching):
@@ -94,7 +94,7 @@ class Handing(Searching):
         """Ask what to copy."""
         self.chord, count = "copy", len(self.view.selected())
         what = f"{count:,} rows" if self.view.begun is not None else "this row"
-        self.say(f"copy {what}: t text  j JSON  c candump lines  d details  f as filter", "bold")
+        self.say(f"copy {what}: t text  j JSON  c candump lines  d details  v value of the field  f as filter", "bold")
 
     def copy(self, key: str) -> None:
         """Copy the selected rows, or the current one, in one of several forms."""
@@ -114,11 +114,13 @@ class Handing(Searching):
         view, shown, numbers = self.view, self.shown, self.view.selected()[:_MOST_COPIED]
         if not numbers or shown is None:
             return ""
-        if form == "filter":
-            line = self.details.line
-            if view.begun is not None or line is None:
-                return view.filter_of(numbers)
+        line = self.details.line
+        if form == "value":
+            return "" if line is None else line.value or line.text
+        if form == "filter" and view.begun is None and line is not None:
             return condition(line, view.supply.registry, shown.batch)
+        if form == "filter":
+            return view.filter_of(numbers)
         rows = [view.row(number) for number in numbers]
         return {"text": self._lines, "JSON": self._json, "details": self._details, "candump": self._frames}[form](rows)
 

@@ -70,6 +70,7 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
         KeyWords("t,ctrl+t", "reference", "t ctrl+t", "count times from this row; again: from the first frame"),
         KeyWords("T", "times", "T", "times as -t: r relative, a time of day, ad, d, dd, e epoch, u, ud"),
         KeyWords("enter,space", "choose", "enter", "fold a detail; from a tab to its place, or apply its filter"),
+        KeyWords("E", "explain", "E", "the page of the rule that names this row, or of this finding"),
         KeyWords("x", "fold_all", "x", "fold all details, open them again"),
         *(
             KeyWords(str(k), f"tab('{name}')", f"{k}" if k > 1 else "1", name if k > 1 else "packets: the three panes")
@@ -85,7 +86,7 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
         KeyWords("m", "mark", "m", "mark this row, or take the mark off"),
         KeyWords("M", "ask_comment", "M", "a comment on it"),
         KeyWords("w,ctrl+s", "ask_write", "w ctrl+s", "write what is selected, or all that is displayed"),
-        KeyWords("y", "copy", "y", "copy the rows: t text, j JSON, c candump, d details, f field or rows as filter"),
+        KeyWords("y", "copy", "y", "copy rows: t text, j JSON, c candump, d details; v value, f filter"),
         KeyWords("o", "plot", "o", "open Rerun at this time (plot --around)"),
         KeyWords("ctrl+r", "reload", "ctrl+r", "read the capture anew, after it has grown or changed"),
         KeyWords("q,ctrl+q", "leave", "q", "quit; asks once if marks are not kept yet"),
