@@ -327,3 +327,25 @@ def test_rows_are_selected_copied_and_written(tmp_path: Path) -> None:
 
     asyncio.run(work())
     assert len((tmp_path / "part.log").read_text().splitlines()) == 13
+
+
+def test_statistics_are_offered_and_rules_explained() -> None:
+    async def work() -> None:
+        async with browser(FAULTS) as seen:
+            app = seen.app
+            app.details.select(next(k for k, line in enumerate(app.shown.lines) if line.name == "ESCStatus.voltage"))
+            await seen.press("y", "v")
+            assert "copied: 50.125 V" in seen.said
+            await seen.press("6")
+            assert "values,ESCStatus.voltage" in seen.screen
+            await seen.press("down", "down", "enter")
+            await seen.until(lambda: not app.view.supply.asking)
+            app.look()
+            await seen.pilot.pause()
+            assert "DroneCAN" in seen.screen
+            await seen.press("2", "down", "down", "E")
+            assert "TRF-003  A frame was lost" in seen.screen
+            await seen.press("escape")
+            assert "wrong toggle bit at the sender, before frame 5712" in seen.screen.replace("\n ", " ")
+
+    asyncio.run(work())

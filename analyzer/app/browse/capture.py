@@ -114,7 +114,7 @@ class CaptureSupply:
         from analyzer.report.explain import render  # noqa: PLC0415 - few ask
 
         page = None if self._criteria is None else self._criteria.pages.get(rule)
-        return "" if page is None else render(rule, page, width=width)
+        return "" if page is None else render(rule, page.body, width=width)
 
     # ---- in the thread
 

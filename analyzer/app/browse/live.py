@@ -52,7 +52,8 @@ class LiveSupply:
         recorded: str = "",
     ) -> None:  # fmt: skip
         self.store, self.registry, self.name = Store(folder), criteria.registry, name
-        self.paths = (recorded,) if recorded else ()  # what is written and drawn is read from there
+        # What is written and drawn is read from the recording.
+        self.paths: tuple[str, ...] = (recorded,) if recorded else ()
         self.arguments: tuple[str, ...] = ()
         self.window: tuple[str, ...] = ()
         self.notes: list[str] = []
@@ -149,7 +150,7 @@ class LiveSupply:
         from analyzer.report.explain import render  # noqa: PLC0415 - few ask
 
         page = self._pages.get(rule)
-        return "" if page is None else render(rule, page, width=width)
+        return "" if page is None else render(rule, page.body, width=width)
 
     def stop(self) -> None:
         """End the session."""

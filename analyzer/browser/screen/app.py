@@ -114,6 +114,12 @@ class Browser(Gestures):
             self.said = ""
             self.draw_lines()
 
+    def _fatal_error(self) -> None:
+        """End with a line in place of the traceback that Textual would print."""
+        error = self._exception
+        self.view.supply.notes.append(f"{type(error).__name__}: {error}: please report this as a bug")
+        self._close_messages_no_wait()
+
     async def on_event(self, event: events.Event) -> None:
         """Take the second key of a chord before anybody else does."""
         if isinstance(event, Key) and self.chord:

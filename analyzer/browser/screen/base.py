@@ -199,7 +199,8 @@ class BrowserBase(App[None]):
         """Return the statistics that there are, to be asked for."""
         head = TabLine("enter asks for one; s for any, such as io,100ms or values,FIELD", "dim")
         line = self.details.line
-        name = "" if line is None else field_name(line.name, self.view.supply.registry)
+        leaf = line is not None and line.bits is not None and any(map(str.isdigit, line.value))
+        name = field_name(line.name, self.view.supply.registry) if leaf and line is not None else ""
         known = {**STATISTICS, "values": f"how the values of {name} are spread"} if name else STATISTICS
         asks = {one: f"values,{name}" if one == "values" and name else one for one in known if one != "values" or name}
         return [head, *(TabLine(f"{asks[one]:<12} {known[one]}", ask=asks[one]) for one in asks)]
