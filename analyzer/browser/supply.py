@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from analyzer.filter.memory import NamesFrames
     from dissectors import Registry
 
-TABS = ("packets", "findings", "events", "flights", "triage", "statistics")
+TABS = ("packets", "findings", "events", "flights", "triage", "statistics", "notes")
 
 
 class TabLine(NamedTuple):

@@ -73,7 +73,7 @@ class Terminal:
             self.read(1.0)
             if not gone and wanted in self.got[seen:]:
                 return time.monotonic() - self.start
-            if gone and re.search(rb"frames( +\d+ notes?)? +\x1b", self.got[-4000:]):
+            if gone and re.search(rb"frames( +\d+ notes? \(7\))? +\x1b", self.got[-4000:]):
                 return time.monotonic() - self.start
         raise AssertionError(bytes(self.got[-2000:]))
 

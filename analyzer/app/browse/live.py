@@ -41,6 +41,7 @@ class LiveSupply:
         stop: ends the session.
         named: is told which frames rules name.
         recorded: the file that is recorded, empty if there is none to have marks beside it.
+        options: how it is shown at first.
     """
 
     live = True
@@ -49,7 +50,7 @@ class LiveSupply:
 
     def __init__(
         self, criteria: Criteria, name: str, folder: Path, stop: Callable[[], None], named: LiveNames,
-        recorded: str = "",
+        recorded: str = "", options: BrowseOptions | None = None,
     ) -> None:  # fmt: skip
         self.store, self.registry, self.name = Store(folder), criteria.registry, name
         # What is written and drawn is read from the recording.
@@ -66,6 +67,7 @@ class LiveSupply:
         self.severities: dict[str, str] = {rule: page.severity for rule, page in criteria.pages.items()}
         self.ended = self.failed = False
         self._stop, self._full = stop, False
+        self._options = options or BrowseOptions(marks=bool(recorded))
         self._findings: list[TabLine] = []
         self._tabs: dict[str, Sequence[TabLine]] = {}
         self._run: Run | None = None
@@ -162,7 +164,7 @@ class LiveSupply:
         from analyzer.views.colours.rules import colour_rules  # noqa: PLC0415 - as the display itself
 
         threading.Thread(target=self._work, name="happened", daemon=True).start()
-        app = made(self, BrowseOptions(marks=bool(self.recorded)), colour_rules(None, self.registry))
+        app = made(self, self._options, colour_rules(None, self.registry))
         app.following = True
         app.run()
         if app.return_code:

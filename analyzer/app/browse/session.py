@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from analyzer.app.browse.capture import CaptureSupply
-from analyzer.app.browse.tools import BrowserTools, kept_columns
+from analyzer.app.browse.tools import BrowserTools, kept_columns, kept_filters
 from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.store.folder import StoreFolder
 from analyzer.browser.view import BrowserView
@@ -87,7 +87,10 @@ def made(supply: Supply, options: BrowseOptions, rules: Sequence[ColourRule]) ->
     if names:
         view.pages.columns = OwnColumns(supply.store, supply.registry, names)
     encoding = (getattr(sys.__stdout__, "encoding", None) or "ascii").lower().replace("-", "")
-    return Browser(view, BrowserTools(supply), options.at, plain=not encoding.startswith("utf"))
+    app = Browser(view, BrowserTools(supply), options.at, plain=not encoding.startswith("utf"))
+    for text in kept_filters():
+        app.bar.keep(text)
+    return app
 
 
 def _exists(supply: Supply, name: str) -> bool:

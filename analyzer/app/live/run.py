@@ -144,10 +144,15 @@ class LiveRun:
             self._views.append(self._display)
         elif request.mode == "browser":
             from analyzer.app.browse.live import LiveSupply  # noqa: PLC0415 - as above
+            from analyzer.app.browse.session import BrowseOptions  # noqa: PLC0415
             from analyzer.browser.store.folder import StoreFolder  # noqa: PLC0415
 
             folder, file = stack.enter_context(StoreFolder()), request.plan.file
-            self._browser = LiveSupply(criteria, request.name, folder.path, session.stop, self._live_names, file)
+            chosen = "" if request.filter is None else request.filter.text
+            options = BrowseOptions(filter=chosen, time=request.view.time, marks=bool(file))
+            self._browser = LiveSupply(
+                criteria, request.name, folder.path, session.stop, self._live_names, file, options
+            )
             self._views.append(self._browser)
         elif request.mode == "list":
             printer = stack.enter_context(Printer())

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
+import signal
+import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.binding import Binding
@@ -10,7 +14,7 @@ from textual.events import Key
 from analyzer.browser.dump import line_at
 from analyzer.browser.screen.gestures import Gestures
 from analyzer.browser.screen.help import help_page
-from analyzer.browser.screen.keys import EVERY
+from analyzer.browser.screen.keys import EVERY, HINTS
 from analyzer.browser.supply import TABS
 
 if TYPE_CHECKING:
@@ -31,13 +35,37 @@ class Browser(Gestures):
     ]
     _seen: tuple[object, ...] = ()
     _looks = 0
+    _terminal = False
 
     def on_mount(self) -> None:
         """Begin to look at what is decoded."""
         self.tabs.display = False
+        self._terminal = _has_terminal()
+        if not self.view.supply.live:  # a session with a bus hears signals itself
+            self._hear()
         self.set_interval(PERIOD, self.look)
         self.call_after_refresh(self.share)
         self.call_after_refresh(self.look)
+
+    def _hear(self) -> None:
+        """End in order on SIGTERM, and when the terminal is gone: nothing is to be left in the temporary folder."""
+        loop = asyncio.get_running_loop()
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None:
+                with suppress(NotImplementedError, RuntimeError, ValueError):  # Windows; not the main thread
+                    loop.add_signal_handler(number, self._end, 128 + number)
+
+    def _end(self, code: int) -> None:
+        self.view.supply.stop()
+        self.exit(return_code=code)
+
+    def _look_around(self) -> None:
+        """Say what has become of the files; end once there is no terminal any more."""
+        if text := self.view.supply.changed():
+            self.say(text, "warn")
+        if self._terminal and not _has_terminal():
+            self._end(128 + getattr(signal, "SIGHUP", 1))
 
     def look(self) -> None:
         """Draw what has changed in what is decoded, found and judged."""
@@ -47,8 +75,8 @@ class Browser(Gestures):
         self.wait_for_search()
         self.wait_for_walk()
         self._looks += 1
-        if self._looks % _RARELY == 0 and (text := supply.changed()):
-            self.say(text, "warn")
+        if self._looks % _RARELY == 0:
+            self._look_around()
         if self.tools.said:
             self.say(self.tools.said.pop(0))
         if self.following and len(view.rows):
@@ -100,6 +128,19 @@ class Browser(Gestures):
         """Go to a time."""
         self.go_to_time(event.t)
 
+    async def on_click(self, event: events.Click) -> None:
+        """Do what the last line tells of where it is clicked."""
+        at = 1
+        for text, action in HINTS if event.widget is self.bottom and not self.said else ():
+            if at <= event.x < at + len(text):
+                await self.run_action(action)
+                return
+            at += len(text) + 2
+
+    def action_next_tab(self) -> None:
+        """Show the next tab."""
+        self.action_tab(TABS[(TABS.index(self.tab) + 1) % len(TABS)])
+
     def on_tab_pane_chosen(self) -> None:
         """Go where a line leads to."""
         self.action_choose()
@@ -132,3 +173,7 @@ class Browser(Gestures):
             event.stop()
             return
         await super().on_event(event)
+
+
+def _has_terminal() -> bool:
+    return sys.__stdin__ is not None and not sys.__stdin__.closed and sys.__stdin__.isatty()

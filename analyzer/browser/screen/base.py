@@ -90,7 +90,7 @@ class BrowserBase(App[None]):
         if supply.live and not supply.loaded:
             doing = "live, following" if self.following else "live, held"
         counts = f"{view.store.count:,} frames"
-        notes = f"  {len(supply.notes)} note{'s' * (len(supply.notes) != 1)}" if supply.notes else ""
+        notes = f"  {len(supply.notes)} note{'s' * (len(supply.notes) != 1)} (7)" if supply.notes else ""
         right = f"{counts}{notes}  {doing}".rstrip() + " "
         left = fit(f" {escape(supply.name)}", max(8, width - len(right) - 1))
         self.top.put([((padded(left, width - len(right)) + right, NAMED["title"]),)])
@@ -192,6 +192,9 @@ class BrowserBase(App[None]):
         if self.tab == "statistics":
             empty = "it is being added up, once everything is decoded and judged"
         lines = supply.tab(self.tab)
+        if self.tab == "notes":
+            lines = [TabLine(escape(note), "warn") for note in supply.notes]
+            lines = lines or [TabLine("there is nothing to complain of", "good")]
         menu = self.tab == "statistics" and lines is None and not supply.asking
         self.tabs.take(self.tab.capitalize(), self._menu() if menu else lines, empty)
 

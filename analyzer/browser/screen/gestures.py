@@ -69,6 +69,8 @@ class Gestures(Handing):
             return False
         self.bar.ask("filter", "")
         self.bar.keep(text)
+        if text:
+            self.tools.keep_filter(text)
         if self.tab != TABS[0]:
             self.action_tab(TABS[0])
         self.list.draw()

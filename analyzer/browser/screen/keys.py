@@ -74,7 +74,7 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
         KeyWords("x", "fold_all", "x", "fold all details, open them again"),
         *(
             KeyWords(str(k), f"tab('{name}')", f"{k}" if k > 1 else "1", name if k > 1 else "packets: the three panes")
-            for k, name in enumerate(("packets", "findings", "events", "flights", "triage", "statistics"), 1)
+            for k, name in enumerate(("packets", "findings", "events", "flights", "triage", "statistics", "notes"), 1)
         ),
         KeyWords("s,z", "ask_statistic", "s", "a statistic, as -z takes it: talkers, load, io,100ms"),
         KeyWords("question_mark,f1", "help", "?", "this page"),
@@ -93,7 +93,12 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
     ),
 }  # fmt: skip
 EVERY = tuple(key for keys in KEYS.values() for key in keys)
-HINT = "? help  = filter  / find  g go  tab pane  [ ] finding  m mark  1-6 tabs  q quit"
+# The last line: what is told there, and what a click on it does.
+HINTS = (
+    ("? help", "help"), ("= filter", "ask_filter"), ("/ find", "ask_find"), ("g go", "ask_go"), ("tab pane", "pane(1)"),
+    ("[ ] finding", "finding(1)"), ("m mark", "mark"), ("1-7 tabs", "next_tab"), ("q quit", "leave"),
+)  # fmt: skip
+HINT = "  ".join(text for text, _ in HINTS)
 
 
 def help_lines() -> list[tuple[str, str]]:
