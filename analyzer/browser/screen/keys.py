@@ -60,7 +60,7 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
         KeyWords("exclamation_mark,!", "apply('and not')", "", ""),
         KeyWords("A", "combine('apply')", "A P", "apply, prepare it in one of six ways; they are asked for"),
         KeyWords("P", "combine('prepare')", "", ""),
-        KeyWords("f", "follow", "f", "follow: n node, t type, e ESC, u power unit, x exchange of a service"),
+        KeyWords("f", "follow", "f", "follow: n node, t type, e ESC, u power unit, x service exchange"),
         KeyWords("i", "column(1)", "i I", "apply as column; take the last one off"),
         KeyWords("I", "column(-1)", "", ""),
         KeyWords("c", "conversation", "c", "colour this conversation, up to six; a digit in front says which"),
@@ -80,7 +80,7 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
         KeyWords("question_mark,f1", "help", "?", "this page"),
     ),
     "Keep and hand on": (
-        KeyWords("v", "select(0)", "v", "select rows from here on, for y and w; shift and arrows, shift and click too"),
+        KeyWords("v", "select(0)", "v", "select rows from here on, for y and w (shift and arrows or click)"),
         KeyWords("shift+up", "select(-1)", "", ""),
         KeyWords("shift+down", "select(1)", "", ""),
         KeyWords("m", "mark", "m", "mark this row, or take the mark off"),
