@@ -22,7 +22,8 @@ import time
 from pathlib import Path
 
 SIZE = "80x24"
-QUIET = 0.25  # seconds without a byte that end an answer
+QUIET = 0.25  # seconds without a byte that end an answer,
+IDLE = 0.004  # if meanwhile the process has not worked longer than it does to look whether anything is new
 PRESSES = 20
 ROWS = re.compile(r"row [\d,]+ of ([\d,]+)")
 
@@ -79,9 +80,9 @@ class Terminal:
 
     def settle(self) -> int:
         """Return the bytes that come until it is quiet."""
-        total = 0
-        while count := self.read(QUIET):
-            total += count
+        total, before = 0, -1.0
+        while (count := self.read(QUIET)) or used(self.process.pid) - before > IDLE:
+            total, before = total + count, used(self.process.pid)
         return total
 
     def press(self, keys: str) -> int:

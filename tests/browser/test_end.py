@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
 import signal
 import struct
 import subprocess
@@ -59,4 +60,5 @@ def test_nothing_is_left_behind(how: str, tmp_path: Path) -> None:
 def test_without_colours(tmp_path: Path) -> None:
     with viewed(tmp_path, capture("hover.log"), NO_COLOR="1") as (_, reader, _keys):
         shown = reader.until(b"RawCommand")
-        assert b"\x1b[3" not in shown.replace(b"\x1b[39m", b"")
+        codes = {code for found in re.findall(rb"\x1b\[([0-9;]*)m", shown) for code in found.split(b";")}
+        assert codes <= {b"", b"0", b"1", b"2", b"4", b"7", b"39", b"49"}

@@ -45,7 +45,7 @@ class BrowserBase(App[None]):
 
     CSS: ClassVar[str] = (
         "Screen { layout: vertical; overflow: hidden; } #top, #strip, #state, #bottom, #bar { height: 1; }"
-        " #lower { overflow: hidden; } #bar { display: none; border: none; padding: 0; background: ansi_default; }"
+        " #lower { overflow: hidden; } #bar { display: none; border: none; padding: 0 0 0 1; background: ansi_default; }"
     )
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = False
     AUTO_FOCUS: ClassVar[str | None] = "#list"
@@ -108,7 +108,8 @@ class BrowserBase(App[None]):
         if view.begun is not None:
             where = f"{len(view.selected()):,} selected  {where}"
         if isinstance(view.rows, ChosenRows):
-            where += "" if view.rows.done else f" so far, {view.rows.share:.0%}"
+            share = view.rows.share
+            where += "" if view.rows.done else f" so far, {share:.0%}" if share < 1 else " so far"
             if view.rows.problem is not None:
                 where = f"the filter failed: {view.rows.problem}"
         place = "" if self.tab == TABS[0] else f"tab {TABS.index(self.tab) + 1} {self.tab}  "
