@@ -57,18 +57,24 @@ class ListPages:
         self.numbers = False  # in place of names
         self.zero: int | None = None  # a time reference in place of the first frame
         self.columns: OwnColumns | None = None
-        self._made: tuple[object, ...] = ()
+        self._first: tuple[int | None, int | None] = None, None
         self._head = ""
 
     def clock(self) -> TimeFormat:
         """Return what writes times now."""
         mode = "r" if self.mode in _DELTAS else self.mode
-        part = self._store.segments[0].zero if self._store.segments else None
-        clock = TimeFormat(mode, part if self.zero is None else self.zero)
-        if self._store.segments:
-            clock.start(self._store.opened(0).table("frames").slice(0, _LOOKED_AT))
+        zero, digits = self._settled()
+        clock = TimeFormat(mode, zero if self.zero is None else self.zero, digits)
         clock.signed = self.zero is not None
         return clock
+
+    def _settled(self) -> tuple[int | None, int | None]:
+        """Return the time that relative ones count from, and the decimals of all, as the first frames settle them."""
+        if self._first == (None, None) and self._store.segments:
+            clock = TimeFormat("r", self._store.segments[0].zero)
+            clock.start(self._store.opened(0).table("frames").slice(0, _LOOKED_AT))
+            self._first = clock.zero, clock.digits
+        return self._first
 
     def head(self, width: int) -> str:
         """Return the names of the columns, after the lines below them."""
