@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from analyzer.browser.conditions import combined, condition, field_name
 from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.screen.handing import Handing
-from analyzer.browser.screen.help import rule_page
+from analyzer.browser.screen.help import line_page, rule_page
 from analyzer.browser.screen.styles import CONVERSATIONS
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from analyzer.browser.screen.bar import Bar
 
 _FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}
+_FOLLOWED = {"esc": "channel of an ESC", "unit": "power unit", "exchange": "exchange of a service"}
 _RULE = re.compile(r'finding\.rule == "([^"]+)"')
 _HOW = {"s": "", "n": "not", "a": "and", "o": "or", "b": "and not", "c": "or not"}
 _ASKS = {
@@ -120,7 +121,7 @@ class Gestures(Handing):
     def action_follow(self) -> None:
         """Ask what to follow."""
         self.chord = "follow"
-        self.say("follow: n node  t type of this node  e ESC (channel)  u power unit  x exchange of a service", "bold")
+        self.say("follow: n node  t its type  e ESC (channel)  u power unit  x service exchange", "bold")
 
     def follow(self, key: str) -> None:
         """Filter by what a row is part of."""
@@ -130,7 +131,7 @@ class Gestures(Handing):
             return
         text = follow_filter(self.view, row, what)
         if not text:
-            self.fail(f"this row names no {what}")
+            self.fail(f"this row names no {_FOLLOWED.get(what, what)}: n follows its node")
             return
         if self.set_filter(text):
             self.say(f"following {text} (esc shows all)")
@@ -204,7 +205,9 @@ class Gestures(Handing):
     def action_choose(self) -> None:
         """Fold a detail; go where a line of a tab leads to, or apply its filter."""
         if self.tab == TABS[0]:
-            if self.focused is self.details:
+            if self.focused is self.details and self.details.cut:
+                self.push_screen(line_page(self.details.line.text if self.details.line else "", self.size.width))
+            elif self.focused is self.details:
                 self.details.fold()
             return
         line = self.tabs.line

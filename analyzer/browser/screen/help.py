@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.screen import ModalScreen
@@ -81,6 +82,11 @@ def rule_page(text: str) -> TextPage:
     """Return the page of a rule."""
     first, *rest = text.splitlines()
     return TextPage(first, [((f" {line}", NAMED[""]),) for line in rest])
+
+
+def line_page(text: str, width: int) -> TextPage:
+    """Return the page of a detail that does not fit into its line."""
+    return TextPage("The line in full", [((f" {line}", NAMED[""]),) for line in wrap(text, max(8, width - 2))])
 
 
 def _row(key: str, words: str) -> Spans:
