@@ -5,16 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analyzer.app.threads import beside
+from analyzer.facts.frame_marks import MarksError, marks_beside
 from analyzer.report.draft import JudgedCapture
 from analyzer.rules.checking import Check
 from analyzer.sources.errors import CaptureError, StopReading
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from analyzer.app.criteria import Criteria
     from analyzer.app.run import Run
     from analyzer.decode.engine import Batch
+    from analyzer.facts.frame_marks import Mark
     from analyzer.flight.verdict.model import Triage
     from analyzer.rules.checking import Measured
     from analyzer.rules.judge import Judge
@@ -92,7 +94,19 @@ class JudgedRun:
             ends=self._ends,
             arguments=(*run.request.again(), *arguments),
             triage=None if self._unopened else triage,
+            marks=self._marks(),
         )
+
+    def _marks(self) -> Sequence[Mark]:
+        """Return the marks beside the capture; a file that is wrong is complained of."""
+        captures = self.run.request.captures
+        if self.run.source.live or any(not isinstance(one, str) for one in captures):
+            return ()
+        try:
+            return marks_beside(self.run.request.names)
+        except MarksError as error:
+            self.run.complain(str(error))
+            return ()
 
 
 def _damage(run: Run) -> str:

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from dissectors import Registry
     from dissectors.kit import Array
 
+    Over = Callable[[Iterator[FrameBatch]], Iterator[FrameBatch]]
+
 _Item = TypeVar("_Item")
 
 # Complaints about single lines before it says only how many there were.
@@ -212,12 +214,16 @@ class Run(AbstractContextManager["Run"]):
             yield batch
         self._conclude()
 
-    def frame_batches_inside(self, *, again: bool = False) -> Iterator[FrameBatch]:
-        """Yield the rows inside the window; `again` reads them once more. Ends the run if that does not go."""
+    def frame_batches_inside(self, *, again: bool = False, over: Over = iter) -> Iterator[FrameBatch]:
+        """Yield the rows inside the window; `again` reads them once more, `over` sees them before they are cut.
+
+        Ends the run if that does not go.
+        """
         batches = self.frame_batches_again() if again else self.frame_batches()
         if batches is None:
             self.require("cannot be read a second time")
             return
+        batches = over(batches)
         if not self.request.window and self.chosen is None:
             yield from batches
             return

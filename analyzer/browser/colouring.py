@@ -54,7 +54,7 @@ class RowColouring:
         rows = ListedRows.all_of(batch)
         found = {kind: np.full(len(getattr(batch, name)), -1, np.int8) for kind, name in _TABLES.items()}
         for k, rule in enumerate(self._rules):
-            matches = rule.filter.matcher(zero=self._store.low).feed(batch)
+            matches = rule.filter.matcher(zero=self._store.zero).feed(batch)
             loose = np.zeros(len(batch.frames), bool)
             if len(rows.frames):
                 loose[rows.frames] = matches.loose(rows.frames)

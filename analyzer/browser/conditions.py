@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 COMBINED = {
     "": "{new}", "and": "({old}) && {new}", "or": "({old}) || {new}", "not": "!({new})",
-    "and not": "({old}) && !({new})",
+    "and not": "({old}) && !({new})", "or not": "({old}) || !({new})",
 }  # fmt: skip
 _WORD, _QUOTED = re.compile(r"^[a-z ]+$"), re.compile(r'"(.*)"$')
 _NUMBER = re.compile(r"^(-?\d+(?:\.\d+)?|0x[0-9A-F]+)")
@@ -27,7 +27,7 @@ def combined(old: str, new: str, how: str) -> str:
     """Return a filter with what was there before; `how` is a key of `COMBINED`."""
     if not old and how in ("and", "or"):
         how = ""
-    if not old and how == "and not":
+    if not old and how in ("and not", "or not"):
         how = "not"
     return COMBINED[how].format(old=old, new=new)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from analyzer.browser.plain_numbers import plain_numbers
 from analyzer.browser.store.cut import StoredFrames, cut_transfers
 from analyzer.browser.store.order import EVENT, FRAME, SETTLED, TRANSFER
 from analyzer.views.listing import Listing
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from analyzer.browser.colouring import RowColouring
     from analyzer.browser.own_columns import OwnColumns
     from analyzer.browser.store.store import Row, Store
-    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.filter.memory import NamesFrames
     from analyzer.window.numbering import Numbering
     from dissectors import Registry
 
@@ -51,21 +52,29 @@ class ListPages:
     def __init__(self, store: Store, registry: Registry, numbering: Numbering, colouring: RowColouring) -> None:
         self._store, self._registry, self._numbering, self._colouring = store, registry, numbering, colouring
         self._frames = StoredFrames(store)
-        self.named: NamedFrames | None = None
+        self.named: NamesFrames | None = None
         self.mode = "r"
+        self.numbers = False  # in place of names
         self.zero: int | None = None  # a time reference in place of the first frame
         self.columns: OwnColumns | None = None
-        self._made: tuple[object, ...] = ()
+        self._first: tuple[int | None, int | None] = None, None
         self._head = ""
 
     def clock(self) -> TimeFormat:
         """Return what writes times now."""
         mode = "r" if self.mode in _DELTAS else self.mode
-        clock = TimeFormat(mode, self.zero)
-        if self._store.segments:
-            clock.start(self._store.opened(0).table("frames").slice(0, _LOOKED_AT))
+        zero, digits = self._settled()
+        clock = TimeFormat(mode, zero if self.zero is None else self.zero, digits)
         clock.signed = self.zero is not None
         return clock
+
+    def _settled(self) -> tuple[int | None, int | None]:
+        """Return the time that relative ones count from, and the decimals of all, as the first frames settle them."""
+        if self._first == (None, None) and self._store.segments:
+            clock = TimeFormat("r", self._store.segments[0].zero)
+            clock.start(self._store.opened(0).table("frames").slice(0, _LOOKED_AT))
+            self._first = clock.zero, clock.digits
+        return self._first
 
     def head(self, width: int) -> str:
         """Return the names of the columns, after the lines below them."""
@@ -114,9 +123,21 @@ class ListPages:
         listing.feed(batch, ListedRows(shown, _NONE, _NONE, _NONE))
         first = listing.places()
         self._head = listing.before(first[0] if first else None).rstrip("\n")
-        for number, entry in zip(numbered, listing.entries(), strict=True):
+        lines = [entry.partition("\n")[0] for entry in listing.entries()]
+        if self.numbers:
+            lines = list(map(self._in_numbers, lines, plain_numbers(batch, self._registry)))
+        for number, line in zip(numbered, lines, strict=True):
             if number in at:
-                found[at[number]] = entry.partition("\n")[0]
+                found[at[number]] = line
+
+    def _in_numbers(self, line: str, said: tuple[str, str]) -> str:
+        """Return a line with numbers in place of the name of its type, and of what it says."""
+        begin, ends, info = (self._head.find(name) for name in ("Type", " ID", "Info"))
+        if not 0 < begin < ends < info:
+            return line
+        called, values = said
+        changed = f"{line[:begin]}{fit(called, ends - begin):<{ends - begin}}{line[ends:]}"
+        return f"{changed[:info]:<{info}}{values}" if values else changed
 
     def _with_context(self, numbers: dict[int, int]) -> set[int]:
         """Return transfers, and those before them of the same senders."""

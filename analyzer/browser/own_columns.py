@@ -24,7 +24,7 @@ class OwnColumns:
     def __init__(self, store: Store, registry: Registry, names: Sequence[str]) -> None:
         self.names = tuple(names)
         self._store = store
-        self._fields = Fields(registry, list(names), StoredFrames(store), store.low)
+        self._fields = Fields(registry, list(names), StoredFrames(store), store.zero)
         self.width = (_WIDTH + 1) * len(names)
 
     def heads(self) -> str:

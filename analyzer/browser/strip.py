@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from analyzer.browser.store.store import Store
     from dissectors.kit import Array
@@ -71,12 +71,13 @@ class Strip:
         return counts / most if most > 0 else counts
 
     def cells(
-        self, width: int, *, now: int | None, flights: Iterable[tuple[int, int]], findings: Iterable[tuple[int, str]],
+        self, width: int, *, now: int | None, flights: Sequence[tuple[int, int]], findings: Iterable[tuple[int, str]],
         marks: Iterable[int],
     ) -> list[StripCell]:  # fmt: skip
         """Return the columns; findings are times with a severity, flights spans of time.
 
-        `!` an error, `?` a warning, `o` a mark: they stand in place of the load, and so does the place of the list.
+        `!` an error, `?` a warning, `o` a mark, a digit the begin of a flight: they stand in place of the load, and so
+        does the place of the list.
         """
         loads = self.loads(width)
         steps = np.ceil(loads * (len(self._bars) - 1)).astype(int)
@@ -86,6 +87,10 @@ class Strip:
             if first is not None and last is not None:
                 flying[first : last + 1] = True
         cells = [StripCell(self._bars[step], "head" if flying[k] else "dim") for k, step in enumerate(steps.tolist())]
+        for number, (start, _) in enumerate(flights, 1):
+            first = self.place_of(start, width)
+            if first is not None:
+                cells[first] = StripCell(str(number % 10), "head")
         for t, severity in sorted(findings, key=lambda one: one[1] == "error"):
             at = self.place_of(t, width)
             if at is not None and severity in ("error", "warning"):

@@ -8,20 +8,24 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analyzer.browser.store.store import Store
-    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.filter.memory import NamesFrames
     from dissectors import Registry
 
-TABS = ("packets", "findings", "events", "flights", "triage", "statistics")
+TABS = ("packets", "findings", "events", "flights", "triage", "statistics", "notes")
 
 
 class TabLine(NamedTuple):
-    """A line of a tab: where it leads to, a frame from 0 or a time in nanoseconds, and the filter it stands for."""
+    """A line of a tab: where it leads to, a frame from 0 or a time in nanoseconds, and the filter it stands for.
+
+    `ask` is a statistic that it asks for.
+    """
 
     text: str
     style: str = ""
     frame: int | None = None
     t: int | None = None
     filter: str = ""
+    ask: str = ""
 
 
 class Supply(Protocol):
@@ -33,14 +37,17 @@ class Supply(Protocol):
         name: of the captures or buses.
         paths: captures as the commands take them, empty for a bus.
         arguments: what else a command needs to read them in the same way.
+        window: arguments that name the part of them that is shown.
+        recorded: the file that a bus is recorded in as a whole, empty without one.
         live: they come from a bus.
         doing: what is done now, in a word or two, empty for nothing.
         notes: what was complained of.
-        named: the rules that name frames.
         flights: first and last time of each.
+        places: what is to be read at frames, from 0: events, and where flights begin and end.
         troubles: time and severity of each finding.
         starts: frames at which findings begin, from 0, ascending.
         labels: of nodes in the vehicle file.
+        asking: a statistic is asked for that is not there yet.
     """
 
     store: Store
@@ -48,15 +55,22 @@ class Supply(Protocol):
     name: str
     paths: tuple[str, ...]
     arguments: tuple[str, ...]
+    window: tuple[str, ...]
+    recorded: str
     live: bool
     doing: str
     notes: list[str]
-    named: NamedFrames | None
     flights: Sequence[tuple[int, int]]
+    places: dict[int, str]
     troubles: Sequence[tuple[int, str]]
     starts: Sequence[int]
     labels: dict[int, str]
+    asking: bool
     severities: dict[str, str]
+
+    @property
+    def named(self) -> NamesFrames | None:
+        """The rules that name frames."""
 
     @property
     def loaded(self) -> bool:
@@ -69,8 +83,17 @@ class Supply(Protocol):
     def tab(self, name: str) -> Sequence[TabLine] | None:
         """Return what a tab shows, one of `TABS`."""
 
-    def ask(self, statistic: str) -> str:
+    def changed(self) -> str:
+        """Return what has become of the files since they were read, once; empty for nothing."""
+
+    def renew(self, name: str) -> None:
+        """Find out anew what a tab shows, where that may have changed since."""
+
+    def ask(self, text: str) -> str:
         """Ask for a statistic, which is in its tab later; return what is wrong with it, empty for nothing."""
+
+    def explain(self, rule: str, width: int) -> str:
+        """Return the page of a rule, empty if there is none or it is not known yet."""
 
     def stop(self) -> None:
         """Ask for the end."""

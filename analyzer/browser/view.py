@@ -15,6 +15,7 @@ from analyzer.facts.frame_marks import MarkBook
 from analyzer.filter.compiled import compile_filter
 from analyzer.filter.errors import FilterError
 from analyzer.tables import KINDS
+from analyzer.views.terminal import escape
 from analyzer.views.tree import Tree
 from analyzer.window.numbering import Numbering
 
@@ -25,10 +26,12 @@ if TYPE_CHECKING:
     from analyzer.browser.store.store import Row
     from analyzer.browser.supply import Supply
     from analyzer.decode.engine import Batch
+    from analyzer.facts.frame_marks import Mark
     from analyzer.filter.matcher import Matcher
     from analyzer.views.colours.rules import ColourRule
 
 _MOST_FRAMES = 512  # of a transfer that are shown in bytes
+MOST_NAMED = 5000  # rows that a filter names one by one: it has to fit into a command line
 
 
 class Shown(NamedTuple):
@@ -58,6 +61,7 @@ class BrowserView:
         self.filter = ""
         self.marks = marks or MarkBook(None)
         self.anchor: tuple[int, int] | None = None  # the row that one is at
+        self.begun: tuple[int, int] | None = None  # the row at which a selection of several began
         self._tree: tuple[object, Tree] | None = None
 
     # ---- rows
@@ -71,7 +75,7 @@ class BrowserView:
             rows.start()
         if isinstance(self.rows, ChosenRows):
             self.rows.stop()
-        self.rows, self.filter = rows, text
+        self.rows, self.filter, self.begun = rows, text, None
 
     def matcher(self, text: str) -> Matcher:
         """Return a filter at work. Raises `FilterError`."""
@@ -79,7 +83,9 @@ class BrowserView:
         chosen = compile_filter(text, supply.registry)
         if chosen.asks_findings and supply.named is None:
             raise FilterError("findings are not known yet: the capture is still being judged", text, 0, len(text))
-        return chosen.matcher(labels=supply.labels, named=supply.named, severities=supply.severities)
+        return chosen.matcher(
+            zero=self.store.zero, labels=supply.labels, named=supply.named, severities=supply.severities
+        )
 
     def row(self, number: int) -> Row:
         """Return a row that is listed, by its number from 0."""
@@ -103,10 +109,42 @@ class BrowserView:
         count = len(self.rows)
         self.anchor = self.rows.at(max(0, min(number, count - 1))) if count else None
 
+    # ---- several rows
+
+    def selected(self) -> range:
+        """Return the numbers of the rows that are selected: the current one, or those from where a selection began."""
+        if not len(self.rows):
+            return range(0)
+        now = self.number()
+        begun = now if self.begun is None else min(self.rows.find(*self.begun), len(self.rows) - 1)
+        return range(min(now, begun), max(now, begun) + 1)
+
+    def filter_of(self, numbers: range) -> str:
+        """Return a filter that selects these rows, as far as they have frames; empty if none has.
+
+        More of them than a filter should name are a range of frames, under the filter that is applied.
+        """
+        if len(numbers) <= MOST_NAMED:
+            firsts = [min(places) + 1 for number in numbers if (places := self.places_of(self.row(number)))]
+            return f"frame.number in {{{', '.join(map(str, firsts))}}}" if firsts else ""
+        first, last = (self.row(number) for number in (numbers[0], numbers[-1]))
+        span = f"frame.number in {{{first.place + 1}..{max([last.place, *self.places_of(last)]) + 1}}}"
+        return f"({self.filter}) && {span}" if self.filter else span
+
     # ---- a row in full
 
     def shown(self, row: Row) -> Shown:
-        """Return a row in full."""
+        """Return a row in full, above all what somebody wrote about it and what happened there."""
+        shown = self._whole(row)
+        said = []
+        for place in self.places_of(row):
+            if (mark := self.marks.marks.get(place)) is not None:
+                said.append(DetailLine(0, f"Comment: {escape(mark.words)}"))
+            if place in self.supply.places:
+                said.append(DetailLine(0, f"Event: {escape(self.supply.places[place])}"))
+        return shown._replace(lines=[*said, *shown.lines]) if said else shown
+
+    def _whole(self, row: Row) -> Shown:
         if row.kind == TRANSFER:
             return self._transfer(row)
         time = self._time(row)
@@ -147,6 +185,14 @@ class BrowserView:
             found: list[int] = self.store.opened(row.segment).table("transfers").column("frame")[row.entry].as_py()
             return found
         return [] if row.kind == EVENT else [row.place]
+
+    def time_of(self, mark: Mark) -> int | None:
+        """Return the time of a mark, which a file need not say."""
+        return self.store.frame_time(mark.frame) if mark.t is None else mark.t
+
+    def rules_of(self, row: Row) -> list[str]:
+        """Return the rules that name a row."""
+        return self._rules(self.places_of(row))
 
     def _rules(self, places: Sequence[int]) -> list[str]:
         if self.supply.named is None or not places:

@@ -2,79 +2,117 @@
 
 from __future__ import annotations
 
+import threading
 from bisect import bisect_left, bisect_right
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer.browser.store.order import TRANSFER, split
+from analyzer.browser.store.segment import OpenSegment
 from analyzer.tables import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.browser.store.store import Row
+    from analyzer.browser.store.store import Row, Store
     from analyzer.browser.view import BrowserView
     from dissectors.kit import Array
 
 _REQUEST, _RESPONSE = KINDS.index("request"), KINDS.index("response")
-_MOST_SEGMENTS = 10_000
+_PATIENCE = 0.03  # seconds that whoever asks waits, before something else shows that it is looked for
 Target = tuple[int, int] | None
+Wanted = dict[str, int]
 
 
-def same_sender(view: BrowserView, row: Row, step: int) -> Target:
-    """Return the next transfer, or the one before, of the same sender and type."""
-    own = view.sender(row)
-    if own is None:
+class Walk:
+    """Looks for the nearest transfer with some values behind a row, or before it, in a thread of its own.
+
+    Args:
+        store: what is there.
+        start: segment and place in its list of the row.
+        step: 1 for what is behind it, -1 for what is before.
+        wanted: values of columns of the transfer.
+        otherwise: what is to be said if there is none.
+    """
+
+    def __init__(self, store: Store, start: tuple[int, int], step: int, wanted: Wanted, otherwise: str) -> None:
+        self._store, self._start, self._step, self._wanted = store, start, step, wanted
+        self._stop = threading.Event()
+        self.otherwise = otherwise
+        self.target: Target = None
+        self.done = False
+
+    def begin(self) -> None:
+        """Begin to look; what is near is found when this is back."""
+        thread = threading.Thread(target=self._work, name="walk", daemon=True)
+        thread.start()
+        thread.join(_PATIENCE)
+
+    def stop(self) -> None:
+        """Look no further."""
+        self._stop.set()
+
+    def _work(self) -> None:
+        segment, local = self._start
+        last = len(self._store.segments) if self._step > 0 else -1
+        try:
+            for at in range(segment, last, self._step):
+                if self._stop.is_set():
+                    return
+                found = _matching(self._store, at, self._wanted)
+                if at == segment:
+                    found = found[found > local] if self._step > 0 else found[found < local]
+                if len(found):
+                    self.target = at, int(found[0] if self._step > 0 else found[-1])
+                    return
+        finally:
+            self.done = True
+
+
+def _matching(store: Store, at: int, wanted: Wanted) -> Array:
+    """Return the places in the list of a segment of transfers with these values, ascending."""
+    if not store.segments[at].transfers:
+        return np.zeros(0, np.int64)
+    opened = OpenSegment(store.segments[at])
+    holds: Array = np.ones(store.segments[at].transfers, bool)
+    for name, value in wanted.items():
+        holds &= opened.column("transfers", name) == value
+    # Transfers are not in the order of the list: some wait until it is known what they are.
+    kinds, entries = split(opened.column("rows", "key"))
+    listed = kinds == TRANSFER
+    listed[listed] = holds[entries[listed]]
+    return np.flatnonzero(listed)
+
+
+def sender_before(view: BrowserView, row: Row) -> Target:
+    """Return the transfer before of the same sender and type."""
+    before = int(view.store.opened(row.segment).column("before", "before")[row.entry])
+    at = None if before < 0 else view.store.segment_of_transfer(before)
+    if at is None:
         return None
-    if step < 0:
-        before = int(view.store.opened(row.segment).column("before", "before")[row.entry])
-        at = None if before < 0 else view.store.segment_of_transfer(before)
-        if at is None:
-            return None
-        index = before - view.store.segments[at].first_transfer
-        local = view.store.local_of(at, TRANSFER, index)
-        return None if local is None else (at, local)
-    wanted = {name: own[name] for name in ("bus", "kind", "type_id", "src")}
-    if view.is_service(own):
-        wanted["dst"] = own["dst"]
-    return _scan(view, row, 1, wanted)
+    local = view.store.local_of(at, TRANSFER, before - view.store.segments[at].first_transfer)
+    return None if local is None else (at, local)
 
 
-def counterpart(view: BrowserView, row: Row) -> Target:
-    """Return the response to a request, the request of a response."""
-    own = view.sender(row)
-    if own is None or own["kind"] not in (_REQUEST, _RESPONSE):
-        return None
+def same_sender(view: BrowserView, own: Wanted) -> Wanted:
+    """Return what transfers of the same sender and type have in common."""
+    names = ("bus", "kind", "type_id", "src", *(("dst",) if view.is_service(own) else ()))
+    return {name: own[name] for name in names}
+
+
+def same_type(own: Wanted) -> Wanted:
+    """Return what transfers of the same type have in common, whoever sent them."""
+    return {name: own[name] for name in ("kind", "type_id")}
+
+
+def counterpart(own: Wanted) -> Wanted:
+    """Return what tells the response to a request, or the request of a response."""
     asked = own["kind"] == _REQUEST
-    wanted = {
+    return {
         "bus": own["bus"], "kind": _RESPONSE if asked else _REQUEST, "type_id": own["type_id"], "src": own["dst"],
         "dst": own["src"], "transfer_id": own["transfer_id"],
     }  # fmt: skip
-    return _scan(view, row, 1 if asked else -1, wanted)
-
-
-def _scan(view: BrowserView, row: Row, step: int, wanted: dict[str, int]) -> Target:
-    """Return the nearest transfer with these values behind a row, or before it."""
-    store = view.store
-    last = len(store.segments) if step > 0 else -1
-    for at in list(range(row.segment, last, step))[:_MOST_SEGMENTS]:
-        opened = store.opened(at)
-        if not store.segments[at].transfers:
-            continue
-        holds: Array = np.ones(store.segments[at].transfers, bool)
-        for name, value in wanted.items():
-            holds &= opened.column("transfers", name) == value
-        # Transfers are not in the order of the list: some wait until it is known what they are.
-        kinds, entries = split(opened.column("rows", "key"))
-        listed = kinds == TRANSFER
-        listed[listed] = holds[entries[listed]]
-        found = np.flatnonzero(listed)
-        if at == row.segment:
-            found = found[found > row.local] if step > 0 else found[found < row.local]
-        if len(found):
-            return at, int(found[0] if step > 0 else found[-1])
-    return None
 
 
 def next_place(places: Sequence[int], now: int, step: int) -> int | None:

@@ -13,6 +13,7 @@ from analyzer.cli import options, status
 from analyzer.sinks import FORMS, losses
 
 if TYPE_CHECKING:
+    from analyzer.app.marked import MarkedFrames
     from analyzer.app.run import Run
     from analyzer.cli.complaints import Complaints
 
@@ -47,8 +48,10 @@ class _Output:
 
 def run(args: argparse.Namespace) -> int:
     """Read the captures once and write them anew; the output is there whole or not at all."""
+    from analyzer.app.marked import MarkedFrames  # noqa: PLC0415
     from analyzer.cli.complaints import Complaints  # noqa: PLC0415
     from analyzer.cli.reading import reading  # noqa: PLC0415
+    from analyzer.facts.frame_marks import comments_beside  # noqa: PLC0415
 
     try:
         if args.output is None:
@@ -56,6 +59,7 @@ def run(args: argparse.Namespace) -> int:
         output = _output(args)
         request = options.request(args, NAME)
         refuse_input(request.names, output.path)
+        comments = comments_beside(request.names)
     except (argparse.ArgumentTypeError, ValueError) as error:
         return status.usage(error, NAME)
     complaints = Complaints()
@@ -64,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
             options.choose(run)
         except (LookupError, OSError, ValueError) as error:
             return status.usage(error, NAME)
-        _convert(run, output, complaints)
+        _convert(run, output, complaints, MarkedFrames(comments))
     return status.of_run(run)
 
 
@@ -78,7 +82,7 @@ def _output(args: argparse.Namespace) -> _Output:
     return _Output(args.output, form, packing, args.compression or "zstd")
 
 
-def _convert(run: Run, output: _Output, complaints: Complaints) -> None:
+def _convert(run: Run, output: _Output, complaints: Complaints, marked: MarkedFrames) -> None:
     from analyzer.cli.reading import lines_of, watched  # noqa: PLC0415
     from analyzer.sinks import open_sink  # noqa: PLC0415
     from analyzer.sinks.atomic import Target  # noqa: PLC0415
@@ -90,10 +94,10 @@ def _convert(run: Run, output: _Output, complaints: Complaints) -> None:
     with Target(output.path) as target, packed(target.file, output.packing) as file:
         with watched(run.source, complaints, wanted=not shown) as progress:
             sink = open_sink(output.form, file, compression=output.compression)
-            for batch in progress.over(run.ahead(run.frame_batches_inside())):
+            for batch in progress.over(run.ahead(run.frame_batches_inside(over=marked.over))):
                 inside += sum(batch.lines[kind] for kind in ("frames", "error_frames", "drops", "comments"))
                 frames += batch.frames
-                sink.write(batch)
+                sink.write(batch, marked.rows(batch))
                 run.go_on()
         run.require_inside(inside)
         sink.close()

@@ -198,8 +198,7 @@ def _with_comments(view: WriterOptions, request: Request) -> WriterOptions:
     from analyzer.facts.frame_marks import comments_beside  # noqa: PLC0415
     from dissectors.records import replace  # noqa: PLC0415
 
-    wanted = view.form == "text" and not view.frame_list
-    comments = comments_beside(request.names) if wanted else {}
+    comments = comments_beside(request.names) if view.form == "text" else {}
     return replace(view, comments=comments) if comments else view
 
 

@@ -248,6 +248,8 @@ def _mode(args: argparse.Namespace) -> LiveMode:
         "--list": args.list, "-V": args.details, "-O": args.only, "-P": args.summary, "-x": args.bytes,
         f"-T {args.form}": args.form != "text", "-l": args.flush, "-Y": args.display is not None,
     }  # fmt: skip
+    if args.browser:
+        del asked["-Y"]  # a filter of the browser
     listing = next((option for option, given in asked.items() if given), None)
     if args.quiet or args.record == "-":
         if listing is not None:

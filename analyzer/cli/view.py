@@ -15,6 +15,7 @@ import sys
 from analyzer.cli import options, status
 
 NAME = "tailbyte view"
+_SIGNAL = 128  # and its number: what ended the browser
 _TIMES = ("a", "ad", "d", "dd", "e", "r", "u", "ud")
 
 
@@ -37,6 +38,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     show.add_argument("--no-marks", action="store_true", help="neither read nor keep marks beside the capture")
     options.add_dialect(parser)
     options.add_filter(parser)
+    options.add_window(parser)
     parser.set_defaults(run=run, follow=False)
 
 
@@ -47,10 +49,11 @@ def run(args: argparse.Namespace) -> int:
     """Show the captures, or a bus, until the user quits."""
     names = [*args.capture, *args.capture_]
     if names and all(_BUS.fullmatch(name) and not os.path.lexists(name) for name in names):
-        from analyzer.cli import main  # noqa: PLC0415 - a bus is a matter of another command
+        return _bus(args, names)
+    from analyzer.app.start import plain_arrow  # noqa: PLC0415
 
-        return main(["live", "--view", *names])
-    from analyzer.app.browse.session import BrowseOptions, browse  # noqa: PLC0415
+    plain_arrow()
+    from analyzer.app.browse.session import BrowseOptions, browse  # noqa: PLC0415 - behind that
     from analyzer.sources import CaptureError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError, load  # noqa: PLC0415
 
@@ -74,7 +77,15 @@ def run(args: argparse.Namespace) -> int:
         return status.damaged(error, NAME)
     for note in notes:
         status.damaged(note, "tailbyte")
-    return status.DAMAGED if code or notes else status.OK
+    return code if code > _SIGNAL else status.DAMAGED if code or notes else status.OK
+
+
+def _bus(args: argparse.Namespace, names: list[str]) -> int:
+    """Show a bus, which is a matter of another command."""
+    from analyzer.cli import main  # noqa: PLC0415
+
+    chosen = [] if args.filter is None else ["-Y", args.filter]
+    return main(["live", "--view", "-t", args.time, *chosen, *names])
 
 
 def _colours(args: argparse.Namespace, registry: object) -> list:  # type: ignore[type-arg]

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 SUFFIX = ".marks.toml"
 _NO_FILE = (ENOENT, ENOTDIR, ENAMETOOLONG)  # a capture's name may be too long for a suffix
+MARKED = "marked"
 _MOST_TEXT = 4096  # characters of a comment
 _MOST = 100_000
 
@@ -29,6 +30,11 @@ class Mark:
     frame: int
     text: str = ""
     t: int | None = None
+
+    @property
+    def words(self) -> str:
+        """The comment, or a word for a mark without one."""
+        return self.text or MARKED
 
 
 class MarkBook:
@@ -104,11 +110,17 @@ def read_marks(path: Path) -> dict[int, Mark]:
     return {mark.frame: mark for mark in (_mark(path, k, row) for k, row in enumerate(rows[:_MOST], 1))}
 
 
-def comments_beside(captures: Sequence[str]) -> dict[int, str]:
-    """Return the comments beside a capture by frame from 0; none of several captures. Raises `MarksError`."""
+def marks_beside(captures: Sequence[str]) -> list[Mark]:
+    """Return the marks beside a capture by frame; none of several captures. Raises `MarksError`."""
     if len(captures) != 1 or captures[0] == "-":
-        return {}
-    return {mark.frame: mark.text for mark in read_marks(marks_path(captures[0])).values() if mark.text}
+        return []
+    found = read_marks(marks_path(captures[0]))
+    return [found[frame] for frame in sorted(found)]
+
+
+def comments_beside(captures: Sequence[str]) -> dict[int, str]:
+    """Return what stands beside a capture about frames, from 0, a mark without words too. Raises `MarksError`."""
+    return {mark.frame: mark.words for mark in marks_beside(captures)}
 
 
 def _mark(path: Path, number: int, row: object) -> Mark:

@@ -9,7 +9,7 @@ from analyzer.report.captures import describe_capture
 from analyzer.report.draft import Draft
 from analyzer.report.explain import needs
 from analyzer.report.found import events_from, findings_from, ranked
-from analyzer.report.model import Coverage, Gate, Report, RuleVerdict
+from analyzer.report.model import Coverage, Gate, MarkedPlace, Place, Report, RuleVerdict
 from analyzer.rules import coverage, verdicts
 from analyzer.rules.gate import passage
 from dissectors.records import replace
@@ -65,6 +65,9 @@ def build(
         waivers=tuple(use for excuses in options.excuses for use in excuses(findings)),
         events=draft.events,
         triages=tuple(one.triage for one in taken if one.triage is not None),
+        marks=tuple(
+            MarkedPlace(one.id, Place(mark.frame + 1, mark.t), mark.words) for one in taken for mark in one.marks
+        ),
     )
 
 

@@ -12,6 +12,7 @@ from dissectors.records import dataclass, field
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
+    from analyzer.facts.frame_marks import Mark
     from analyzer.flight.verdict.model import Triage
     from analyzer.rules.checking import Checked
     from analyzer.rules.gate import FailOn
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 class JudgedCapture:
     """A capture as it was taken in. `damage` says what could not be read, `unopened` that this is all of it.
 
-    `triage` is what happened in its flights, None if nobody looked.
+    `triage` is what happened in its flights, None if nobody looked. `marks` are what somebody marked.
     """
 
     id: str
@@ -33,6 +34,7 @@ class JudgedCapture:
     ends: bool = True
     arguments: tuple[str, ...] = ()
     triage: Triage | None = None
+    marks: Sequence[Mark] = ()
 
     @property
     def timed(self) -> bool:

@@ -27,7 +27,7 @@ Judgeable = Literal["yes", "no", "unknown", "coarse"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 CATEGORIES: tuple[Category, ...] = ("device", "protocol", "capture")
 VERDICTS: tuple[Verdict, ...] = verdicts.RANKED
-NOT_IN_JSON = ("triages",)  # of a report
+NOT_IN_JSON = ("triages", "marks")  # of a report
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +46,15 @@ class Example:
     t_ns: int | None
     text: str
     lines: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class MarkedPlace:
+    """A frame that somebody has marked, and what they wrote."""
+
+    capture: str
+    place: Place
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,7 +291,8 @@ class Report:
 
     `events`, by time, are no findings: no count, no verdict and no gate knows of them.
 
-    `triages` say what happened in each capture, if that was looked at; they have a JSON of their own.
+    `triages` say what happened in each capture, if that was looked at; they have a JSON of their own. `marks` are what
+    somebody has marked in them (`tailbyte view`).
 
     `settings` names the `profile` (empty for the defaults), in `limits` the numbers of each rule that has some, and in
     `changed` those (`RULE.name`) that are not the default; other options are shown as they are.
@@ -298,6 +308,7 @@ class Report:
     waivers: tuple[WaiverUse, ...] = ()
     events: tuple[DeviceEvent, ...] = ()
     triages: tuple[Triage, ...] = ()
+    marks: tuple[MarkedPlace, ...] = ()
     schema: str = field(default=SCHEMA)
 
     def as_json(self) -> dict[str, Any]:

@@ -9,6 +9,8 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, BinaryIO, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from analyzer._native import FrameBatch
 
 ALL = "all"  # among names of tables: every one but those that have to be asked for
@@ -33,8 +35,8 @@ class Sink(Protocol):
     def lost(self) -> dict[str, int]:
         """The rows that the format could not hold so far, in words, and how often."""
 
-    def write(self, batch: FrameBatch) -> None:
-        """Write the rows of a batch; it may hold some back."""
+    def write(self, batch: FrameBatch, comments: Mapping[int, str] | None = None) -> None:
+        """Write the rows of a batch, with comments on its frames by row; it may hold some back."""
 
     def flush(self) -> None:
         """Write what is held back, so that a reader finds it even if nothing follows."""

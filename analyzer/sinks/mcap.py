@@ -16,6 +16,8 @@ from analyzer.sinks.mcap_file import McapFile
 from analyzer.sinks.schemas import FD_FRAME, FRAME, LOG
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from analyzer._native import FrameBatch
 
 # Bits of the flags of a frame, and where the length code begins.
@@ -25,6 +27,7 @@ CHUNK = 1 << 20
 # Topics by direction: unknown, received, sent.
 _TOPICS = ("can", "from_can_bus", "to_can_bus")
 _COMMENTS = "/comments"
+_LOST_COMMENTS = "comments on frames"
 
 
 class McapSink:
@@ -33,7 +36,7 @@ class McapSink:
     def __init__(self, file: BinaryIO, compression: str = "zstd") -> None:
         self.container = McapFile(file, compression)
         self._messages = Messages()
-        self._channels = 0
+        self._channels = self._comments = 0
         self._topics: dict[str, str] = {}
 
     @property
@@ -49,10 +52,12 @@ class McapSink:
     @property
     def lost(self) -> dict[str, int]:
         """The rows that the format could not hold so far, in words, and how often."""
-        return self._messages.lost
+        beside = {_LOST_COMMENTS: self._comments} if self._comments else {}
+        return self._messages.lost | beside
 
-    def write(self, batch: FrameBatch) -> None:
+    def write(self, batch: FrameBatch, comments: Mapping[int, str] | None = None) -> None:
         """Write the rows of a batch; those of the last chunk wait until it is full."""
+        self._comments += len(comments or ())
         row: int | None = 0
         while row is not None:
             row = self._messages.add(batch, row, CHUNK)

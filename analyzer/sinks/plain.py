@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, BinaryIO
 from analyzer._native import Writer
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from analyzer._native import FrameBatch
 
 
@@ -32,9 +34,9 @@ class PlainSink:
         """The rows that the format could not hold so far, in words, and how often."""
         return self._writer.lost
 
-    def write(self, batch: FrameBatch) -> None:
-        """Write the rows of a batch."""
-        self._file.write(self._writer.write(batch))
+    def write(self, batch: FrameBatch, comments: Mapping[int, str] | None = None) -> None:
+        """Write the rows of a batch, with comments on its frames by row."""
+        self._file.write(self._writer.write(batch, comments))
 
     def flush(self) -> None:
         """Hand everything to the system."""

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analyzer.decode.engine import Batch
-    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.filter.memory import NamesFrames
     from analyzer.views.colours.painter import Painter
     from analyzer.views.marks import ListMark
     from analyzer.views.sheets import Columns, Template
@@ -80,7 +80,7 @@ class Listing:
         frames: FrameWindow | None = None,
         numbering: Numbering | None = None,
         foreign: bool = False,
-        named: NamedFrames | None = None,
+        named: NamesFrames | None = None,
         painter: Painter | None = None,
     ) -> None:
         self._registry = registry

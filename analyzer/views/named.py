@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.filter.memory import NamesFrames
 
 
-def rules_of(named: NamedFrames | None, rows: Sequence[Sequence[int]]) -> list[list[str]]:
+def rules_of(named: NamesFrames | None, rows: Sequence[Sequence[int]]) -> list[list[str]]:
     """Return for each row, given by the places of its frames, the rules that name one of them, in order."""
     places = [place for frames in rows for place in frames]
     found = named.between(min(places), max(places)) if named is not None and places else {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import unicodedata
 from dataclasses import dataclass
 
+_COMMENT_AT = 11  # column
 ELLIPSIS = "…"
 
 _STYLES = {
@@ -40,6 +41,11 @@ def _escaped(code: int) -> str:
     if code < 0x100:
         return f"\\x{code:02x}"
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+
+
+def comment_line(text: str) -> str:
+    """Return the line of a list that says what somebody wrote about the row above it."""
+    return f"{' ' * _COMMENT_AT}# {escape(text)}"
 
 
 def display_width(text: str) -> int:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
     from analyzer.decode.engine import Batch
-    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.filter.memory import NamesFrames
     from analyzer.views.sheets import Columns, Template
     from dissectors import Registry
     from dissectors.kit import Array
@@ -61,7 +61,7 @@ class Tree:
         palette: Palette = PLAIN,
         only: Collection[str] = (),
         numbering: Numbering | None = None,
-        named: NamedFrames | None = None,
+        named: NamesFrames | None = None,
     ) -> None:
         self._registry, self._clock, self._palette = registry, clock, palette
         self._only = frozenset(only)

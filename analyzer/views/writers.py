@@ -14,7 +14,7 @@ from analyzer.views.formats import BY_NAME
 from analyzer.views.frames.window import FrameWindow
 from analyzer.views.hexdump import HexDumps
 from analyzer.views.listing import Listing
-from analyzer.views.terminal import PLAIN, Palette, escape
+from analyzer.views.terminal import PLAIN, Palette, comment_line
 from analyzer.views.times import TimeFormat
 from analyzer.views.tree import Tree
 from analyzer.window.numbering import Numbering
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from dissectors import Registry
 
 
-_COMMENT = " " * 11 + "# "
 _USED = VERDICTS.index("used")
 
 
@@ -147,7 +146,7 @@ class Text:
         return [at for at in inside if verdicts[at - first].as_py() != _USED]
 
     def _comment(self, text: str) -> str:
-        return self._palette.paint("good", f"{_COMMENT}{escape(text)}") + "\n"
+        return self._palette.paint("good", comment_line(text)) + "\n"
 
     def end(self) -> str:
         """Give the sums of foreign frames."""
@@ -217,7 +216,7 @@ def _frame_list(
     if options.form in BY_NAME:
         return FrameRecords(rows, options.form)
     palette, codes = Palette(True) if options.colour else PLAIN, () if painter is None else painter.codes
-    return FrameText(rows, _clock(options, zero), palette, _width(), codes=codes)
+    return FrameText(rows, _clock(options, zero), palette, _width(), codes=codes, comments=options.comments)
 
 
 def _painter(options: WriterOptions, registry: Registry) -> Painter | None:

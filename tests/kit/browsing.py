@@ -10,6 +10,7 @@ from analyzer.app.browse.session import BrowseOptions, made
 from analyzer.app.request import Request
 from analyzer.browser.store.folder import StoreFolder
 from analyzer.views.colours.rules import colour_rules
+from analyzer.window.limits import Window
 from kit.pages import ROOT
 
 if TYPE_CHECKING:
@@ -75,11 +76,12 @@ class Seen:
 
 @asynccontextmanager
 async def browser(
-    path: str | Path, size: tuple[int, int] = (80, 24), options: BrowseOptions | None = None, *, judged: bool = True
-) -> AsyncIterator[Seen]:
+    path: str | Path, size: tuple[int, int] = (80, 24), options: BrowseOptions | None = None, *, judged: bool = True,
+    window: Window | None = None,
+) -> AsyncIterator[Seen]:  # fmt: skip
     """Open a capture; with `judged` everything is known when the block begins."""
     with StoreFolder() as folder:
-        supply = CaptureSupply(Request((str(path),)), folder.path)
+        supply = CaptureSupply(Request((str(path),), window=window or Window()), folder.path)
         app = made(supply, options or BrowseOptions(marks=False), colour_rules(None, supply.registry))
         supply.start()
         async with app.run_test(size=size) as pilot:

@@ -6,7 +6,7 @@ import threading
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
-from analyzer.app.browse.tabs import finding_lines, flight_lines, statistic_lines, triage_lines
+from analyzer.app.browse.stamps import FileStamps
 from analyzer.app.run import Run
 from analyzer.browser.store.store import Store, StoreFullError
 from analyzer.sources import CaptureError
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from analyzer.app.criteria import Criteria
     from analyzer.app.request import Request
     from analyzer.browser.supply import TabLine
     from analyzer.decode.engine import Batch
@@ -28,13 +29,15 @@ class CaptureSupply:
     """Decodes and judges captures for a browser, as `analyzer.browser.supply.Supply` has it.
 
     Args:
-        request: what is asked; its window is not.
+        request: what is asked.
         folder: of the store.
 
-    Raises `DsdlError`, `ProfileError`, `CaptureError` and `OSError` for what cannot be opened.
+    Raises `DsdlError`, `ProfileError`, `CaptureError` and `OSError` for what cannot be opened, `ValueError` for a wrong
+    vehicle file.
     """
 
-    live = False
+    live, recorded = False, ""
+    asking = False
 
     def __init__(self, request: Request, folder: Path) -> None:
         self.notes: list[str] = []
@@ -43,16 +46,20 @@ class CaptureSupply:
         self.store, self.registry = Store(folder), self._run.registry
         self.name, self.paths = self._run.source.name, request.names
         self.arguments = request.arguments
+        self.window = tuple(word for words in request.window_words for word in words.split(" ", maxsplit=1))
         self.loaded, self.doing = False, "decoding"
         self.named: NamedFrames | None = None
         self.flights: Sequence[tuple[int, int]] = ()
         self.troubles: Sequence[tuple[int, str]] = ()
         self.starts: Sequence[int] = ()
+        self.places: dict[int, str] = {}
         self.labels: dict[int, str] = {}
         self.severities: dict[str, str] = {}
+        self._criteria: Criteria | None = self._judging() if request.rules.vehicle is not None else None
         self.report: Report | None = None
         self._tabs: dict[str, Sequence[TabLine]] = {}
         self._asked: SimpleQueue[str] = SimpleQueue()
+        self._stamps = FileStamps(request.names)
         self._stopped = False
         self._thread = threading.Thread(target=self._work, name="decode", daemon=True)
 
@@ -82,17 +89,32 @@ class CaptureSupply:
         """Return what a tab shows."""
         return self._tabs.get(name)
 
-    def ask(self, statistic: str) -> str:
+    def changed(self) -> str:
+        """Return what has become of the files since they were read, once; empty for nothing."""
+        return self._stamps.changed() if self.loaded else ""
+
+    def renew(self, name: str) -> None:
+        """Do nothing: what a tab shows is of all that there is."""
+
+    def ask(self, text: str) -> str:
         """Ask for a statistic; return what is wrong with it."""
         from analyzer.stats.catalogue import named  # noqa: PLC0415 - few ask
 
         try:
-            named(statistic)
+            named(text)
         except ValueError as error:
             return str(error)
         self._tabs.pop("statistics", None)
-        self._asked.put(statistic)
+        self.asking = True
+        self._asked.put(text)
         return ""
+
+    def explain(self, rule: str, width: int) -> str:
+        """Return the page of a rule."""
+        from analyzer.report.explain import render  # noqa: PLC0415 - few ask
+
+        page = None if self._criteria is None else self._criteria.pages.get(rule)
+        return "" if page is None else render(rule, page.body, width=width)
 
     # ---- in the thread
 
@@ -113,13 +135,33 @@ class CaptureSupply:
 
     def _decode(self) -> None:
         try:
-            for batch in self._run.batches():
+            if self._run.request.flight is not None and not self._narrowed():
+                return
+            for batch in self._run.inside():
                 if len(batch.frames) or len(batch.transfers) or len(batch.events) or not self.store.segments:
                     self.store.add(batch)
                 if self._stopped:
                     return
         except (CaptureError, StoreFullError) as error:
             self._note(str(error))
+
+    def _judging(self) -> Criteria:
+        """Return what is judged by; filters may ask for its labels. Raises `ValueError` for a wrong vehicle file."""
+        from analyzer.app.criteria import Criteria as Made  # noqa: PLC0415 - rows come first
+
+        criteria = Made(self._run.request.rules, self.registry)
+        self._criteria, self.labels = criteria, criteria.labels
+        self.severities = {rule: page.severity for rule, page in criteria.pages.items()}
+        return criteria
+
+    def _narrowed(self) -> bool:
+        """Return whether the window is that of the flight that is asked for; complain if there is none."""
+        from analyzer.app.flown import narrow  # noqa: PLC0415 - few ask for a flight
+
+        problem = narrow(self._run)
+        if problem is not None:
+            self._note(problem)
+        return problem is None
 
     def _stored(self) -> Iterator[Batch]:
         """Yield the batches from the store until the end is asked for."""
@@ -130,30 +172,22 @@ class CaptureSupply:
 
     def _happened(self) -> None:
         """Find flights, events and what broke first."""
-        from analyzer.app.statistics import RunStatistics  # noqa: PLC0415
-        from analyzer.app.triage import RunTriage  # noqa: PLC0415
+        from analyzer.app.browse.happened import happened  # noqa: PLC0415 - rows come first
 
         self.doing = "flights"
-        statistics, triage = RunStatistics(self._run, ["flights", "events"]), RunTriage(self._run)
-        for _ in triage.over(statistics.over(self._stored())):
-            pass
-        if self._stopped:
-            return
-        flights, events = statistics.tables()
-        self.flights = [(one["t_ns"], one["t_end_ns"]) for one in flights.records()]
-        self._tabs["flights"] = flight_lines(flights, statistics.start)
-        self._tabs["events"] = statistic_lines([events], statistics.start, statistics.end)
-        self._tabs["triage"] = triage_lines(triage.found())
+        found = happened(self._run, self._stored())
+        if not self._stopped:
+            self.flights, self.places = found.flights, found.places
+            self._tabs.update(found.tabs)
 
     def _judge(self) -> None:
         """Judge by all rules, as `check` does."""
-        from analyzer.app.criteria import Criteria  # noqa: PLC0415
+        from analyzer.app.browse.tabs import finding_lines  # noqa: PLC0415 - rows come first
         from analyzer.app.judged import JudgedRun  # noqa: PLC0415
         from analyzer.rules.named_frames import NamedFrames  # noqa: PLC0415
 
         self.doing = "judging"
-        named, run = NamedFrames(), self._run
-        criteria = Criteria(run.request.rules, run.registry)
+        named, run, criteria = NamedFrames(), self._run, self._criteria or self._judging()
         judged = JudgedRun(run, criteria, named)
         for _ in judged.batches(self._stored()):
             pass
@@ -164,27 +198,17 @@ class CaptureSupply:
         named.finish(
             (one.rule, index.get(one.bus or "", -1), -1 if one.node is None else one.node) for one in report.findings
         )
-        self.labels = criteria.labels
-        self.severities = {rule: page.severity for rule, page in criteria.pages.items()}
         self.troubles = [(one.first.t_ns, one.severity) for one in report.findings if one.first.t_ns is not None]
         self.starts = sorted({one.first.frame - 1 for one in report.findings if one.first.frame is not None})
         self._tabs["findings"] = finding_lines(report, self.store.low)
         self.report, self.named = report, named
 
     def _statistic(self, text: str) -> None:
-        from analyzer.app.statistics import RunStatistics  # noqa: PLC0415
-        from analyzer.browser.supply import TabLine  # noqa: PLC0415
+        from analyzer.app.browse.happened import statistic  # noqa: PLC0415 - few ask
 
         self.doing = text
-        try:
-            statistics = RunStatistics(self._run, [text], self._run.request.rules.bit_rate)
-            for _ in statistics.over(self._stored()):
-                pass
-            tables = statistics.tables()
-            self._tabs["statistics"] = statistic_lines(tables, statistics.start, statistics.end)
-        except (LookupError, ValueError, OSError) as error:
-            self._tabs["statistics"] = [TabLine(line, "bad") for line in str(error).splitlines()]
-        self.doing = ""
+        self._tabs["statistics"] = statistic(self._run, text, self._stored())
+        self.doing, self.asking = "", False
 
     def _note(self, text: str) -> None:
         if len(self.notes) < _MOST_NOTES:

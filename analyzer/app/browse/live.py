@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
+from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
+from analyzer.app.browse.happened import happened, statistic
 from analyzer.app.browse.session import BrowseOptions, made
 from analyzer.app.live.list import said
 from analyzer.browser.store.store import Store, StoreFullError
-from analyzer.browser.supply import TabLine
+from analyzer.browser.supply import TABS, TabLine
+from analyzer.stats.catalogue import named as known_statistic
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
+    from analyzer.app.browse.live_names import LiveNames
     from analyzer.app.criteria import Criteria
     from analyzer.app.live.session import LiveSession
+    from analyzer.app.run import Run
+    from analyzer.decode.engine import Batch
     from analyzer.report.newest import Change
     from analyzer.rules.checking import Measured
-    from analyzer.rules.named_frames import NamedFrames
 
 _MOST_NOTES = 200
 _STYLES = {"error": "bad", "warning": "warn", "note": "dim"}
+_MADE = ("events", "flights", "triage")  # tabs that are found out together
 
 
 class LiveSupply:
@@ -32,25 +39,40 @@ class LiveSupply:
         name: of the buses.
         folder: of the store.
         stop: ends the session.
+        named: is told which frames rules name.
+        recorded: the file that is recorded, empty if there is none to have marks beside it.
+        options: how it is shown at first.
     """
 
     live = True
+    asking = False
     doing = "ended"
 
-    def __init__(self, criteria: Criteria, name: str, folder: Path, stop: Callable[[], None]) -> None:
+    def __init__(
+        self, criteria: Criteria, name: str, folder: Path, stop: Callable[[], None], named: LiveNames,
+        recorded: str = "", options: BrowseOptions | None = None,
+    ) -> None:  # fmt: skip
         self.store, self.registry, self.name = Store(folder), criteria.registry, name
-        self.paths: tuple[str, ...] = ()
+        # What is written and drawn is read from the recording.
+        self.paths: tuple[str, ...] = (recorded,) if recorded else ()
         self.arguments: tuple[str, ...] = ()
+        self.window: tuple[str, ...] = ()
         self.notes: list[str] = []
-        self.named: NamedFrames | None = None
+        self.named, self.recorded = named, recorded
         self.flights: Sequence[tuple[int, int]] = ()
+        self.places: dict[int, str] = {}
         self.troubles: Sequence[tuple[int, str]] = ()
         self.starts: Sequence[int] = ()
-        self.labels = criteria.labels
+        self.labels, self._pages = criteria.labels, criteria.pages
         self.severities: dict[str, str] = {rule: page.severity for rule, page in criteria.pages.items()}
         self.ended = self.failed = False
         self._stop, self._full = stop, False
+        self._options = options or BrowseOptions(marks=bool(recorded))
         self._findings: list[TabLine] = []
+        self._tabs: dict[str, Sequence[TabLine]] = {}
+        self._run: Run | None = None
+        self._asked: SimpleQueue[str] = SimpleQueue()
+        self._text = ""
 
     # ---- for the session, in its thread
 
@@ -66,10 +88,12 @@ class LiveSupply:
 
     def found(self, changes: Sequence[Change]) -> None:
         """Take findings that are new or have come up again."""
+        buses = self.store.buses
         for one in (change.finding for change in changes if change.fresh):
             frame = None if one.first.frame is None else one.first.frame - 1
-            chosen = "" if one.node is None else f"node == {one.node}"
+            chosen = f'finding.rule == "{one.rule}"' + ("" if one.node is None else f" && node == {one.node}")
             self._findings.insert(0, TabLine(said(one), _STYLES[one.severity], frame, one.first.t_ns, chosen))
+            self.named.keep(one.rule, buses.index(one.bus) if one.bus in buses else -1, one.node)
             if one.first.t_ns is not None:
                 self.troubles = [*self.troubles, (one.first.t_ns, one.severity)]
             if frame is not None:
@@ -80,7 +104,8 @@ class LiveSupply:
         self.notes = [*self.notes[-_MOST_NOTES:], text]
 
     def look(self, session: LiveSession) -> None:
-        """Do nothing: the browser looks by itself."""
+        """Take how the session decodes: what happened is found in the same way. The browser looks by itself."""
+        self._run = session.reading
 
     # ---- for the browser, in its thread
 
@@ -95,25 +120,81 @@ class LiveSupply:
         return 1.0
 
     def tab(self, name: str) -> Sequence[TabLine] | None:
-        """Return the findings so far; other tabs need an end."""
+        """Return the findings so far; other tabs as they were when they were asked for."""
         if name == "findings":
             return self._findings or [TabLine("nothing is found so far", "good")]
-        return [TabLine(f"{name} need a capture with an end: tailbyte view of the recording (-w FILE)", "dim")]
+        return self._tabs.get(name)
 
-    def ask(self, statistic: str) -> str:
-        """Return why there is no statistic."""
-        return f"{statistic}: a bus has no end; tailbyte stats of its recording tells it (-w FILE)"
+    def changed(self) -> str:
+        """Return nothing: there is no file that was read."""
+        return ""
+
+    def renew(self, name: str) -> None:
+        """Find out what a tab has to show of all that came until now."""
+        if name in _MADE:
+            self._asked.put(name)
+        elif name == "statistics" and self._text:
+            self._asked.put(f" {self._text}")
+
+    def ask(self, text: str) -> str:
+        """Ask for a statistic of all that came until now; return what is wrong with it."""
+        try:
+            known_statistic(text)
+        except ValueError as error:
+            return str(error)
+        self._tabs.pop("statistics", None)
+        self.asking = True
+        self._text = text
+        return ""
+
+    def explain(self, rule: str, width: int) -> str:
+        """Return the page of a rule."""
+        from analyzer.report.explain import render  # noqa: PLC0415 - few ask
+
+        page = self._pages.get(rule)
+        return "" if page is None else render(rule, page.body, width=width)
 
     def stop(self) -> None:
         """End the session."""
+        self._asked.put("")
         self._stop()
 
     def run(self) -> None:
         """Show it until the session ends and the user quits. Raises whatever goes wrong."""
         from analyzer.views.colours.rules import colour_rules  # noqa: PLC0415 - as the display itself
 
-        app = made(self, BrowseOptions(marks=False), colour_rules(None, self.registry))
+        threading.Thread(target=self._work, name="happened", daemon=True).start()
+        app = made(self, self._options, colour_rules(None, self.registry))
         app.following = True
         app.run()
         if app.return_code:
             self.failed = True
+
+    # ---- in a thread of its own
+
+    def _work(self) -> None:
+        while asked := self._asked.get():
+            while not self._asked.empty():  # a key may be pressed often
+                asked = self._asked.get() or asked
+            run = self._run
+            if run is None or not self.store.segments:
+                continue
+            try:
+                self._make(run, asked)
+            except Exception as error:  # noqa: BLE001 - the bus goes on, and is shown
+                self._tabs[asked.strip() if asked in TABS else "statistics"] = [TabLine(f"failed: {error}", "bad")]
+
+    def _make(self, run: Run, asked: str) -> None:
+        head = TabLine(
+            f"of the {self.store.count:,} frames that came until this was asked for; the key again: anew", "dim"
+        )
+        if asked in _MADE:
+            found = happened(run, self._stored())
+            self.flights, self.places = found.flights, found.places
+            self._tabs |= {name: [head, *lines] for name, lines in found.tabs.items()}
+        else:
+            self._tabs["statistics"] = [head, *statistic(run, asked.strip(), self._stored())]
+            self.asking = False
+
+    def _stored(self) -> Iterator[Batch]:
+        return self.store.batches()

@@ -7,12 +7,12 @@ import sys
 from typing import TYPE_CHECKING
 
 from analyzer.app.browse.capture import CaptureSupply
-from analyzer.app.browse.tools import BrowserTools, kept_columns
+from analyzer.app.browse.tools import BrowserTools, kept_columns, kept_filters
 from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.store.folder import StoreFolder
 from analyzer.browser.view import BrowserView
 from analyzer.facts.frame_marks import MarkBook, marks_path, read_marks
-from dissectors.records import dataclass
+from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,16 +47,23 @@ def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]
     that cannot be opened, `OSError` if there is no room for the store.
     """
     sys.setswitchinterval(_TURN)
-    with StoreFolder() as folder:
-        supply = CaptureSupply(request, folder.path)
-        app = made(supply, options, rules)
-        supply.start()
-        try:
-            app.run()
-        finally:
-            supply.stop()
-            supply.join()
-        return app.return_code or 0, supply.notes
+    while True:
+        with StoreFolder() as folder:
+            supply = CaptureSupply(request, folder.path)
+            supply.start()
+            try:
+                app = made(supply, options, rules)
+                app.run()
+            finally:
+                supply.stop()
+                supply.join()
+        if not app.reload:
+            return app.return_code or 0, supply.notes
+        row, pages = app.view.current(), app.view.pages
+        options = replace(
+            options, at="" if row is None else f"#{row.place + 1}", filter=app.view.filter, time=pages.mode,
+            columns=() if pages.columns is None else pages.columns.names,
+        )  # fmt: skip
 
 
 def made(supply: Supply, options: BrowseOptions, rules: Sequence[ColourRule]) -> Browser:
@@ -64,8 +71,10 @@ def made(supply: Supply, options: BrowseOptions, rules: Sequence[ColourRule]) ->
     from analyzer.browser.screen.app import Browser  # noqa: PLC0415 - Textual takes a third of a second
 
     book = MarkBook(None)
-    only = supply.paths[0] if len(supply.paths) == 1 and os.path.isfile(supply.paths[0]) else None  # noqa: PTH113
-    if options.marks and only is not None:
+    only = supply.paths[0] if len(supply.paths) == 1 and os.path.isfile(supply.paths[0]) else ""  # noqa: PTH113
+    if options.marks and supply.recorded:
+        book = MarkBook(marks_path(supply.recorded))  # those of an older recording are none of this one
+    elif options.marks and only:
         book = MarkBook(marks_path(only))
         book.marks = read_marks(marks_path(only))
     view = BrowserView(supply, rules, book)
@@ -78,7 +87,10 @@ def made(supply: Supply, options: BrowseOptions, rules: Sequence[ColourRule]) ->
     if names:
         view.pages.columns = OwnColumns(supply.store, supply.registry, names)
     encoding = (getattr(sys.__stdout__, "encoding", None) or "ascii").lower().replace("-", "")
-    return Browser(view, BrowserTools(supply), options.at, plain=not encoding.startswith("utf"))
+    app = Browser(view, BrowserTools(supply), options.at, plain=not encoding.startswith("utf"))
+    for text in kept_filters():
+        app.bar.keep(text)
+    return app
 
 
 def _exists(supply: Supply, name: str) -> bool:

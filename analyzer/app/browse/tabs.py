@@ -80,7 +80,7 @@ def _flight(one: Any, start: int | None) -> TabLine:
         low, high = one["t_ns"] / SECOND, one["t_end_ns"] / SECOND
         chosen = f"frame.time_epoch >= {low:.9f} && frame.time_epoch <= {high:.9f}"
     text = f"flight {one['flight']}  {span}  {seconds:>9}  {one['end']:<6} ch {one['chs']}  by {one['by']}"
-    return TabLine(escape(text), "head", one["frame"], one["t_ns"], chosen)
+    return TabLine(escape(text), "head", _place(one["frame"]), one["t_ns"], chosen)
 
 
 def triage_lines(found: Triage) -> list[TabLine]:
@@ -108,7 +108,7 @@ def _table(table: StatTable, start: int | None, end: int | None) -> Iterator[Tab
             yield TabLine(escape(line), "head" if k < above else "bold")
             continue
         record = dict(zip([c.name for c in table.columns], table.rows[shown[row]], strict=True))
-        yield TabLine(escape(line), "", _whole(record.get("frame")), _time(record), _filter(record))
+        yield TabLine(escape(line), "", _place(record.get("frame")), _time(record), _filter(record))
     yield from _notes(table)
     yield TabLine("")
 
@@ -117,8 +117,9 @@ def _notes(table: StatTable) -> Iterator[TabLine]:
     return (TabLine(f"  {escape(note)}", "dim") for note in table.notes)
 
 
-def _whole(value: Any) -> int | None:
-    return value if isinstance(value, int) else None
+def _place(number: Any) -> int | None:
+    """Return the place of a frame, from 0, by its number in a table, from 1."""
+    return number - 1 if isinstance(number, int) else None
 
 
 def _time(record: dict[str, Any]) -> int | None:

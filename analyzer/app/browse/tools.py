@@ -16,13 +16,14 @@ if TYPE_CHECKING:
 _TABLES = (".csv", ".parquet", ".arrow", ".feather")
 _FRAMES = (".log", ".txt", ".candump", ".pcapng", ".mcap", ".gz", ".zst")
 _AROUND = "2s"
+_MOST_COLUMNS, _MOST_FILTERS = 20, 100
 
 
 class BrowserTools:
     """Writes, plots and keeps for a browser; `said` are lines about what has ended meanwhile."""
 
-    def __init__(self, supply: Supply, options: Sequence[str] = ()) -> None:
-        self._supply, self._options = supply, tuple(options)
+    def __init__(self, supply: Supply) -> None:
+        self._supply = supply
         self.said: list[str] = []
         self.columns: list[str] = []
 
@@ -35,7 +36,7 @@ class BrowserTools:
         target = Path(name).expanduser()
         if target.exists():
             raise ValueError(f"{target}: exists already: another name, please")
-        chosen = ("-Y", filter_text) if filter_text else ()
+        chosen = (*self._supply.window, *(("-Y", filter_text) if filter_text else ()))
         if target.suffix.lower() in _TABLES:
             table = path[len(name) :].strip() or "transfers"
             words = ("export", *self._captures(), "--table", table, "-o", str(target), *chosen)
@@ -55,21 +56,29 @@ class BrowserTools:
     def keep_columns(self, names: Sequence[str]) -> None:
         """Keep columns for the next time."""
         self.columns = list(names)
-        path = columns_file()
+        self._keep("columns", names)
+
+    def _keep(self, name: str, lines: Sequence[str]) -> None:
+        path = kept_file(name)
         if path is None:
             return
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text("".join(f"{name}\n" for name in names), encoding="utf-8")
+            path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
         except OSError as error:
-            self.said.append(f"{path}: {error.strerror}: columns are not kept")
+            self.said.append(f"{path}: {error.strerror}: {name} are not kept")
+
+    def keep_filter(self, text: str) -> None:
+        """Keep a filter for the next time, the newest last."""
+        some = [one for one in kept_lines("filters", _MOST_FILTERS) if one != text]
+        self._keep("filters", [*some[1 - _MOST_FILTERS :], text])
 
     def _captures(self) -> tuple[str, ...]:
         paths = tuple(self._supply.paths)
         if not paths or "-" in paths:
             raise ValueError("what comes from a bus or a pipe exists only once: record it, and view the file")
         safe = (f"./{path}" if path.startswith("-") else path for path in paths)
-        return (*safe, *self._supply.arguments, *self._options)
+        return (*safe, *self._supply.arguments)
 
     def _start(self, words: Sequence[str], done: str) -> None:
         process = subprocess.Popen(  # noqa: S603 - ourselves
@@ -86,22 +95,32 @@ class BrowserTools:
         threading.Thread(target=wait, name=words[0], daemon=True).start()
 
 
-def columns_file() -> Path | None:
-    """Return where columns are kept, if there is a home."""
+def kept_file(name: str) -> Path | None:
+    """Return where something is kept for the next time, if there is a home."""
     import os  # noqa: PLC0415 - once
 
     try:
         home = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
     except RuntimeError:
         return None
-    return Path(home) / "tailbyte" / "columns"
+    return Path(home) / "tailbyte" / name
 
 
-def kept_columns() -> list[str]:
-    """Return the columns of the last time."""
-    path = columns_file()
+def kept_lines(name: str, most: int) -> list[str]:
+    """Return what was kept the last time, so many lines at most."""
+    path = kept_file(name)
     try:
         text = "" if path is None else path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return []
-    return [line.strip() for line in text.splitlines() if line.strip()][:20]
+    return [line.strip() for line in text.splitlines() if line.strip()][:most]
+
+
+def kept_columns() -> list[str]:
+    """Return the columns of the last time."""
+    return kept_lines("columns", _MOST_COLUMNS)
+
+
+def kept_filters() -> list[str]:
+    """Return the filters of earlier times, the newest last."""
+    return kept_lines("filters", _MOST_FILTERS)

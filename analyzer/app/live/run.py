@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analyzer.app import streams
+from analyzer.app.browse.live_names import LiveNames
 from analyzer.app.interrupt import handling
 from analyzer.app.live.hook import FindingHook
 from analyzer.app.live.lag import Lag
@@ -71,6 +72,7 @@ class LiveRun:
         self._hook: FindingHook | None = None
         asks = request.filter is not None and request.filter.asks_findings
         self._names = RecentNames() if asks else None
+        self._live_names = LiveNames()
 
     def run(self) -> Report | None:
         """Run it; return the verdict, None if the rules have failed.
@@ -87,8 +89,8 @@ class LiveRun:
                 self._interval(),
             )  # fmt: skip
             session = LiveSession(
-                loop, recording, request.name, self._criteria, self._views, self._interval(), named=self._names,
-                drawn=request.drawn,
+                loop, recording, request.name, self._criteria, self._views, self._interval(),
+                named=self._live_names if request.mode == "browser" else self._names, drawn=request.drawn,
             )  # fmt: skip
             self._add_views(stack, session, recording, say)
             with loop:
@@ -137,10 +139,15 @@ class LiveRun:
             self._views.append(self._display)
         elif request.mode == "browser":
             from analyzer.app.browse.live import LiveSupply  # noqa: PLC0415 - as above
+            from analyzer.app.browse.session import BrowseOptions  # noqa: PLC0415
             from analyzer.browser.store.folder import StoreFolder  # noqa: PLC0415
 
-            folder = stack.enter_context(StoreFolder())
-            self._browser = LiveSupply(criteria, request.name, folder.path, session.stop)
+            folder, file = stack.enter_context(StoreFolder()), request.plan.file
+            chosen = "" if request.filter is None else request.filter.text
+            options = BrowseOptions(filter=chosen, time=request.view.time, marks=bool(file))
+            self._browser = LiveSupply(
+                criteria, request.name, folder.path, session.stop, self._live_names, file, options
+            )
             self._views.append(self._browser)
         elif request.mode == "list":
             printer = stack.enter_context(Printer())

@@ -89,6 +89,11 @@ class LiveSession:
         self._views, self._recording, self._now = views, recording, now
         self._came: float | None = None  # the last row, until findings have been told that wait for more
 
+    @property
+    def reading(self) -> Run:
+        """The run that decodes what comes."""
+        return self._run
+
     def stop(self) -> None:
         """Ask it to end soon."""
         self.loop.control.stop()

@@ -71,6 +71,14 @@ class SessionPlan:
             asked.path, form, packing, asked.compression or "zstd", ring, asked.force, self.autostop.files, header
         )
 
+    @property
+    def file(self) -> str:
+        """The one file that has every frame of the session, empty if there is no such file."""
+        plan = self.recording
+        return (
+            "" if plan is None or plan.ring is not None or self.trigger is not None or plan.path == "-" else plan.path
+        )
+
 
 @dataclass(slots=True)
 class RecordedFile:

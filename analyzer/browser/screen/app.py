@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
+import signal
+import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.binding import Binding
@@ -9,8 +13,8 @@ from textual.events import Key
 
 from analyzer.browser.dump import line_at
 from analyzer.browser.screen.gestures import Gestures
-from analyzer.browser.screen.help import HelpPage
-from analyzer.browser.screen.keys import EVERY
+from analyzer.browser.screen.help import help_page
+from analyzer.browser.screen.keys import EVERY, HINTS
 from analyzer.browser.supply import TABS
 
 if TYPE_CHECKING:
@@ -19,6 +23,7 @@ if TYPE_CHECKING:
     from analyzer.browser.screen.strip_pane import StripPane
 
 PERIOD = 0.2  # seconds between two looks at what is decoded
+_RARELY = 10  # looks until the files themselves are looked at
 
 
 class Browser(Gestures):
@@ -29,13 +34,38 @@ class Browser(Gestures):
         Binding("ctrl+c", "leave", priority=True),
     ]
     _seen: tuple[object, ...] = ()
+    _looks = 0
+    _terminal = False
 
     def on_mount(self) -> None:
         """Begin to look at what is decoded."""
         self.tabs.display = False
+        self._terminal = _has_terminal()
+        if not self.view.supply.live:  # a session with a bus hears signals itself
+            self._hear()
         self.set_interval(PERIOD, self.look)
         self.call_after_refresh(self.share)
         self.call_after_refresh(self.look)
+
+    def _hear(self) -> None:
+        """End in order on SIGTERM, and when the terminal is gone: nothing is to be left in the temporary folder."""
+        loop = asyncio.get_running_loop()
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None:
+                with suppress(NotImplementedError, RuntimeError, ValueError):  # Windows; not the main thread
+                    loop.add_signal_handler(number, self._end, 128 + number)
+
+    def _end(self, code: int) -> None:
+        self.view.supply.stop()
+        self.exit(return_code=code)
+
+    def _look_around(self) -> None:
+        """Say what has become of the files; end once there is no terminal any more."""
+        if text := self.view.supply.changed():
+            self.say(text, "warn")
+        if self._terminal and not _has_terminal():
+            self._end(128 + getattr(signal, "SIGHUP", 1))
 
     def look(self) -> None:
         """Draw what has changed in what is decoded, found and judged."""
@@ -43,6 +73,10 @@ class Browser(Gestures):
         if self.start and len(view.rows):
             self.begin_at()
         self.wait_for_search()
+        self.wait_for_walk()
+        self._looks += 1
+        if self._looks % _RARELY == 0:
+            self._look_around()
         if self.tools.said:
             self.say(self.tools.said.pop(0))
         if self.following and len(view.rows):
@@ -94,13 +128,26 @@ class Browser(Gestures):
         """Go to a time."""
         self.go_to_time(event.t)
 
+    async def on_click(self, event: events.Click) -> None:
+        """Do what the last line tells of where it is clicked."""
+        at = 1
+        for text, action in HINTS if event.widget is self.bottom and not self.said else ():
+            if at <= event.x < at + len(text):
+                await self.run_action(action)
+                return
+            at += len(text) + 2
+
+    def action_next_tab(self) -> None:
+        """Show the next tab."""
+        self.action_tab(TABS[(TABS.index(self.tab) + 1) % len(TABS)])
+
     def on_tab_pane_chosen(self) -> None:
         """Go where a line leads to."""
         self.action_choose()
 
     def action_help(self) -> None:
         """Show what keys mean."""
-        self.push_screen(HelpPage())
+        self.push_screen(help_page())
 
     def on_key(self) -> None:
         """Forget what was said."""
@@ -108,12 +155,25 @@ class Browser(Gestures):
             self.said = ""
             self.draw_lines()
 
+    def _fatal_error(self) -> None:
+        """End with a line in place of the traceback that Textual would print."""
+        error = self._exception
+        self.view.supply.notes.append(f"{type(error).__name__}: {error}: please report this as a bug")
+        self._close_messages_no_wait()
+
     async def on_event(self, event: events.Event) -> None:
         """Take the second key of a chord before anybody else does."""
         if isinstance(event, Key) and self.chord:
             chord, self.chord = self.chord, ""
-            (self.copy if chord == "copy" else self.follow)(event.key)
+            if chord in ("apply", "prepare"):
+                self.combine(chord, event.key)
+            else:
+                (self.copy if chord == "copy" else self.follow)(event.key)
             event.prevent_default()
             event.stop()
             return
         await super().on_event(event)
+
+
+def _has_terminal() -> bool:
+    return sys.__stdin__ is not None and not sys.__stdin__.closed and sys.__stdin__.isatty()

@@ -8,6 +8,7 @@ from textual.app import App
 from textual.containers import Container
 
 from analyzer.browser.chosen import ChosenRows
+from analyzer.browser.conditions import field_name
 from analyzer.browser.dump import lit_by
 from analyzer.browser.screen.bar import Bar
 from analyzer.browser.screen.bytes_pane import BytesPane
@@ -18,8 +19,9 @@ from analyzer.browser.screen.list_pane import PacketList
 from analyzer.browser.screen.strip_pane import StripPane
 from analyzer.browser.screen.styles import NAMED
 from analyzer.browser.screen.tab_pane import TabPane
-from analyzer.browser.supply import TABS
+from analyzer.browser.supply import TABS, TabLine
 from analyzer.filter.names import FilterNames
+from analyzer.stats.catalogue import STATISTICS
 from analyzer.views.terminal import escape, fit
 
 if TYPE_CHECKING:
@@ -43,7 +45,8 @@ class BrowserBase(App[None]):
 
     CSS: ClassVar[str] = (
         "Screen { layout: vertical; overflow: hidden; } #top, #strip, #state, #bottom, #bar { height: 1; }"
-        " #lower { overflow: hidden; } #bar { display: none; border: none; padding: 0; background: ansi_default; }"
+        " #lower { overflow: hidden; } #bar { display: none; border: none; padding: 0 0 0 1; }"
+        " #bar { background: ansi_default; }"
     )
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = False
     AUTO_FOCUS: ClassVar[str | None] = "#list"
@@ -65,6 +68,8 @@ class BrowserBase(App[None]):
         self.bar = Bar(self.names)
         self.panes = (self.list, self.details, self.bytes)
         self.following, self.wanted = False, 0
+        self._back: list[tuple[int, int]] = []  # places that were left by a jump, and those that were gone back from
+        self._ahead: list[tuple[int, int]] = []
         self.search: Search | None = None  # and `wanted` the step to the match that is waited for
 
     def compose(self) -> ComposeResult:
@@ -85,8 +90,8 @@ class BrowserBase(App[None]):
         doing = supply.doing if supply.loaded else f"{supply.doing} {supply.share:.0%}"
         if supply.live and not supply.loaded:
             doing = "live, following" if self.following else "live, held"
-        counts = f"{view.store.frames:,} frames"
-        notes = f"  {len(supply.notes)} note{'s' * (len(supply.notes) != 1)}" if supply.notes else ""
+        counts = f"{view.store.count:,} frames"
+        notes = f"  {len(supply.notes)} note{'s' * (len(supply.notes) != 1)} (7)" if supply.notes else ""
         right = f"{counts}{notes}  {doing}".rstrip() + " "
         left = fit(f" {escape(supply.name)}", max(8, width - len(right) - 1))
         self.top.put([((padded(left, width - len(right)) + right, NAMED["title"]),)])
@@ -99,8 +104,13 @@ class BrowserBase(App[None]):
         view = self.view
         count, at = len(view.rows), view.number() + 1 if len(view.rows) else 0
         where = f"row {at:,} of {count:,}"
+        if isinstance(view.rows, ChosenRows) and len(view.store):
+            where += f" ({count / len(view.store):.2%})"
+        if view.begun is not None:
+            where = f"{len(view.selected()):,} selected  {where}"
         if isinstance(view.rows, ChosenRows):
-            where += "" if view.rows.done else f" so far, {view.rows.share:.0%}"
+            share = view.rows.share
+            where += "" if view.rows.done else f" so far, {share:.0%}" if share < 1 else " so far"
             if view.rows.problem is not None:
                 where = f"the filter failed: {view.rows.problem}"
         place = "" if self.tab == TABS[0] else f"tab {TABS.index(self.tab) + 1} {self.tab}  "
@@ -165,6 +175,7 @@ class BrowserBase(App[None]):
     def action_tab(self, name: str) -> None:
         """Show a tab, or the three panes."""
         self.tab = name
+        self.view.supply.renew(name)
         packets = name == TABS[0]
         self.list.display = self.lower.display = packets
         self.tabs.display = not packets
@@ -180,6 +191,21 @@ class BrowserBase(App[None]):
         """Show what the tab has by now."""
         supply = self.view.supply
         empty = "not known yet: the capture is still being read and judged"
-        if self.tab == "statistics" and not supply.doing:
-            empty = "press s for a statistic: talkers, nodes, services, periods, load, hierarchy, io, values,FIELD"
-        self.tabs.take(self.tab.capitalize(), supply.tab(self.tab), empty)
+        if self.tab == "statistics":
+            empty = "it is being added up, once everything is decoded and judged"
+        lines = supply.tab(self.tab)
+        if self.tab == "notes":
+            lines = [TabLine(escape(note), "warn") for note in supply.notes]
+            lines = lines or [TabLine("there is nothing to complain of", "good")]
+        menu = self.tab == "statistics" and lines is None and not supply.asking
+        self.tabs.take(self.tab.capitalize(), self._menu() if menu else lines, empty)
+
+    def _menu(self) -> list[TabLine]:
+        """Return the statistics that there are, to be asked for."""
+        head = TabLine("enter asks for one; s for any, such as io,100ms or values,FIELD", "dim")
+        line = self.details.line
+        leaf = line is not None and line.bits is not None and any(map(str.isdigit, line.value))
+        name = field_name(line.name, self.view.supply.registry) if leaf and line is not None else ""
+        known = {**STATISTICS, "values": f"how the values of {name} are spread"} if name else STATISTICS
+        asks = {one: f"values,{name}" if one == "values" and name else one for one in known if one != "values" or name}
+        return [head, *(TabLine(f"{asks[one]:<12} {known[one]}", ask=asks[one]) for one in asks)]

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from analyzer.browser.screen.lines import Spans
 
 _INDENT = 2
+_MANY = 6  # parts in bits of a word that is folded at first
+_BEGIN = ("Comment", "Event", "Message")  # what is seen first of a row
 _FOLDED = ("Identifier",)  # at first
 
 
@@ -32,17 +34,22 @@ class DetailPane(Pane, can_focus=True):
         super().__init__("details")
         self._all: Sequence[DetailLine] = ()
         self._folded: set[str] = set(_FOLDED)
+        self._words: set[str] = set()  # of many bits: folded when they are seen first
         self._at = self._top = 0
-        self.narrow = False
 
     def take(self, lines: Sequence[DetailLine]) -> None:
         """Show another row, at the line of the same name if there is one."""
         old = self.line
         self._all = lines
+        for k, line in enumerate(lines):
+            if (key := _key(line)) not in self._words and len(self._parts(k)) >= _MANY:
+                self._words.add(key)
+                self._folded.add(key)
         seen = self._seen()
-        here = ("", 0) if old is None else (old.name, old.depth)
+        usual = old is None or not old.depth or old.text.startswith(_BEGIN)
+        here = ("", 0) if old is None or usual else (old.name, old.depth)
         same = [k for k, line in enumerate(seen) if line.name and (line.name, line.depth) == here]
-        begin = next((k for k, line in enumerate(seen) if line.text.startswith("Message")), 0)
+        begin = next((k for k, line in enumerate(seen) if line.text.startswith(_BEGIN)), 0)
         self._at = same[0] if same else begin
         self._top = begin if not same else self._top
         self.draw()
@@ -90,6 +97,14 @@ class DetailPane(Pane, can_focus=True):
         self.draw()
 
     @property
+    def cut(self) -> bool:
+        """True if the current line does not fit, and nothing is below it that could be folded."""
+        line = self.line
+        return (
+            line is not None and not self._below(line) and len(line.text) + line.depth * _INDENT + 2 > self.size.width
+        )
+
+    @property
     def folded(self) -> bool:
         """True if all that can be folded is."""
         return all(_key(line) in self._folded for line in self._all if line.depth and self._below(line))
@@ -117,10 +132,30 @@ class DetailPane(Pane, can_focus=True):
         for k, line in enumerate(seen[self._top : self._top + room], self._top):
             below = self._below(line)
             sign = " " if not below else "+" if _key(line) in self._folded else "-"
-            text = fit(f"{' ' * (line.depth * _INDENT)}{sign} {line.text}", width)
+            told = self._told(line) if sign == "+" else line.text
+            text = fit(f"{' ' * (line.depth * _INDENT)}{sign} {told}", width)
             style = NAMED["focus"] if k == self._at else NAMED["bold"] if below and line.depth < _INDENT else PLAIN
             shown.append(((padded(text, width), style),))
         self.put(shown)
+
+    def _parts(self, index: int) -> list[DetailLine]:
+        """Return the parts in bits of a word."""
+        word, found = self._all[index], []
+        for line in self._all[index + 1 :] if word.bits is not None else ():
+            if line.depth <= word.depth:
+                break
+            if line.inside and line.bits == word.bits:
+                found.append(line)
+        return found
+
+    def _told(self, line: DetailLine) -> str:
+        """Return a folded line: of a word with parts in bits what is set in it, in place of where it lies."""
+        parts = self._parts(next(k for k, one in enumerate(self._all) if one is line))
+        if not parts:
+            return line.text
+        some = [part for part in parts if not part.value.startswith("not set")]
+        words = (f"{part.name.rpartition('.')[2]} {part.value.removesuffix(': set')}" for part in some)
+        return f"{line.text.partition('  ')[0]}  {', '.join(words) or 'nothing is set'}"
 
     def _below(self, line: DetailLine) -> bool:
         index = next((k for k, one in enumerate(self._all) if one is line), len(self._all))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from analyzer.browser.conditions import combined, condition, field_name
 from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.screen.handing import Handing
+from analyzer.browser.screen.help import line_page, rule_page
+from analyzer.browser.screen.styles import CONVERSATIONS
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
 from analyzer.filter.errors import FilterError
@@ -16,6 +19,9 @@ if TYPE_CHECKING:
     from analyzer.browser.screen.bar import Bar
 
 _FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}
+_FOLLOWED = {"esc": "channel of an ESC", "unit": "power unit", "exchange": "exchange of a service"}
+_RULE = re.compile(r'finding\.rule == "([^"]+)"')
+_HOW = {"s": "", "n": "not", "a": "and", "o": "or", "b": "and not", "c": "or not"}
 _ASKS = {
     "go": "go to a frame (4711), a time (12.5 or 12:49:54.89) or 50%",
     "find": "find text, bytes (0a ff), or = and a filter; tab completes",
@@ -64,6 +70,8 @@ class Gestures(Handing):
             return False
         self.bar.ask("filter", "")
         self.bar.keep(text)
+        if text:
+            self.tools.keep_filter(text)
         if self.tab != TABS[0]:
             self.action_tab(TABS[0])
         self.list.draw()
@@ -81,20 +89,39 @@ class Gestures(Handing):
         self.fail(f"{caret} {error.reason}" if fits else f"^ {wrong}: {error.reason}")
 
     def action_clear(self) -> None:
-        """End a search; else take the filter off."""
-        if self.search is not None:
+        """End a search or a selection; else take the filter off."""
+        if self.end_walk():
+            self.say("it is looked for no more")
+        elif self.search is not None:
             self.search.stop()
             self.search, self.wanted = None, 0
             self.say("the search has ended")
+        elif self.view.begun is not None:
+            self.action_select(0)
         elif self.tab != TABS[0]:
             self.action_tab(TABS[0])
         elif self.view.filter:
             self.set_filter("")
 
+    def action_combine(self, chord: str) -> None:
+        """Ask how what is selected becomes a filter."""
+        self.chord = chord
+        self.say(f"{chord}: s selected  n not selected  a and  o or  b and not  c or not", "bold")
+
+    def combine(self, chord: str, key: str) -> None:
+        """Apply or prepare what is selected, together with the filter that is there."""
+        how = _HOW.get(key)
+        if how is None:
+            self.say(f"nothing to {chord}")
+        elif chord == "apply":
+            self.action_apply(how)
+        else:
+            self.action_prepare(how)
+
     def action_follow(self) -> None:
         """Ask what to follow."""
         self.chord = "follow"
-        self.say("follow: n node  t type of this node  e ESC (channel)  u power unit  x exchange of a service", "bold")
+        self.say("follow: n node  t its type  e ESC (channel)  u power unit  x service exchange", "bold")
 
     def follow(self, key: str) -> None:
         """Filter by what a row is part of."""
@@ -104,7 +131,7 @@ class Gestures(Handing):
             return
         text = follow_filter(self.view, row, what)
         if not text:
-            self.fail(f"this row names no {what}")
+            self.fail(f"this row names no {_FOLLOWED.get(what, what)}: n follows its node")
             return
         if self.set_filter(text):
             self.say(f"following {text} (esc shows all)")
@@ -136,11 +163,26 @@ class Gestures(Handing):
         self.list.forget()
 
     def action_conversation(self) -> None:
-        """Mark the rows of this conversation, or no more."""
-        row = self.view.current()
+        """Colour the rows of this conversation, or no more."""
+        row, some = self.view.current(), self.list.conversations
         own = None if row is None else self.view.conversation_of(row)
-        self.list.conversation = None if own == self.list.conversation else own
+        if own is None:
+            self.fail("only transfers are of a conversation")
+            return
+        if own in some:
+            some.remove(own)
+        else:
+            some[:] = [*some[-len(CONVERSATIONS) + 1 :], own]
         self.list.draw()
+        who = " and ".join(f"node {node}" for node in sorted(own))
+        self.say(f"{'coloured' if own in some else 'not coloured any more'}: {who}")
+
+    def action_numbers(self) -> None:
+        """Show types and fields by numbers in place of names, or again by names."""
+        pages = self.view.pages
+        pages.numbers = not pages.numbers
+        self.list.forget()
+        self.say("numbers: IDs of types, fields as they are" if pages.numbers else "names of types, words for values")
 
     def action_reference(self) -> None:
         """Count times from this row, or again from the first frame."""
@@ -163,13 +205,17 @@ class Gestures(Handing):
     def action_choose(self) -> None:
         """Fold a detail; go where a line of a tab leads to, or apply its filter."""
         if self.tab == TABS[0]:
-            if self.focused is self.details:
+            if self.focused is self.details and self.details.cut:
+                self.push_screen(line_page(self.details.line.text if self.details.line else "", self.size.width))
+            elif self.focused is self.details:
                 self.details.fold()
             return
         line = self.tabs.line
         if line is None:
             return
-        if line.frame is not None:
+        if line.ask:
+            self.statistic(line.ask)
+        elif line.frame is not None:
             self.go_to_frame(line.frame)
         elif self.tab == "statistics" and line.filter:
             self.set_filter(line.filter)
@@ -177,6 +223,27 @@ class Gestures(Handing):
             self.go_to_time(line.t)
         elif line.filter:
             self.set_filter(line.filter)
+
+    def statistic(self, text: str) -> None:
+        """Ask for a statistic, and show its tab."""
+        wrong = self.view.supply.ask(text)
+        if wrong:
+            self.fail(wrong)
+        else:
+            self.action_tab("statistics")
+
+    def action_explain(self) -> None:
+        """Show the page of the rule that the current line or row is about."""
+        row = self.view.current()
+        found = _RULE.search(self.tabs.line.filter) if self.tab == "findings" and self.tabs.line else None
+        rules = [found[1]] if found else [] if row is None else self.view.rules_of(row)
+        page = self.view.supply.explain(rules[0], self.size.width - 2) if rules else ""
+        if not page:
+            self.fail("no rule names this row" if not rules else f"{rules[0]} has no page so far")
+            return
+        self.push_screen(rule_page(page))
+        if len(rules) > 1:
+            self.say(f"this row is named by {', '.join(rules)}")
 
     def action_fold_all(self) -> None:
         """Fold all details, or open them."""
@@ -209,6 +276,9 @@ class Gestures(Handing):
     def action_ask_write(self) -> None:
         """Ask for a file."""
         self.ask("write")
+        view = self.view
+        what = f"{len(view.selected()):,} selected rows" if view.begun is not None else f"all {len(view.rows):,} rows"
+        self.say(f"write {what} to {_ASKS['write']}", "dim")
 
     def action_ask_statistic(self) -> None:
         """Ask for a statistic."""
@@ -251,8 +321,4 @@ class Gestures(Handing):
         elif purpose == "write" and text:
             self.write(text)
         elif purpose == "statistic" and text:
-            wrong = self.view.supply.ask(text)
-            if wrong:
-                self.fail(wrong)
-            else:
-                self.action_tab("statistics")
+            self.statistic(text)

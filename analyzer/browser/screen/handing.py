@@ -5,19 +5,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analyzer.browser.conditions import condition
-from analyzer.browser.screen.moving import Moving
+from analyzer.browser.screen.searching import Searching
+from analyzer.browser.store.cut import cut_transfers
+from analyzer.browser.store.order import TRANSFER
 from analyzer.views.records import JsonLines
 
 if TYPE_CHECKING:
     from analyzer.browser.store.store import Row
 
-_COPIES = {"t": "text", "j": "JSON", "c": "candump", "f": "filter", "d": "details"}
+_MOST_COPIED = 2000  # rows: a clipboard goes through the terminal
+_COPIES = {"t": "text", "j": "JSON", "c": "candump", "f": "filter", "d": "details", "v": "value"}
 
 
-class Handing(Moving):
+class Handing(Searching):
     """The part of the browser that keeps and hands on."""
 
     _warned = False
+    reload = False  # what is shown is to be read anew
 
     def frames_now(self) -> list[int]:
         """Return the frames of the current row, from 0."""
@@ -58,14 +62,20 @@ class Handing(Moving):
         else:
             self.say(said if marks.path is None else f"{said}: {marks.path.name}")
         self.list.draw()
+        self.show_row()
         self.strip.draw()
 
     # ---- hand on
 
     def write(self, path: str) -> None:
         """Write what is displayed to a file."""
+        view = self.view
+        chosen = view.filter if view.begun is None else view.filter_of(view.selected())
+        if view.begun is not None and not chosen:
+            self.fail("the selected rows have no frames")
+            return
         try:
-            self.say(self.tools.write(path, self.view.filter))
+            self.say(self.tools.write(path, chosen))
         except ValueError as error:
             self.fail(str(error))
 
@@ -82,35 +92,53 @@ class Handing(Moving):
 
     def action_copy(self) -> None:
         """Ask what to copy."""
-        self.chord = "copy"
-        self.say("copy: t text  j JSON  c candump lines  f filter of the field  d details", "bold")
+        self.chord, count = "copy", len(self.view.selected())
+        what = f"{count:,} rows" if self.view.begun is not None else "this row"
+        self.say(f"copy {what}: t text  j JSON  c candump lines  d details  v value of the field  f as filter", "bold")
 
     def copy(self, key: str) -> None:
-        """Copy the current row in one of several forms."""
+        """Copy the selected rows, or the current one, in one of several forms."""
         form = _COPIES.get(key)
         text = "" if form is None else self.copied(form)
         if not text:
             self.fail("nothing is copied" if form is None else f"this row has no {form}")
             return
         self.copy_to_clipboard(text)
-        first = text.splitlines()[0]
-        self.say(f"copied: {first}" + (" ..." if "\n" in text.rstrip() else ""))
+        lines = text.rstrip().splitlines()
+        more = f" ... {len(lines):,} lines" if len(lines) > 1 else ""
+        left = len(self.view.selected()) - _MOST_COPIED
+        self.say(f"copied: {lines[0]}{more}" + (f", {left:,} rows left out: w writes all" if left > 0 else ""))
 
     def copied(self, form: str) -> str:
-        """Return the current row as text, JSON, candump lines, a filter or its details."""
-        view, shown, row = self.view, self.shown, self.view.current()
-        if row is None or shown is None:
+        """Return rows as text, JSON, candump lines or details; a field of one row, or the rows, as a filter."""
+        view, shown, numbers = self.view, self.shown, self.view.selected()[:_MOST_COPIED]
+        if not numbers or shown is None:
             return ""
-        if form == "text":
-            return view.pages.lines([row], 500)[0].text.rstrip()
-        if form == "details":
-            return "\n".join(f"{'    ' * line.depth}{line.text}" for line in shown.lines)
-        if form == "candump":
-            return self._candump(row)
         line = self.details.line
+        if form == "value":
+            return "" if line is None else line.value or line.text
+        if form == "filter" and view.begun is None and line is not None:
+            return condition(line, view.supply.registry, shown.batch)
         if form == "filter":
-            return "" if line is None else condition(line, view.supply.registry, shown.batch)
-        return "" if shown.batch is None else "".join(JsonLines(view.supply.registry).rows(shown.batch)).rstrip("\n")
+            return view.filter_of(numbers)
+        rows = [view.row(number) for number in numbers]
+        return {"text": self._lines, "JSON": self._json, "details": self._details, "candump": self._frames}[form](rows)
+
+    def _lines(self, rows: list[Row]) -> str:
+        return "\n".join(line.text.rstrip() for line in self.view.pages.lines(rows, 500))
+
+    def _json(self, rows: list[Row]) -> str:
+        view = self.view
+        at = sorted(view.number_of(row) for row in rows if row.kind == TRANSFER)
+        texts = JsonLines(view.supply.registry).rows(cut_transfers(view.store, at)) if at else ()
+        return "".join(texts).rstrip("\n")
+
+    def _details(self, rows: list[Row]) -> str:
+        every = (self.view.shown(row).lines for row in rows)
+        return "\n\n".join("\n".join(f"{'    ' * line.depth}{line.text}" for line in lines) for lines in every)
+
+    def _frames(self, rows: list[Row]) -> str:
+        return "\n".join(filter(None, map(self._candump, rows)))
 
     def _candump(self, row: Row) -> str:
         """Return the frames of a row as `candump -l` writes them."""
@@ -122,6 +150,15 @@ class Handing(Moving):
                 second, ns = divmod(frame.t or 0, 10**9)
                 lines.append(f"({second}.{ns // 1000:06d}) {view.store.buses[frame.bus]} {frame.candump}")
         return "\n".join(lines)
+
+    def action_reload(self) -> None:
+        """Read the captures anew, and come back to this row."""
+        if self.view.supply.live or "-" in self.view.supply.paths:
+            self.fail("what comes from a bus or a pipe exists only once")
+            return
+        self.reload = True
+        self.view.supply.stop()
+        self.exit()
 
     def action_leave(self) -> None:
         """Quit; a mark that could not be kept is worth a warning."""

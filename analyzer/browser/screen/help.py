@@ -1,7 +1,8 @@
-"""The page of keys."""
+"""Pages of text before the panes: what keys mean, what a rule is about."""
 
 from __future__ import annotations
 
+from textwrap import wrap
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.screen import ModalScreen
@@ -9,30 +10,37 @@ from textual.screen import ModalScreen
 from analyzer.browser.screen.keys import help_lines
 from analyzer.browser.screen.lines import Lines
 from analyzer.browser.screen.styles import NAMED
+from analyzer.views.terminal import fit
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from textual.app import ComposeResult
     from textual.events import Key
 
+    from analyzer.browser.screen.lines import Spans
+
 _SIGNS = (
-    ("m c * |", "in front of a row: a mark, a comment, a rule names it, the conversation"),
-    ("! ? o", "in the strip: findings of severity error and warning, marks; coloured: in flight"),
+    ("m c * e", "in front of a row: a mark, a comment, a rule names it, an event or a flight's begin or end"),
+    ("> 1-6", "it is selected; of which coloured conversation it is"),
+    ("! ? o 1", "in the strip: findings (error, warning), marks, where a flight begins; coloured: in flight"),
 )  # fmt: skip
 _KEY = 11
 
 
-class HelpPage(ModalScreen[None]):
-    """All keys; arrows scroll, any other key goes back."""
+class TextPage(ModalScreen[None]):
+    """A page of lines; arrows scroll, any other key goes back."""
 
-    CSS: ClassVar[str] = "HelpPage { background: ansi_default; } #help { height: 100%; }"
+    CSS: ClassVar[str] = "TextPage { background: ansi_default; } #text { height: 100%; }"
 
-    def __init__(self) -> None:
+    def __init__(self, title: str, lines: Sequence[Spans]) -> None:
         super().__init__()
+        self._title, self._rows = title, lines
         self._top = 0
 
     def compose(self) -> ComposeResult:
         """Lay out one widget."""
-        yield Lines("help")
+        yield Lines("text")
 
     def on_mount(self) -> None:
         """Show the text."""
@@ -43,17 +51,15 @@ class HelpPage(ModalScreen[None]):
         self.call_after_refresh(self._draw)
 
     def _draw(self) -> None:
-        rows = [*help_lines(), ("", "Signs"), *_SIGNS]
-        height = self.size.height
-        self._top = max(0, min(self._top, len(rows) - (height - 2)))
-        lines = []
-        for key, words in rows[self._top : self._top + height - 2]:
-            lines.append(
-                ((f" {key:<{_KEY}}", NAMED["bold"]), (words, NAMED[""])) if key else ((f" {words}", NAMED["head"]),)
-            )
-        more = "up, down: more; " if len(rows) > height - 2 else ""
-        title = ((" Keys of tailbyte view", NAMED["title"]),)
-        self.query_one(Lines).put([title, *lines, ((f" {more}any other key goes back", NAMED["dim"]),)])
+        width, height = self.size
+        room = height - 2
+        self._top = max(0, min(self._top, len(self._rows) - room))
+        more = "up, down: more; " if len(self._rows) > room else ""
+        foot = f" {more}any other key goes back"
+        title = ((fit(f" {self._title}", width), NAMED["title"]),)
+        shown = [title, *self._rows[self._top : self._top + room]]
+        shown += [((" ", NAMED[""]),)] * (height - 1 - len(shown))
+        self.query_one(Lines).put([*shown, ((foot, NAMED["dim"]),)])
 
     def on_key(self, event: Key) -> None:
         """Scroll, or go back."""
@@ -64,3 +70,26 @@ class HelpPage(ModalScreen[None]):
             self._draw()
         else:
             self.dismiss()
+
+
+def help_page() -> TextPage:
+    """Return the page of all keys."""
+    rows = [*help_lines(), ("", "Signs"), *_SIGNS]
+    return TextPage("Keys of tailbyte view", [_row(key, words) for key, words in rows])
+
+
+def rule_page(text: str) -> TextPage:
+    """Return the page of a rule."""
+    first, *rest = text.splitlines()
+    return TextPage(first, [((f" {line}", NAMED[""]),) for line in rest])
+
+
+def line_page(text: str, width: int) -> TextPage:
+    """Return the page of a detail that does not fit into its line."""
+    return TextPage("The line in full", [((f" {line}", NAMED[""]),) for line in wrap(text, max(8, width - 2))])
+
+
+def _row(key: str, words: str) -> Spans:
+    if not key:
+        return (((f" {words}"), NAMED["head"]),)
+    return (f" {key:<{_KEY}}", NAMED["bold"]), (words, NAMED[""])

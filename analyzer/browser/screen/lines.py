@@ -13,7 +13,7 @@ from analyzer.browser.screen.styles import PLAIN
 from analyzer.views.terminal import display_width
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from rich.style import Style
 
@@ -40,13 +40,33 @@ class Lines(Widget):
         width = self.size.width
         if y >= len(self._drawn):
             return Strip.blank(width, PLAIN)
-        strip = Strip(Segment(text, style) for text, style in self._drawn[y])
+        strip = Strip(Segment(text, style) for text, style in _joined(self._drawn[y]))
         return strip.adjust_cell_length(width, PLAIN)
 
     @property
     def text(self) -> str:
         """What is drawn, for tests."""
         return "\n".join("".join(text for text, _ in line) for line in self._drawn)
+
+
+def _joined(spans: Spans) -> Iterator[tuple[str, Style]]:
+    """Yield spans, those of one style as one; blanks need none that only colours letters: each change costs bytes."""
+    text, style = "", PLAIN
+    for more, own in spans:
+        if own != style and more.isspace() and not (_seen(own) or _seen(style)):
+            own = style  # noqa: PLW2901 - as good
+        if own != style:
+            if text:
+                yield text, style
+            text, style = "", own
+        text += more
+    if text:
+        yield text, style
+
+
+def _seen(style: Style) -> bool:
+    """Return whether a style shows on a blank."""
+    return bool(style.reverse or style.underline or style.bgcolor)
 
 
 def padded(text: str, width: int) -> str:

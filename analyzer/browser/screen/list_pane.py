@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from textual.message import Message
 
 from analyzer.browser.screen.lines import Pane, padded
-from analyzer.browser.screen.styles import NAMED, PLAIN, of_codes
+from analyzer.browser.screen.styles import CONVERSATIONS, NAMED, PLAIN, of_codes
 
 if TYPE_CHECKING:
     from textual import events
@@ -33,7 +33,7 @@ class PacketList(Pane, can_focus=True):
         self._top = 0
         self._kept: OrderedDict[tuple[int, int], ListLine] = OrderedDict()
         self._made: tuple[object, ...] = ()
-        self.conversation: frozenset[int] | None = None
+        self.conversations: list[frozenset[int]] = []
 
     @property
     def page(self) -> int:
@@ -50,6 +50,12 @@ class PacketList(Pane, can_focus=True):
         self.draw()
         self.post_message(self.Moved())
 
+    def extend(self, by: int) -> None:
+        """Select rows so much further, from the current one on if none are."""
+        if self._view.begun is None:
+            self._view.begun = self._view.anchor
+        self.move(by)
+
     def forget(self) -> None:
         """Write all lines anew: what they show has changed."""
         self._kept.clear()
@@ -62,9 +68,9 @@ class PacketList(Pane, can_focus=True):
             return
         rows, at = view.rows, view.number()
         count = len(rows)
-        self._top = max(0, min(self._top, at, count - self.page))
-        if at >= self._top + self.page:
-            self._top = at - self.page + 1
+        if not self._top - self.page <= at < self._top + 2 * self.page:
+            self._top = at - self.page // 2  # what was jumped to stands amid its neighbours
+        self._top = max(0, min(self._top, at, count - self.page), at - self.page + 1)
         numbers = range(self._top, min(self._top + self.page, count))
         places = [rows.at(number) for number in numbers]
         made = (width, view.pages.mode, view.pages.zero, view.pages.columns, view.supply.named, view.store.buses)
@@ -75,11 +81,18 @@ class PacketList(Pane, can_focus=True):
         marked = self._marked(places)
         style = NAMED["title" if self.has_focus else "head"]
         shown: list[Spans] = [((padded(" " + view.pages.head(width - _BESIDE), width), style),)]
-        for number, sign, line in zip(numbers, marked, lines, strict=True):
+        selected = range(0) if view.begun is None else view.selected()
+        for number, place, sign, line in zip(numbers, places, marked, lines, strict=True):
+            colour = self._conversation(place)
             own = of_codes(line.codes) if line.codes else NAMED["bad"] if line.broken else PLAIN
+            if colour and not line.codes:
+                own += CONVERSATIONS[colour - 1]
+            if number in selected:
+                own += NAMED["selected"]
             if number == at:
                 own = NAMED["focus"] + (own if not line.codes else of_codes(line.codes))
-            shown.append(((sign, NAMED["good"]), (padded(line.text, width - _BESIDE), own)))
+            beside = ">" if number in selected else sign if sign != " " or not colour else str(colour)
+            shown.append(((beside, NAMED["good"]), (padded(line.text, width - _BESIDE), own)))
         if not count:
             shown.append(((padded(f"  {self._nothing()}", width), NAMED["dim"]),))
         self.put(shown)
@@ -118,26 +131,38 @@ class PacketList(Pane, can_focus=True):
         """Return the sign in front of each row: a mark, a comment, a frame at which a finding begins."""
         view, marks = self._view, self._view.marks.marks
         signs = []
-        named = view.supply.named
+        named, events = view.supply.named, view.supply.places
         for place in places:
             row = view.store.row(*place)
-            frames = view.places_of(row) if marks or named is not None else []
+            frames = view.places_of(row) if marks or events or named is not None else []
             own = [marks[frame] for frame in frames if frame in marks]
             sign = " "
             if own:
                 sign = "c" if any(mark.text for mark in own) else "m"
-            elif named is not None and frames and named.between(min(frames), max(frames)):
-                found = named.between(min(frames), max(frames))
-                sign = "*" if any(frame in found for frame in frames) else " "
-            elif self.conversation is not None and view.conversation_of(row) == self.conversation:
-                sign = "|"
+            elif named is not None and frames and any(frame in named.between(frame, frame) for frame in frames):
+                sign = "*"
+            elif any(frame in events for frame in frames):
+                sign = "e"
             signs.append(sign)
         return signs
 
+    def _conversation(self, place: tuple[int, int]) -> int:
+        """Return the number of the coloured conversation that a row is part of, from 1; 0 for none."""
+        if not self.conversations:
+            return 0
+        own = self._view.conversation_of(self._view.store.row(*place))
+        return self.conversations.index(own) + 1 if own is not None and own in self.conversations else 0
+
     def on_click(self, event: events.Click) -> None:
-        """Go to a row."""
-        if event.y >= 1 and self._top + event.y - 1 < len(self._view.rows):
-            self.to(self._top + event.y - 1)
+        """Go to a row; with shift select all rows up to it."""
+        number = self._top + event.y - 1
+        if event.y < 1 or number >= len(self._view.rows):
+            return
+        if event.shift:
+            self.extend(number - self._view.number())
+        else:
+            self._view.begun = None
+            self.to(number)
 
     def on_mouse_scroll_down(self, _: events.MouseScrollDown) -> None:
         """Go on."""

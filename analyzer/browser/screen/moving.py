@@ -1,21 +1,17 @@
-"""Moving about in the browser: rows, places, matches of a search, findings, marks."""
+"""Moving about in the browser: rows, lines, bytes, and places that are named."""
 
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 from analyzer.browser.screen.base import BrowserBase
-from analyzer.browser.search import Search, bytes_of, look_for_bytes, look_for_filter, look_for_text
 from analyzer.browser.supply import TABS
-from analyzer.browser.walk import counterpart, next_place, same_sender
-from analyzer.filter.errors import FilterError
 from analyzer.window.limits import Moment
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
 _FRAME, _SHARE = re.compile(r"^#?\d+$"), re.compile(r"^(\d{1,3}(?:\.\d+)?) ?%$")
+
+
+_MOST_KEPT = 200  # places on the way back
 
 
 class Moving(BrowserBase):
@@ -32,6 +28,18 @@ class Moving(BrowserBase):
             self.bytes.step(by)
         else:
             self.list.move(by)
+
+    def action_select(self, by: int) -> None:
+        """Select this row and those that are gone to from here; the same key again ends that. By a step goes there."""
+        self.following = False
+        view = self.view
+        if by:
+            self.list.extend(by)
+            return
+        view.begun = view.anchor if view.begun is None else None
+        self.list.draw()
+        self.draw_lines()
+        self.say("from here on: move, then y copies, w writes, v or esc ends" if view.begun else "nothing is selected")
 
     def action_packet(self, by: int) -> None:
         """Go to the next row, whatever pane is in use."""
@@ -87,12 +95,62 @@ class Moving(BrowserBase):
 
     # ---- places
 
+    def remember(self) -> None:
+        """Remember where one is, for the way back."""
+        place = self.view.anchor
+        if place is not None and place != (self._back[-1] if self._back else None):
+            self._back[:] = [*self._back[-_MOST_KEPT:], place]
+        self._ahead.clear()
+
+    def action_history(self, by: int) -> None:
+        """Go back to where one was before a jump, or forward again."""
+        source, other = (self._back, self._ahead) if by < 0 else (self._ahead, self._back)
+        now = self.view.anchor
+        while source and source[-1] == now:
+            source.pop()
+        if not source or now is None:
+            self.fail("this is where it began" if by < 0 else "nothing to go forward to")
+            return
+        place = source.pop()
+        kept = list(self._back), list(self._ahead)
+        self.go_to(place, "")
+        self._back[:], self._ahead[:] = kept
+        other.append(now)
+
+    def action_strip(self, by: int) -> None:
+        """Go a column of the strip further."""
+        view, width = self.view, self.strip.size.width
+        row = view.current()
+        at = None if row is None else self.strip.strip.place_of(view.store.time(row), width)
+        t = None if at is None else self.strip.strip.time_of(max(0, min(at + by, width - 1)), width)
+        if t is None:
+            self.fail("the capture has no times")
+        else:
+            self.go_to_time(t)
+
+    def action_frame(self, by: int) -> None:
+        """Go to the next frame of the transfer, or the one before."""
+        frames = [] if self.shown is None else self.shown.frames
+        at = self.bytes.at[0] + by
+        if not 0 <= at < len(frames):
+            self.fail(
+                "this row has no frame" if not frames else f"no frame {'behind' if by > 0 else 'before'} this one"
+            )
+            return
+        if self.tab != TABS[0]:
+            self.action_tab(TABS[0])
+        self.set_focus(self.bytes)
+        self.bytes.to((at, 0))
+        one = frames[at]
+        self.say(f"frame {one.number} is {at + 1} of {len(frames)} of this transfer, identifier {one.identifier}")
+
     def go_to(self, place: tuple[int, int] | None, otherwise: str) -> bool:
         """Go to a row by segment and place in it, to the nearest one if a filter hides it; say why not."""
         if place is None:
             self.fail(otherwise)
             return False
         self.following = False
+        self.remember()
         self.view.anchor = place
         if self.tab != TABS[0]:
             self.action_tab(TABS[0])
@@ -107,9 +165,9 @@ class Moving(BrowserBase):
     def go_to_frame(self, frame: int) -> bool:
         """Go to the row of a frame, from 0."""
         store = self.view.store
-        if not 0 <= frame < store.frames:
+        if not store.first <= frame < store.frames:
             more = "" if self.view.supply.loaded else " so far"
-            self.fail(f"there is no frame {frame + 1:,}: frames are 1 to {store.frames:,}{more}")
+            self.fail(f"there is no frame {frame + 1:,}: frames are {store.first + 1:,} to {store.frames:,}{more}")
             return False
         return self.go_to(store.row_of_frame(frame), f"no row shows frame {frame + 1:,}")
 
@@ -124,18 +182,19 @@ class Moving(BrowserBase):
         if _FRAME.match(text):
             return self.go_to_frame(int(text.lstrip("#")) - 1)
         if share := _SHARE.match(text):
-            number = round(len(self.view.rows) * float(share[1]) / 100)
-            self.list.to(number)
+            self.following = False
+            self.remember()
+            self.list.to(round(len(self.view.rows) * float(share[1]) / 100))
             return True
         try:
             moment = Moment.parse(text)
         except ValueError as error:
             self.fail(f"{error}, nor a frame")
             return False
-        if store.low is None:
+        if store.zero is None:
             self.fail("the capture has no times")
             return False
-        return self.go_to_time(moment.at(store.low))
+        return self.go_to_time(moment.at(store.zero))
 
     def begin_at(self) -> None:
         """Go where `--at` says, once that is decoded."""
@@ -144,107 +203,9 @@ class Moving(BrowserBase):
             ready = int(text.lstrip("#")) <= store.frames
         else:
             try:
-                ready = store.high is not None and store.high >= Moment.parse(text).at(store.low or 0)
+                ready = store.high is not None and store.high >= Moment.parse(text).at(store.zero or 0)
             except ValueError:
                 ready = True
         if ready or self.view.supply.loaded:
             self.start = ""
             self.go_where(text)
-
-    def action_sender(self, step: int) -> None:
-        """Go to the next transfer of the same sender and type."""
-        row = self.view.current()
-        if row is not None:
-            self.go_to(same_sender(self.view, row, step), "no other transfer of this sender and type there")
-
-    def action_counterpart(self) -> None:
-        """Go from a request to its response, and back."""
-        row = self.view.current()
-        if row is None:
-            return
-        own = self.view.sender(row)
-        if own is None or not self.view.is_service(own):
-            self.fail("only requests and responses have a counterpart")
-            return
-        self.go_to(counterpart(self.view, row), "no answer to it is there" if own["kind"] == 2 else "nobody asked")
-
-    def action_finding(self, step: int) -> None:
-        """Go to the next place at which a finding begins."""
-        supply = self.view.supply
-        if supply.named is None:
-            self.fail("findings are not known yet: the capture is still being judged")
-            return
-        self._go_to_next(supply.starts, step, "finding")
-
-    def action_marked(self, step: int) -> None:
-        """Go to the next mark."""
-        self._go_to_next(sorted(self.view.marks.marks), step, "mark")
-
-    def _go_to_next(self, places: Sequence[int], step: int, what: str) -> None:
-        row = self.view.current()
-        now = -1 if row is None else row.place
-        own = self.view.places_of(row) if row is not None else []
-        now = max(own, default=now) if step > 0 else min(own, default=now)
-        target = next_place(places, now, step)
-        if target is None:
-            self.fail(f"no {what} {'behind' if step > 0 else 'before'} this row")
-        elif self.go_to_frame(target) and what == "mark":
-            self.say(self.view.marks.marks[target].text)
-
-    # ---- search
-
-    def find(self, text: str) -> None:
-        """Look for text, bytes or a filter, and go to the first match."""
-        if self.search is not None:
-            self.search.stop()
-        self.search, text = None, text.strip()
-        if not text:
-            return
-        view, row = self.view, self.view.current()
-        start = 0 if row is None else row.segment
-        wanted = bytes_of(text)
-        if text.startswith("="):
-            try:
-                look = look_for_filter(view.store, view.matcher(text[1:].strip()))
-            except FilterError as error:
-                self.fail(str(error))
-                return
-            self.search = Search(view.store, text, look, start, ordered=True)
-        elif wanted is not None:
-            self.search = Search(view.store, text, look_for_bytes(view.store, wanted), start)
-        else:
-            look = look_for_text(view.store, view.supply.registry, view.frames, view.pages.clock(), text)
-            self.search = Search(view.store, text, look, start)
-        self.search.begin()
-        self.action_next(1)
-
-    def action_next(self, step: int) -> None:
-        """Go to the next match, or wait for it."""
-        if self.search is None:
-            self.fail("nothing is looked for: / finds")
-            return
-        self.wanted = step
-        self.wait_for_search()
-
-    def wait_for_search(self) -> None:
-        """Go to the match that is waited for, if it is known now."""
-        search = self.search
-        if search is None or not self.wanted:
-            return
-        if search.problem is not None:
-            self.wanted = 0
-            self.fail(f"the search failed: {search.problem}")
-            return
-        segment, local = self.view.anchor or (0, -1)
-        found = search.next(segment, local, self.wanted)
-        if found == "wait":
-            self.say(f"looking for {search.text} ... (esc ends it)")
-        elif isinstance(found, str):
-            where = "behind" if self.wanted > 0 else "before"
-            self.wanted = 0
-            self.fail(f"no match {where} this row: {search.text} ({search.count:,} in all)")
-        else:
-            self.wanted = 0
-            if self.go_to(found, ""):
-                more = "" if search.done else " so far"
-                self.say(f"{search.count:,} match{'es' * (search.count != 1)}{more}: n the next, N the one before")

@@ -16,8 +16,11 @@ if TYPE_CHECKING:
     from analyzer.browser.view import BrowserView
 
 
+_MOST_MARKS = 1000
+
+
 class StripPane(Lines):
-    """One line: load by time, `!` errors, `?` warnings, `o` marks, flights in colour, and where the list stands."""
+    """One line: load by time, coloured in flights; findings and marks by their signs; where the list stands."""
 
     class Went(Message):
         """A time was clicked at."""
@@ -35,9 +38,9 @@ class StripPane(Lines):
         view, width = self._view, self.size.width
         row = view.current()
         now = None if row is None else view.store.time(row)
-        marks = [one.t for one in view.marks.ordered() if one.t is not None]
+        marks = [t for one in view.marks.ordered()[:_MOST_MARKS] if (t := view.time_of(one)) is not None]
         cells = self.strip.cells(
-            width, now=now, flights=[one for one in view.supply.flights if None not in one],
+            width, now=now, flights=view.supply.flights,
             findings=view.supply.troubles, marks=marks,
         )  # fmt: skip
         self.put([tuple((cell.sign, NAMED[cell.style]) for cell in cells)])

@@ -18,6 +18,7 @@ NAMED = {
     "bad": Style(color="red", bold=True),
     "head": Style(color="cyan", bold=True),
     "focus": Style(reverse=True),
+    "selected": Style(underline=True),
     "title": Style(color="cyan", bold=True, reverse=True),
     "crc": Style(color="magenta"),
     "tail": Style(color="yellow"),
@@ -25,6 +26,8 @@ NAMED = {
     "lit": Style(reverse=True, bold=True),
     "cursor": Style(underline=True, bold=True),
 }
+# Of conversations that are told apart; a digit in front of the row says the same.
+CONVERSATIONS = tuple(Style(color=name, bold=True) for name in ("cyan", "magenta", "blue", "yellow", "green", "white"))
 _BASES = ((30, "color", ""), (90, "color", "bright_"), (40, "bgcolor", ""), (100, "bgcolor", "bright_"))
 _EFFECTS = {1: "bold", 2: "dim", 3: "italic", 4: "underline", 7: "reverse"}
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from textual.message import Message
 
 from analyzer.browser.screen.lines import Pane, padded
 from analyzer.browser.screen.styles import NAMED
-from analyzer.views.terminal import fit
+from analyzer.views.terminal import display_width, fit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
     from analyzer.browser.screen.lines import Spans
     from analyzer.browser.supply import TabLine
+
+
+_MOST_WHOLE = 4  # lines of the current line in full
 
 
 class TabPane(Pane, can_focus=True):
@@ -60,8 +64,9 @@ class TabPane(Pane, can_focus=True):
         width, height = self.size
         if not width or height < 1:
             return
-        room = max(1, height - 1)
         self._at = max(0, min(self._at, len(self._all) - 1))
+        whole = self._whole(width)
+        room = max(1, height - 1 - len(whole))
         self._top = max(0, min(self._top, self._at, max(0, len(self._all) - room)))
         if self._at >= self._top + room:
             self._top = self._at - room + 1
@@ -74,7 +79,17 @@ class TabPane(Pane, can_focus=True):
             shown.append(((padded(fit(f" {line.text[self._left :]}", width), width), own),))
         if self.empty:
             shown.append(((padded(f"  {self.empty}", width), NAMED["dim"]),))
+        if whole:
+            shown += [((" ", NAMED[""]),)] * (height - len(whole) - len(shown))
+            shown += [((padded(f" {text}", width), NAMED["head"]),) for text in whole]
         self.put(shown)
+
+    def _whole(self, width: int) -> list[str]:
+        """Return the current line in full, below the others, if it is too long for its own."""
+        line = self.line
+        if line is None or display_width(line.text) < width:
+            return []
+        return wrap(" ".join(line.text.split()), max(8, width - 2))[:_MOST_WHOLE]
 
     def on_click(self, event: events.Click) -> None:
         """Go to a line; once more chooses it."""

@@ -19,5 +19,8 @@ class Tools(Protocol):
     def plot(self, frame: int) -> str:
         """Open the picture around a frame, from 0; return what was done. Raises `ValueError`."""
 
+    def keep_filter(self, text: str) -> None:
+        """Keep a filter for the next time."""
+
     def keep_columns(self, names: Sequence[str]) -> None:
         """Keep columns for the next time."""

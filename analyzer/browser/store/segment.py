@@ -28,8 +28,9 @@ _STEP = 1024  # frames between two times that are kept for the whole capture
 class Segment:
     """Where the tables of a batch lie in its file, and what is asked of all batches at once.
 
-    `places` maps a table to its offset and length in bytes. `rows` are those of a list. `low` and `high` are the least
-    and the greatest time of its frames in nanoseconds, None without any; `ticks` the times of every 1024th frame.
+    `zero` is the time in nanoseconds that relative ones count from if this is a part of a capture. `places` maps a
+    table to its offset and length in bytes. `rows` are those of a list. `low` and `high` are the least and the greatest
+    time of its frames in nanoseconds, None without any; `ticks` the times of every 1024th frame.
     """
 
     path: Path
@@ -44,6 +45,7 @@ class Segment:
     low: int | None
     high: int | None
     ticks: Array
+    zero: int | None = None
 
 
 def write(path: Path, batch: Batch, before: Array) -> Segment:
@@ -68,7 +70,7 @@ def write(path: Path, batch: Batch, before: Array) -> Segment:
     ticks = np.array(numbers(times)[::_STEP]) if len(known) == len(times) else np.array(known[::_STEP])
     return Segment(
         path, places, batch.first_frame, len(batch.frames), batch.first_transfer, len(batch.transfers), len(rows),
-        batch.buses, batch.readings, low, high, ticks,
+        batch.buses, batch.readings, low, high, ticks, batch.zero,
     )  # fmt: skip
 
 
@@ -101,7 +103,7 @@ class OpenSegment:
         return Batch(
             **{name: self.table(name) for name in _TABLES}, messages=StoredMessages(self),
             first_frame=segment.first_frame, first_transfer=segment.first_transfer, buses=segment.buses,
-            readings=segment.readings, bit_times=bits,
+            readings=segment.readings, bit_times=bits, zero=segment.zero,
         )  # fmt: skip
 
 

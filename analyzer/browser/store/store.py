@@ -56,6 +56,7 @@ class Store:
         self.starts: list[int] = [0]
         self._sessions = Sessions()
         self._opened: OrderedDict[int, OpenSegment] = OrderedDict()
+        self._count = 0
         self.low: int | None = None
         self.high: int | None = None
 
@@ -72,6 +73,7 @@ class Store:
         if segment.low is not None and segment.high is not None:
             self.low = segment.low if self.low is None else min(self.low, segment.low)
             self.high = segment.high if self.high is None else max(self.high, segment.high)
+        self._count += segment.frames
         self.segments.append(segment)
         self.starts.append(self.starts[-1] + segment.rows)
 
@@ -80,8 +82,24 @@ class Store:
         return self.starts[-1]
 
     @property
-    def frames(self) -> int:
+    def zero(self) -> int | None:
+        """The time in nanoseconds that relative times count from: of the first frame of the whole capture."""
+        first = self.segments[0].zero if self.segments else None
+        return self.low if first is None else first
+
+    @property
+    def count(self) -> int:
         """How many frames are there."""
+        return self._count
+
+    @property
+    def first(self) -> int:
+        """The place of the first frame, from 0: a part of a capture keeps those of the whole."""
+        return self.segments[0].first_frame if self.segments else 0
+
+    @property
+    def frames(self) -> int:
+        """The place behind the last frame."""
         return self.segments[-1].first_frame + self.segments[-1].frames if self.segments else 0
 
     @property

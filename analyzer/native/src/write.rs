@@ -9,6 +9,8 @@ pub mod pcapng;
 pub mod recorded;
 pub mod records;
 
+use std::collections::HashMap;
+
 use crate::events::{EventKind, Events};
 use crate::frame_batch::FrameBatch;
 use crate::frames::{EXTENDED, FD, MAX_STANDARD, NO_TIME, REMOTE};
@@ -23,12 +25,19 @@ pub trait Writer: Send + Sync {
     fn frame(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>);
     /// Appends an event.
     fn event(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>);
-    /// Appends the rows of a batch.
-    fn write(&mut self, batch: &FrameBatch, out: &mut Vec<u8>) {
+    /// Takes what somebody has said of the frame that is written next.
+    fn comment(&mut self, text: &str);
+    /// Appends the rows of a batch, with `comments` on its frames by row.
+    fn write(&mut self, batch: &FrameBatch, comments: &HashMap<usize, String>, out: &mut Vec<u8>) {
         out.reserve(self.look_ahead(batch) * batch.frames.len() + batch.frames.data.len());
         for row in InOrder::new(batch) {
             match row {
-                Row::Frame(row) => self.frame(batch, row, out),
+                Row::Frame(row) => {
+                    if let Some(text) = comments.get(&row) {
+                        self.comment(text);
+                    }
+                    self.frame(batch, row, out);
+                }
                 Row::Event(row) => self.event(batch, row, out),
             }
         }
@@ -49,9 +58,10 @@ pub enum Loss {
     Name,
     WideId,
     FdRemote,
+    Comment,
 }
 
-const WORDS: [&str; 8] = [
+const WORDS: [&str; 9] = [
     "classic frames of more than 8 bytes",
     "error frames of more than 8 bytes",
     "times before 1970",
@@ -60,6 +70,7 @@ const WORDS: [&str; 8] = [
     "interface names, changed to fit",
     "11-bit identifiers that need more bits, written as 29-bit ones",
     "remote frames of CAN FD, written as data frames",
+    "comments on frames",
 ];
 
 /// How many frames are written, and how often which loss occurred.

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.decode.engine import Batch
-    from analyzer.rules.named_frames import NamedFrames
+    from analyzer.filter.memory import NamesFrames
     from analyzer.views.frames.window import FrameWindow, RawFrame
     from analyzer.window.listed import ListedRows
     from analyzer.window.numbering import Numbering
@@ -64,7 +64,7 @@ class LooseFrames:
         numbering: Numbering,
         *,
         foreign: bool = False,
-        named: NamedFrames | None = None,
+        named: NamesFrames | None = None,
     ) -> None:
         self._registry, self._frames, self._numbering = registry, frames, numbering
         self._foreign, self._named = foreign, named

@@ -15,11 +15,11 @@ from analyzer.views.members import ALL, NOTHING, PLAIN
 from analyzer.views.named import tag
 from analyzer.views.records import FINDINGS, csv_word
 from analyzer.views.terminal import PLAIN as COLOURLESS
-from analyzer.views.terminal import Palette, display_width, escape, fit
+from analyzer.views.terminal import Palette, comment_line, display_width, escape, fit
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from analyzer.decode.engine import Batch
     from analyzer.views.frames.rows import FrameRows, ListedFrames
@@ -45,9 +45,10 @@ class FrameText(FrameWriter):
 
     def __init__(
         self, rows: FrameRows, clock: TimeFormat, palette: Palette = COLOURLESS, width: int | None = None, *,
-        codes: Sequence[str] = (),
+        codes: Sequence[str] = (), comments: Mapping[int, str] | None = None,
     ) -> None:  # fmt: skip
         super().__init__(rows)
+        self._comments = comments or {}
         self._codes = (*codes, None)  # the last one is that of no rule
         self._clock, self._palette, self._width = clock, palette, width
         self._bus, self._time = 0, 0
@@ -78,8 +79,11 @@ class FrameText(FrameWriter):
         else:
             colours = rows.column("colour").to_pylist() if "colour" in rows.schema.names else repeat(NO_RULE)
             lines = map(self._finished, texts, numbers(rows.column("verdict")).tolist(), colours)
-        for line in lines:
-            yield head + line
+        places = rows.column("place").to_pylist() if self._comments else repeat(None)
+        for line, place in zip(lines, places, strict=False):
+            text = self._comments.get(place) if place is not None else None
+            below = "" if text is None else self._palette.paint("good", comment_line(text)) + "\n"
+            yield head + line + below
             head = ""
 
     def _template(self, columns: Columns) -> Template:

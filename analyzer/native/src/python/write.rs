@@ -1,5 +1,7 @@
 //! Writers for Python: batches in, bytes of a capture out.
 
+use std::collections::HashMap;
+
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -35,10 +37,17 @@ impl Writer {
         PyBytes::new(py, &out)
     }
 
-    /// The rows of a batch.
-    fn write<'py>(&mut self, py: Python<'py>, batch: &FrameBatch) -> Bound<'py, PyBytes> {
+    /// The rows of a batch, with `comments` on its frames by row.
+    #[pyo3(signature = (batch, comments = None))]
+    fn write<'py>(
+        &mut self,
+        py: Python<'py>,
+        batch: &FrameBatch,
+        comments: Option<HashMap<usize, String>>,
+    ) -> Bound<'py, PyBytes> {
         let mut out = vec![];
-        py.detach(|| self.0.write(&batch.0, &mut out));
+        let comments = comments.unwrap_or_default();
+        py.detach(|| self.0.write(&batch.0, &comments, &mut out));
         PyBytes::new(py, &out)
     }
 

@@ -103,6 +103,10 @@ impl Writer for Candump {
         }
     }
 
+    fn comment(&mut self, _: &str) {
+        self.account.add(Loss::Comment);
+    }
+
     fn account(&self) -> &Account {
         &self.account
     }

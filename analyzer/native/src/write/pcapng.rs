@@ -17,7 +17,8 @@ const STATISTICS: u32 = 5;
 const PACKET: u32 = 6;
 const JOURNAL: u32 = 9;
 const LINK_CAN: u16 = 227;
-/// Options: of a section, an interface, a packet, statistics.
+/// Options: of a section, an interface, a packet, statistics; a comment may be one of each.
+const COMMENT: u16 = 1;
 const APPLICATION: u16 = 4;
 const INTERFACE_NAME: u16 = 2;
 const DESCRIPTION: u16 = 3;
@@ -43,6 +44,8 @@ pub struct Pcapng {
     interfaces: Vec<Described>,
     stamper: Stamper,
     account: Account,
+    /// On the next frame.
+    comment: String,
 }
 
 struct Described {
@@ -64,6 +67,7 @@ struct Packet<'a> {
     room: usize,
     data: &'a [u8],
     direction: u32,
+    comment: &'a str,
 }
 
 impl Writer for Pcapng {
@@ -84,6 +88,7 @@ impl Writer for Pcapng {
 
     fn frame(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>) {
         let (frames, data) = (&batch.frames, batch.frames.data_of(row));
+        let comment = std::mem::take(&mut self.comment);
         let (id, flags) = (frames.id[row], frames.flags[row]);
         let set = |bit, value: u8| if flags & bit != 0 { value } else { 0 };
         let is_fd = flags & FD != 0;
@@ -125,6 +130,7 @@ impl Writer for Pcapng {
             room: if is_fd { MAX_DATA } else { MAX_CLASSIC },
             data,
             direction: direction(flags),
+            comment: &comment,
         };
         self.packet(&packet, out);
     }
@@ -144,6 +150,7 @@ impl Writer for Pcapng {
                     room: MAX_CLASSIC,
                     data,
                     direction: direction(events.flags[row]),
+                    comment: "",
                 };
                 self.packet(&packet, out);
             }
@@ -158,6 +165,10 @@ impl Writer for Pcapng {
                 });
             }
         }
+    }
+
+    fn comment(&mut self, text: &str) {
+        text.clone_into(&mut self.comment);
     }
 
     fn account(&self) -> &Account {
@@ -182,8 +193,13 @@ impl Pcapng {
             let mut data = [0; MAX_DATA];
             data[..packet.data.len()].copy_from_slice(packet.data);
             out.extend_from_slice(&data[..packet.room]);
+            if !packet.comment.is_empty() {
+                option(COMMENT, short(packet.comment).as_bytes(), out);
+            }
             if packet.direction != 0 {
                 option(PACKET_FLAGS, &packet.direction.to_le_bytes(), out);
+            }
+            if packet.direction != 0 || !packet.comment.is_empty() {
                 option(0, &[], out);
             }
         });
@@ -248,6 +264,13 @@ impl Pcapng {
         self.interfaces.push(Described { timed, dropped: 0 });
         self.interfaces.len() as u32 - 1
     }
+}
+
+/// As much of a text as an option holds.
+fn short(text: &str) -> &str {
+    let most = usize::from(u16::MAX);
+    let end = (0..=text.len().min(most)).rev().find(|&at| text.is_char_boundary(at));
+    &text[..end.unwrap_or(0)]
 }
 
 /// The value of `PACKET_FLAGS`; 0 if the direction is not known.

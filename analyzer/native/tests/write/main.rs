@@ -1,5 +1,7 @@
 //! Whatever legible lines say is written so that it reads the same again: valid lines, and valid lines damaged.
 
+use std::collections::HashMap;
+
 use _native::candump::Candump;
 use _native::frame_batch::FrameBatch;
 use _native::frames::{ERROR, FD, NO_TIME, RX, TX};
@@ -69,7 +71,7 @@ fn read(mut reader: impl Reader, bytes: &[u8]) -> FrameBatch {
 fn write(mut writer: impl Writer, batch: &FrameBatch) -> Vec<u8> {
     let mut out = vec![];
     writer.start(&mut out);
-    writer.write(batch, &mut out);
+    writer.write(batch, &HashMap::new(), &mut out);
     out
 }
 
@@ -122,7 +124,7 @@ fn rows_as_recorded_are_those_that_the_text_of_a_recording_gives() {
             let third = |count: u32| (count * part / 3..count * (part + 1) / 3).collect::<Vec<_>>();
             let part = batch.pick(&third(frames), &third(events));
             let mut text = vec![];
-            writer.write(&part, &mut text);
+            writer.write(&part, &HashMap::new(), &mut text);
             if !text.is_empty() {
                 Reader::feed(&mut reader, &text, &mut rows);
             }

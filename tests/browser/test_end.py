@@ -1,0 +1,64 @@
+"""The browser on a terminal of its own: it ends in order, and leaves nothing behind."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+import termios
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+from kit import ROOT
+from kit.browsing import capture
+from kit.command import LIMIT, Reader, environment
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+@contextmanager
+def viewed(folder: Path, *words: str, **env: str) -> Iterator[tuple[subprocess.Popen[bytes], Reader, int]]:
+    """The process, what it draws, and the descriptor that takes keys; its store is below `folder`."""
+    ours, theirs = os.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+    own = environment({"PYTHONPATH": str(ROOT), "TMPDIR": str(folder), "TERM": "xterm-256color"} | env)
+    command = [sys.executable, "-m", "analyzer", "view", "--no-marks", *words]
+    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=own, start_new_session=True)
+    os.close(theirs)
+    try:
+        yield process, Reader(ours), ours
+    finally:
+        process.kill()
+        process.wait()
+        os.close(ours)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["q", "SIGTERM", "SIGHUP"])
+def test_nothing_is_left_behind(how: str, tmp_path: Path) -> None:
+    with viewed(tmp_path, capture("hover.log")) as (process, reader, keys):
+        reader.until(b"RawCommand")
+        assert len(list(tmp_path.iterdir())) == 1
+        if how == "q":
+            os.write(keys, b"q")
+        else:
+            process.send_signal(getattr(signal, how))
+        reader.until(b"\x1b[?1049l")
+        expected = 0 if how == "q" else 128 + getattr(signal, how)
+        assert process.wait(LIMIT) == expected
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_without_colours(tmp_path: Path) -> None:
+    with viewed(tmp_path, capture("hover.log"), NO_COLOR="1") as (_, reader, _keys):
+        shown = reader.until(b"RawCommand")
+        codes = {code for found in re.findall(rb"\x1b\[([0-9;]*)m", shown) for code in found.split(b";")}
+        assert codes <= {b"", b"0", b"1", b"2", b"4", b"7", b"39", b"49"}
