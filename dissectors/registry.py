@@ -139,6 +139,18 @@ class Registry:
 
     def table(self, name: str) -> str:
         """Return the name of that message's table, without compiling it. Raises `UnknownNameError`."""
+        tables = self.named(name)
+        if len(tables) == 1:
+            return tables[0]
+        if tables:
+            raise UnknownNameError(name, tuple(tables), several=True)
+        import difflib  # noqa: PLC0415 - costs 4 ms that only a mistyped name is worth
+
+        near = difflib.get_close_matches(name, [known.rpartition(".")[2] for known, _ in self._known], n=3)
+        raise UnknownNameError(name, tuple(dict.fromkeys(near)), several=False)
+
+    def named(self, name: str) -> list[str]:
+        """Return the tables that `table` would choose from: one if it is unique, none for a name that nothing has."""
         lower = name.lower()
         ends: tuple[Callable[[str], bool], ...] = (
             lambda known: known == name,
@@ -147,14 +159,9 @@ class Registry:
         )
         for matches in ends:
             tables = sorted({table for known, table in self._known if matches(known)})
-            if len(tables) == 1:
-                return tables[0]
             if tables:
-                raise UnknownNameError(name, tuple(tables), several=True)
-        import difflib  # noqa: PLC0415 - costs 4 ms that only a mistyped name is worth
-
-        near = difflib.get_close_matches(name, [known.rpartition(".")[2] for known, _ in self._known], n=3)
-        raise UnknownNameError(name, tuple(dict.fromkeys(near)), several=False)
+                return tables
+        return []
 
     def _find(self, type_id: int, *, service: bool) -> list[tuple[Profile, str]]:
         """Return the types with this ID in order of precedence. One alone is not compiled to be found."""

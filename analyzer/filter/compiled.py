@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from analyzer.decode.packets import UNRECOGNIZED
 from analyzer.filter.apart import apart, carriers
 from analyzer.filter.conditions import Conditions
 from analyzer.filter.matcher import ExpressionMeter, Matcher, ReadValues
@@ -51,6 +52,15 @@ class Filter:
         if any(ref.origin == "channel" for ref in self._fields):
             found |= set(memory.channels.tables())
         return frozenset(found)
+
+    def shown(self) -> frozenset[str] | None:
+        """Return the tables that may have to be made to show what it selects, too; None for all there are."""
+        some = carriers(self._condition, self._registry)
+        if some is None:
+            return None
+        packets = {packet.name for family in self._registry.families() for packet in family.packets} | {UNRECOGNIZED}
+        carrying = (message.table for message in self._registry.carriers() if message.table in some)
+        return self.tables | some | {f"{one}.{packet}" for one in carrying for packet in packets}
 
     @property
     def asks_findings(self) -> bool:
