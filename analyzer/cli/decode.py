@@ -245,7 +245,8 @@ def _rows(
         batches = found.over(batches)
     if chosen is not None and not view.frame_list:
         batches = chosen.over(batches)
-    items = (selection.frames if view.frame_list else selection.picked)(batches)
+    unlisted = quiet and screen is None
+    items = (selection.frames if view.frame_list else selection.counted if unlisted else selection.picked)(batches)
     shown = items if screen is None or around is None else Screen(around, selection.numbering, screen).cut(items)
     return shown if chosen is None or view.frame_list else chosen.listed(shown)
 
