@@ -83,11 +83,12 @@ class Capture:
 
     def __iter__(self) -> Iterator[Batch]:
         """Yield batches in capture order."""
-        yield from map(self._chosen.of, map(narrowed, self._marked()))
+        yield from map(self._chosen.of, map(narrowed, self._marked(self._chosen.tables)))
 
-    def _marked(self) -> Iterator[Batch]:
-        """Yield the batches whole, with marks on what a filter selects."""
+    def _marked(self, tables: Collection[str] | None = None) -> Iterator[Batch]:
+        """Yield the batches whole, with marks on what a filter selects; of messages with these tables, None for all."""
         run = self._next_run()
+        run.unpack_only(tables)
         if run.request.filter is None:
             yield from run.batches()
             return
@@ -137,14 +138,15 @@ class Capture:
         if name == "frames":
             return self._frames()
         if name in ("transfers", "events"):
-            return pa.Table.from_batches([getattr(batch, name) for batch in self])
+            return pa.Table.from_batches([getattr(narrowed(batch), name) for batch in self._marked(())])
         message, wanted = find_table(self.registry, name)
-        batches = map(narrowed, self._marked())
+        batches = map(narrowed, self._marked([wanted]))
         pieces = [self._chosen.cut(batch.messages[wanted]) for batch in batches if wanted in batch.messages]
         return pa.Table.from_batches(pieces or [self._chosen.cut(example(self.registry, message)[wanted].slice(0, 0))])
 
     def _frames(self) -> pa.Table:
         run = self._next_run()
+        run.unpack_only(())
         if run.request.filter is None:
             return _settled(list(run.batches()))
         from analyzer.app.filtered.frames import matching_frames  # noqa: PLC0415 - few captures have a filter

@@ -23,7 +23,7 @@ from dissectors.kit.cells import numbers
 from dissectors.records import replace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Collection, Iterable, Iterator
     from types import TracebackType
 
     import pyarrow as pa
@@ -80,6 +80,7 @@ class Run(AbstractContextManager["Run"]):
         self.request, self.complain = request, complain
         self.source: RunSource = source or open_captures(request.captures, request.merging, follow=request.follow)
         self.registry = dissectors.load(request.dissectors, request.trusted) if registry is None else registry
+        self._only: frozenset[str] | None = None
         self.engine = self._engine()
         self.totals = Totals(dict.fromkeys(LINES, 0))
         self.transfers = 0
@@ -145,6 +146,11 @@ class Run(AbstractContextManager["Run"]):
         return Run(replace(self.request, window=Window()), registry=self.registry, source=self._reading)
 
     # ---- batches
+
+    def unpack_only(self, tables: Collection[str] | None) -> None:
+        """Have these tables of messages and packets made and no others, None for all; before the first batch."""
+        self._only = None if tables is None else frozenset(tables)
+        self.engine = self._engine()
 
     def batches(self, *, early: bool = False) -> Iterator[Batch]:
         """Yield every batch of the capture; damage found on the way is complained of at its end.
@@ -289,7 +295,9 @@ class Run(AbstractContextManager["Run"]):
 
     def _engine(self) -> Engine:
         """Return a new engine; what comes live is shown at once, everything else waits for its batch."""
-        return Engine(self.registry, self.request.rules.readings(), ahead=not self.source.live)
+        return Engine(
+            self.registry, self.request.rules.readings(), ahead=not self.source.live, only=self._only
+        )
 
     def _learn(self) -> None:
         """Find out how the capture's nodes are read from its first batch, of which a window may see nothing."""

@@ -47,14 +47,14 @@ def _schema(registry: Registry, table: str) -> pa.Schema:
 
 
 class ChosenTables:
-    """The tables of messages and packets that somebody asks for, and the columns of these; None is all.
+    """The `tables` of messages and packets that somebody asks for, and the columns of these; None is all.
 
     Raises `LookupError` for a table that no type has, or a column that none of the tables has.
     """
 
     def __init__(self, registry: Registry, tables_: Collection[str] | None, columns: Collection[str] | None) -> None:
         self._columns = None if columns is None else frozenset(columns)
-        self._tables = None if tables_ is None else [find_table(registry, one)[1] for one in tables_]
+        self.tables = None if tables_ is None else [find_table(registry, one)[1] for one in tables_]
         if columns is not None and tables_ is not None:
             there = {name for one in tables_ for name in _schema(registry, one).names}
             if missing := sorted(set(columns) - there):
@@ -64,9 +64,9 @@ class ChosenTables:
 
     def of(self, batch: Batch) -> Batch:
         """Return a batch whose `messages` are these; no other table is made."""
-        if self._tables is None and self._columns is None:
+        if self.tables is None and self._columns is None:
             return batch
-        names = batch.messages if self._tables is None else (name for name in self._tables if name in batch.messages)
+        names = batch.messages if self.tables is None else (name for name in self.tables if name in batch.messages)
         return replace(batch, messages={name: self.cut(batch.messages[name]) for name in names})
 
     def cut(self, rows: pa.RecordBatch) -> pa.RecordBatch:

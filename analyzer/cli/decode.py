@@ -11,7 +11,7 @@ from analyzer.cli import options, stats, status
 from analyzer.views.formats import BY_NAME
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from analyzer.app.filtered.run_filter import RunFilter
     from analyzer.app.request import Request
@@ -231,20 +231,32 @@ def _named(run: Run, *, marked: bool) -> NamedFrames:
 
 def _rows(
     run: Run, view: WriterOptions, selection: ListSelection, screen: int | None, chosen: RunFilter | None,
-    found: RunStatistics | None,
+    found: RunStatistics | None, *, quiet: bool,
 ) -> Iterator[Item]:  # fmt: skip
     """Return the batches with the rows to list."""
     from analyzer.window.screen import Screen  # noqa: PLC0415
 
     around = run.request.window.around
+    if chosen is not None and found is None:
+        run.unpack_only(_unpacked(chosen, view, quiet=quiet))
     batches = run.batches(early=view.count is not None or screen is not None)
     if found is not None:
         batches = found.over(batches)
     if chosen is not None and not view.frame_list:
         batches = chosen.over(batches)
-    items = (selection.frames if view.frame_list else selection.picked)(batches)
+    unlisted = quiet and screen is None
+    items = (selection.frames if view.frame_list else selection.counted if unlisted else selection.picked)(batches)
     shown = items if screen is None or around is None else Screen(around, selection.numbering, screen).cut(items)
     return shown if chosen is None or view.frame_list else chosen.listed(shown)
+
+
+def _unpacked(chosen: RunFilter, view: WriterOptions, *, quiet: bool) -> Collection[str] | None:
+    """Return the tables that a filtered list needs, None for all: colour rules may ask for any."""
+    if quiet:
+        return chosen.filter.tables
+    if view.colour:
+        return None
+    return chosen.filter.tables if view.frame_list else chosen.filter.shown()
 
 
 def _decode(
@@ -266,7 +278,7 @@ def _decode(
     if chosen is not None and named is not None:
         chosen.know(named)
     selection = ListSelection(run.request.window, again, Numbering(wireshark=options.wireshark))
-    rows = _rows(run, options, selection, screen, chosen, found)
+    rows = _rows(run, options, selection, screen, chosen, found, quiet=quiet)
     wanted = (quiet or into_a_file(sys.stdout)) and not options.follow
     if quiet and chosen is not None:
         with Progress(run.source, wanted=wanted) as progress:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from analyzer._native import Group
 from analyzer.decode.messages import Messages
+from analyzer.decode.packets import UNRECOGNIZED
 from analyzer.tables import KINDS
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def find_table(registry: Registry, name: str) -> tuple[Message, str]:
             raise
     else:
         return message, message.table
-    known = [kind.name for family in registry.families() for kind in family.packets] + ["unrecognized"]
+    known = [kind.name for family in registry.families() for kind in family.packets] + [UNRECOGNIZED]
     if packet not in known:
         raise LookupError(f"{carrier.table} has no packet {packet!r} (one of: {', '.join(known)})")
     return carrier, f"{carrier.table}.{packet}"

@@ -79,14 +79,17 @@ class Engine:
         forced: readings of doubtful fields by node ID, against the node's own data.
         ahead: batches wait until it is decided how their nodes are read, `HELD_ROWS` frames at most; without it rows
             before that follow their own values, and say so.
+        only: the tables of messages and packets that somebody will ask for, all if not given. Of others batches may
+            have none, and no `readings`.
     """
 
     def __init__(
         self, registry: Registry | None = None, forced: Mapping[int, Collection[str]] | None = None, *,
-        ahead: bool = False,
+        ahead: bool = False, only: Collection[str] | None = None,
     ) -> None:  # fmt: skip
         self.registry = registry if registry is not None else dissectors.load()
-        self._messages = Messages(self.registry, forced, ahead=ahead)
+        self._messages = Messages(self.registry, forced, ahead=ahead, only=only)
+        self._unread = only is not None and not only
         self.core = Core(self.registry)
         self._account = self.core.account
         self._frames = self._transfers = 0
@@ -122,6 +125,9 @@ class Engine:
 
     def decoded(self, piece: Piece) -> Iterator[Batch]:
         """Take the next piece of `core`, which another thread may run; yield what does not have to wait any longer."""
+        if self._unread:
+            yield self.bare(piece)
+            return
         read = self._messages.read(piece.groups, self._transfers, last=piece.last)
         self._held.append((self.bare(piece), read))
         full = sum(len(one.frames) for one, _ in self._held) >= HELD_ROWS

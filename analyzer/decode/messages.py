@@ -82,16 +82,19 @@ class Messages:
     """From the transfers of a batch to message and packet tables; remembers plans, and what went before a packet."""
 
     def __init__(
-        self, registry: Registry, forced: Mapping[int, Collection[str]] | None = None, *, ahead: bool = False
-    ) -> None:
-        self.registry = registry
-        self._readings = Readings(registry.doubtful(), forced or {}, ahead=ahead)
+        self, registry: Registry, forced: Mapping[int, Collection[str]] | None = None, *, ahead: bool = False,
+        only: Collection[str] | None = None,
+    ) -> None:  # fmt: skip
+        self.registry, self._only = registry, only
+        doubtful = (one for one in registry.doubtful() if only is None or one.table in only)
+        self._readings = Readings(doubtful, forced or {}, ahead=ahead)
         self._tables: dict[str, MessageTables] = {}
         self._packet_tables: dict[str, PacketTables] = {}
         carriers = registry.carriers()
-        self._carriers = {message.table for message in carriers}
+        wanted = None if only is None else {name.rpartition(".")[0] for name in only}
+        self._carriers = {one.table for one in carriers if wanted is None or one.table in wanted}
         self._finder = PacketFinder(carriers)
-        packets = (packet for family in registry.families() for packet in family.packets)
+        packets = (packet for family in registry.families() for packet in family.packets if self._carriers)
         self._order = ByteOrder(packets, forced or {}, ahead=ahead)
 
     def read(self, groups: Iterable[Group], first: int, *, last: bool) -> ReadMessages:
@@ -114,13 +117,17 @@ class Messages:
         for name, (message, group) in carriers.items():
             whole[name], arrays = self._of(message).make_carriers(group, first)
             found += self._finder.find(message, group, first, arrays)
-        self._order.learn(sent, found, self._read)
+        if self._carriers:
+            self._order.learn(sent, found, self._read)
         return ReadMessages(sent, whole, found)
 
     def told(self, read: ReadMessages) -> LazyTables:
         """Return the tables as their nodes are read by now; to be called in the order of reading."""
-        makers = {name: partial(self._told, read, name, self._readings.now(name)) for name in read.sent}
+        makers = {name: partial(self._told, read, name, self._readings.now(name)) for name in self._asked(read.sent)}
         return LazyTables(makers | {one.table: self._packets(one) for one in read.packets})
+
+    def _asked(self, names: Iterable[str]) -> Iterable[str]:
+        return names if self._only is None else (name for name in names if name in self._only)
 
     @property
     def waiting(self) -> bool:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dissectors.schema import Message, Packet, PacketFamily
 
 
+UNRECOGNIZED = "unrecognized"  # the table of bytes that no profile knows, behind the name of their message
 # What is repeated for every packet of what stands in front of the fields of its message.
 CARRIED = (
     pa.field("transfer", pa.uint64()),
@@ -118,7 +119,7 @@ class PacketFinder:
         own = next(k for k, (m, _) in enumerate(self._carriers) if m.table == message.table)
         for rows in self._native.find(own, group, first, *arrays):
             if rows.known is None:
-                yield FoundPackets(f"{message.table}.unrecognized", None, None, rows)
+                yield FoundPackets(f"{message.table}.{UNRECOGNIZED}", None, None, rows)
                 continue
             family = self._carriers[rows.known[0]][1]
             packet = family.packets[rows.known[1]]

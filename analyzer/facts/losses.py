@@ -7,24 +7,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.facts.counters import MOST_SESSIONS, CommonCounters, Node, ZeroedCounters, sessions
 from analyzer.tables import KINDS, TRANSFER_ANOMALIES, TRANSFER_IDS, distinct
 from dissectors.kit import by_key
-from dissectors.kit.cells import numbers
+from dissectors.kit.cells import numbers, valid
+from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
     from dissectors.kit import Array
 
-MOST_SESSIONS = 8192  # in which a counter is followed over a gap
 FEWEST_RETURNS = 4  # gaps behind which a counter goes on as if nothing had been there
 RETURNING = 1 / 4  # of the gaps, at least: of lost transfers one in 32 looks like that by chance
+COMMON = 1 / 4  # of the gaps, at most, that are left if one counter serves all types: by chance nearly all are
 _GAP, _TO_ZERO = (1 << TRANSFER_ANOMALIES.index(name) for name in ("transfer id gap", "transfer id restarted"))
 _COUNTING = (KINDS.index("message"), KINDS.index("request"))  # a response has the transfer ID of its request
 _BACK = TRANSFER_IDS - 3  # steps from here on are those of transfers that changed places with their neighbours
 _AHEAD = TRANSFER_IDS + 1 - _BACK  # and up to here those of what they changed places with
-
-Node = tuple[int, int]  # bus, source
 
 
 class LostTransfers:
@@ -32,7 +32,12 @@ class LostTransfers:
 
     def __init__(self) -> None:
         self._lost: Counter[Node] = Counter()
-        self._to_zero: Counter[Node] = Counter()  # or its sender began anew
+        self._common: Counter[Node] = Counter()  # if one counter serves all types of the node
+        self._by_both: Counter[Node] = Counter()  # whether it does or not
+        self._common_of = CommonCounters()
+        self._types: Counter[Node] = Counter()  # sessions with gaps
+        self._known: set[int] = set()
+        self._zeroed = ZeroedCounters()  # or their senders began anew
         self._gaps: Counter[Node] = Counter()
         self._returns: Counter[Node] = Counter()
         self._before: dict[int, int] = {}  # of each session, the ID in front of its last gap
@@ -53,12 +58,38 @@ class LostTransfers:
         missing = np.where(step >= _BACK, step - 1 - TRANSFER_IDS, (step - 1) % TRANSFER_IDS)
         to_zero = anomaly[rows] & _TO_ZERO != 0
         returns = self._returned(transfers, rows, step)
+        of = sessions(transfers, rows)
+        common = self._common_of.between(transfers, rows)
+        first = self._first_of(of)
+        fewer = np.where((common < missing) & ~first, common, 0)
         for code in distinct(node := bus << 8 | src):
             at, mine = (code >> 8, code & 0xFF), node == code
             self._lost[at] += int(missing[~to_zero & mine].sum())
-            self._to_zero[at] += int(missing[to_zero & mine].sum())
+            self._common[at] += int(fewer[mine].sum())
+            self._by_both[at] += int(np.minimum(common, missing)[mine].sum())
             self._gaps[at] += int(mine.sum())
             self._returns[at] += int(returns[mine].sum())
+            self._types[at] += int(first[mine].sum())
+        asked = np.isin(of, of[to_zero]) | self._zeroed.follows(of)
+        self._zero(transfers, *(some[asked] for some in (rows, of, np.where(to_zero, missing, -1))))
+
+    def _first_of(self, of: Array) -> Array:
+        """Return which gaps are the first ones of their sessions: a counter may have become a common one just then."""
+        first = np.zeros(len(of), bool)
+        found, at = np.unique(of, return_index=True)
+        first[at[[one not in self._known for one in found.tolist()]]] = True
+        if len(self._known) < MOST_SESSIONS:
+            self._known.update(found.tolist())
+        return first
+
+    def _zero(self, transfers: pa.RecordBatch, rows: Array, of: Array, missing: Array) -> None:
+        """Take the gaps of sessions that fell to 0, and what is missing there; -1 for their other gaps."""
+        names = ("bus", "src", "step", "transfer_id")
+        bus, src, step, now = (numbers(transfers.column(name))[rows].astype(np.int64) for name in names)
+        times = np.where(valid(transfers.column("t")), numbers(transfers.column("t")), NO_TIME)[rows]
+        columns = bus, src, of, times, (now - step) % TRANSFER_IDS, missing
+        for node_bus, node, *one in zip(*(column.tolist() for column in columns), strict=True):
+            self._zeroed.feed((node_bus, node), *one)
 
     def shared(self, at: Node) -> bool:
         """Return whether two counters run under a node ID: what lies between them is not lost."""
@@ -71,7 +102,11 @@ class LostTransfers:
         """
         if self.shared(at):
             return None
-        return max(0, self._lost[at] + (0 if began_anew else self._to_zero[at]))
+        lost = max(0, self._lost[at] + (0 if began_anew else self._zeroed.lost[at]))
+        types = self._types[at]
+        if types > 1 and self._by_both[at] < lost * COMMON:
+            return round(self._common[at] / types)  # a gap of the one counter is one of each type
+        return lost
 
     def _returned(self, transfers: pa.RecordBatch, rows: Array, step: Array) -> Array:
         """Return at which gaps a counter goes on from where it was before the gap in front of this one."""

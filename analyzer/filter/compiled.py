@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from analyzer.decode.packets import UNRECOGNIZED
 from analyzer.filter.apart import apart, carriers
 from analyzer.filter.conditions import Conditions
+from analyzer.filter.history import columns_of
 from analyzer.filter.matcher import ExpressionMeter, Matcher, ReadValues
 from analyzer.filter.memory import FilterMemory
 from analyzer.filter.names import FilterNames
@@ -51,6 +53,15 @@ class Filter:
         if any(ref.origin == "channel" for ref in self._fields):
             found |= set(memory.channels.tables())
         return frozenset(found)
+
+    def shown(self) -> frozenset[str] | None:
+        """Return the tables that may have to be made to show what it selects, too; None for all there are."""
+        some = carriers(self._condition, self._registry)
+        if some is None:
+            return None
+        packets = {packet.name for family in self._registry.families() for packet in family.packets} | {UNRECOGNIZED}
+        carrying = (message.table for message in self._registry.carriers() if message.table in some)
+        return self.tables | some | {f"{one}.{packet}" for one in carrying for packet in packets}
 
     @property
     def asks_findings(self) -> bool:
@@ -104,7 +115,7 @@ class Filter:
     ) -> FilterMemory:  # fmt: skip
         memory = FilterMemory(
             self._registry, numbering=numbering, zero=zero, labels=labels or {}, named=named,
-            severities=severities or {}, frame_list=self._frame_list,
+            severities=severities or {}, frame_list=self._frame_list, columns=columns_of(self._fields),
         )  # fmt: skip
         if numbering is None:
             memory.numbering = Numbering(wireshark=self._wireshark)
@@ -125,8 +136,9 @@ class Expression:
         self.text, self.unit, self.flag = text, value.kind.unit, value.kind.sort == "flag"
         self.tables = frozenset(table for ref in value.fields() if ref.origin == "table" for table in ref.tables)
         memory = FilterMemory(
-            registry, numbering=None, zero=None, labels={}, named=None, severities={}, frame_list=False
-        )
+            registry, numbering=None, zero=None, labels={}, named=None, severities={}, frame_list=False,
+            columns=columns_of(value.fields()),
+        )  # fmt: skip
         self._meter = ExpressionMeter(value, lags, memory)
 
     def feed(self, batch: Batch) -> ReadValues:

@@ -11,29 +11,50 @@ from analyzer.filter.values import ByteSpans
 from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable
+
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
+    from analyzer.filter.fields import FieldRef
     from dissectors.kit import Array
 
 BROADCAST = 0xFF  # in place of the number of a unit: all of them
 _BATCHES = 4  # that are kept whatever their size
 _FRAMES = 1 << 17  # that are kept beside them, of smaller batches
 _MOST_BATCHES = 256
+# Columns of frames that a field is made of; its own if it is not here.
+_MADE_OF = {
+    "number": (), "delta": (), "len": ("data", "flags"), "epoch": ("t",), "relative": ("t",),
+    "xtd": ("flags",), "rtr": ("flags",), "err": ("flags",),
+}  # fmt: skip
+_NODES = ("src", "dst", "node", "label")  # which the identifiers of frames without a transfer name
+
+
+def columns_of(fields: Iterable[FieldRef]) -> frozenset[str]:
+    """Return the columns of frames, of this batch or an earlier one, that fields need."""
+    found: set[str] = set()
+    for ref in fields:
+        if ref.origin == "frame":
+            found.update(_MADE_OF.get(ref.column, (ref.column,)))
+        elif ref.column in _NODES:
+            found.update(("id", "flags"))
+    return frozenset(found)
 
 
 class FrameHistory:
-    """The frames of the last batches: `feed(batch)`, then columns of frames by their numbers from 0."""
+    """Some columns of the frames of the last batches: `feed(batch)`, then their cells by the frames' numbers from 0."""
 
-    def __init__(self) -> None:
+    def __init__(self, columns: Collection[str]) -> None:
+        self._columns = sorted(columns)
         self._kept: deque[tuple[int, pa.RecordBatch]] = deque()
         self._count = 0
 
     def feed(self, batch: Batch) -> None:
         """Keep the frames of the next batch."""
-        if not len(batch.frames):
+        if not len(batch.frames) or not self._columns:
             return
-        self._kept.append((batch.first_frame, batch.frames))
+        self._kept.append((batch.first_frame, batch.frames.select(self._columns)))
         self._count += len(batch.frames)
         while len(self._kept) > _BATCHES:
             oldest = len(self._kept[0][1])

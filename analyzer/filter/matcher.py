@@ -178,7 +178,7 @@ class _Work:
 
     def feed(self, batch: Batch) -> BatchContext:
         memory = self._memory
-        memory.feed(batch, frames=True)
+        memory.feed(batch)
         context = BatchContext(batch, memory)
         context.lagged = [lag.feed(context) for lag in self._lags]
         if self._channels:

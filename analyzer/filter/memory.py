@@ -17,7 +17,7 @@ from analyzer.window.numbering import Numbering
 from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     import pyarrow as pa
 
@@ -45,23 +45,24 @@ class FilterMemory:
         labels: what nodes are called, by node ID.
         named: the rules that name frames; `severities` of rules.
         frame_list: rows are frames.
+        columns: of frames, which are kept for transfers that end later.
     """
 
     def __init__(
         self, registry: Registry, *, numbering: Numbering | None, zero: int | None, labels: Mapping[int, str],
-        named: NamesFrames | None, severities: Mapping[str, str], frame_list: bool,
+        named: NamesFrames | None, severities: Mapping[str, str], frame_list: bool, columns: Collection[str],
     ) -> None:  # fmt: skip
         self.registry, self.zero, self.labels = registry, zero, labels
         self.named, self.severities = named, severities
         self._own_numbering = numbering is None
         self.numbering = numbering or Numbering()
-        self.history = FrameHistory()
+        self.history = FrameHistory(columns)
         self.channels = ChannelsOf(registry)
         self.deltas = RowDeltas(frame_list=frame_list)
         self._codes: dict[str, list[tuple[int, int, int]]] = {}
 
-    def feed(self, batch: Batch, *, frames: bool) -> None:
-        """Take the next batch; its frames are kept if they are needed."""
+    def feed(self, batch: Batch) -> None:
+        """Take the next batch."""
         if self._own_numbering:
             self.numbering.picked = batch.places
             self.numbering.feed(batch.first_frame, batch.frames, batch.events)
@@ -72,8 +73,7 @@ class FilterMemory:
             known = valid(column)
             if known.any():
                 self.zero = int(numbers(column)[int(np.argmax(known))])
-        if frames:
-            self.history.feed(batch)
+        self.history.feed(batch)
 
     @cached_property
     def unit_fields(self) -> list[tuple[FieldRef, FieldRef]]:

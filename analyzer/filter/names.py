@@ -11,7 +11,6 @@ from analyzer.decode.columns import Description
 from analyzer.facts.meaning import meaning
 from analyzer.filter.errors import FilterError, listed, near
 from analyzer.filter.fields import BYTES, FIXED, FLAG, MEANT, PRESENT, TEXT, FieldRef, Kind
-from dissectors import UnknownNameError
 from dissectors.printed import printed
 from dissectors.records import replace
 from dissectors.schema import Message, Packet
@@ -173,15 +172,8 @@ class FilterNames:
 
     def _tables(self, name: str) -> dict[str, Message | Packet]:
         """Return the tables that a name may mean: a type's, both halves of a service's, a packet's."""
-        try:
-            message = self.registry.resolve(name)
-        except UnknownNameError as error:
-            found = {c: m for c in error.candidates if (m := self.registry.message_of(c)) is not None}
-            ends = {c for c in found if c.lower().endswith(name.lower()) or _half(c).lower().endswith(name.lower())}
-            if ends:
-                return {c: found[c] for c in sorted(ends)}
-            return self._packets(name)
-        return {message.table: message}
+        found = {table: m for table in self.registry.named(name) if (m := self.registry.message_of(table)) is not None}
+        return found or self._packets(name)
 
     def _packets(self, name: str) -> dict[str, Message | Packet]:
         outer, _, last = name.rpartition(".")
@@ -190,11 +182,9 @@ class FilterNames:
         if packet is None:
             return {}
         if outer:
-            try:
-                carrier = self.registry.resolve(outer)
-            except UnknownNameError:
-                return {}
-            return {f"{carrier.table}.{packet.name}": packet} if carrier.packets is not None else {}
+            found = self.registry.named(outer)
+            carriers = [one for one in self.registry.carriers() if found == [one.table]]
+            return {f"{carrier.table}.{packet.name}": packet for carrier in carriers}
         return {f"{carrier.table}.{packet.name}": packet for carrier in self.registry.carriers()}
 
     def _ending(self, of: Message | Packet, rest: str) -> list[FieldRef]:

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from dissectors.schema import Message, Packet
 
 _MOST_MARKED = 1 << 20  # codes of types, rather than to sort those of a batch
-UNRECOGNIZED = "unrecognized"
 _MOST_PADDING = 15  # the largest step between two lengths that CAN FD has: 48 to 64
 
 

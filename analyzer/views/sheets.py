@@ -11,9 +11,10 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer import _native
+from analyzer.decode.packets import UNRECOGNIZED
 from analyzer.facts.names import type_name
 from analyzer.tables import TRANSFERS, distinct
-from analyzer.views.rows import UNRECOGNIZED, known_types
+from analyzer.views.rows import known_types
 from analyzer.views.terminal import escape
 from dissectors.kit.cells import numbers
 from dissectors.records import dataclass

@@ -44,6 +44,13 @@ class ListedRows(NamedTuple):
         settled, events = np.arange(len(batch.settled)), np.arange(len(batch.events))
         return cls(np.arange(len(batch.transfers)), loose, settled, events)
 
+    @classmethod
+    def chosen_of(cls, batch: Batch) -> ListedRows:
+        """Return all rows that a filter has chosen, all there are without one; transfers as they ended."""
+        if batch.selected is None:
+            return cls.all_of(batch)
+        return cls(*map(np.flatnonzero, batch.selected))
+
     def of(self, selected: SelectedRows | None) -> ListedRows:
         """Return those that a filter has chosen, all without one."""
         if selected is None:
@@ -73,7 +80,7 @@ class ListSelection(TransferSelection):
         """Yield batches with their rows inside the window, and the time that is 0."""
         for batch, transfers, zero in self.apply(batches):
             if not self.window:
-                yield batch, ListedRows.all_of(batch)._replace(transfers=transfers).of(batch.selected), zero
+                yield batch, ListedRows.chosen_of(batch)._replace(transfers=transfers), zero
                 continue
             frames, events = rows_inside(batch, self.window, self._limits(), self.numbering)
             self._kept.append((batch.first_frame, numbers(batch.frames.column("t"))))
@@ -82,6 +89,14 @@ class ListSelection(TransferSelection):
             settled = [row for row, frame in enumerate(late) if self._has(frame)]
             rows = ListedRows(transfers, loose, np.array(settled, np.int64), events)
             yield batch, rows.of(batch.selected), zero
+
+    def counted(self, batches: Iterable[Batch]) -> Iterator[tuple[Batch, ListedRows, int | None]]:
+        """Yield what `picked` does, in no order where no window asks for one: rows that are counted, not listed."""
+        if self.window:
+            yield from self.picked(batches)
+            return
+        for batch in batches:
+            yield batch, ListedRows.chosen_of(batch), None
 
     def _has(self, frame: int) -> bool:
         """Return whether a frame of an earlier batch is inside; one that is long gone is not."""

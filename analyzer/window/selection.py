@@ -106,7 +106,14 @@ class Selection(ABC, Generic[F]):
         yield from self._release()
 
     def _note(self, batch: F) -> int:
-        """Note the times of a batch; return the newest one of its frames and transfers."""
+        """Note what a window needs of a batch; return the newest time of its frames and transfers."""
+        newest = self._note_times(batch) if self.window or self._first is None else NEVER
+        self._frames = batch.first_frame + len(batch.frames)
+        self.numbering.feed(batch.first_frame, batch.frames, batch.events)
+        self._find_anchor(batch)
+        return newest
+
+    def _note_times(self, batch: F) -> int:
         newest = NEVER
         for column in self._times(batch):
             times = column[column != NEVER]
@@ -116,9 +123,6 @@ class Selection(ABC, Generic[F]):
             if self._first is None and times.size:
                 self._first = int(times[0])
             self._latest = newest if self._latest is None else max(self._latest, newest)
-        self._frames = batch.first_frame + len(batch.frames)
-        self.numbering.feed(batch.first_frame, batch.frames, batch.events)
-        self._find_anchor(batch)
         return newest
 
     @abstractmethod
@@ -227,9 +231,8 @@ class TransferSelection(Selection["Batch"]):
             return batch, np.zeros(0, np.int64), zero
         offsets = np.frombuffer(transfers.column("frame").buffers()[1], np.int32)[: len(transfers) + 1]
         frames = numbers(transfers.column("frame").values)
-        first, last = frames[offsets[:-1]], frames[offsets[1:] - 1]
         t, t_end = numbers(transfers.column("t")), numbers(transfers.column("t_end"))
-        keep = np.ones(len(transfers), bool)
+        keep = np.ones(len(transfers), bool) if batch.selected is None else batch.selected.transfers.copy()
         low, high = self._limits()
         if low is not None:
             keep &= (t_end >= low) & (t_end != NEVER)
@@ -237,8 +240,7 @@ class TransferSelection(Selection["Batch"]):
             keep &= (t <= high) & (t != NEVER)
         if window.frames is not None:
             number = self.numbering.of_all
+            first, last = frames[offsets[:-1]], frames[offsets[1:] - 1]
             keep &= (number(last) >= window.frames[0]) & (number(first) <= window.frames[1])
-        if batch.selected is not None:
-            keep &= batch.selected.transfers
         rows = np.flatnonzero(keep)
-        return batch, rows[np.argsort(first[rows], kind="stable")], zero
+        return batch, rows[np.argsort(frames[offsets[:-1][rows]], kind="stable")], zero

@@ -203,3 +203,35 @@ def test_broken_transfers_give_no_role(senders: Callable[..., Facts]) -> None:
     text = "".join(log_line(one) + "\n" for one in (frames[0], *broken, *frames[2:]))
     (one,) = senders(text).values()
     assert (one.roles, one.bad) == ((), 1)
+
+
+def two_types(ids: Sequence[tuple[int, int]], uptimes: Callable[[int], int] = lambda k: 9 + k // 10) -> str:
+    """Return a log of ESCStatus with the first IDs, each followed by a NodeStatus with the second."""
+    sent = [
+        one
+        for k, (report, status_) in enumerate(ids)
+        for one in ((100.0 * k, esc(11, 1, report % 32)), (100.0 * k + 50, alive(uptimes(k), transfer_id=status_ % 32)))
+    ]
+    return log(*sent)
+
+
+@pytest.mark.parametrize("cut", [None, 40])
+@pytest.mark.parametrize(
+    ("ids", "lost"),
+    [
+        ([(2 * k, 2 * k + 1) for k in range(40)], 0),  # one counter for both: TRF-020
+        ([(2 * k + 3 * (k > 20), 2 * k + 1 + 3 * (k > 20)) for k in range(40)], 3),
+        ([(k, k) for k in range(20)] + [(0 + k, 0 + k) for k in range(20)], 0),  # both begin anew: TRF-019
+        ([(k % 10, k) for k in range(64)], 0),  # one wraps early, more than twice
+        ([(2 * k, k) for k in range(40)], 39),  # every other one of one type is missing
+    ],
+)
+def test_gaps_of_one_counter_for_all_types_or_of_one_that_begins_anew_are_no_losses(
+    senders: Callable[..., Facts], flush: object, ids: list[tuple[int, int]], lost: int, cut: int | None
+) -> None:
+    text = two_types(ids)
+    if cut is None:
+        assert senders(text)["can0", 11].lost == lost
+        return
+    half = text.index("\n", len(text) * cut // 100) + 1
+    assert senders(text[:half], flush, text[half:])["can0", 11].lost == lost

@@ -18,6 +18,7 @@ _FAR = SECOND
 _FIRST_FAR = 10 * SECOND  # before anything else there may be a pause
 _STEPS = 50  # times the usual step between frames
 _BESIDE = 3  # frames to each side that tell what time it was
+_OUTER = 5  # frames at an end, of which two may be wrong
 
 
 class BelievedTimes:
@@ -69,9 +70,18 @@ class BelievedTimes:
 
 
 def _around(before: Array, t: Array) -> Array:
-    """Return the median of the stamps around each; the first ones of a capture are judged by those that follow."""
-    first = before if len(before) == _BESIDE else t[1 : 1 + _BESIDE][::-1]
-    padded = np.concatenate((np.resize(first, _BESIDE) if len(first) else t[[0] * _BESIDE], t, t[[-1] * _BESIDE]))
+    """Return the median of the stamps around each.
+
+    Before the first ones of a capture stands what most of the first five say, behind the last ones of a batch what most
+    of the last five say: so two in a row are fewer than the others there, too.
+    """
+    left = before if len(before) == _BESIDE else _most(t[:_OUTER])
+    padded = np.concatenate((left, t, _most(np.concatenate((before, t))[-_OUTER:])))
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _BESIDE + 1)
     median: Array = np.median(windows, axis=1).astype(np.int64)
     return median
+
+
+def _most(t: Array) -> Array:
+    """Return what most of some stamps say, as often as frames are needed to a side."""
+    return np.sort(t)[[(len(t) - 1) // 2] * _BESIDE]

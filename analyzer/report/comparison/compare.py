@@ -125,6 +125,8 @@ def _lacks(word: str, side: MeasuredSide) -> Iterator[str]:
 def _remarks(pair: Pair) -> Iterator[str]:
     for mine, theirs in pair.matching.renamed:
         yield f"bus {mine} of the first capture is taken for {theirs} of the second"
+    if pair.beginning:
+        yield pair.beginning
     if pair.matching.strangers:
         yield f"another vehicle: none of {pair.matching.serials} unique IDs is in both"
 

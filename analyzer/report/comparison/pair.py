@@ -49,6 +49,15 @@ class Pair:
         """True if both tell how much time went by."""
         return self.good.timed and self.bad.timed
 
+    @cached_property
+    def beginning(self) -> str:
+        """Say which capture is the beginning of the other one, cut short; "" if none is."""
+        if self.bad.traits.blocks.begins(self.good.traits.blocks):
+            return "the second capture is the beginning of the first: that it ends earlier is no difference"
+        if self.good.traits.blocks.begins(self.bad.traits.blocks):
+            return "the first capture is the beginning of the second: that it ends earlier is no difference"
+        return ""
+
     def who(self, side: MeasuredSide, node: Node) -> str:
         """Return what people call a node: `ch5`, else nothing."""
         bus = side.facts.bus_names[node[0]]

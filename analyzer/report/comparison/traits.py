@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from analyzer.devices.escs import Escs
+from analyzer.report.comparison.beginning import FrameBlocks
 from analyzer.report.comparison.clock import BelievedTimes
 from analyzer.report.comparison.identity import Identities
 from analyzer.report.comparison.limits import limits
@@ -38,6 +39,7 @@ class Traits:
 
     def __init__(self, registry: Registry, settings: Settings) -> None:
         self.clock = BelievedTimes()
+        self.blocks = FrameBlocks()
         self.rhythms = Rhythms(self.clock)
         self.losses = FirstLosses()
         self.identities = Identities()
@@ -51,6 +53,7 @@ class Traits:
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
         self.clock.feed(batch)
+        self.blocks.feed(batch)
         self.rhythms.feed(batch)
         self.losses.feed(batch)
         self.identities.feed(batch.messages)

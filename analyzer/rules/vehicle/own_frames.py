@@ -9,6 +9,7 @@ import numpy as np
 
 from analyzer.facts.identifiers import NOBODY, who
 from analyzer.filter.context import BatchContext
+from analyzer.filter.history import columns_of
 from analyzer.filter.memory import FilterMemory
 from analyzer.filter.rowsets import ErrorSet, FrameSet
 from analyzer.rules.events import EVERY_BUS, when
@@ -37,7 +38,8 @@ class FrameJudge:
 
     def __init__(self, rules: Sequence[OwnRule], registry: Registry, labels: Mapping[int, str]) -> None:
         self._memory = FilterMemory(
-            registry, numbering=None, zero=None, labels=labels, named=None, severities={}, frame_list=True
+            registry, numbering=None, zero=None, labels=labels, named=None, severities={}, frame_list=True,
+            columns=columns_of(ref for one in rules for ref in one.told_fields),
         )  # fmt: skip
         self._works = [_FrameWork(one) for one in rules]
         self._deltas = any(ref.column == "delta" for one in rules for ref in one.told_fields)
@@ -53,7 +55,7 @@ class FrameJudge:
         batch = view.batch
         if batch is None or not self._works:
             return
-        self._memory.feed(batch, frames=True)
+        self._memory.feed(batch)
         context = BatchContext(batch, self._memory)
         if self._deltas:
             self._memory.deltas.feed(context)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from analyzer.filter.context import BatchContext
+from analyzer.filter.history import columns_of
 from analyzer.filter.matcher import LaggedField
 from analyzer.filter.memory import FilterMemory
 from analyzer.filter.rowsets import TransferSet
@@ -38,13 +39,14 @@ class OwnJudge:
 
     def __init__(self, own: OwnRules, rules: Iterable[str], registry: Registry) -> None:
         wanted = set(rules)
-        self._memory = FilterMemory(
-            registry, numbering=None, zero=None, labels=own.labels or {}, named=None, severities={}, frame_list=False
-        )  # fmt: skip
         chosen = [one for one in own.rules if one.rule in wanted]
         self._frames = FrameJudge([one for one in chosen if one.when.frames], registry, own.labels or {})
         self._works = [_Work(one) for one in chosen if not one.when.frames]
         fields = [ref for work in self._works for ref in work.fields]
+        self._memory = FilterMemory(
+            registry, numbering=None, zero=None, labels=own.labels or {}, named=None, severities={}, frame_list=False,
+            columns=columns_of(fields),
+        )  # fmt: skip
         self._channels = any(ref.origin == "channel" for ref in fields)
         self._deltas = any((ref.origin, ref.column) == ("frame", "delta") for ref in fields)
 
@@ -66,7 +68,7 @@ class OwnJudge:
         batch = view.batch
         if batch is None or not self._works:
             return
-        self._memory.feed(batch, frames=True)
+        self._memory.feed(batch)
         context = BatchContext(batch, self._memory)
         if self._channels:
             self._memory.channels.feed(context)

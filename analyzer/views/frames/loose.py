@@ -81,10 +81,12 @@ class LooseFrames:
         if foreign.any() and not self._foreign:
             self._add(batch, rows[foreign])
             rows, verdicts = rows[~foreign], verdicts[~foreign]
-        for row, verdict in zip(rows.tolist(), verdicts.tolist(), strict=True):
+        ids, flags = (numbers(batch.frames.column(name))[rows] for name in ("id", "flags"))
+        named = who(ids, flags, verdicts)
+        for row, verdict, *whose in zip(*(some.tolist() for some in (rows, verdicts, *named)), strict=True):
             frame = self._frames(batch.first_frame + row)
             if frame is not None:
-                yield self._lone(batch.first_frame + row, frame, verdict)
+                yield self._lone(batch.first_frame + row, frame, verdict, *whose)
 
     def sums(self) -> Iterator[ListMark]:
         """Yield an entry for each identifier of foreign frames, the most frequent first."""
@@ -109,15 +111,15 @@ class LooseFrames:
         elif key in self._sums:
             self._count(key, -1, place)
         if verdict != _USED and (verdict != _FOREIGN or self._foreign):
-            yield self._lone(place, frame, verdict)
+            whose = who(*(np.array([one]) for one in (frame.id, frame.flags, verdict)))
+            yield self._lone(place, frame, verdict, *(int(one[0]) for one in whose))
 
-    def _lone(self, place: int, frame: RawFrame, verdict: int) -> ListMark:
+    def _lone(self, place: int, frame: RawFrame, verdict: int, node: int, code: int) -> ListMark:
         name = VERDICTS[verdict]
         why = "remote frame" if verdict == _NO_TAIL and frame.flags & REMOTE else _WHY[name]
         text = f"{tag(rules_of(self._named, [[place]])[0])}{why}  {frame.candump}"
         if verdict == _FOREIGN:
             return self._mark(place, frame, name, text, sign=" ")
-        node, code = (int(one[0]) for one in who(*(np.array([one]) for one in (frame.id, frame.flags, verdict))))
         if code == NOBODY:
             return self._mark(place, frame, name, text, sign="x")
         kind, type_id = code >> 16, code & 0xFFFF

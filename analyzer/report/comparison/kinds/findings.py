@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from analyzer.report.model import Finding, RuleVerdict
 
 _SIGMAS = 3.0
+_ENDS = ("CAP-005", "TRF-008")  # what a recording shows that leaves off in the middle of something
 _DOUBT = "INCONCLUSIVE"
 _UNPROVEN = ("NOT EXERCISED", _DOUBT)
 _UNRECORDED = "not recorded"  # as reasons have it
@@ -51,6 +52,8 @@ def differences(pair: Pair) -> Iterator[Difference]:
     ]
     times = _traffic(pair.bad) / max(_traffic(pair.good), 1)
     for trouble, both in found.items():
+        if pair.beginning and trouble[0] in _ENDS:
+            continue
         before, after = _count(both.good), _count(both.bad)
         if not before or not after:
             yield _new(pair, trouble, both, unproven[0 if after else 1])
