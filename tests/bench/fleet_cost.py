@@ -29,13 +29,14 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from analyzer.fleet.jobs import FleetSettings, Job, Retries
+from analyzer.fleet.preload import quick_start
 from analyzer.fleet.worker import judge
 
 def one(path):
     return judge(Job(path, "", None, "", "", ""), FleetSettings(), Retries())
 
 if __name__ == "__main__":
-    with ProcessPoolExecutor(int(sys.argv[1]), get_context("spawn")) as pool:
+    with ProcessPoolExecutor(int(sys.argv[1]), get_context("spawn"), quick_start) as pool:
         print(sum(len(rows["captures"]) for rows in pool.map(one, sys.argv[2:])))
 """
 
