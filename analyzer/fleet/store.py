@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
+from analyzer.fleet.listing import without_password
 from analyzer.fleet.tables import FAILED, TABLES, UNAVAILABLE
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     import duckdb
 
+_SCHEMES = ("s3", "gs", "az", "abfs", "abfss", "adl")  # what Delta can write safely; not HTTP, not SSH
 _MARK = "captures"  # written last: what it names is done
 # What counts: the newest result of each address, with the rows that the same run wrote. Of equal bytes the first
 # address is counted, others are duplicates.
@@ -34,10 +36,14 @@ class StoreError(Exception):
 class Store:
     """A store at a path or an address. Secrets come from the environment only (AWS_..., GOOGLE_..., AZURE_...).
 
-    Raises `StoreError` where its tables are of another form.
+    Raises `StoreError` where its tables are of another form, and `ValueError` for an address that Delta does not know.
     """
 
     def __init__(self, place: str) -> None:
+        without_password(place)
+        scheme, found, _ = place.partition("://")
+        if found and scheme not in _SCHEMES:
+            raise ValueError(f"{place}: tables are written to a folder, or to {', '.join(_SCHEMES)} ://")
         self.place = place if "://" in place else str(Path(place).absolute())
         self._known: dict[str, Any] = {}  # tables as they were when we wrote them last
 
