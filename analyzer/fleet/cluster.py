@@ -4,19 +4,34 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from analyzer.fleet.jobs import Job
 
 MEMORY = "2GiB"  # of a local worker; with 95 % of it a worker is ended, and its capture tried alone
-_AHEAD = 4  # jobs that wait for each worker: enough that none is idle, few enough to stop soon
+_AHEAD = 4  # tasks that wait for each worker: enough that none is idle, few enough to stop soon
+# Small captures go to a worker together, as a task has a price of its own; stored bytes of some seconds of work.
+_TASK_BYTES, _TASK_JOBS = 1 << 20, 32
+# What Dask does for its dashboard, which is not there, and looks after many times a second in each process: as much
+# time as a capture takes it, and more. Memory is looked at twice a second: a capture does not fill a GiB in less.
+_QUIET = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.tick.cycle": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.worker.memory.monitor-interval": "500ms",
+    "distributed.scheduler.work-stealing-interval": "1s",
+    "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.worker.preload": ["analyzer.fleet.preload"],
+}
 
-Result = tuple["Job", Any, BaseException | None]
+Work: TypeAlias = "Callable[[Sequence[Job]], Any]"
+Result: TypeAlias = tuple["Sequence[Job]", Any, BaseException | None]
 
 
 class ClusterError(Exception):
@@ -37,10 +52,10 @@ class Serial:
 
     workers = 0
 
-    def results(self, jobs: Iterator[Job], work: Callable[[Job], Any]) -> Iterator[Result]:
+    def results(self, jobs: Sequence[Job], work: Work) -> Iterator[Result]:
         """Yield each job with its result."""
         for job in jobs:
-            yield job, work(job), None
+            yield [job], work([job]), None
 
 
 class Dask:
@@ -50,31 +65,31 @@ class Dask:
         self._client = client
         self.workers = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
 
-    def results(self, jobs: Iterator[Job], work: Callable[[Job], Any]) -> Iterator[Result]:
-        """Yield each job with its result, in any order, or with the error that is no result.
+    def results(self, jobs: Sequence[Job], work: Work) -> Iterator[Result]:
+        """Yield jobs that were done together with their result, in any order, or with the error that is no result.
 
         Jobs that ran on a worker when it died are tried alone at the end, one after the other: whose worker dies then,
         it has killed it. Raises `ClusterError` when the cluster is lost.
         """
         suspects: list[Job] = []
-        yield from self._some(jobs, work, self.workers * _AHEAD, suspects)
+        most = self.workers * _AHEAD
+        yield from self._some(tasks(jobs, most), work, most, suspects)
         for job in suspects:
             again: list[Job] = []
-            yield from self._some(iter([job]), work, 1, again)
+            yield from self._some([[job]], work, 1, again)
             if again:
-                yield job, None, ClusterError("its worker died of it, alone again")
+                yield [job], None, ClusterError("its worker died of it, alone again")
 
-    def _some(
-        self, jobs: Iterator[Job], work: Callable[[Job], Any], most: int, suspects: list[Job]
-    ) -> Iterator[Result]:
+    def _some(self, some: Iterable[Sequence[Job]], work: Work, most: int, suspects: list[Job]) -> Iterator[Result]:
         distributed = _distributed()
-        of: dict[str, Job] = {}
+        of: dict[str, Sequence[Job]] = {}
         waiting = distributed.as_completed(loop=self._client.loop)
+        left = iter(some)
 
         def submit() -> None:
-            for job in jobs:
-                future = self._client.submit(work, job, pure=False)
-                of[future.key] = job
+            for jobs in left:
+                future = self._client.submit(work, jobs, pure=False)
+                of[future.key] = jobs
                 waiting.add(future)
                 if len(of) >= most:
                     return
@@ -82,17 +97,35 @@ class Dask:
         submit()
         while of:
             future = next(waiting)
-            job, error = of.pop(future.key), None
+            jobs, error = of.pop(future.key), None
             if future.status == "finished":
-                yield job, future.result(), None
+                yield jobs, future.result(), None
             elif isinstance(error := future.exception(), distributed.KilledWorker):
-                suspects.append(job)
+                suspects += jobs
             elif future.cancelled():
                 raise ClusterError("the scheduler is lost")
+            elif len(jobs) > 1:
+                suspects += jobs
             else:
-                yield job, None, error
+                yield jobs, None, error
             future.release()
             submit()
+
+
+def tasks(jobs: Sequence[Job], least: int) -> Iterator[Sequence[Job]]:
+    """Yield jobs as they are done together: small captures, in `least` tasks if there are as many jobs."""
+    most = min(_TASK_JOBS, max(1, len(jobs) // least))
+    task: list[Job] = []
+    held = 0
+    for job in jobs:
+        size = _TASK_BYTES if job.size is None else job.size
+        if task and (len(task) == most or held + size > _TASK_BYTES):
+            yield task
+            task, held = [], 0
+        task.append(job)
+        held += size
+    if task:
+        yield task
 
 
 def _distributed() -> Any:
@@ -122,7 +155,7 @@ def cluster(choice: ClusterChoice) -> Iterator[Serial | Dask]:
         return
     with (
         # Whoever was on a worker that died is tried alone, rather than with others again.
-        dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.worker.daemon": True}),
+        dask.config.set({**_QUIET, "distributed.scheduler.allowed-failures": 0, "distributed.worker.daemon": True}),
         distributed.LocalCluster(
             n_workers=choice.workers, threads_per_worker=1, memory_limit=choice.memory, dashboard_address=None,
             host="127.0.0.1", silence_logs=logging.CRITICAL,

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from uuid import uuid4
 
 from analyzer.app.version import version
 from analyzer.fleet.jobs import Job
-from analyzer.fleet.tables import TABLES, UNAVAILABLE
-from analyzer.fleet.worker import judge, killed
+from analyzer.fleet.tables import UNAVAILABLE, from_stream, rows_table
+from analyzer.fleet.worker import judge_all, killed
 from dissectors.records import dataclass, field, replace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
+
+    import pyarrow as pa
 
     from analyzer.fleet.cluster import Dask, Serial
     from analyzer.fleet.jobs import FleetSettings, Retries
@@ -27,7 +29,10 @@ COMMIT_SECONDS = 60.0  # as much as a driver that dies loses at most
 
 @dataclass(slots=True)
 class Account:
-    """How a run goes: `done` have a result, `unavailable` none, `failed` of those done have no verdict."""
+    """How a run goes: `done` have a result, `unavailable` none, `failed` of those done have no verdict.
+
+    `others` tells that somebody else wrote the store meanwhile.
+    """
 
     listed: int = 0
     skipped: int = 0
@@ -37,6 +42,7 @@ class Account:
     cpu_s: float = 0.0
     bytes: int = 0
     workers: int = 0
+    others: bool = False
     began: float = field(default_factory=time.monotonic)
 
     @property
@@ -70,7 +76,8 @@ class FleetRun:
     ) -> None:
         self._store, self._settings, self._retries, self._told = store, settings, retries, told
         self.account = Account()
-        self._held: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
+        self._held: dict[str, list[pa.Table]] = {}
+        self._waiting = 0
         self._committed = time.monotonic()
 
     def over(self, jobs: list[Job], workers: Serial | Dask, *, retry: bool = False) -> None:
@@ -82,40 +89,44 @@ class FleetRun:
         account.listed, account.skipped, account.workers = len(jobs), len(jobs) - len(todo), workers.workers
         settings, retries = self._settings, self._retries
 
-        def work(job: Job) -> Any:
-            return judge(job, settings, retries)
+        def work(some: Sequence[Job]) -> dict[str, bytes]:
+            return judge_all(some, settings, retries)
 
         try:
-            for job, rows, error in workers.results(iter(todo), work):
-                self._take(rows if error is None else killed(job, str(error) or type(error).__name__, 2))
+            for some, rows, error in workers.results(todo, work):
+                self._take(rows if error is None else killed(some[0], str(error) or type(error).__name__, 2))
             ended = "done"
         finally:
-            self._held["runs"].append({
+            row = {
                 "key": "", "run": run, "command": "check", "version": version(), "settings": settings.digest(),
                 "chosen": json.dumps(settings.chosen(), default=str), "workers": workers.workers, "start_ns": start,
                 "end_ns": time.time_ns(), "ended": ended, "listed": account.listed, "skipped": account.skipped,
                 "done": account.done, "unavailable": account.unavailable, "cpu_s": account.cpu_s,
                 "bytes": account.bytes,
-            })  # fmt: skip
+            }  # fmt: skip
+            self._held["runs"] = [rows_table("runs", [row])]
             self._commit()
 
-    def _take(self, rows: dict[str, list[dict[str, Any]]]) -> None:
+    def _take(self, streams: dict[str, bytes]) -> None:
+        rows = {name: from_stream(stream) for name, stream in streams.items()}
         for name, some in rows.items():
-            self._held[name] += some
-        (capture,), account = rows["captures"], self.account
-        if capture["outcome"] == UNAVAILABLE:
-            account.unavailable += 1
-        else:
-            account.done += 1
-            account.failed += bool(capture["error"])
-        account.cpu_s += capture["cpu_s"]
-        account.bytes += capture["bytes"]
+            self._held.setdefault(name, []).append(some)
+        account = self.account
+        for capture in rows["captures"].select(["outcome", "error", "cpu_s", "bytes"]).to_pylist():
+            if capture["outcome"] == UNAVAILABLE:
+                account.unavailable += 1
+            else:
+                account.done += 1
+                account.failed += bool(capture["error"])
+            account.cpu_s += capture["cpu_s"]
+            account.bytes += capture["bytes"]
+            self._waiting += 1
         late = time.monotonic() - self._committed > COMMIT_SECONDS
-        if late or len(self._held["captures"]) >= COMMIT_CAPTURES:
+        if late or self._waiting >= COMMIT_CAPTURES:
             self._commit()
         self._told(account)
 
     def _commit(self) -> None:
-        held, self._held = self._held, {name: [] for name in TABLES}
-        self._store.append(held)
+        held, self._held, self._waiting = self._held, {}, 0
+        self.account.others |= self._store.append(held)
         self._committed = time.monotonic()

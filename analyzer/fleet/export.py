@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 
 import analyzer
 from analyzer.fleet.driver import Account
-from analyzer.fleet.tables import UNAVAILABLE
+from analyzer.fleet.tables import KILLED, UNAVAILABLE
 from analyzer.fleet.worker import tried
 from analyzer.sources import UnavailableError
 from analyzer.sources.storage import open_stream
@@ -161,16 +161,18 @@ class ExportRun:
         account.listed, account.skipped, account.workers = len(jobs), len(jobs) - len(todo), workers.workers
         settings, retries, goal = self._settings, self._retries, self._goal
 
-        def work(job: Job) -> Any:
-            return export(job, settings, retries, goal)
+        def work(some: Sequence[Job]) -> list[dict[str, Any]]:
+            return [export(job, settings, retries, goal) for job in some]
 
-        for job, row, error in workers.results(iter(todo), work):
-            reason = row["error"] if error is None else str(error)
-            if error is None and row["outcome"] == UNAVAILABLE:
-                account.unavailable += 1
-            else:
-                account.done += 1
-                account.failed += bool(reason)
-            if reason:
-                self.errors.append((job.url, reason))
+        for some, rows, error in workers.results(todo, work):
+            for job, row in zip(
+                some, rows if error is None else [{"outcome": KILLED, "error": str(error)}], strict=True
+            ):
+                if row["outcome"] == UNAVAILABLE:
+                    account.unavailable += 1
+                else:
+                    account.done += 1
+                    account.failed += bool(row["error"])
+                if row["error"]:
+                    self.errors.append((job.url, row["error"]))
             self._told(account)

@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 _MAGIC = re.compile(r"[*?\[]")
+_PASSWORD = re.compile(r"([a-z][a-z0-9+.-]*://[^/@:]*:)[^/@]*@")
 _LOCAL = {"file", "local"}
+_BARE = {"name", "size", "type", "url"}  # what a storage says of a file that says nothing of it
+_ASKED = 16  # files that a web server is asked for at a time
 
 
 class ListingError(Exception):
@@ -47,6 +50,7 @@ def listed(patterns: Sequence[str], without: str) -> Iterator[Listed]:
 def _found(pattern: str) -> list[Listed]:
     from fsspec.core import url_to_fs  # noqa: PLC0415 - of the extra
 
+    without_password(pattern)
     try:
         files, path = url_to_fs(pattern)
         if _MAGIC.search(path):
@@ -55,13 +59,39 @@ def _found(pattern: str) -> list[Listed]:
             found = files.find(path, detail=True)
         else:
             found = {path: files.info(path)}
+        found = _told(files, {name: info for name, info in found.items() if info.get("type") == "file"})
     except FileNotFoundError:
         raise ListingError(f"{pattern}: no such file") from None
+    except ImportError as error:
+        raise ListingError(f"{pattern}: {error}") from None
     except Exception as error:  # whatever a storage raises
         raise ListingError(f"{pattern}: {type(error).__name__}: {error}") from error
     local = bool(_LOCAL & {files.protocol} if isinstance(files.protocol, str) else _LOCAL & set(files.protocol))
-    items = [(name if local else files.unstrip_protocol(name), info) for name, info in found.items()]
-    return [Listed(url, _etag(info), info.get("size")) for url, info in sorted(items) if info.get("type") == "file"]
+    # A path of SSH does not tell the machine: what stands before it in the pattern does.
+    root = pattern.removesuffix(path) if pattern.endswith(path) and not local else ""
+    names = {name: name if local else f"{root}{name}" if root else files.unstrip_protocol(name) for name in found}
+    return sorted((Listed(names[name], _etag(info), info.get("size")) for name, info in found.items()), key=_by_url)
+
+
+def _by_url(one: Listed) -> str:
+    return one.url
+
+
+def _told(files: Any, found: dict[str, Any]) -> dict[str, Any]:
+    """Return files with what tells their version: a web server lists names alone, and is asked for each."""
+    bare = [name for name, info in found.items() if info.get("size") is None and set(info) <= _BARE]
+    if not bare:
+        return found
+    from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415
+
+    with ThreadPoolExecutor(_ASKED) as pool:
+        return {**found, **dict(zip(bare, pool.map(files.info, bare), strict=True))}
+
+
+def without_password(address: str) -> None:
+    """Raise `ValueError` for an address with a password in it: it would stand in the results for all to see."""
+    if found := _PASSWORD.match(address):
+        raise ValueError(f"{found[1]}...: no password in an address: keys come from the environment or an agent")
 
 
 def _etag(info: Mapping[str, Any]) -> str:

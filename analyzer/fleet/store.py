@@ -7,14 +7,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analyzer.fleet.tables import FAILED, TABLES, UNAVAILABLE, rows_table
+import pyarrow as pa
+
+from analyzer.fleet.listing import without_password
+from analyzer.fleet.tables import FAILED, TABLES, UNAVAILABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping, Sequence
 
     import duckdb
-    import pyarrow as pa
 
+_SCHEMES = ("s3", "gs", "az", "abfs", "abfss", "adl")  # what Delta can write safely; not HTTP, not SSH
 _MARK = "captures"  # written last: what it names is done
 # What counts: the newest result of each address, with the rows that the same run wrote. Of equal bytes the first
 # address is counted, others are duplicates.
@@ -33,11 +36,16 @@ class StoreError(Exception):
 class Store:
     """A store at a path or an address. Secrets come from the environment only (AWS_..., GOOGLE_..., AZURE_...).
 
-    Raises `StoreError` where its tables are of another form.
+    Raises `StoreError` where its tables are of another form, and `ValueError` for an address that Delta does not know.
     """
 
     def __init__(self, place: str) -> None:
+        without_password(place)
+        scheme, found, _ = place.partition("://")
+        if found and scheme not in _SCHEMES:
+            raise ValueError(f"{place}: tables are written to a folder, or to {', '.join(_SCHEMES)} ://")
         self.place = place if "://" in place else str(Path(place).absolute())
+        self._known: dict[str, Any] = {}  # tables as they were when we wrote them last
 
     @property
     def local(self) -> bool:
@@ -60,17 +68,29 @@ class Store:
         except Exception as error:  # whatever a storage raises
             raise StoreError(f"{self.table(name)}: {type(error).__name__}: {error}") from error
 
-    def append(self, rows: dict[str, list[dict[str, Any]]]) -> None:
-        """Write rows of several captures, `captures` after all others. Raises `StoreError`."""
+    def append(self, rows: Mapping[str, Sequence[pa.Table]]) -> bool:
+        """Write rows of several captures, `captures` after all others; return whether somebody else did since we did.
+
+        Raises `StoreError`.
+        """
+        others = False
+        for name in sorted(rows, key=lambda one: one == _MARK):
+            if rows[name]:
+                others = self._write(name, pa.concat_tables(rows[name]).cast(TABLES[name])) and name == _MARK
+        return others
+
+    def _write(self, name: str, rows: pa.Table) -> bool:
         from deltalake import write_deltalake  # noqa: PLC0415 - of the extra
 
-        for name in sorted(rows, key=lambda one: one == _MARK):
-            if not rows[name]:
-                continue
-            try:
-                write_deltalake(self.table(name), rows_table(name, rows[name]), mode="append")
-            except Exception as error:  # whatever a storage raises
-                raise StoreError(f"{self.table(name)}: {type(error).__name__}: {error}") from error
+        known = self._known.get(name)
+        table = known or self.opened(name)
+        version = None if known is None else known.version()
+        try:
+            write_deltalake(table or self.table(name), rows, mode="append")
+            self._known[name] = table = table or self.opened(name)
+        except Exception as error:  # whatever a storage raises
+            raise StoreError(f"{self.table(name)}: {type(error).__name__}: {error}") from error
+        return version is not None and table.version() > version + 1
 
     def done(self, *, retry: bool) -> set[str]:
         """Return the keys that need not be done again; with `retry` those that failed are not among them."""

@@ -1,4 +1,4 @@
-"""What a worker does: judge one capture in one pass, and hand its rows back."""
+"""What a worker does: judge each capture in one pass, and hand the rows back."""
 
 from __future__ import annotations
 
@@ -14,19 +14,28 @@ from analyzer.app.run import Run
 from analyzer.app.triage import RunTriage
 from analyzer.fleet import rows
 from analyzer.fleet.health import EscHealth
-from analyzer.fleet.tables import DAMAGED, JUDGED, KILLED, UNAVAILABLE, UNREADABLE
+from analyzer.fleet.tables import DAMAGED, JUDGED, KILLED, UNAVAILABLE, UNREADABLE, as_stream
 from analyzer.sources import CaptureError, UnavailableError
 from analyzer.sources.origin import given
 from analyzer.sources.storage import open_stream
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from analyzer.fleet.jobs import FleetSettings, Job, Retries
 
     Rows = dict[str, list[dict[str, Any]]]
 
 _ready: list[tuple[FleetSettings, Criteria]] = []  # types and rules are loaded once a worker
+
+
+def judge_all(jobs: Sequence[Job], settings: FleetSettings, retries: Retries) -> dict[str, bytes]:
+    """Return the rows of captures as a stream of Arrow for each table that has any."""
+    rows: Rows = {}
+    for job in jobs:
+        for name, some in judge(job, settings, retries).items():
+            rows.setdefault(name, []).extend(some)
+    return {name: as_stream(name, some) for name, some in rows.items() if some}
 
 
 def judge(job: Job, settings: FleetSettings, retries: Retries) -> Rows:
@@ -95,8 +104,8 @@ def _criteria(settings: FleetSettings) -> Criteria:
     return _ready[0][1]
 
 
-def killed(job: Job, reason: str, attempts: int) -> Rows:
-    """Return the row of a capture that its worker died of."""
+def killed(job: Job, reason: str, attempts: int) -> dict[str, bytes]:
+    """Return the row of a capture that its worker died of, as `judge_all` does."""
     row = rows.without_result(job.url, KILLED, reason) | rows.of_job(job)
     row |= {"attempts": attempts, "cpu_s": 0.0, "at_ns": time.time_ns()}
-    return {"captures": [{"key": job.key, "run": job.run, **row}]}
+    return {"captures": as_stream("captures", [{"key": job.key, "run": job.run, **row}])}

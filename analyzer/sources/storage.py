@@ -23,8 +23,13 @@ class Stream:
     """A binary file object with a name, which any source takes; whoever opened it closes it."""
 
     def __init__(self, name: str, file: BinaryIO) -> None:
-        self.name, self.close = name, file.close
-        self.read, self.seek, self.tell, self.seekable = file.read, file.seek, file.tell, file.seekable
+        self.name, self.close, self._seek = name, file.close, file.seek
+        self.read, self.tell, self.seekable = file.read, file.tell, file.seekable
+
+    def seek(self, place: int, whence: int = 0) -> int:
+        """Go to a place and return it, which a file of SSH does not."""
+        self._seek(place, whence)
+        return self.tell()
 
 
 def open_stream(url: str) -> Stream:

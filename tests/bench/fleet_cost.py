@@ -1,10 +1,12 @@
 """What a fleet run costs beside a bare process pool that does the same work: python tests/bench/fleet_cost.py
 
-    python tests/bench/fleet_cost.py [--logs 200] [--seconds 200] [--workers 2] [--folder DIR]
+    python tests/bench/fleet_cost.py [--logs 20 60 200] [--seconds 200] [--workers 2] [--folder DIR]
 
 Makes logs of a flight (some 1,000 frames a second; 200 s are 200 k frames), every second one packed, judges them by a
-pool of processes and by `tailbyte fleet check`, and prints the CPU of both with all their processes: a tenth of the
-logs first, so that the fixed part and the cost a capture stand apart. Peak memory is the largest of any one process.
+pool of processes and by `tailbyte fleet check`, and prints the CPU of both with all their processes, for growing
+numbers of logs, so that the fixed part and the cost a capture stand apart. `judging` is what the workers' own clocks
+say of the captures: what is left is the cluster, the store and the start, whatever the machine does besides. Peak memory
+is the largest of any one process.
 """
 
 from __future__ import annotations
@@ -17,8 +19,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from analyzer.fleet.store import Store
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -29,13 +36,14 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from analyzer.fleet.jobs import FleetSettings, Job, Retries
+from analyzer.fleet.preload import quick_start
 from analyzer.fleet.worker import judge
 
 def one(path):
     return judge(Job(path, "", None, "", "", ""), FleetSettings(), Retries())
 
 if __name__ == "__main__":
-    with ProcessPoolExecutor(int(sys.argv[1]), get_context("spawn")) as pool:
+    with ProcessPoolExecutor(int(sys.argv[1]), get_context("spawn"), quick_start) as pool:
         print(sum(len(rows["captures"]) for rows in pool.map(one, sys.argv[2:])))
 """
 
@@ -77,30 +85,31 @@ def _measured(command: list[str], out: Connection) -> None:
 def main() -> None:
     """Measure what the arguments ask for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name, usual in (("logs", 200), ("seconds", 200), ("workers", 2)):
+    parser.add_argument("--logs", type=int, nargs="+", default=[20, 60, 200])
+    for name, usual in (("seconds", 200), ("workers", 2)):
         parser.add_argument(f"--{name}", type=int, default=usual)
     parser.add_argument("--folder", type=Path)
     args = parser.parse_args()
     folder = args.folder or Path(tempfile.mkdtemp())
-    paths = make(folder / "logs", args.logs, args.seconds)
+    paths = make(folder / "logs", max(args.logs), args.seconds)
     script = folder / "pool.py"
     script.write_text(_POOL)
-    spent: dict[int, tuple[float, float]] = {}
-    for some in (max(2, args.logs // 10), args.logs):
+    spent: list[tuple[int, float, float]] = []
+    for some in sorted(args.logs):
         shutil.rmtree(folder / "results", ignore_errors=True)
         pool, pool_mb = cpu([sys.executable, str(script), str(args.workers), *paths[:some]])
         command = [sys.executable, "-m", "analyzer", "fleet", "check", *paths[:some], "-o", str(folder / "results")]
         fleet, fleet_mb = cpu([*command, "--workers", str(args.workers)])
-        spent[some] = pool, fleet
+        ((judging,),) = Store(str(folder / "results")).connected().execute("select cpu_s from runs").fetchall()
+        spent.append((some, fleet - pool, fleet - judging))
         sys.stdout.write(
-            f"{some:>5} logs  pool {pool:8.1f} s  fleet {fleet:8.1f} s  {fleet - pool:+6.1f} s  "
-            f"peak of a process {pool_mb:.0f} MB, {fleet_mb:.0f} MB\n"
+            f"{some:>5} logs  pool {pool:7.1f} s  fleet {fleet:7.1f} s  judging {judging:7.1f} s  beside the pool "
+            f"{fleet - pool:+5.1f} s  beside judging {fleet - judging:+5.1f} s  peak {pool_mb:.0f}, {fleet_mb:.0f} MB\n"
         )
-    (few, (pool_few, fleet_few)), (many, (pool_many, fleet_many)) = spent.items()
-    each = (fleet_many - pool_many - fleet_few + pool_few) / (many - few)
-    sys.stdout.write(
-        f"beside the pool: {fleet_few - pool_few - few * each:.1f} s, and {each * 1000:.1f} ms a capture\n"
-    )
+        sys.stdout.flush()
+    for (few, *before), (many, *after) in pairwise(spent):
+        pool, judging = ((late - early) / (many - few) * 1000 for early, late in zip(before, after, strict=True))
+        sys.stdout.write(f"{few} to {many}: {pool:.1f} ms a capture beside the pool, {judging:.1f} beside judging\n")
     if args.folder is None:
         shutil.rmtree(folder)
 

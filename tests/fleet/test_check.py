@@ -11,12 +11,13 @@ from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
 
 import analyzer
 from analyzer.fleet import driver
-from analyzer.fleet.cluster import Serial
+from analyzer.fleet.cluster import Serial, tasks
 from analyzer.fleet.driver import FleetRun, jobs_of
 from analyzer.fleet.export import scan
+from analyzer.fleet.jobs import Job
 from analyzer.fleet.listing import Names, listed
 from analyzer.fleet.store import Store
-from analyzer.fleet.tables import TABLES
+from analyzer.fleet.tables import TABLES, rows_table
 
 
 @pytest.fixture
@@ -89,7 +90,7 @@ def test_what_a_dead_driver_left_does_not_count(checked):
     store = Store(str(place))
     before = content(store)
     rows = store.opened("findings").to_pyarrow_table().to_pylist()
-    store.append({"findings": [{**row, "run": "of a driver that died"} for row in rows]})
+    store.append({"findings": [rows_table("findings", [{**row, "run": "of a driver that died"} for row in rows])]})
     assert content(store) == before
 
 
@@ -141,6 +142,29 @@ def test_one_driver_writes_a_folder(tmp_path, command, logs):  # noqa: F811
     with store.alone():
         status, _, said = command("fleet", "check", logs, "-o", store.place, "--workers", "0")
     assert (status, "another run is writing it" in said) == (3, True)
+
+
+def sized(*sizes):
+    return [Job(str(place), "", size, "", "", "") for place, size in enumerate(sizes)]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "least", "lengths"),
+    [
+        ([], 8, []),
+        ([10] * 5, 8, [1] * 5),  # fewer than there are places: each alone
+        ([10] * 400, 8, [32] * 12 + [16]),
+        ([10] * 24, 8, [3] * 8),
+        ([600_000] * 16, 2, [1] * 16),
+        ([None] * 16, 2, [1] * 16),  # a storage that tells no size
+        ([10, 10, 2_000_000, 10, 10, 10], 1, [2, 1, 3]),
+    ],
+)
+def test_small_captures_are_done_together(sizes, least, lengths):
+    jobs = sized(*sizes)
+    found = list(tasks(jobs, least))
+    assert [len(some) for some in found] == lengths
+    assert [job for some in found for job in some] == jobs
 
 
 @pytest.mark.parametrize(

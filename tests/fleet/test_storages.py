@@ -1,0 +1,138 @@
+"""Captures in storages, each played on the loopback: listed, read as streams, judged as files are, and known again."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections import Counter
+from types import SimpleNamespace
+
+import fsspec
+import pytest
+from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
+from kit.storages import serving, serving_ssh
+
+from analyzer.fleet.cluster import Serial
+from analyzer.fleet.driver import FleetRun, jobs_of
+from analyzer.fleet.listing import Names, listed
+from analyzer.fleet.store import Store
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # of libraries, about sockets that they leave open
+KINDS = ("web", "google", "azure", "ssh")
+
+
+@pytest.fixture(params=KINDS)
+def storage(request, tmp_path, monkeypatch):
+    """Return files that may be changed, and the address of the folder in which they are."""
+    fsspec.core.filesystem("memory").clear_instance_cache()
+    files = {}
+    if request.param == "ssh":
+        yield from _ssh(tmp_path, monkeypatch)
+        return
+    with serving(request.param, files) as port:
+        at = f"http://127.0.0.1:{port}"
+        monkeypatch.setenv("STORAGE_EMULATOR_HOST", at)
+        monkeypatch.setenv(
+            "AZURE_STORAGE_CONNECTION_STRING",
+            f"DefaultEndpointsProtocol=http;AccountName=fleet;AccountKey=c2VjcmV0;BlobEndpoint={at}/fleet;",
+        )
+        yield files, {"web": f"{at}/all", "google": "gs://logs/all", "azure": "az://logs/all"}[request.param]
+
+
+class _Folder(dict):
+    """Files by name that lie in a folder, too."""
+
+    def __init__(self, folder):
+        super().__init__()
+        self._folder = folder
+
+    def __setitem__(self, name, data):
+        path = self._folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+        super().__setitem__(name, data)
+
+
+def _ssh(tmp_path, monkeypatch):
+    import paramiko
+
+    home = tmp_path / "home/.ssh"
+    home.mkdir(parents=True)
+    paramiko.RSAKey.generate(2048).write_private_key_file(str(home / "id_rsa"))
+    monkeypatch.setenv("HOME", str(home.parent))
+    monkeypatch.delenv("SSH_AUTH_SOCK", raising=False)
+    with serving_ssh(tmp_path / "remote") as port:
+        yield _Folder(tmp_path / "remote"), f"ssh://pilot@127.0.0.1:{port}/all"
+
+
+def over(pattern, store):
+    fsspec.get_filesystem_class(pattern.partition(":")[0]).clear_instance_cache()
+    run = FleetRun(store, SETTINGS, QUICK)
+    run.over(jobs_of(listed([pattern], store.place), Names("{vehicle}_*.log.gz"), SETTINGS.digest()), Serial())
+    return run.account
+
+
+@pytest.mark.slow
+def test_captures_of_a_storage(storage, logs, tmp_path, command):  # noqa: F811 - pytest's way
+    files, place = storage
+    picked = ("v0_hover.log.gz", "v1_cut.log.gz", "v2_garbage.log.gz")
+    for name in picked:
+        files[f"all/{name}"] = (logs / name).read_bytes()
+    store, here = Store(str(tmp_path / "results")), Store(str(tmp_path / "here"))
+    account = over(f"{place}/*.gz", store)
+    assert (account.done, account.failed, account.unavailable) == (3, 1, 0)
+    for name in picked:
+        run = FleetRun(here, SETTINGS, QUICK)
+        run.over(jobs_of(listed([str(logs / name)], here.place), Names(), SETTINGS.digest()), Serial())
+    mine, its = (
+        answers.connected()
+        .execute("select sha256, outcome, verdict, frames, transfers from latest order by 1")
+        .fetchall()
+        for answers in (here, store)
+    )
+    assert its == mine
+    for table in ("findings", "esc_health", "events"):
+        assert Counter(row[1:] for row in content(store)[table]) == Counter(row[1:] for row in content(here)[table])
+    assert {one[0] for one in store.connected().execute("select url from latest").fetchall()} == {
+        f"{place}/{name}" for name in picked
+    }
+    again = over(f"{place}/*.gz", store)
+    assert (again.skipped, again.done) == (3, 0)
+    files["all/v2_garbage.log.gz"] = (logs / "v4_control-lost.log.gz").read_bytes()
+    changed = over(place, store)  # the folder, without a pattern
+    assert (changed.skipped, changed.done, changed.failed) == (2, 1, 0)
+    assert command("triage", f"{place}/v2_garbage.log.gz")[0] == 0
+    status, _, said = command("triage", f"{place}/gone.log.gz")
+    assert (status, said.count("\n")) == (3, 1), said
+
+
+@pytest.mark.parametrize(
+    ("place", "package"), [("gs://logs/*", "gcsfs"), ("az://logs/*", "adlfs"), ("sftp://nas/logs/*", "paramiko")]
+)
+def test_a_storage_whose_package_is_missing(place, package, command, monkeypatch, tmp_path):
+    real = importlib.import_module
+
+    def without(name, *more):
+        if package in name or (package == "paramiko" and "sftp" in name):
+            raise ImportError(f"No module named {package!r}")
+        return real(name, *more)
+
+    registry = sys.modules["fsspec.registry"]
+    monkeypatch.setattr(registry, "importlib", SimpleNamespace(import_module=without))
+    monkeypatch.delitem(registry._registry, place.partition(":")[0], raising=False)
+    status, _, said = command("fleet", "check", place, "-o", tmp_path / "results", "--workers", "0")
+    assert (status, place in said, package in said, said.count("\n")) == (3, True, True, 1), said
+
+
+@pytest.mark.parametrize("place", ["ssh://pilot:hush@nas/logs/*", "https://pilot:hush@nas/logs/x.log"])
+def test_a_password_in_an_address_is_refused_and_not_repeated(place, command, tmp_path):
+    for arguments in (("check", place, "-o", tmp_path), ("status", place)):
+        status, shown, said = command("fleet", *arguments)
+        assert (status, said.count("\n"), "hush" in shown + said) == (2, 1, False), said
+        assert "password" in said
+
+
+@pytest.mark.parametrize("place", ["ssh://nas/results", "https://nas/results", "nope://nas/results"])
+def test_a_store_where_tables_cannot_be_written(place, command):
+    status, _, said = command("fleet", "status", place)
+    assert (status, said.count("\n"), place in said) == (2, 1, True), said
