@@ -8,7 +8,7 @@ from textual.message import Message
 
 from analyzer.browser.screen.lines import Pane, padded
 from analyzer.browser.screen.styles import NAMED, PLAIN
-from analyzer.views.terminal import fit
+from analyzer.views.terminal import display_width, fit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -100,9 +100,9 @@ class DetailPane(Pane, can_focus=True):
     def cut(self) -> bool:
         """True if the current line does not fit, and nothing is below it that could be folded."""
         line = self.line
-        return (
-            line is not None and not self._below(line) and len(line.text) + line.depth * _INDENT + 2 > self.size.width
-        )
+        if line is None or self._below(line):
+            return False
+        return display_width(line.text) + line.depth * _INDENT + 2 > self.size.width
 
     @property
     def folded(self) -> bool:

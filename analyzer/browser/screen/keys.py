@@ -69,7 +69,7 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
         KeyWords("number_sign", "numbers", "#", "names or numbers: types by ID, fields without words and units"),
         KeyWords("t,ctrl+t", "reference", "t ctrl+t", "count times from this row; again: from the first frame"),
         KeyWords("T", "times", "T", "times as -t: r relative, a time of day, ad, d, dd, e epoch, u, ud"),
-        KeyWords("enter,space", "choose", "enter", "fold a detail, or see a long one in full; from a tab to its place or filter"),
+        KeyWords("enter,space", "choose", "enter", "fold a detail, see a long one in full; go where a tab leads"),
         KeyWords("E", "explain", "E", "the page of the rule that names this row, or of this finding"),
         KeyWords("x", "fold_all", "x", "fold all details, open them again"),
         *(
