@@ -149,7 +149,10 @@ class Constants:
         if kind.low is None or kind.high is None:
             return
         if not (kind.low if code else min(kind.low, 0)) <= value <= kind.high:
-            raise self.fail(f"{value} is not possible: the field holds {int(kind.low)} to {int(kind.high)}", node)
+            hint = "; a range is written 3..5" if isinstance(node, Arithmetic) and node.op == "-" else ""
+            raise self.fail(
+                f"{value} is not possible: the field holds {int(kind.low)} to {int(kind.high)}{hint}", node
+            )
 
     def _named(self, node: Syntax, kind: Kind) -> float:
         """Return the number that a word stands for."""
@@ -164,8 +167,7 @@ class Constants:
             raise self.fail(f"this is compared with {said(kind)}", node)
         if not kind.texts:
             if isinstance(node, Word):
-                self.names.find(node.text, self.text, node.span[0])
-                raise self.fail("a value is expected here, not a field", node)
+                raise self._no_value(node, kind)
             bare = isinstance(node, QuotedText) and _NUMBER.match(word)
             hint = "; a number stands without quotes" if bare and kind.sort == "number" else ""
             hint = ", such as 1.5 s" if bare and kind.sort == "duration" else hint
@@ -175,6 +177,16 @@ class Constants:
                 return value
         names = [words[0] for words in kind.texts.values()]
         raise self.fail(f"{word!r} is none of its values: {listed(_codes(kind))}", node, near(word, names) or names)
+
+    def _no_value(self, node: Word, kind: Kind) -> FilterError:
+        """Return why a word is not a number: it is a field, the name of one mistyped, or neither."""
+        try:
+            self.names.find(node.text, self.text, node.span[0])
+        except FilterError as error:
+            if error.candidates:
+                return error
+            return self.fail(f"{node.text!r:.60} is neither a field nor a value: the field is {said(kind)}", node)
+        return self.fail("a value is expected here, not a field", node)
 
     def _flag(self, node: Syntax) -> bool:
         number = self.constant(node)

@@ -58,7 +58,8 @@ class _Parser:
             self._fail("the filter is empty")
         tree = self._expression(0)
         if self._token.kind != "end":
-            self._unexpected("an operator such as && or ==")
+            apart = isinstance(tree, Word) and self._token.kind in ("word", "number")
+            self._unexpected("an operator such as && or ==" + (" (or the dot of a name)" if apart else ""))
         return tree
 
     def _fail(self, reason: str, token: FilterToken | None = None) -> NoReturn:

@@ -33,6 +33,7 @@ _CURLED = "\u201c\u201d\u201e\u2018\u2019\u00ab\u00bb"
 _SPACE = re.compile(r"\s+")
 _OCTETS = re.compile(r"[0-9A-Fa-f]{2}(?::[0-9A-Fa-f]{2})+(?![\w:])")
 _NUMBER = re.compile(r"0[xX][0-9A-Fa-f]+|0[bB][01]+|(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][+-]?\d+)?")
+_DOTTED = re.compile(r"\d+\.\d+(?:\.\d+)+")
 _UNIT = re.compile(r"\s*([A-Za-z\u00b0\u00b5\u03bc\u03a9][A-Za-z0-9\u00b0\u00b5\u03bc\u03a9^/]*)(?!\w|\.(?!\.)|\()")
 _WORD = re.compile(r"[^\W\d]\w*(?:\.\w+)*")
 _TEXT = re.compile(r'(r?)"((?:[^"\\]|\\.)*)"', re.DOTALL)
@@ -112,6 +113,8 @@ class Scanner:
             return self._took(OPERATORS[found[0]], found, found[0])
         if text[start] in "\"'" or text.startswith('r"', start):
             raise self.fail("the text that begins here has no quote at its end", start, len(text))
+        if text[start] == ":":
+            raise self.fail("a colon joins bytes of two hexadecimal digits each, such as 0a:ff", start, start + 1)
         if text[start] in _CURLED:
             raise self.fail('text stands between straight quotes: "text"', start, start + 1)
         raise self.fail(f"{text[start]!r} has no meaning here", start, start + 1)
@@ -149,6 +152,8 @@ class Scanner:
 
     def _number(self, found: re.Match[str]) -> FilterToken:
         text, start, end = found[0], found.start(), found.end()
+        if dotted := _DOTTED.match(self.text, start):
+            raise self.fail("this is no number: what has several dots is text, in double quotes", start, dotted.end())
         if len(text) > _MOST_DIGITS:
             raise self.fail("a number has at most 40 digits", start, end)
         value: int | Fraction

@@ -38,13 +38,16 @@ class Shown(NamedTuple):
     frames: tuple[int, ...]
     lines: tuple[str, ...]
 
-    def placed(self, places: Places) -> Shown:
-        """Return it with the places in the capture of frames that were picked from there, in its text, too."""
+    def placed(self, places: Places, *, texts: bool) -> Shown:
+        """Return it with the places in the capture of frames that were picked from there; in its text, too, if `texts`.
+
+        What a vehicle file says in its own words names frames as they are numbered in the capture, if at all.
+        """
 
         def renumbered(named: re.Match[str]) -> str:
             return _NUMBER.sub(lambda number: str(places.of(int(number[0]) - 1) + 1), named[0])
 
-        text = _NAMED.sub(renumbered, self.text)
+        text = _NAMED.sub(renumbered, self.text) if texts else self.text
         return self._replace(frame=places.of(self.frame), text=text, frames=tuple(map(places.of, self.frames)))
 
 
@@ -64,11 +67,11 @@ class OccurrenceRun:
         episode = None if self.episode is None else self.episode.copy()
         return OccurrenceRun(self.first, self.last, self.count, list(self.examples), episode, self.text)
 
-    def placed(self, places: Places) -> OccurrenceRun:
+    def placed(self, places: Places, *, texts: bool) -> OccurrenceRun:
         """Return it with the places in the capture of frames that were picked from there."""
         found = self.copy()
         found.first, found.last = ((t, places.of(frame)) for t, frame in (self.first, self.last))
-        found.examples = [one.placed(places) for one in self.examples]
+        found.examples = [one.placed(places, texts=texts) for one in self.examples]
         return found
 
     def take(self, other: OccurrenceRun) -> None:
