@@ -295,9 +295,7 @@ class Run(AbstractContextManager["Run"]):
 
     def _engine(self) -> Engine:
         """Return a new engine; what comes live is shown at once, everything else waits for its batch."""
-        return Engine(
-            self.registry, self.request.rules.readings(), ahead=not self.source.live, only=self._only
-        )
+        return Engine(self.registry, self.request.rules.readings(), ahead=not self.source.live, only=self._only)
 
     def _learn(self) -> None:
         """Find out how the capture's nodes are read from its first batch, of which a window may see nothing."""
