@@ -5,8 +5,8 @@
 Makes logs of a flight (some 1,000 frames a second; 200 s are 200 k frames), every second one packed, judges them by a
 pool of processes and by `tailbyte fleet check`, and prints the CPU of both with all their processes, for growing
 numbers of logs, so that the fixed part and the cost a capture stand apart. `judging` is what the workers' own clocks
-say of the captures: what is left is the cluster, the store and the start, whatever the machine does besides. Peak memory
-is the largest of any one process.
+say of the captures: what is left is the cluster, the store and the start, whatever the machine does besides. Peak
+memory is the largest of any one process.
 """
 
 from __future__ import annotations

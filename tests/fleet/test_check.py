@@ -10,9 +10,10 @@ import pytest
 from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
 
 import analyzer
+from analyzer.cli.fleet.work import _Progress
 from analyzer.fleet import driver
 from analyzer.fleet.cluster import Serial, tasks
-from analyzer.fleet.driver import FleetRun, jobs_of
+from analyzer.fleet.driver import Account, FleetRun, jobs_of
 from analyzer.fleet.export import scan
 from analyzer.fleet.jobs import Job
 from analyzer.fleet.listing import Names, listed
@@ -146,6 +147,33 @@ def test_one_driver_writes_a_folder(tmp_path, command, logs):  # noqa: F811
 
 def sized(*sizes):
     return [Job(str(place), "", size, "", "", "") for place, size in enumerate(sizes)]
+
+
+def test_two_drivers_of_a_store_lose_nothing_and_count_nothing_twice(logs, tmp_path, monkeypatch):  # noqa: F811
+    """Both list before either writes, and their commits alternate, as drivers of a storage without locks may do."""
+    monkeypatch.setattr(driver, "COMMIT_CAPTURES", 1)
+    store, alone = Store(str(tmp_path / "results")), Store(str(tmp_path / "alone"))
+    jobs = jobs_of(listed([str(logs / "v[03]_*.gz")], store.place), Names(), SETTINGS.digest())
+    second = FleetRun(Store(store.place), SETTINGS, QUICK)
+
+    def meanwhile(account):
+        if account.done == 1:
+            second.over(jobs[1:], Serial())
+
+    first = FleetRun(store, SETTINGS, QUICK, meanwhile)
+    first.over(jobs, Serial())
+    FleetRun(alone, SETTINGS, QUICK).over(jobs, Serial())
+    assert (first.account.done, second.account.done) == (len(jobs), len(jobs) - 1)
+    assert first.account.others
+    assert content(store) == content(alone)
+    assert len(store.opened("captures").to_pyarrow_table()) == 2 * len(jobs) - 1
+
+
+def test_another_driver_is_told_of_once(capsys):
+    progress, account = _Progress(), Account(others=True)
+    progress(account)
+    progress.end(account)
+    assert capsys.readouterr().err.count("another run writes this store, too") == 1
 
 
 @pytest.mark.parametrize(

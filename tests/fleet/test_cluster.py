@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -151,6 +152,57 @@ def test_captures_and_results_in_a_storage(logs, storage, command):  # noqa: F81
     assert command("triage", f"{place}/logs/v4_control-lost.log.gz")[0] == 0
     status, _, said = command("triage", f"{place}/logs/gone.log.gz")
     assert (status, said.count("\n")) == (3, 1), said
+
+
+def test_two_commands_at_once_on_a_storage(logs, storage):  # noqa: F811
+    """Two real processes write one store: Delta's conditional writes keep every commit of both."""
+    place, files = storage
+    for name in ("v0_hover", "v1_cut", "v3_empty", "v4_control-lost"):
+        files.put_file(str(logs / f"{name}.log.gz"), f"fleet/logs/{name}.log.gz")
+    arguments = ["fleet", "check", f"{place}/logs/*.gz", "-o", f"{place}/both", "--workers", "0"]
+    with (
+        subprocess.Popen([sys.executable, "-m", "analyzer", *arguments], stderr=subprocess.PIPE, text=True) as one,
+        subprocess.Popen([sys.executable, "-m", "analyzer", *arguments], stderr=subprocess.PIPE, text=True) as two,
+    ):
+        told = [each.communicate()[1] for each in (one, two)]
+    assert [one.returncode, two.returncode] == [0, 0], told
+    alone, both = Store(f"{place}/alone"), Store(f"{place}/both")
+    jobs = jobs_of(listed([f"{place}/logs/*.gz"], both.place), Names(), SETTINGS.digest())
+    FleetRun(alone, SETTINGS, QUICK).over(jobs, Serial())
+    assert content(both) == content(alone)
+    runs = both.connected().execute("select ended, done + skipped from runs").fetchall()
+    assert runs == [("done", len(jobs))] * 2
+
+
+def test_a_scheduler_of_its_own(logs, tmp_path, serial, command):  # noqa: F811
+    """Scheduler and worker as they are started on other machines, by Dask's own commands."""
+    told = tmp_path / "scheduler.json"
+    run = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+    scheduler = subprocess.Popen([*run, "--no-dashboard", "--scheduler-file", str(told)], stderr=subprocess.PIPE)
+    worker = None
+    try:
+        assert scheduler.stderr is not None
+        next(line for line in scheduler.stderr if b"Scheduler at" in line)
+        address = json.loads(_when_whole(told))["address"]
+        run = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
+        worker = subprocess.Popen([*run, "--host", "127.0.0.1"], stderr=subprocess.PIPE)
+        assert worker.stderr is not None
+        next(line for line in worker.stderr if b"Registered to" in line)
+        store = Store(str(tmp_path / "results"))
+        status, _, said = command("fleet", "check", logs, "-o", store.place, "--scheduler", address)
+        assert (status, "on 1 workers" in said) == (3, True), said
+        assert content(store) == serial
+    finally:
+        for one in (worker, scheduler):
+            if one is not None:
+                one.kill()
+                one.communicate()
+
+
+def _when_whole(path):
+    while not (path.exists() and path.read_text().endswith("}")):
+        os.sched_yield()
+    return path.read_text()
 
 
 def test_a_scheduler_that_is_not_there(command, logs, tmp_path):  # noqa: F811

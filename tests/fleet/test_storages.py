@@ -8,9 +8,11 @@ from collections import Counter
 from types import SimpleNamespace
 
 import fsspec
+import paramiko
 import pytest
 from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
-from kit.storages import serving, serving_ssh
+from kit.sftp import serving_ssh
+from kit.storages import serving
 
 from analyzer.fleet.cluster import Serial
 from analyzer.fleet.driver import FleetRun, jobs_of
@@ -54,8 +56,6 @@ class _Folder(dict):
 
 
 def _ssh(tmp_path, monkeypatch):
-    import paramiko
-
     home = tmp_path / "home/.ssh"
     home.mkdir(parents=True)
     paramiko.RSAKey.generate(2048).write_private_key_file(str(home / "id_rsa"))

@@ -1,4 +1,4 @@
-"""Small stand-ins for storages, on the loopback: a web server, Google Cloud Storage, Azure blobs, SFTP over SSH.
+"""Small stand-ins for storages, on the loopback: a web server, Google Cloud Storage, Azure blobs.
 
 Each serves files of a dictionary (name -> bytes) that a test may change meanwhile, and only as much of its protocol as
 listing and reading by ranges take.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import socket
 import threading
 from contextlib import contextmanager
 from html import escape
@@ -19,7 +18,6 @@ from urllib.parse import parse_qs, unquote, urlsplit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 Files = dict[str, bytes]
 _CHANGED = "Thu, 01 Oct 2026 08:00:00 GMT"
@@ -155,68 +153,3 @@ def serving(kind: str, files: Files) -> Iterator[int]:
         yield server.server_port
         server.shutdown()
         thread.join()
-
-
-@contextmanager
-def serving_ssh(folder: Path) -> Iterator[int]:
-    """Serve a folder by SFTP to whoever has a key; yield the port."""
-    import paramiko
-
-    class Session(paramiko.ServerInterface):
-        """Lets everyone in who proves to own a key."""
-
-        def check_auth_publickey(self, username: str, key: object) -> int:
-            return paramiko.AUTH_SUCCESSFUL
-
-        def check_channel_request(self, kind: str, chanid: int) -> int:
-            return paramiko.OPEN_SUCCEEDED
-
-    class Folder(paramiko.SFTPServerInterface):
-        """The files of the folder, to be read."""
-
-        def list_folder(self, path: str) -> Any:
-            return [self._told(one) for one in sorted((folder / path.strip("/")).iterdir())]
-
-        def stat(self, path: str) -> Any:
-            place = folder / path.strip("/")
-            return self._told(place) if place.exists() else paramiko.SFTP_NO_SUCH_FILE
-
-        lstat = stat
-
-        def open(self, path: str, flags: int, attr: object) -> Any:
-            place = folder / path.strip("/")
-            if not place.is_file():
-                return paramiko.SFTP_NO_SUCH_FILE
-            handle = paramiko.SFTPHandle(flags)
-            handle.readfile = place.open("rb")
-            handle.stat = lambda: self._told(place)
-            return handle
-
-        @staticmethod
-        def _told(place: Path) -> Any:
-            return paramiko.SFTPAttributes.from_stat(place.stat(), place.name)
-
-    key = paramiko.RSAKey.generate(2048)
-    transports = []
-    listener = socket.create_server(("127.0.0.1", 0))
-
-    def accept() -> None:
-        while True:
-            try:
-                connection, _ = listener.accept()
-            except OSError:
-                return
-            transport = paramiko.Transport(connection)
-            transport.add_server_key(key)
-            transport.set_subsystem_handler("sftp", paramiko.SFTPServer, Folder)
-            transport.start_server(server=Session())
-            transports.append(transport)
-
-    thread = threading.Thread(target=accept, daemon=True)
-    thread.start()
-    yield listener.getsockname()[1]
-    listener.shutdown(socket.SHUT_RDWR)
-    listener.close()
-    thread.join()
-    for one in transports:
-        one.close()

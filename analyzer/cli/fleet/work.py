@@ -101,11 +101,12 @@ class _Progress:
     """Lines on standard error: one that changes on a terminal, else one now and then."""
 
     def __init__(self) -> None:
-        self._terminal = sys.stderr.isatty()
+        self._terminal, self._warned = sys.stderr.isatty(), False
         self._next = time.monotonic() + _EVERY
 
     def __call__(self, account: Account) -> None:
         """Say how far it is, if it is time to."""
+        self._warn(account)
         now = time.monotonic()
         if now < self._next:
             return
@@ -117,8 +118,14 @@ class _Progress:
         )
         streams.tell(f"\r\x1b[K{text}" if self._terminal else f"-- {text}\n")
 
+    def _warn(self, account: Account) -> None:
+        if account.others and not self._warned:
+            self._warned = True
+            streams.complain("another run writes this store, too: both do the same work, and it counts once", NAME)
+
     def end(self, account: Account, more: str = "") -> None:
         """Say what came of it."""
+        self._warn(account)
         counts = f"{account.done} captures read, {account.skipped} done before, {account.failed} without a result"
         lines = [
             f"-- {counts}, {account.unavailable} could not be read now",
