@@ -78,8 +78,7 @@ class Run(AbstractContextManager["Run"]):
         self.request, self.complain = request, complain
         self.source: RunSource = source or open_captures(request.captures, request.merging, follow=request.follow)
         self.registry = dissectors.load(request.dissectors, request.trusted) if registry is None else registry
-        self._only: frozenset[str] | None = None
-        self.engine = self._engine()
+        self.unpack_only(None)
         self.totals = Totals(dict.fromkeys(LINES, 0))
         self.transfers = 0
         # Gives masks of the frames and events that a filter has chosen of what is copied, or decoded by itself.
@@ -148,7 +147,7 @@ class Run(AbstractContextManager["Run"]):
     def unpack_only(self, tables: Collection[str] | None) -> None:
         """Have these tables of messages and packets made and no others, None for all; before the first batch."""
         self._only = None if tables is None else frozenset(tables)
-        self.engine = self._engine()
+        self.engine: Engine = self._engine()
 
     def batches(self, *, early: bool = False) -> Iterator[Batch]:
         """Yield every batch of the capture; damage found on the way is complained of at its end.
@@ -195,8 +194,7 @@ class Run(AbstractContextManager["Run"]):
 
     def again(self) -> Iterator[Batch] | None:
         """Return the batches once more, with nothing counted or complained of; None if they exist only once."""
-        chunks = self._chunks_again()
-        return None if chunks is None else self._engine().run(chunks)
+        return None if (chunks := self._chunks_again()) is None else self._engine().run(chunks)
 
     def ahead(self, items: Iterator[_Item]) -> Iterator[_Item]:
         """Return what is read for this run; if there may be threads and the captures are files, one reads it ahead."""
@@ -220,8 +218,7 @@ class Run(AbstractContextManager["Run"]):
 
     def frame_batches_inside(self, *, again: bool = False) -> Iterator[FrameBatch]:
         """Yield the rows inside the window; `again` reads them once more. Ends the run if that does not go."""
-        batches = self.frame_batches_again() if again else self.frame_batches()
-        if batches is None:
+        if (batches := self.frame_batches_again() if again else self.frame_batches()) is None:
             self.require("cannot be read a second time")
             return
         if not self.request.window and self.chosen is None:
@@ -235,8 +232,7 @@ class Run(AbstractContextManager["Run"]):
 
     def frame_batches_again(self) -> Iterator[FrameBatch] | None:
         """Return the rows once more, in the same way; None if they exist only once."""
-        chunks = self._chunks_again()
-        return None if chunks is None else frame_batches(chunks)
+        return None if (chunks := self._chunks_again()) is None else frame_batches(chunks)
 
     # ---- whether to go on
 
@@ -283,15 +279,12 @@ class Run(AbstractContextManager["Run"]):
 
     @property
     def _threaded(self) -> bool:
-        if self.source.live or self.request.follow or self.request.threads == 1:  # signals end it in the main thread
-            return False
-        return are_files(self.source)
+        alone = self.source.live or self.request.follow or self.request.threads == 1  # signals end it in the main thread
+        return not alone and are_files(self.source)
 
     def _engine(self) -> Engine:
         """Return a new engine; what comes live is shown at once, everything else waits for its batch."""
-        return Engine(
-            self.registry, self.request.rules.readings(), ahead=not self.source.live, only=self._only
-        )
+        return Engine(self.registry, self.request.rules.readings(), ahead=not self.source.live, only=self._only)
 
     def _learn(self) -> None:
         """Find out how the capture's nodes are read from its first batch, of which a window may see nothing."""
@@ -352,6 +345,5 @@ class Run(AbstractContextManager["Run"]):
         source = self.source
         if source.stopped or not whole:
             return []
-        if isinstance(source, Merged):
-            return source.empty
-        return [source.name] if not self.totals.lines["lines"] and source.damage is None else []
+        alone = [source.name] if not self.totals.lines["lines"] and source.damage is None else []
+        return source.empty if isinstance(source, Merged) else alone
