@@ -80,8 +80,7 @@ class Run(AbstractContextManager["Run"]):
         self.request, self.complain = request, complain
         self.source: RunSource = source or open_captures(request.captures, request.merging, follow=request.follow)
         self.registry = dissectors.load(request.dissectors, request.trusted) if registry is None else registry
-        self._only: frozenset[str] | None = None
-        self.engine = self._engine()
+        self.unpack_only(None)
         self.totals = Totals(dict.fromkeys(LINES, 0))
         self.transfers = 0
         # Gives masks of the frames and events that a filter has chosen of what is copied, or decoded by itself.
@@ -150,7 +149,7 @@ class Run(AbstractContextManager["Run"]):
     def unpack_only(self, tables: Collection[str] | None) -> None:
         """Have these tables of messages and packets made and no others, None for all; before the first batch."""
         self._only = None if tables is None else frozenset(tables)
-        self.engine = self._engine()
+        self.engine: Engine = self._engine()
 
     def batches(self, *, early: bool = False) -> Iterator[Batch]:
         """Yield every batch of the capture; damage found on the way is complained of at its end.
@@ -197,8 +196,7 @@ class Run(AbstractContextManager["Run"]):
 
     def again(self) -> Iterator[Batch] | None:
         """Return the batches once more, with nothing counted or complained of; None if they exist only once."""
-        chunks = self._chunks_again()
-        return None if chunks is None else self._engine().run(chunks)
+        return None if (chunks := self._chunks_again()) is None else self._engine().run(chunks)
 
     def ahead(self, items: Iterator[_Item]) -> Iterator[_Item]:
         """Return what is read for this run; if there may be threads and the captures are files, one reads it ahead."""
@@ -221,12 +219,8 @@ class Run(AbstractContextManager["Run"]):
         self._conclude()
 
     def frame_batches_inside(self, *, again: bool = False, over: Over = iter) -> Iterator[FrameBatch]:
-        """Yield the rows inside the window; `again` reads them once more, `over` sees them before they are cut.
-
-        Ends the run if that does not go.
-        """
-        batches = self.frame_batches_again() if again else self.frame_batches()
-        if batches is None:
+        """Yield the rows inside the window; `again` reads them once more or ends the run; `over` sees all of them."""
+        if (batches := self.frame_batches_again() if again else self.frame_batches()) is None:
             self.require("cannot be read a second time")
             return
         batches = over(batches)
@@ -241,8 +235,7 @@ class Run(AbstractContextManager["Run"]):
 
     def frame_batches_again(self) -> Iterator[FrameBatch] | None:
         """Return the rows once more, in the same way; None if they exist only once."""
-        chunks = self._chunks_again()
-        return None if chunks is None else frame_batches(chunks)
+        return None if (chunks := self._chunks_again()) is None else frame_batches(chunks)
 
     # ---- whether to go on
 
@@ -289,9 +282,8 @@ class Run(AbstractContextManager["Run"]):
 
     @property
     def _threaded(self) -> bool:
-        if self.source.live or self.request.follow or self.request.threads == 1:  # signals end it in the main thread
-            return False
-        return are_files(self.source)
+        alone = self.source.live or self.request.follow or self.request.threads == 1  # signals end it in the main thread
+        return not alone and are_files(self.source)
 
     def _engine(self) -> Engine:
         """Return a new engine; what comes live is shown at once, everything else waits for its batch."""
@@ -356,6 +348,5 @@ class Run(AbstractContextManager["Run"]):
         source = self.source
         if source.stopped or not whole:
             return []
-        if isinstance(source, Merged):
-            return source.empty
-        return [source.name] if not self.totals.lines["lines"] and source.damage is None else []
+        alone = [source.name] if not self.totals.lines["lines"] and source.damage is None else []
+        return source.empty if isinstance(source, Merged) else alone

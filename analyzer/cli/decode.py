@@ -11,7 +11,7 @@ from analyzer.cli import options, stats, status
 from analyzer.views.formats import BY_NAME
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from analyzer.app.filtered.run_filter import RunFilter
     from analyzer.app.request import Request
@@ -238,7 +238,7 @@ def _rows(
 
     around = run.request.window.around
     if chosen is not None and found is None:
-        run.unpack_only(_unpacked(chosen, view, quiet=quiet))
+        chosen.unpack(rows=not (quiet or view.frame_list), colours=view.colour and not quiet)
     batches = run.batches(early=view.count is not None or screen is not None)
     if found is not None:
         batches = found.over(batches)
@@ -248,15 +248,6 @@ def _rows(
     items = (selection.frames if view.frame_list else selection.counted if unlisted else selection.picked)(batches)
     shown = items if screen is None or around is None else Screen(around, selection.numbering, screen).cut(items)
     return shown if chosen is None or view.frame_list else chosen.listed(shown)
-
-
-def _unpacked(chosen: RunFilter, view: WriterOptions, *, quiet: bool) -> Collection[str] | None:
-    """Return the tables that a filtered list needs, None for all: colour rules may ask for any."""
-    if quiet:
-        return chosen.filter.tables
-    if view.colour:
-        return None
-    return chosen.filter.tables if view.frame_list else chosen.filter.shown()
 
 
 def _decode(

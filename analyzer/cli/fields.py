@@ -55,6 +55,8 @@ def run(args: argparse.Namespace) -> int:
         meant += [ends[one] for one in near(args.pattern[0], list(ends)) if ends[one] not in meant]
         hint = f"; did you mean {listed(meant)}?" if meant else ""
         return status.usage(f"no field's name has {args.pattern[0]!r} in it{hint}", NAME)
+    wanted = {pattern.lower() for pattern in args.pattern}
+    found.sort(key=lambda ref: ref.name.lower().rpartition(".")[2] not in wanted)  # these are called just that
     _write(found, args)
     return status.OK
 

@@ -1,4 +1,4 @@
-"""Gaps in transfer IDs behind which nothing is missing: one counter for all types of a node, and counters that begin anew.
+"""Gaps in transfer IDs behind which nothing is missing: of a counter for all types of a node, and of one begun anew.
 
 The rules say so with all their evidence (TRF-019, TRF-020, BUS-010); this is what sums of a node need of it.
 """
@@ -113,7 +113,7 @@ class ZeroedCounters:
         return np.isin(of, list(self._wraps)) if self._wraps else np.zeros(len(of), bool)
 
     def feed(self, node: Node, session: int, t: int, before: int, missing: int) -> None:
-        """Take a session that fell to 0 at `t`, from the ID `before`; or another gap of it, if `missing` is negative."""
+        """Take a session that fell to 0 at `t`, from the ID `before`; another gap of it if `missing` is negative."""
         if missing < 0:
             self._wraps.pop(session, None)
             return

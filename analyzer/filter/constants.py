@@ -150,9 +150,7 @@ class Constants:
             return
         if not (kind.low if code else min(kind.low, 0)) <= value <= kind.high:
             hint = "; a range is written 3..5" if isinstance(node, Arithmetic) and node.op == "-" else ""
-            raise self.fail(
-                f"{value} is not possible: the field holds {int(kind.low)} to {int(kind.high)}{hint}", node
-            )
+            raise self.fail(f"{value} is not possible: the field holds {int(kind.low)} to {int(kind.high)}{hint}", node)
 
     def _named(self, node: Syntax, kind: Kind) -> float:
         """Return the number that a word stands for."""

@@ -9,7 +9,10 @@ from analyzer.rules.runs import OccurrenceRun, Shown
 
 @pytest.mark.parametrize(
     ("texts", "told"),
-    [(True, "frame 106 repeats frames 110 and 12, 7 frames late"), (False, "frame 1 repeats frames 2 and 12, 7 frames late")],
+    [
+        (True, "frame 106 repeats frames 110 and 12, 7 frames late"),
+        (False, "frame 1 repeats frames 2 and 12, 7 frames late"),
+    ],
 )
 def test_texts_of_rules_name_places_and_those_of_a_vehicle_file_stay_as_they_are(texts: bool, told: str) -> None:
     places = Places()

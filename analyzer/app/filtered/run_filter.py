@@ -72,6 +72,14 @@ class RunFilter:
         severities = {rule: page.severity for rule, page in self._pages.items()} | self._severities
         return self.filter.matcher(labels=self.labels, named=self._named, severities=severities)
 
+    def unpack(self, *, rows: bool, colours: bool) -> None:
+        """Have its run make no tables but those it asks for, those of the `rows` that it may select if they are shown.
+
+        With `colours` all of them: rules of colours may ask for any.
+        """
+        if not colours:
+            self._run.unpack_only(self.filter.shown() if rows else self.filter.tables)
+
     def frame_matcher(self) -> RunFilter | None:
         """Return what chooses frames of a list, None if rows are transfers."""
         if not self._run.request.frame_list:
