@@ -60,6 +60,13 @@ def test_a_recording_that_ends_says_what_it_rules_out() -> None:
     assert notes["last seen"].endswith("then the recording ends, for every sender at once")
 
 
+def test_what_is_not_measured_is_not_ruled_out() -> None:
+    """These ESCs tell speeds, and voltages in another type: no motor is held against its past."""
+    found = analyzer.triage(CAPTURES / "hobbywing.log")
+    assert found.first.kind == "unknown"
+    assert "does not" not in dict(found.first.notes)
+
+
 def test_not_every_sender_at_once_if_one_was_silent_before() -> None:
     torn = without(sample("power-cut.log"), lambda node, _, t: node == 10 and t > 3.9)
     assert "for every sender at once" not in said(triaged(torn))

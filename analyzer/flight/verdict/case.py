@@ -73,6 +73,11 @@ class Case:
         self.excursion = self.swings[-1] if self.swings and self.swings[-1].again is None else None
         self.joint = self._joint_losses()
 
+    @property
+    def measured(self) -> bool:
+        """Whether every ESC tells what its motor is held against its past by."""
+        return all({"rpm", "voltage", "current"} <= set(one.ranges) for one in self.escs)
+
     def volts(self) -> tuple[float, float]:
         """Return the lowest and the highest voltage that ESCs report, NaN if none does."""
         ranges = [one.ranges["voltage"] for one in self.escs if "voltage" in one.ranges]

@@ -285,7 +285,12 @@ def _end(case: Case) -> Verdict:
     if flight.end == "cut" and len(case.joint) >= threshold("joint_often"):
         holes = f"{len(case.joint)} times several senders are silent together, and their transfer IDs run on"
         return Verdict("recorder", _LOSSY, _LIKELY, reasons=(holes, f"{seen}, as far as it was recorded"))
-    if not over and not sunk and (slowest := max((case.period(*node) for node in case.esc_nodes), default=0)):
+    if (
+        not over
+        and not sunk
+        and case.measured
+        and (slowest := max((case.period(*node) for node in case.esc_nodes), default=0))
+    ):
         before = f"an ESC or motor that failed more than {slowest / SECOND:.2f} s before; a sag of the pack before"
     else:
         before = ""
