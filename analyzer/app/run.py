@@ -50,10 +50,6 @@ class RunEndedError(Exception):
     """It has been said why there is no use in going on."""
 
 
-def unheard(_: str) -> None:
-    """Take a complaint that nobody wants to hear."""
-
-
 class Run(AbstractContextManager["Run"]):
     """Reads the captures of a request, once; `state` tells how it went.
 
@@ -282,7 +278,8 @@ class Run(AbstractContextManager["Run"]):
 
     @property
     def _threaded(self) -> bool:
-        alone = self.source.live or self.request.follow or self.request.threads == 1  # signals end it in the main thread
+        # Signals end what is live in the main thread.
+        alone = self.source.live or self.request.follow or self.request.threads == 1
         return not alone and are_files(self.source)
 
     def _engine(self) -> Engine:

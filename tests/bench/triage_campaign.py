@@ -7,8 +7,8 @@ The function takes the path of a capture and returns (kind, nodes, channels), or
 which it began. Families and variants (tail, twin, distractors, firmware, report rates, ESC counts, standard dialect,
 recordings that begin in the air) follow from the seed alone. `--sample` tries so many seeds evenly out of all, each
 `--turn` others. Exit status 1 if a goal is missed: 97 % right (or `unknown` where the key says so), at most 1 %
-wrong, 97 % of first events right, nothing healthy called faulty. Of a sample of few shares say nothing: its goal is that
-nothing is wrong.
+wrong, 97 % of first events right, nothing healthy called faulty. Of a sample of few shares say nothing: its goal is
+that nothing is wrong.
 """
 
 from __future__ import annotations
