@@ -69,7 +69,7 @@ class Run(AbstractContextManager["Run"]):
     def __init__(
         self,
         request: Request,
-        complain: Callable[[str], None] = unheard,
+        complain: Callable[[str], None] = lambda _: None,
         registry: Registry | None = None,
         source: RunSource | None = None,
     ) -> None:
