@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from analyzer.fleet.preload import calm
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:
@@ -162,4 +163,5 @@ def cluster(choice: ClusterChoice) -> Iterator[Serial | Dask]:
         ) as local,
         distributed.Client(local) as client,
     ):  # fmt: skip
+        calm(local.scheduler)
         yield Dask(client)

@@ -10,6 +10,8 @@ from analyzer.app.start import alone, keep_memory, plain_arrow
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
 
+_CALM = 5.0  # seconds between two looks at what changes with the cluster; work is balanced as often
+_AS_IT_IS = ("memory_monitor", "tick", "heartbeat")
 _HEARTBEAT = 5.0  # seconds; Dask's own half a second is for machines that vanish: here the scheduler sees workers end
 
 
@@ -23,8 +25,16 @@ def quick_start() -> None:
 def dask_setup(worker: Any) -> None:
     """Prepare a worker; Dask calls this in each one of a cluster of ours."""
     quick_start()
+    calm(worker)
     beat = worker.periodic_callbacks["heartbeat"]
     beat.callback = _seldom(beat.callback)
+
+
+def calm(server: Any) -> None:
+    """Have a part of a cluster look after itself more seldom, but for its memory and for how late its own loop is."""
+    for name, periodic in server.periodic_callbacks.items():
+        if name not in _AS_IT_IS:
+            periodic.callback_time = max(periodic.callback_time, _CALM * 1000)
 
 
 def _seldom(beat: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -176,18 +175,25 @@ def test_two_commands_at_once_on_a_storage(logs, storage):  # noqa: F811
 
 def test_a_scheduler_of_its_own(logs, tmp_path, serial, command):  # noqa: F811
     """Scheduler and worker as they are started on other machines, by Dask's own commands."""
-    told = tmp_path / "scheduler.json"
     run = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
-    scheduler = subprocess.Popen([*run, "--no-dashboard", "--scheduler-file", str(told)], stderr=subprocess.PIPE)
+    scheduler = subprocess.Popen([*run, "--no-dashboard"], stderr=subprocess.PIPE, text=True)
     worker = None
     try:
         assert scheduler.stderr is not None
-        next(line for line in scheduler.stderr if b"Scheduler at" in line)
-        address = json.loads(_when_whole(told))["address"]
-        run = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
-        worker = subprocess.Popen([*run, "--host", "127.0.0.1"], stderr=subprocess.PIPE)
+        address = next(line for line in scheduler.stderr if "Scheduler at" in line).split()[-1]
+        run = [
+            sys.executable,
+            "-m",
+            "distributed.cli.dask_worker",
+            address,
+            "--nthreads",
+            "1",
+            "--no-dashboard",
+            "--no-nanny",
+        ]
+        worker = subprocess.Popen([*run, "--host", "127.0.0.1"], stderr=subprocess.PIPE, text=True)
         assert worker.stderr is not None
-        next(line for line in worker.stderr if b"Registered to" in line)
+        next(line for line in worker.stderr if "Registered to" in line)
         store = Store(str(tmp_path / "results"))
         status, _, said = command("fleet", "check", logs, "-o", store.place, "--scheduler", address)
         assert (status, "on 1 workers" in said) == (3, True), said
@@ -195,14 +201,8 @@ def test_a_scheduler_of_its_own(logs, tmp_path, serial, command):  # noqa: F811
     finally:
         for one in (worker, scheduler):
             if one is not None:
-                one.kill()
-                one.communicate()
-
-
-def _when_whole(path):
-    while not (path.exists() and path.read_text().endswith("}")):
-        os.sched_yield()
-    return path.read_text()
+                one.terminate()
+                one.wait()
 
 
 def test_a_scheduler_that_is_not_there(command, logs, tmp_path):  # noqa: F811

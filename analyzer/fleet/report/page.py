@@ -16,7 +16,7 @@ _STYLE = (
     "border-bottom:1px solid #ddd;vertical-align:top}code{font-size:90%;overflow-wrap:anywhere}svg{display:block}"
     "@media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}td,th{border-color:#444}}"
 )
-_WIDTH, _HEIGHT, _MARGIN = 640, 120, 16
+_WIDTH, _HEIGHT, _MARGIN, _LABELS = 640, 120, 16, 50
 
 
 def render(report: FleetReport) -> str:
@@ -40,7 +40,11 @@ def _page(report: FleetReport) -> Iterator[str]:
         ("Vehicle", "Day", "What", "Support", "Command"),
         ((one.vehicle, one.date, one.title, one.support, one.command) for one in report.open_first),
     )
-    yield f"<h2>Odd ESCs</h2><p>{report.tested:,} series of at least {report.least_flights} flights were tested.</p>"
+    yield (
+        "<h2>Odd ESCs</h2><p>Each number is the difference from the other ESCs of the same flights. "
+        f"{report.tested:,} series of at least {report.least_flights} flights were tested; of what is listed at most "
+        "one in a hundred is chance. p is the probability of such a difference by chance.</p>"
+    )
     yield from _table(
         ("Vehicle", "Ch", "What", "Now", "Usual", "Flights", "Since", "Against", "Support", "p"),
         (
@@ -58,7 +62,7 @@ def _page(report: FleetReport) -> Iterator[str]:
         ("Firmware", "Flights", "Hours", "Vehicles"),
         ((one.software, one.flights, f"{one.hours:.2f}", ", ".join(one.vehicles)) for one in report.software),
     )
-    yield "<p>Captures with a finding per 100 flight hours:</p>"
+    yield "<p>Captures with a finding per 100 flight hours; p is the probability of such a difference by chance:</p>"
     yield from _table(
         ("Rule", "Title", "Firmware", "Captures", "Rate", "95 % interval", "p", ""),
         (
@@ -124,9 +128,12 @@ def _plot(one: OddEsc) -> Iterator[str]:
     def height(value: float) -> float:
         return _HEIGHT - _MARGIN - (value - low) / ((high - low) or 1) * (_HEIGHT - 2 * _MARGIN)
 
+    def label(text: str, x: float, y: float, anchor: str = "start") -> str:
+        return f'<text x="{x}" y="{y:.1f}" text-anchor="{anchor}" font-size="11" fill="#888">{escape(text)}</text>'
+
     who = f"{one.vehicle} ch{one.ch}" if one.ch is not None else f"{one.vehicle} node {one.node}"
     yield f"<h3>{escape(who)}: {escape(one.what)}, difference from the others of its flights</h3>"
-    yield f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" role="img">'
+    yield f'<svg viewBox="0 0 {_WIDTH + _LABELS} {_HEIGHT + 4}" width="{_WIDTH + _LABELS}" role="img">'
     zero = height(one.fleet)
     yield f'<line x1="{_MARGIN}" x2="{_WIDTH - _MARGIN}" y1="{zero:.1f}" y2="{zero:.1f}" stroke="#888"/>'
     for place, (day, value) in enumerate(one.points):
@@ -136,4 +143,8 @@ def _plot(one: OddEsc) -> Iterator[str]:
             f'<circle cx="{_MARGIN + place * step:.1f}" cy="{height(value):.1f}" r="3" fill="{colour}">'
             f"<title>{escape(day)}: {_amount(one, value)}</title></circle>"
         )
+    for value in sorted({low, one.fleet, high}):
+        yield label(_amount(one, value), _WIDTH - _MARGIN + 6, height(value) + 4)
+    yield label(one.points[0][0], _MARGIN, _HEIGHT)
+    yield label(one.points[-1][0], _WIDTH - _MARGIN, _HEIGHT, "end")
     yield "</svg>"

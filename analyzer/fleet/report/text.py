@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 _MOST = 5  # rows of a table on the screen
 _LEAST_WIDTH = 40
+_TO_TITLE = 54  # columns before the title of a rule, where it stands in the same line
 
 
 def render(report: FleetReport, *, width: int = 80, by: str | None = None) -> str:
@@ -21,12 +22,12 @@ def render(report: FleetReport, *, width: int = 80, by: str | None = None) -> st
     width = max(width, _LEAST_WIDTH)
     parts = [*_head(report, width), ""]
     if by is not None:
-        parts += _TABLES[by](report, None)
+        parts += _rule(report, None, width) if by == "rule" else _TABLES[by](report, None)
     else:
         for part in (_open_first(report.open_first, width), _esc(report, _MOST), _software(report, _MOST)):
             parts += [*part, ""]
         parts += _since(report, width)
-        parts += ["", *_rule(report, _MOST), "", *_last(report, width)]
+        parts += ["", *_rule(report, _MOST, width), "", *_last(report, width)]
     return "".join(f"{line}\n" for line in parts)
 
 
@@ -40,7 +41,7 @@ def _head(report: FleetReport, width: int) -> Iterator[str]:
     rules = " ".join(one[:4] for one in head.settings)
     mixed = " (several: run check again for one)" if len(head.settings) > 1 or len(head.versions) > 1 else ""
     yield from wrap(
-        f"{head.vehicles:,} vehicles, {_hours(head.flight_hours)} in {head.flights:,} flights, "
+        f"{_of(head.vehicles, 'vehicle')}, {_hours(head.flight_hours)} in {_of(head.flights, 'flight')}, "
         f"{head.first_day or '?'} to {head.last_day or '?'}  tailbyte {' '.join(head.versions)}, rules {rules}{mixed}",
         width,
     )
@@ -58,15 +59,15 @@ def _open_first(some: Sequence[OpenFirst], width: int) -> Iterator[str]:
         if len(what) + len(command) + 2 <= width:
             yield f"{what:<{width - len(command)}}{command}"
         else:
-            yield from wrap(what.strip(), width, initial_indent=" ", subsequent_indent="  ")
-            yield f"  {command}"
+            yield from wrap(what.strip(), width, initial_indent=" ", subsequent_indent="   ")
+            yield f"   {command}"
     if len(some) > _MOST:
         yield f" and {len(some) - _MOST} more: --json -"
 
 
 def _esc(report: FleetReport, most: int | None) -> Iterator[str]:
     least = report.least_flights
-    yield f"Odd ESCs (against their own past, then the same firmware; >= {least} flights)"
+    yield f"Odd ESCs (difference from the others of the same flights; >= {least} flights)"
     if not report.odd:
         yield f" none of {report.tested} series" if report.tested else f" no ESC has {least} flights of a named vehicle"
         return
@@ -101,14 +102,14 @@ def _software(report: FleetReport, most: int | None) -> Iterator[str]:
         return
     uses = sorted(report.software, key=lambda one: -one.hours)[:most]
     for one in uses:
-        yield f" {escape(one.software)}: {one.flights:,} flights, {_hours(one.hours)}, {_some(one.vehicles)}"
+        yield f" {escape(one.software)}: {_of(one.flights, 'flight')}, {_hours(one.hours)}, {_some(one.vehicles)}"
     if most is not None and len(report.software) > most:
         yield f" and {len(report.software) - most} more: --by software"
     rules = _by_weight(report)
     for rule in rules[:most]:
         if not any(one.differs for one in report.rates if one.rule == rule) and most is not None:
             count = sum(one.captures for one in report.rates if one.rule == rule)
-            yield f" {rule:<9} {_captures(count)}, no difference seen"
+            yield f" {rule:<9} {_of(count, 'capture')}, no difference seen"
             continue
         for rate in sorted((one for one in report.rates if one.rule == rule), key=lambda one: -one.rate)[:most]:
             mark = "  * more than the others" if rate.differs else ""
@@ -154,18 +155,26 @@ def _since(report: FleetReport, width: int) -> Iterator[str]:
         yield f" {one.rule:<9} {_rate(one.before)} -> {_rate(one.after)} per 100 h  {one.title}"
     if then.seen:
         grown = [f"{rule} x{factor:g}" if factor else f"{rule} never" for rule, factor in list(then.seen.items())[:6]]
-        yield from wrap(f"would have been seen: {', '.join(grown)}", width, initial_indent=" ", subsequent_indent="  ")
+        yield from wrap(
+            f"growth that would have been seen: {', '.join(grown)}", width, initial_indent=" ", subsequent_indent="  "
+        )
 
 
-def _captures(count: int) -> str:
-    return f"{count:,} capture" if count == 1 else f"{count:,} captures"
+def _of(count: int, what: str) -> str:
+    return f"{count:,} {what}{'' if count == 1 else 's'}"
 
 
-def _rule(report: FleetReport, most: int | None) -> Iterator[str]:
+def _rule(report: FleetReport, most: int | None, width: int) -> Iterator[str]:
     yield "What fails" if report.rules else "What fails   nothing"
     for one in report.rules[:most]:
-        yield f" {one.rule:<9} {one.severity:<8} {_captures(one.captures):<14} of {one.vehicles:,} vehicles"
-        yield f"           {one.title}"
+        line = (
+            f" {one.rule:<9} {one.severity:<8} {_of(one.captures, 'capture'):<14} of {_of(one.vehicles, 'vehicle'):<12}"
+        )
+        if len(line) + len(one.title) < width:
+            yield f"{line} {one.title}"
+        else:
+            yield line.rstrip()
+            yield f"           {one.title}"
     if most is not None and len(report.rules) > most:
         yield f" and {len(report.rules) - most} more: --by rule"
 
@@ -181,7 +190,11 @@ def _vehicle(report: FleetReport, most: int | None) -> Iterator[str]:
 
 def _last(report: FleetReport, width: int) -> Iterator[str]:
     count = report.head.duplicates
-    yield f"Duplicates {_captures(count)} with the sha256 of another one: not counted" if count else "Duplicates none"
+    yield (
+        f"Duplicates {_of(count, 'capture')} with the sha256 of another one: not counted"
+        if count
+        else "Duplicates none"
+    )
     for one in report.unread[:_MOST]:
         yield from wrap(f"{one.outcome} {escape(one.url)}: {escape(one.error)}", width, subsequent_indent="  ")
     if len(report.unread) > _MOST:
@@ -191,6 +204,5 @@ def _last(report: FleetReport, width: int) -> Iterator[str]:
 _TABLES: dict[str, Callable[[FleetReport, int | None], Iterator[str]]] = {
     "vehicle": _vehicle,
     "software": _software,
-    "rule": _rule,
     "esc": _esc,
 }
