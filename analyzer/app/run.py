@@ -279,7 +279,7 @@ class Run(AbstractContextManager["Run"]):
 
     @property
     def _threaded(self) -> bool:
-        alone = self.source.live or self.request.follow or self.request.threads == 1  # signals end it in the main thread
+        alone = self.source.live or self.request.follow or self.request.threads == 1  # signals end the main one
         return not alone and are_files(self.source)
 
     def _engine(self) -> Engine:
