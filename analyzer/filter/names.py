@@ -172,7 +172,9 @@ class FilterNames:
 
     def _tables(self, name: str) -> dict[str, Message | Packet]:
         """Return the tables that a name may mean: a type's, both halves of a service's, a packet's."""
-        found = {table: m for table in self.registry.named(name) if (m := self.registry.message_of(table)) is not None}
+        found: dict[str, Message | Packet] = {
+            table: m for table in self.registry.named(name) if (m := self.registry.message_of(table)) is not None
+        }
         return found or self._packets(name)
 
     def _packets(self, name: str) -> dict[str, Message | Packet]:
