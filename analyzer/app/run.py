@@ -278,8 +278,7 @@ class Run(AbstractContextManager["Run"]):
 
     @property
     def _threaded(self) -> bool:
-        # Signals end what is live in the main thread.
-        alone = self.source.live or self.request.follow or self.request.threads == 1
+        alone = self.source.live or self.request.follow or self.request.threads == 1  # signals end the main one
         return not alone and are_files(self.source)
 
     def _engine(self) -> Engine:

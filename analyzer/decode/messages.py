@@ -123,11 +123,13 @@ class Messages:
 
     def told(self, read: ReadMessages) -> LazyTables:
         """Return the tables as their nodes are read by now; to be called in the order of reading."""
-        makers = {name: partial(self._told, read, name, self._readings.now(name)) for name in self._asked(read.sent)}
-        return LazyTables(makers | {one.table: self._packets(one) for one in read.packets})
+        makers = {
+            name: partial(self._told, read, name, self._readings.now(name)) for name in read.sent if self._asked(name)
+        }
+        return LazyTables(makers | {one.table: self._packets(one) for one in read.packets if self._asked(one.table)})
 
-    def _asked(self, names: Iterable[str]) -> Iterable[str]:
-        return names if self._only is None else (name for name in names if name in self._only)
+    def _asked(self, table: str) -> bool:
+        return self._only is None or table in self._only
 
     @property
     def waiting(self) -> bool:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 FEWEST_RETURNS = 4  # gaps behind which a counter goes on as if nothing had been there
 RETURNING = 1 / 4  # of the gaps, at least: of lost transfers one in 32 looks like that by chance
+FEWEST_COMMON = 8  # gaps of a node: of fewer chance makes it look so
 COMMON = 1 / 4  # of the gaps, at most, that are left if one counter serves all types: by chance nearly all are
 _GAP, _TO_ZERO = (1 << TRANSFER_ANOMALIES.index(name) for name in ("transfer id gap", "transfer id restarted"))
 _COUNTING = (KINDS.index("message"), KINDS.index("request"))  # a response has the transfer ID of its request
@@ -104,7 +105,7 @@ class LostTransfers:
             return None
         lost = max(0, self._lost[at] + (0 if began_anew else self._zeroed.lost[at]))
         types = self._types[at]
-        if types > 1 and self._by_both[at] < lost * COMMON:
+        if types > 1 and self._gaps[at] >= FEWEST_COMMON and self._by_both[at] < lost * COMMON:
             return round(self._common[at] / types)  # a gap of the one counter is one of each type
         return lost
 

@@ -173,9 +173,7 @@ class FilterNames:
     def _tables(self, name: str) -> dict[str, Message | Packet]:
         """Return the tables that a name may mean: a type's, both halves of a service's, a packet's."""
         found: dict[str, Message | Packet] = {
-            table: message
-            for table in self.registry.named(name)
-            if (message := self.registry.message_of(table)) is not None
+            table: m for table in self.registry.named(name) if (m := self.registry.message_of(table)) is not None
         }
         return found or self._packets(name)
 

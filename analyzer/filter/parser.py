@@ -58,7 +58,7 @@ class _Parser:
             self._fail("the filter is empty")
         tree = self._expression(0)
         if self._token.kind != "end":
-            apart = isinstance(tree, Word) and self._token.kind == "word"
+            apart = isinstance(tree, Word) and "." not in tree.text and self._token.kind == "word"
             self._unexpected("an operator such as && or ==" + (" (or the dot of a name)" if apart else ""))
         return tree
 

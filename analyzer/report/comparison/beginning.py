@@ -38,7 +38,7 @@ class FrameBlocks:
             start = stop
 
     def _add(self, t: Array, ids: Array, data: memoryview) -> None:
-        for some in (t.data, ids.data, data):
+        for some in (t.tobytes(), ids.tobytes(), data):
             self._open.update(some)
         self._missing -= len(t)
         if not self._missing:
