@@ -56,7 +56,12 @@ WRONG = [
     (HEAD + 'when = "RawCommand"\ntext = "{RawCommand} alone }"', 4, "a text shows fields of rows only", 1),
     (HEAD + 'when = "RawCommand"\ntext = "{RawCommand.cmd} alone }"', 4, "a } without its other half", 23),
     (HEAD + 'text = "when = 1"\nwhen = """\n ch == 1\n  && ESCStatus.volatge > 3"""', 6, "no field 'volatge'", 15),
-    (HEAD + "when = '''ESCStatus\nfor = 1'''\nfor = '2 parsec'", 4, "an operator such as && or == is expected", 0),
+    (
+        HEAD + "when = '''ESCStatus\nfor = 1'''\nfor = '2 parsec'",
+        4,
+        "an operator such as && or == (or the dot of a name) is expected",
+        0,
+    ),
     (HEAD + "when = '''ESCStatus\n# for'''\nfor = '2 parsec'", 4, "# is no operator", 0),
     (HEAD + "when = '''ESCStatus\n||ch==1'''\nfor = '2 parsec'", 5, "unknown unit of time 'parsec'", 2),
     (HEAD + 'when = "' + "(" * 5000 + '"', 3, "", None),

@@ -263,9 +263,9 @@ def numbers(rows: Iterable[Row]) -> list[int]:
     return [int.from_bytes(row.data, "big") for row in frames_of(rows)]
 
 
-def findings(path: Path) -> bytes:
-    """What a report in JSON found, to the byte."""
-    return json.dumps(json.loads(path.read_bytes())["findings"]).encode()
+def findings(path: Path) -> list[str]:
+    """What a report in JSON found, to the byte; one each, so that those which differ are seen."""
+    return list(map(json.dumps, json.loads(path.read_bytes())["findings"]))
 
 
 def quiet(folder: Path, names: Sequence[str], recording: str, *args: object, prefix: Sequence[str] = ()) -> Session:
@@ -274,7 +274,7 @@ def quiet(folder: Path, names: Sequence[str], recording: str, *args: object, pre
     return Session(folder, names, "-q", "-w", path, "--json", f"{path}.json", *args, prefix=prefix)
 
 
-def judged(command: Command, recording: Path, *args: object) -> tuple[int, bytes]:
+def judged(command: Command, recording: Path, *args: object) -> tuple[int, list[str]]:
     """What `check` says of a recording: its exit status and the findings."""
     report = recording.with_name(f"{recording.name}.check.json")
     status = command("check", recording, "--json", report, *args)[0]
