@@ -127,9 +127,11 @@ def storage(monkeypatch):
         "AWS_REGION": "us-east-1", "AWS_DEFAULT_REGION": "us-east-1", "AWS_ALLOW_HTTP": "true",
     }.items():  # fmt: skip
         monkeypatch.setenv(name, value)
+    fsspec.get_filesystem_class("s3").clear_instance_cache()  # what is kept knows the server of another test
     files = fsspec.filesystem("s3", skip_instance_cache=True)
     files.mkdir("fleet")
     yield "s3://fleet", files
+    files.rm("fleet", recursive=True)  # moto keeps buckets for the next server of this process
     server.stop()
 
 
