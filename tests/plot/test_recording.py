@@ -101,7 +101,7 @@ def test_findings_stand_at_their_frames_by_severity(command: Command) -> None:
         found = [
             (times, parts) for severity, times, parts in shown
             if severity == one["severity"]
-            and parts["TextLog:text"][0].startswith(one["rule"])
+            and parts["TextLog:text"][0].split()[1] == one["rule"]  # behind the time
             and times.get("time") == one["first"]["t_ns"]
             and times.get("frame") == one["first"]["frame"]
         ]  # fmt: skip
