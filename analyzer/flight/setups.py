@@ -41,6 +41,7 @@ class Setups(ReportEvents):
         super().__init__(order)
         self._plots = [plot for plot in self._plots if not commands(order.registry, plot.table)]
         self._all: dict[Node, dict[str, list[Told]]] = {}
+        self._versions: dict[str, str | None] = {}  # the column of each table that was seen, None for none
 
     @staticmethod
     def of_use(plot: Plot) -> bool:
@@ -50,7 +51,10 @@ class Setups(ReportEvents):
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
         for name in batch.messages:
-            if (table := self._reader.rows(name, batch)) is not None and (column := version_column(table)) is not None:
+            if name not in self._versions:
+                self._versions[name] = version_column(batch.messages[name])
+            column = self._versions[name]
+            if column is not None and (table := self._reader.rows(name, batch)) is not None:
                 # Who tells it in two types tells it in two ways: neither is a change of the other.
                 what = f"{SOFTWARE} ({name.removesuffix('.Response').rpartition('.')[2]})"
                 self._note(table, what, [version(value) for value in pylist(table.column(column))])
