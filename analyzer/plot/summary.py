@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _SHOWN = 10
 _FOLDED = re.compile(r"<details><summary>(.*?)</summary>")  # the viewer shows no HTML
-_SIGNS = re.compile("[\u2139\u26a0\u274c\ufe0f\u26aa\U0001f534\U0001f7e0\U0001f7e2]+ ?")  # nor has it a font for these
+_SIGNS = re.compile(f"[{''.join(sorted(markdown.PICTURES))}]+ ?")  # nor has it a font for these
 
 
 def page(

@@ -27,6 +27,7 @@ _DETAILED = 20
 _LINES = 20
 _SIGNS = {"error": "❌", "warning": "⚠️", "note": "ℹ️"}  # noqa: RUF001 - the sign for information is meant
 _TONES = {"good": "🟢", "caution": "🟠", "bad": "🔴", "idle": "⚪"}
+PICTURES = frozenset("".join((*_SIGNS.values(), *_TONES.values())))  # what a plain font has no letters for
 _PLAIN = re.compile(r"[A-Za-z0-9(][A-Za-z0-9 ,;()'./-]*")
 # Words that a forge makes a link of by itself: addresses, issues, commits.
 _LINKED = re.compile(r"www\.|//|\bgh-\d|[0-9a-f]{7}", re.IGNORECASE)
