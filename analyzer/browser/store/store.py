@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 from bisect import bisect_right
 from collections import OrderedDict
 from typing import TYPE_CHECKING, NamedTuple
@@ -220,10 +219,6 @@ class Store:
                 column = one.table(name).column("t")
                 times[rows], known[rows] = one.column(name, "t")[index[rows]], valid(column)[index[rows]]
         return times, known
-
-    def bytes_on_disk(self) -> int:
-        """Return how much room the files take."""
-        return sum(os.stat(one.path).st_size for one in self.segments)  # noqa: PTH116 - many files
 
 
 def owner_of(transfers: pa.RecordBatch, place: int) -> int | None:

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 _MOST = 5  # rows of a table on the screen
 _LEAST_WIDTH = 40
-_TO_TITLE = 54  # columns before the title of a rule, where it stands in the same line
 
 
 def render(report: FleetReport, *, width: int = 80, by: str | None = None) -> str:
