@@ -303,33 +303,6 @@ def test_the_strip_is_clicked_and_help_comes_and_goes() -> None:
     asyncio.run(work())
 
 
-def test_rows_are_selected_copied_and_written() -> None:
-    async def work() -> None:
-        async with browser(FAULTS, judged=False) as seen:
-            app = seen.app
-            await seen.press("down", "v", "down", "down")
-            assert "3 selected" in seen.screen
-            assert app.copied("filter") == "frame.number in {4, 9, 12}"
-            assert [json.loads(line)["frames"] for line in app.copied("JSON").splitlines()][:2] == [
-                [4, 5, 6, 7, 8],
-                [9, 10, 11],
-            ]
-            assert [line.split()[0] for line in app.copied("text").splitlines()] == ["4", "9", "12"]
-            assert len(app.copied("candump").splitlines()) == 13
-            written: list[tuple[str, str]] = []
-            app.tools.write = lambda path, text: written.append((path, text)) or "writing"
-            await seen.press("w")
-            assert "3 selected rows" in seen.said
-            await seen.type("part.log")
-            assert written == [("part.log", "frame.number in {4, 9, 12}")]
-            await seen.press("escape", "shift+up")
-            assert "2 selected" in seen.screen
-            await seen.press("v")
-            assert "2 selected" not in seen.screen
-
-    asyncio.run(work())
-
-
 def test_statistics_are_offered_and_rules_explained() -> None:
     async def work() -> None:
         async with browser(FAULTS) as seen:
@@ -350,19 +323,3 @@ def test_statistics_are_offered_and_rules_explained() -> None:
             assert "wrong toggle bit at the sender, before frame 5712" in seen.screen.replace("\n ", " ")
 
     asyncio.run(work())
-
-
-@pytest.mark.slow
-def test_what_is_selected_is_written_by_another_process(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with browser(FAULTS, judged=False) as seen:
-            await seen.press("down", "v", "down", "down", "w")
-            await seen.type(str(tmp_path / "part.log"))
-            await seen.until(lambda: bool(seen.app.tools.said) or "written" in seen.said)
-            await seen.press("escape", "w")
-            await seen.type(str(tmp_path / "all.csv"))
-            await seen.until((tmp_path / "all.csv").exists)
-
-    asyncio.run(work())
-    assert len((tmp_path / "part.log").read_text().splitlines()) == 13
-    assert len((tmp_path / "all.csv").read_text().splitlines()) == 1 + 3222
