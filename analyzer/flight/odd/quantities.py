@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 BINS = 40
 _LAW = 3  # a current grows so with the speed: torque with its square, duty cycle with itself
-_COMMAND_BIN = 2.5  # % of throttle
+_COMMAND_BIN = 2.5  # % of the full command
 _SLOWEST, _SPEED_BIN = np.log(300.0), 0.12  # natural logarithm of rpm: 300 to 36,000
 
 
@@ -78,19 +78,19 @@ BINNED = 4  # kinds of sums by bins
 def binned(some: EscReports, steady: Array) -> list[tuple[Array, Array, Array]]:
     """Return for each kind of sums by bins the reports that count, their bins, and what they say.
 
-    Those are speed for a percent of throttle and a volt, speed for a percent alone, power by the cube of the speed,
+    Those are speed for a percent of command and a volt, speed for a percent alone, power by the cube of the speed,
     current by it: at equal speed the product of current and voltage stays the same whatever the pack gives. Means of
     them are those of an even speed, as much as a motor gains speed and loses it again.
     """
-    throttle = commanded(some)
+    command = commanded(some)
     with np.errstate(divide="ignore", invalid="ignore"):
-        driven = steady & (throttle > threshold("motor_steady_percent"))
+        driven = steady & (command > threshold("motor_steady_percent"))
         drawn = steady & (some.current > threshold("motor_least_a"))
         supplied = some.volts > 1
-        by_command = np.clip(np.nan_to_num(throttle) / _COMMAND_BIN, 0, BINS - 1).astype(np.int64)
+        by_command = np.clip(np.nan_to_num(command) / _COMMAND_BIN, 0, BINS - 1).astype(np.int64)
         turns = np.where(some.speed > 0, some.speed, 1.0)
         by_speed = np.clip((np.log(turns) - _SLOWEST) / _SPEED_BIN, 0, BINS - 1).astype(np.int64)
-        gained, taken = some.speed / throttle, some.current / (turns / 1000) ** _LAW
+        gained, taken = some.speed / command, some.current / (turns / 1000) ** _LAW
         return [
             (np.flatnonzero(good), bins, values)
             for good, bins, values in (
