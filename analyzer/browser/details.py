@@ -126,6 +126,7 @@ def _of_transfer(line: DetailLine, said: str) -> DetailLine | None:
         ("CRC: ", {"part": "crc"}), ("transfer ID", {"part": "tail"}),
         ("Transfer: ", {"name": "dronecan.status", "value": value}),
         ("since first frame: ", {"name": "frame.time_relative", "value": value.split(" ", maxsplit=1)[0]}),
+        ("time: ", {"name": "frame.time", "value": f'"{value.removesuffix(" (local)")}"'}),
     ):  # fmt: skip
         if said.startswith(begin):
             return DetailLine(line.depth, line.text, **changes)  # type: ignore[arg-type]
@@ -182,6 +183,15 @@ def _bits_of_word(bits: tuple[int, int], width: int, mask: Sequence[int]) -> tup
         size = min(8, width - byte * 8)
         found.append(first + byte * 8 + size - 1 - within)
     return tuple(sorted(found))
+
+
+def with_transfer_id(lines: list[DetailLine], number: int) -> list[DetailLine]:
+    """Return the details of a transfer with its ID, which `-V` leaves to the list."""
+    at = next((k for k, line in enumerate(lines) if line.name == "dronecan.status"), len(lines) - 1)
+    while at + 1 < len(lines) and lines[at + 1].depth > 1:
+        at += 1
+    line = DetailLine(2, f"transfer ID: {number}", part="tail", name="dronecan.transfer_id", value=str(number))
+    return [*lines[: at + 1], line, *lines[at + 1 :]]
 
 
 def frame_lines(number: int, frame: RawFrame, bus: str, verdict: int, time: str, rules: str) -> list[DetailLine]:

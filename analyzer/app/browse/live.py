@@ -64,6 +64,7 @@ class LiveSupply:
         self.troubles: Sequence[tuple[int, str]] = ()
         self.starts: Sequence[int] = ()
         self.labels, self._pages = criteria.labels, criteria.pages
+        self.remarks: dict[int, str] = {}
         self.severities: dict[str, str] = {rule: page.severity for rule, page in criteria.pages.items()}
         self.ended = self.failed = False
         self._stop, self._full = stop, False
@@ -108,6 +109,11 @@ class LiveSupply:
         self._run = session.reading
 
     # ---- for the browser, in its thread
+
+    @property
+    def revision(self) -> int:
+        """Count how often a finding has named rows."""
+        return self.named.revision
 
     @property
     def loaded(self) -> bool:

@@ -12,9 +12,9 @@ from textual.binding import Binding
 from textual.events import Key
 
 from analyzer.browser.dump import line_at
-from analyzer.browser.screen.gestures import Gestures
 from analyzer.browser.screen.help import help_page
 from analyzer.browser.screen.keys import EVERY, HINTS
+from analyzer.browser.screen.offering import Offering
 from analyzer.browser.supply import TABS
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ PERIOD = 0.2  # seconds between two looks at what is decoded
 _RARELY = 10  # looks until the files themselves are looked at
 
 
-class Browser(Gestures):
+class Browser(Offering):
     """Shows a view until the user quits."""
 
     BINDINGS: ClassVar[list[Binding]] = [  # type: ignore[assignment]  # Textual allows more kinds
@@ -74,6 +74,7 @@ class Browser(Gestures):
             self.begin_at()
         self.wait_for_search()
         self.wait_for_walk()
+        self.wait_for_order()
         self._looks += 1
         if self._looks % _RARELY == 0:
             self._look_around()
@@ -83,12 +84,11 @@ class Browser(Gestures):
             self.list.to(len(view.rows) - 1)
         seen = (
             len(view.rows), supply.loaded, supply.doing, supply.named, len(supply.notes), round(supply.share, 2),
-            getattr(view.rows, "done", True), supply.tab(self.tab), len(supply.flights),
+            getattr(view.rows, "done", True), getattr(view.rows, "share", 1), supply.tab(self.tab), len(supply.flights),
         )  # fmt: skip
         if seen == self._seen:
             return
         if self._seen and (seen[0] != self._seen[0] or seen[3] is not self._seen[3]):
-            view.pages.named = supply.named
             self.list.draw()
         self._seen = seen
         if view.anchor is None and len(view.rows):

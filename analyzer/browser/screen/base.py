@@ -19,6 +19,7 @@ from analyzer.browser.screen.list_pane import PacketList
 from analyzer.browser.screen.strip_pane import StripPane
 from analyzer.browser.screen.styles import NAMED
 from analyzer.browser.screen.tab_pane import TabPane
+from analyzer.browser.sorted_rows import SortedRows
 from analyzer.browser.supply import TABS, TabLine
 from analyzer.filter.names import FilterNames
 from analyzer.stats.catalogue import STATISTICS
@@ -104,15 +105,22 @@ class BrowserBase(App[None]):
         view = self.view
         count, at = len(view.rows), view.number() + 1 if len(view.rows) else 0
         where = f"row {at:,} of {count:,}"
-        if isinstance(view.rows, ChosenRows) and len(view.store):
+        order = view.rows if isinstance(view.rows, SortedRows) else None
+        rows = view.rows if order is None else order.base
+        if isinstance(rows, ChosenRows) and len(view.store):
             where += f" ({count / len(view.store):.2%})"
         if view.begun is not None:
             where = f"{len(view.selected()):,} selected  {where}"
-        if isinstance(view.rows, ChosenRows):
-            share = view.rows.share
-            where += "" if view.rows.done else f" so far, {share:.0%}" if share < 1 else " so far"
-            if view.rows.problem is not None:
-                where = f"the filter failed: {view.rows.problem}"
+        if isinstance(rows, ChosenRows):
+            share = rows.share
+            where += "" if rows.done else f" so far, {share:.0%}" if share < 1 else " so far"
+            if rows.problem is not None:
+                where = f"the filter failed: {rows.problem}"
+        if order is not None:
+            way = "falling" if order.falling else "rising"
+            where = f"{order.name} {way}{'' if order.done else ' ...'}  {where}"
+            if order.problem is not None:
+                where = f"it cannot be sorted: {order.problem}"
         place = "" if self.tab == TABS[0] else f"tab {TABS.index(self.tab) + 1} {self.tab}  "
         right = f" {place}{where} "
         filtered = f" = {view.filter}" if view.filter else " = (no filter)"

@@ -10,6 +10,7 @@ from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.screen.handing import Handing
 from analyzer.browser.screen.help import line_page, rule_page
 from analyzer.browser.screen.styles import CONVERSATIONS
+from analyzer.browser.sorted_rows import SortedRows
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
 from analyzer.filter.errors import FilterError
@@ -18,7 +19,7 @@ from analyzer.views.times import MODES
 if TYPE_CHECKING:
     from analyzer.browser.screen.bar import Bar
 
-_FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}
+FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}
 _FOLLOWED = {"esc": "channel of an ESC", "unit": "power unit", "exchange": "exchange of a service"}
 _RULE = re.compile(r'finding\.rule == "([^"]+)"')
 _HOW = {"s": "", "n": "not", "a": "and", "o": "or", "b": "and not", "c": "or not"}
@@ -100,6 +101,10 @@ class Gestures(Handing):
             self.action_select(0)
         elif self.tab != TABS[0]:
             self.action_tab(TABS[0])
+        elif isinstance(self.view.rows, SortedRows):
+            self.view.sort("")
+            self.list.to(self.view.number())
+            self.say("rows are in the order of the capture")
         elif self.view.filter:
             self.set_filter("")
 
@@ -125,7 +130,7 @@ class Gestures(Handing):
 
     def follow(self, key: str) -> None:
         """Filter by what a row is part of."""
-        row, what = self.view.current(), _FOLLOWS.get(key)
+        row, what = self.view.current(), FOLLOWS.get(key)
         if row is None or what is None:
             self.say("nothing is followed")
             return
@@ -270,8 +275,9 @@ class Gestures(Handing):
     def action_ask_comment(self) -> None:
         """Ask for a comment."""
         places = self.frames_now()
-        marks = self.view.marks.marks
-        self.ask("comment", next((marks[place].text for place in places if place in marks), ""))
+        marks, remarks = self.view.marks.marks, self.view.supply.remarks
+        own = (marks[place].text for place in places if place in marks)
+        self.ask("comment", next(own, "") or next((remarks[place] for place in places if place in remarks), ""))
 
     def action_ask_write(self) -> None:
         """Ask for a file."""

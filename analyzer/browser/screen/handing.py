@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from analyzer.browser.store.store import Row
 
 _MOST_COPIED = 2000  # rows: a clipboard goes through the terminal
-_COPIES = {"t": "text", "j": "JSON", "c": "candump", "f": "filter", "d": "details", "v": "value"}
+_COPIES = {
+    "t": "text", "j": "JSON", "c": "candump", "f": "filter", "d": "details", "v": "value", "l": "line",
+}  # fmt: skip
 
 
 class Handing(Searching):
@@ -70,12 +72,12 @@ class Handing(Searching):
     def write(self, path: str) -> None:
         """Write what is displayed to a file."""
         view = self.view
-        chosen = view.filter if view.begun is None else view.filter_of(view.selected())
-        if view.begun is not None and not chosen:
-            self.fail("the selected rows have no frames")
-            return
         try:
-            self.say(self.tools.write(path, chosen))
+            chosen = view.filter if view.begun is None else view.filter_of(view.selected())
+            if view.begun is not None and not chosen:
+                self.fail("the selected rows have no frames")
+            else:
+                self.say(self.tools.write(path, chosen))
         except ValueError as error:
             self.fail(str(error))
 
@@ -99,7 +101,11 @@ class Handing(Searching):
     def copy(self, key: str) -> None:
         """Copy the selected rows, or the current one, in one of several forms."""
         form = _COPIES.get(key)
-        text = "" if form is None else self.copied(form)
+        try:
+            text = "" if form is None else self.copied(form)
+        except ValueError as error:
+            self.fail(str(error))
+            return
         if not text:
             self.fail("nothing is copied" if form is None else f"this row has no {form}")
             return
@@ -111,6 +117,8 @@ class Handing(Searching):
 
     def copied(self, form: str) -> str:
         """Return rows as text, JSON, candump lines or details; a field of one row, or the rows, as a filter."""
+        if form == "line":
+            return "" if self.tabs.line is None else self.tabs.line.text
         view, shown, numbers = self.view, self.shown, self.view.selected()[:_MOST_COPIED]
         if not numbers or shown is None:
             return ""
@@ -125,7 +133,9 @@ class Handing(Searching):
         return {"text": self._lines, "JSON": self._json, "details": self._details, "candump": self._frames}[form](rows)
 
     def _lines(self, rows: list[Row]) -> str:
-        return "\n".join(line.text.rstrip() for line in self.view.pages.lines(rows, 500))
+        rules = map(self.view.rules_of, rows)
+        lines = zip(self.view.pages.lines(rows, 500), rules, strict=True)
+        return "\n".join("  ".join((line.text.rstrip(), *some)) for line, some in lines)
 
     def _json(self, rows: list[Row]) -> str:
         view = self.view

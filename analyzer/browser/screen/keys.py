@@ -63,13 +63,15 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
         KeyWords("f", "follow", "f", "follow: n node, t type, e ESC, u power unit, x service exchange"),
         KeyWords("i", "column(1)", "i I", "apply as column; take the last one off"),
         KeyWords("I", "column(-1)", "", ""),
+        KeyWords("space,f10", "menu", "space F10", "a menu of what can be done here; or the right button of the mouse"),
+        KeyWords("S", "sort", "S", "sort by the selected field, again: highest first, as recorded; or click a column"),
         KeyWords("c", "conversation", "c", "colour this conversation, up to six; a digit in front says which"),
     ),
     "Show": (
         KeyWords("number_sign", "numbers", "#", "names or numbers: types by ID, fields without words and units"),
         KeyWords("t,ctrl+t", "reference", "t ctrl+t", "count times from this row; again: from the first frame"),
         KeyWords("T", "times", "T", "times as -t: r relative, a time of day, ad, d, dd, e epoch, u, ud"),
-        KeyWords("enter,space", "choose", "enter", "fold a detail, see a long one in full; go where a tab leads"),
+        KeyWords("enter", "choose", "enter", "fold a detail, see a long one in full; go where a tab leads"),
         KeyWords("E", "explain", "E", "the page of the rule that names this row, or of this finding"),
         KeyWords("x", "fold_all", "x", "fold all details, open them again"),
         *(
@@ -95,8 +97,8 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
 EVERY = tuple(key for keys in KEYS.values() for key in keys)
 # The last line: what is told there, and what a click on it does.
 HINTS = (
-    ("? help", "help"), ("= filter", "ask_filter"), ("/ find", "ask_find"), ("g go", "ask_go"), ("tab pane", "pane(1)"),
-    ("[ ] finding", "finding(1)"), ("m mark", "mark"), ("1-7 tabs", "next_tab"), ("q quit", "leave"),
+    ("? help", "help"), ("space menu", "menu"), ("= filter", "ask_filter"), ("/ find", "ask_find"), ("g go", "ask_go"),
+    ("tab pane", "pane(1)"), ("] finding", "finding(1)"), ("1-7 tabs", "next_tab"), ("q quit", "leave"),
 )  # fmt: skip
 HINT = "  ".join(text for text, _ in HINTS)
 
