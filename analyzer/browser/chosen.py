@@ -116,7 +116,9 @@ class ChosenRows:
 
     def _anew(self) -> None:
         """Look through everything once more, in place of what is known."""
-        matcher, found, starts = self._new(), [], [0]
+        matcher = self._new()
+        found: list[Array] = []
+        starts = [0]
         self._through(matcher, found, starts, len(self._known[0]))
         if not self._stop.is_set():
             self._matcher, self._known = matcher, (found, starts)

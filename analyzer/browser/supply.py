@@ -49,7 +49,6 @@ class Supply(Protocol):
         labels: of nodes in the vehicle file.
         severities: of rules.
         remarks: comments of the captures themselves, on frames, from 0.
-        revision: rises with each finding that may name rows which are there already.
         asking: a statistic is asked for that is not there yet.
     """
 
@@ -71,7 +70,10 @@ class Supply(Protocol):
     asking: bool
     severities: dict[str, str]
     remarks: dict[int, str]
-    revision: int
+
+    @property
+    def revision(self) -> int:
+        """Return a number that rises with each finding that may name rows which are there already."""
 
     @property
     def named(self) -> NamesFrames | None:

@@ -111,12 +111,18 @@ class BrowserView:
         if isinstance(rows, ChosenRows | SortedRows):
             rows.stop()
 
+    def waits(self, text: str) -> bool:
+        """Return whether a filter asks for findings, and they are not known yet. Raises `FilterError`."""
+        asks = bool(text.strip()) and compile_filter(text, self.supply.registry).asks_findings
+        return asks and self.supply.named is None and not (self.supply.loaded and not self.supply.doing)
+
     def matcher(self, text: str) -> Matcher:
         """Return a filter at work. Raises `FilterError`."""
         supply = self.supply
         chosen = compile_filter(text, supply.registry)
         if chosen.asks_findings and supply.named is None:
-            raise FilterError("findings are not known yet: the capture is still being judged", text, 0, len(text))
+            said = "findings are not known" + (" yet: the capture is still being judged" if supply.doing else "")
+            raise FilterError(said, text, 0, len(text))
         return chosen.matcher(
             zero=self.store.zero, labels=supply.labels, named=supply.named, severities=supply.severities
         )

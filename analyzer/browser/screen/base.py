@@ -69,6 +69,7 @@ class BrowserBase(App[None]):
         self.bar = Bar(self.names)
         self.panes = (self.list, self.details, self.bytes)
         self.following, self.wanted = False, 0
+        self.awaited = ""  # a filter that waits for findings
         self._back: list[tuple[int, int]] = []  # places that were left by a jump, and those that were gone back from
         self._ahead: list[tuple[int, int]] = []
         self.search: Search | None = None  # and `wanted` the step to the match that is waited for
@@ -124,6 +125,8 @@ class BrowserBase(App[None]):
         place = "" if self.tab == TABS[0] else f"tab {TABS.index(self.tab) + 1} {self.tab}  "
         right = f" {place}{where} "
         filtered = f" = {view.filter}" if view.filter else " = (no filter)"
+        if self.awaited:
+            filtered = f" = {self.awaited} (once it is judged)"
         left = padded(fit(filtered, max(4, width - len(right))), width - len(right))
         return (left, NAMED["good" if view.filter else "dim"]), (fit(right, width), NAMED[""])
 

@@ -65,7 +65,9 @@ class Gestures(Handing):
     def set_filter(self, text: str) -> bool:
         """Show only what a filter selects; say where it is wrong."""
         try:
-            self.view.apply(text)
+            self.awaited = text if self.view.waits(text) else ""
+            if not self.awaited:
+                self.view.apply(text)
         except FilterError as error:
             self.say_place(error)
             return False
@@ -77,8 +79,15 @@ class Gestures(Handing):
             self.action_tab(TABS[0])
         self.list.draw()
         self.show_row()
+        if self.awaited:
+            self.say("it is applied once the capture is judged (esc forgets it)")
         self.draw_lines()
         return True
+
+    def wait_for_findings(self) -> None:
+        """Apply the filter that waits for findings, if they are known now."""
+        if self.awaited and not self.view.waits(self.awaited):
+            self.set_filter(self.awaited)
 
     def say_place(self, error: FilterError) -> None:
         """Say what is wrong with a filter; the cursor of the filter line is the caret."""
@@ -93,6 +102,9 @@ class Gestures(Handing):
         """End a search or a selection; else take the filter off."""
         if self.end_walk():
             self.say("it is looked for no more")
+        elif self.awaited:
+            self.awaited = ""
+            self.say("the filter that waited is forgotten")
         elif self.search is not None:
             self.search.stop()
             self.search, self.wanted = None, 0

@@ -97,7 +97,7 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
 EVERY = tuple(key for keys in KEYS.values() for key in keys)
 # The last line: what is told there, and what a click on it does.
 HINTS = (
-    ("? help", "help"), ("space menu", "menu"), ("= filter", "ask_filter"), ("/ find", "ask_find"), ("g go", "ask_go"),
+    ("? help", "help"), ("space menu", "menu"), ("= filter", "ask_filter"), ("/ find", "ask_find"),
     ("tab pane", "pane(1)"), ("] finding", "finding(1)"), ("1-7 tabs", "next_tab"), ("q quit", "leave"),
 )  # fmt: skip
 HINT = "  ".join(text for text, _ in HINTS)
