@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _INDENT = 2
 _MANY = 6  # parts in bits of a word that is folded at first
 _BEGIN = ("Comment", "Event", "Message")  # what is seen first of a row
-_FOLDED = ("Identifier",)  # at first
+_FOLDED = ("can.id",)  # at first
 
 
 class DetailPane(Pane, can_focus=True):

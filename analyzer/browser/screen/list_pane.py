@@ -24,6 +24,7 @@ _BESIDE = 1  # column of the marks
 _RULE = "Rule"
 _ORDER = ("error", "warning", "note")
 _STYLES = ("bad", "warn", "dim")
+_SIGNS = ("!", "?", "")  # as in the strip
 
 
 class PacketList(Pane, can_focus=True):
@@ -113,7 +114,7 @@ class PacketList(Pane, can_focus=True):
                 own += NAMED["selected"]
             if number == at:
                 own = NAMED["focus"] + (own if not line.codes else of_codes(line.codes))
-            beside = ">" if number in selected else sign if sign != " " or not colour else str(colour)
+            beside = ">" if number in selected else str(colour) if colour and sign in " *" else sign
             shown.append(((beside, NAMED["good"]), *self._with_rules(line.text, rules, width - _BESIDE, own)))
         if not count:
             shown.append(((padded(f"  {self._nothing()}", width), NAMED["dim"]),))
@@ -124,10 +125,10 @@ class PacketList(Pane, can_focus=True):
         if not rules:
             return ((padded(text, width), style),)
         severities = self._view.supply.severities
-        worst = min(rules, key=lambda rule: _ORDER.index(severities.get(rule, _ORDER[-1])))
-        told = f" {worst}" + (f"+{len(rules) - 1}" if len(rules) > 1 else "")
+        grade, worst = min((_ORDER.index(severities.get(rule, _ORDER[-1])), rule) for rule in rules)
+        told = f" {_SIGNS[grade]}{worst}" + (f"+{len(rules) - 1}" if len(rules) > 1 else "")
         room = max(0, width - len(told))
-        own = style if style.reverse else NAMED[_STYLES[_ORDER.index(severities.get(worst, _ORDER[-1]))]]
+        own = style if style.reverse else NAMED[_STYLES[grade]]
         body = fit(text, room)
         return (padded(body.rstrip(ELLIPSIS) + ELLIPSIS if body.endswith(ELLIPSIS) else body, room), style), (told, own)
 
