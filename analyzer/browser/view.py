@@ -237,6 +237,13 @@ class BrowserView:
             return found
         return [] if row.kind == EVENT else [row.place]
 
+    def content(self, row: Row) -> bytes:
+        """Return the bytes that a transfer carries, or those of a frame that forms none."""
+        if row.kind == TRANSFER:
+            return bytes(self.store.opened(row.segment).table("transfers").column("payload")[row.entry].as_py())
+        frame = self.frames(row.place) if row.kind != EVENT else None
+        return b"" if frame is None else frame.data
+
     def said_of(self, place: int) -> str:
         """Return what somebody wrote about a frame, beside the capture or in it; empty for nothing."""
         mark, remark = self.marks.marks.get(place), self.supply.remarks.get(place, "")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from kit.browsing import Seen, browser, capture
 
+from analyzer.app.browse.session import BrowseOptions
 from analyzer.browser import sorted_rows, view
 from analyzer.cli import main
 
@@ -206,5 +207,57 @@ def test_comments_of_a_capture_are_shown_and_kept_in_copies(tmp_path: Path, caps
             assert any(line.startswith("c") for line in seen.app.list.text.splitlines())
             await seen.press("M")
             assert seen.app.bar.value.startswith("schön")
+
+    asyncio.run(work())
+
+
+def test_what_wireshark_users_try(tmp_path: Path) -> None:
+    path = tmp_path / "flight.log"
+    shutil.copy(FAULTS, path)
+
+    async def work() -> None:
+        async with browser(path, judged=False, options=BrowseOptions()) as seen:
+            app = seen.app
+            await seen.press("enter")
+            assert app.focused is app.details
+            await seen.filtered("ESCStatus")
+            await seen.press("enter", "escape")
+            assert app.focused is app.list
+            assert app.view.filter == "ESCStatus"
+            await seen.press("escape")
+            assert app.view.filter == ""
+            await seen.pilot.click("#state", offset=(5, 0))
+            await seen.pilot.pause()
+            assert app.focused is app.bar
+            await seen.press("escape", "home", "v", "down", "down", "m")
+            assert sorted(app.view.marks.marks) == [0, 3, 8]
+            await seen.press("escape", "home")
+            assert app.copied("bytes") == "0010220944527b2c024d00000000"
+            await seen.press("ctrl+a")
+            assert len(app.view.selected()) == len(app.view.rows)
+            await seen.press("escape", "2")
+            line = seen.screen.splitlines()[-1]
+            assert line.startswith(" 1 packets  2 findings")
+            await seen.pilot.click("#bottom", offset=(line.index("7"), 0))
+            await seen.pilot.pause()
+            assert app.tab == "notes"
+
+    asyncio.run(work())
+
+
+def test_a_column_of_ones_own_goes_by_the_right_button() -> None:
+    async def work() -> None:
+        async with browser(FAULTS, (120, 30), judged=False) as seen:
+            app = seen.app
+            for name in ("ESCStatus.voltage", "ESCStatus.current"):
+                await select(seen, name)
+                await seen.press("i")
+            head = app.list.text.splitlines()[0]
+            await seen.pilot.click("#list", offset=(head.index("voltage") + 2, 0))
+            await seen.until(lambda: app.view.order is not None)
+            assert app.view.order.name == "ESCStatus.voltage"
+            await seen.pilot.click("#list", offset=(head.index("voltage") + 2, 0), button=3)
+            await seen.pilot.pause()
+            assert app.view.pages.columns.names == ("ESCStatus.current",)
 
     asyncio.run(work())

@@ -13,7 +13,7 @@ from textual.events import Key
 
 from analyzer.browser.dump import line_at
 from analyzer.browser.screen.help import help_page
-from analyzer.browser.screen.keys import EVERY, HINTS
+from analyzer.browser.screen.keys import EVERY, hints
 from analyzer.browser.screen.offering import Offering
 from analyzer.browser.supply import TABS
 
@@ -130,9 +130,13 @@ class Browser(Offering):
         self.go_to_time(event.t)
 
     async def on_click(self, event: events.Click) -> None:
-        """Do what the last line tells of where it is clicked."""
+        """Do what the last line tells of where it is clicked; type a filter, or see the notes, by their lines."""
+        if event.widget is self.state:
+            self.action_ask_filter()
+        elif event.widget is self.top and self.view.supply.notes:
+            self.action_tab("notes")
         at = 1
-        for text, action in HINTS if event.widget is self.bottom and not self.said else ():
+        for text, action in hints(self.tab) if event.widget is self.bottom and not self.said else ():
             if at <= event.x < at + len(text):
                 await self.run_action(action)
                 return

@@ -13,7 +13,7 @@ from analyzer.browser.dump import lit_by
 from analyzer.browser.screen.bar import Bar
 from analyzer.browser.screen.bytes_pane import BytesPane
 from analyzer.browser.screen.detail_pane import DetailPane
-from analyzer.browser.screen.keys import HINT
+from analyzer.browser.screen.keys import hints
 from analyzer.browser.screen.lines import Lines, padded
 from analyzer.browser.screen.list_pane import PacketList
 from analyzer.browser.screen.strip_pane import StripPane
@@ -99,7 +99,14 @@ class BrowserBase(App[None]):
         self.top.put([((padded(left, width - len(right)) + right, NAMED["title"]),)])
         self.strip.draw()
         self.state.put([self._state(width)])
-        text, style = (self.said, self.said_style) if self.said else (HINT, "dim")
+        text, style = (
+            (self.said, self.said_style)
+            if self.said
+            else (
+                "  ".join(text for text, _ in hints(self.tab)),
+                "dim",
+            )
+        )
         self.bottom.put([((padded(fit(f" {text}", width), width), NAMED[style]),)])
 
     def _state(self, width: int) -> Spans:

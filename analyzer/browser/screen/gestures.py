@@ -99,7 +99,7 @@ class Gestures(Handing):
         self.fail(f"{caret} {error.reason}" if fits else f"^ {wrong}: {error.reason}")
 
     def action_clear(self) -> None:
-        """End a search or a selection; else take the filter off."""
+        """End a search or a selection, go back to the list; there take the order, then the filter off."""
         if self.end_walk():
             self.say("it is looked for no more")
         elif self.awaited:
@@ -113,6 +113,8 @@ class Gestures(Handing):
             self.action_select(0)
         elif self.tab != TABS[0]:
             self.action_tab(TABS[0])
+        elif self.focused is not self.list:
+            self.set_focus(self.list)
         elif isinstance(self.view.rows, SortedRows):
             self.view.sort("")
             self.list.to(self.view.number())
@@ -220,12 +222,9 @@ class Gestures(Handing):
         self.say(f"-t {pages.mode}: {MODES[pages.mode]}")
 
     def action_choose(self) -> None:
-        """Fold a detail; go where a line of a tab leads to, or apply its filter."""
+        """Go from a row to its details, fold a detail; go where a line of a tab leads to, or apply its filter."""
         if self.tab == TABS[0]:
-            if self.focused is self.details and self.details.cut:
-                self.push_screen(line_page(self.details.line.text if self.details.line else "", self.size.width))
-            elif self.focused is self.details:
-                self.details.fold()
+            self._choose_in_panes()
             return
         line = self.tabs.line
         if line is None:
@@ -240,6 +239,14 @@ class Gestures(Handing):
             self.go_to_time(line.t)
         elif line.filter:
             self.set_filter(line.filter)
+
+    def _choose_in_panes(self) -> None:
+        if self.focused is self.list:
+            self.action_pane(1)
+        elif self.focused is self.details and self.details.cut:
+            self.push_screen(line_page(self.details.line.text if self.details.line else "", self.size.width))
+        elif self.focused is self.details:
+            self.details.fold()
 
     def statistic(self, text: str) -> None:
         """Ask for a statistic, and show its tab."""

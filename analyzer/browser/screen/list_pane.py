@@ -43,9 +43,9 @@ class PacketList(Pane, can_focus=True):
     class Sorted(Message):
         """The name of a column was clicked."""
 
-        def __init__(self, column: str) -> None:
+        def __init__(self, column: str, *, right: bool) -> None:
             super().__init__()
-            self.column = column
+            self.column, self.right = column, right
 
     def __init__(self, view: BrowserView) -> None:
         super().__init__("list")
@@ -196,7 +196,8 @@ class PacketList(Pane, can_focus=True):
         """Go to a row; with shift select all rows up to it."""
         number = self._top + event.y - 1
         if event.y < 1:
-            self.post_message(self.Sorted(self._view.pages.column_at(event.x - _BESIDE)))
+            column = self._view.pages.column_at(event.x - _BESIDE)
+            self.post_message(self.Sorted(column, right=event.button == RIGHT))
             return
         if number >= len(self._view.rows):
             return

@@ -24,7 +24,7 @@ _WAYS = (
 )  # fmt: skip
 _COPIED = (
     ("yv", "the value"), ("yf", "as a filter"), ("yt", "the row as text"), ("yj", "the row as JSON"),
-    ("yc", "its frames as candump lines"), ("yd", "all details"),
+    ("yc", "its frames as candump lines"), ("yd", "all details"), ("yb", "its bytes"),
 )  # fmt: skip
 # What is sorted by where the name of a column is clicked; the list as it was recorded for those of no field.
 _SORTS = {"src": "dronecan.src", "dst": "dronecan.dst", "type": "dronecan.type_id", "id": "dronecan.transfer_id"}
@@ -159,7 +159,13 @@ class Offering(Gestures):
             self.say(f"sorted by {order.name}, the {'highest' if order.falling else 'lowest'} first (esc: as recorded)")
 
     def on_packet_list_sorted(self, event: PacketList.Sorted) -> None:
-        """Sort by the column whose name was clicked."""
+        """Sort by the column whose name was clicked; take it off by the right button, if it is one of one's own."""
+        columns = self.view.pages.columns
+        if event.right:
+            names = [] if columns is None else [name for name in columns.names if name != event.column]
+            if columns is not None and len(names) < len(columns.names):
+                self.set_columns(names)
+            return
         self.sort_by(_SORTS.get(event.column, event.column if "." in event.column else ""))
 
     # ---- a click with the right button
