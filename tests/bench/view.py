@@ -26,6 +26,7 @@ QUIET = 0.25  # seconds without a byte that end an answer,
 IDLE = 0.004  # if meanwhile the process has not worked longer than it does to look whether anything is new
 PRESSES = 20
 DOING = re.compile(rb"[\d,]+ frames(?: +\d+ notes? \(7\))?( [^\x1b]*)\x1b")  # in the first line
+STATE = re.compile(rb"row [\d,]+ of [\d,]+[^\x1b]*")
 TAIL = 40_000  # bytes that were drawn last
 
 
@@ -142,11 +143,11 @@ def measure(log: str, size: str, chosen: str) -> None:
     if chosen:
         begin, before = time.monotonic(), used_by_all(terminal.process.pid)
         terminal.press(f"={chosen}\r")
-        while b"so far" in terminal.got[-3000:]:
+        while b"so far" in (state := STATE.findall(terminal.got[-TAIL:])[-1]):
             terminal.read(0.1)
         terminal.settle()
         sys.stdout.write(
-            f" under {chosen}: found in {time.monotonic() - begin:.1f} s, "
+            f" under {chosen}: {state.decode().strip()}, found in {time.monotonic() - begin:.1f} s, "
             f"{used_by_all(terminal.process.pid) - before:.1f} s of processor\n"
         )
         keys(terminal)

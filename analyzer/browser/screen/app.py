@@ -15,12 +15,17 @@ from analyzer.browser.dump import line_at
 from analyzer.browser.screen.help import help_page
 from analyzer.browser.screen.keys import EVERY, hints
 from analyzer.browser.screen.offering import Offering
+from analyzer.browser.screen.thrift import DrawnLines
 from analyzer.browser.supply import TABS
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
     from textual import events
+    from textual.screen import Screen
 
     from analyzer.browser.screen.strip_pane import StripPane
+    from analyzer.browser.screen.tools import Tools
+    from analyzer.browser.view import BrowserView
 
 PERIOD = 0.2  # seconds between two looks at what is decoded
 _RARELY = 10  # looks until the files themselves are looked at
@@ -37,9 +42,14 @@ class Browser(Offering):
     _looks = 0
     _terminal = False
 
+    def __init__(self, view: BrowserView, tools: Tools, start: str = "", *, plain: bool = False) -> None:
+        super().__init__(view, tools, start, plain=plain)
+        self._drawn = DrawnLines()
+
     def on_mount(self) -> None:
         """Begin to look at what is decoded."""
         self.tabs.display = False
+        self.app_resume_signal.subscribe(self, lambda _: self.action_redraw())
         self._terminal = _has_terminal()
         if not self.view.supply.live:  # a session with a bus hears signals itself
             self._hear()
@@ -55,6 +65,15 @@ class Browser(Offering):
             if number is not None:
                 with suppress(NotImplementedError, RuntimeError, ValueError):  # Windows; not the main thread
                     loop.add_signal_handler(number, self._end, 128 + number)
+
+    def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
+        """Draw no line that is there already."""
+        super()._display(screen, self._drawn.update(renderable))
+
+    def action_redraw(self) -> None:
+        """Draw everything anew: others may have written onto the terminal."""
+        self._drawn.forget()
+        self.refresh(repaint=True, layout=True)
 
     def _end(self, code: int) -> None:
         self.view.supply.stop()

@@ -82,6 +82,7 @@ KEYS: dict[str, tuple[KeyWords, ...]] = {
         ),
         KeyWords("s,z", "ask_statistic", "s", "a statistic, as -z takes it: talkers, load, io,100ms"),
         KeyWords("question_mark,f1", "help", "?", "this page"),
+        KeyWords("ctrl+l", "redraw", "ctrl+l", "draw everything anew"),
     ),
     "Keep and hand on": (
         KeyWords("v", "select(0)", "v", "select rows from here on, for y and w (shift and arrows or click)"),
