@@ -38,7 +38,7 @@ STATUSES = (
     "too short",  # complete, but too short to hold a CRC
     "open",  # the capture ends inside it
 )
-EVENTS = ("error frame", "drop", "gap", "unreadable", "comment")
+EVENTS = ("error frame", "drop", "gap", "unreadable", "comment", "frame comment")
 
 # Kinds of time stamps in a capture, bits of Engine.stamps, lowest first.
 STAMPS = (

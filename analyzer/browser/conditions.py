@@ -20,7 +20,9 @@ COMBINED = {
     "and not": "({old}) && !({new})", "or not": "({old}) || !({new})",
 }  # fmt: skip
 _WORD, _QUOTED = re.compile(r"^[a-z ]+$"), re.compile(r'"(.*)"$')
-_NUMBER = re.compile(r"^(-?\d+(?:\.\d+)?|0x[0-9A-F]+)")
+_OF_ALL = ("frame.", "can.", "finding.")  # what is asked of them is not known of a row alone
+_BYTES = re.compile(r"^[0-9A-F]{2}(:[0-9A-F]{2})+$")
+_NUMBER = re.compile(r"^(0x[0-9A-F]+|-?\d+(?:\.\d+)?)")
 
 
 def combined(old: str, new: str, how: str) -> str:
@@ -51,18 +53,16 @@ def condition(line: DetailLine, registry: Registry, batch: Batch | None) -> str:
     name = field_name(line.name, registry)
     if not name:
         return ""
-    possible = []
     for text in _candidates(name, line, registry, batch):
         try:
             chosen = compile_filter(text, registry)
-            holds = batch is None or not len(batch.transfers) or bool(chosen.matcher().feed(batch).transfers.any())
+            if batch is None or not len(batch.transfers) or name.startswith(_OF_ALL):
+                return text
+            if chosen.matcher().feed(batch).transfers.any():
+                return text
         except FilterError:
             continue
-        if holds:
-            return text
-        possible.append(text)
-    # What is asked of frames is not known of a row alone.
-    return possible[0] if possible and name.split(".")[0] in ("frame", "can") else f"exists({name})"
+    return f"exists({name})"
 
 
 def _names(name: str) -> Iterator[str]:
@@ -92,9 +92,11 @@ def _candidates(name: str, line: DetailLine, registry: Registry, batch: Batch | 
     quoted = _QUOTED.search(value)
     if quoted:
         yield f'{name} == "{quoted[1]}"'
-    if value and batch is not None and len(batch.transfers):
+    if value and batch is not None and len(batch.transfers) and not name.startswith(_OF_ALL):
         yield from _exact(name, registry, batch)
-    if number := _NUMBER.match(value):
+    if _BYTES.match(value):
+        yield f"{name} == {value}"
+    elif number := _NUMBER.match(value):
         yield f"{name} == {number[1]}"
     if _WORD.match(value):
         yield f'{name} == "{value}"'

@@ -121,11 +121,14 @@ def _of_transfer(line: DetailLine, said: str) -> DetailLine | None:
     if not line.depth and (head := re.match(r"([A-Z]\w*) on ", said)):
         return line._replace(name=head[1])
     if said.startswith("Identifier"):
-        return line._replace(identifier=(0, 28))
+        return line._replace(identifier=(0, 28), name="can.id", value=f"0x{said.split(' ')[1]}")
     for begin, changes in (
         ("CRC: ", {"part": "crc"}), ("transfer ID", {"part": "tail"}),
         ("Transfer: ", {"name": "dronecan.status", "value": value}),
         ("since first frame: ", {"name": "frame.time_relative", "value": value.split(" ", maxsplit=1)[0]}),
+        ("time: ", {"name": "frame.time", "value": f'"{value.removesuffix(" (local)")}"'}),
+        ("Payload, not decoded: ", {"name": "payload", "value": value.replace(" ", ":")}),
+        ("findings: ", {"name": "finding.rule", "value": f'"{value.split(",", maxsplit=1)[0]}"'}),
     ):  # fmt: skip
         if said.startswith(begin):
             return DetailLine(line.depth, line.text, **changes)  # type: ignore[arg-type]
@@ -184,6 +187,15 @@ def _bits_of_word(bits: tuple[int, int], width: int, mask: Sequence[int]) -> tup
     return tuple(sorted(found))
 
 
+def with_transfer_id(lines: list[DetailLine], number: int) -> list[DetailLine]:
+    """Return the details of a transfer with its ID, which `-V` leaves to the list."""
+    at = next((k for k, line in enumerate(lines) if line.name == "dronecan.status"), len(lines) - 1)
+    while at + 1 < len(lines) and lines[at + 1].depth > 1:
+        at += 1
+    line = DetailLine(2, f"transfer ID: {number}", part="tail", name="dronecan.transfer_id", value=str(number))
+    return [*lines[: at + 1], line, *lines[at + 1 :]]
+
+
 def frame_lines(number: int, frame: RawFrame, bus: str, verdict: int, time: str, rules: str) -> list[DetailLine]:
     """Return the details of a frame that forms no transfer."""
     return list(_frame_lines(number, frame, bus, verdict, time, rules))
@@ -205,10 +217,14 @@ def _frame_lines(number: int, frame: RawFrame, bus: str, verdict: int, time: str
     kind = "remote frame" if frame.flags & REMOTE else "CAN FD" if frame.flags & FD else "CAN"
     yield DetailLine(1, f"{kind}, {len(frame.data)} bytes", name="can.len", value=str(len(frame.data)))
     if frame.data and not frame.flags & REMOTE:
-        yield DetailLine(2, f"data: {frame.data.hex(' ').upper()}", bits=(0, len(frame.data) * 8 - 1))
+        yield DetailLine(
+            2, f"data: {frame.data.hex(' ').upper()}", bits=(0, len(frame.data) * 8 - 1), name="frame.data",
+            value=frame.data.hex(":").upper(),
+        )  # fmt: skip
         yield DetailLine(2, f"as a tail byte: {tail_words(frame.data[-1])}", part="tail")
     if rules:
-        yield DetailLine(1, f"Findings: {rules}")
+        first = rules.split(",", maxsplit=1)[0]
+        yield DetailLine(1, f"findings: {rules}", name="finding.rule", value=f'"{first}"')
 
 
 def event_lines(row: dict[str, object], time: str, text: str) -> list[DetailLine]:

@@ -10,17 +10,16 @@ from analyzer.browser.plain_numbers import plain_numbers
 from analyzer.browser.store.cut import StoredFrames, cut_transfers
 from analyzer.browser.store.order import EVENT, FRAME, SETTLED, TRANSFER
 from analyzer.views.listing import Listing
-from analyzer.views.terminal import PLAIN, display_width, fit
+from analyzer.views.terminal import PLAIN, display_width, escape, fit
 from analyzer.views.times import TimeFormat
 from analyzer.window.listed import ListedRows
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from analyzer.browser.colouring import RowColouring
     from analyzer.browser.own_columns import OwnColumns
     from analyzer.browser.store.store import Row, Store
-    from analyzer.filter.memory import NamesFrames
     from analyzer.window.numbering import Numbering
     from dissectors import Registry
 
@@ -29,6 +28,7 @@ _CONTEXT = 2  # transfers of a sender before its own that tell what has changed
 _NONE = np.zeros(0, np.int64)
 _LOOKED_AT = 4096  # frames that tell how many decimals times have
 _DELTAS = ("d", "dd")
+_MOST_LABEL = 12  # columns
 
 
 class ListLine(NamedTuple):
@@ -47,12 +47,17 @@ class ListPages:
         registry: the types.
         numbering: of frames.
         colouring: colours of rows.
+        labels: what nodes are called.
     """
 
-    def __init__(self, store: Store, registry: Registry, numbering: Numbering, colouring: RowColouring) -> None:
+    def __init__(
+        self, store: Store, registry: Registry, numbering: Numbering, colouring: RowColouring,
+        labels: Mapping[int, str] | None = None,
+    ) -> None:  # fmt: skip
         self._store, self._registry, self._numbering, self._colouring = store, registry, numbering, colouring
+        self._labels = {node: escape(label) for node, label in (labels or {}).items()}
+        self._label = min(max(map(display_width, self._labels.values()), default=-1), _MOST_LABEL) + 1
         self._frames = StoredFrames(store)
-        self.named: NamesFrames | None = None
         self.mode = "r"
         self.numbers = False  # in place of names
         self.zero: int | None = None  # a time reference in place of the first frame
@@ -80,17 +85,34 @@ class ListPages:
         """Return the names of the columns, after the lines below them."""
         return fit(self._head, width)
 
+    def column_at(self, x: int) -> str:
+        """Return the column that a place in a line is in: number, time, src, dst, type, id, info or a field's name."""
+        head = self._head
+        source, kind, info = head.find("Src"), head.find("Type"), head.find("Info")
+        ends = (
+            (_TIME_AT - 1, "number"), (source - 1, "time"), (source + 3, "src"), (source + 7, "dst"), (kind, "info"),
+            (head.find(" ID") - 1, "type"), (head.find(" ID") + 4, "id"),
+        )  # fmt: skip
+        for end, name in ends:
+            if x < end:
+                return name
+        own = () if self.columns is None else self.columns.names
+        at = (x - info) // (self.columns.width // len(own)) if own and self.columns is not None else -1
+        at += len(own)
+        return own[at] if 0 <= at < len(own) else "info"
+
     def lines(self, rows: Sequence[Row], width: int, before: Sequence[int | None] = ()) -> list[ListLine]:
         """Return the line of each row; `before` are the times of the rows that deltas are counted from."""
         beside = 0 if self.columns is None else self.columns.width
+        label = 0 if self.numbers else self._label
         clock = self.clock()
-        listing = self._listing(clock, max(20, width - beside))
+        listing = self._listing(clock, max(20, width - beside - label))
         found: dict[int, str] = {}
         self._transfers(listing, rows, found)
         for kind, name in ((FRAME, "frames"), (SETTLED, "settled"), (EVENT, "events")):
             self._others(listing, rows, kind, name, found)
         codes = self._codes(rows)
-        info = self._head.find("Info")
+        info, kind = self._head.find("Info"), self._head.find("Type")
         cells = None if self.columns is None else self.columns.cells(rows)
         lines = []
         for k, row in enumerate(rows):
@@ -99,17 +121,27 @@ class ListPages:
                 text = self._delta(text, clock, self._store.time(row), before[k] if k < len(before) else None)
             if cells is not None and info > 0:
                 text = _spliced(text, info, cells[k], beside)
+            if label and kind > 0:
+                text = _spliced(text, kind, self._called(row), label)
             lines.append(ListLine(fit(text, width), codes[k], text[:1] in ("x", "!")))
         if self.columns is not None and info > 0:
             self._head = _spliced(self._head, info, self.columns.heads(), beside)
+        if label and kind > 0:
+            self._head = _spliced(self._head, kind, "Label", label)
         return lines
+
+    def _called(self, row: Row) -> str:
+        """Return what the sender of a transfer is called, empty if it has no label."""
+        if row.kind != TRANSFER:
+            return ""
+        source = self._store.opened(row.segment).column("transfers", "src")[row.entry]
+        return self._labels.get(int(source), "")
 
     def _listing(self, clock: TimeFormat, width: int) -> Listing:
         """Return a list that knows nothing of other rows."""
         listing = Listing(
-            self._registry, clock, PLAIN, width, frames=self._frames, numbering=self._numbering, foreign=True,
-            named=self.named,
-        )  # fmt: skip
+            self._registry, clock, PLAIN, width, frames=self._frames, numbering=self._numbering, foreign=True
+        )
         self._head = ""
         return listing
 

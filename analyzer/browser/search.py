@@ -14,9 +14,10 @@ from analyzer.browser.store.segment import OpenSegment
 from analyzer.views.listing import Listing
 from analyzer.views.terminal import PLAIN
 from analyzer.window.listed import ListedRows
+from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     import pyarrow as pa
 
@@ -138,9 +139,12 @@ def _rows_with(column: pa.Array, wanted: bytes) -> Iterator[int]:
             place = letters.find(wanted, place + 1)
 
 
-def look_for_text(store: Store, registry: Registry, frames: StoredFrames, clock: TimeFormat, wanted: str) -> Look:
-    """Return what looks for text in the lines of the list, in small or capital letters."""
+def look_for_text(
+    store: Store, registry: Registry, frames: StoredFrames, clock: TimeFormat, wanted: str, labels: Mapping[int, str]
+) -> Look:
+    """Return what looks for text in the lines of the list, labels of nodes among them, in small or capital letters."""
     lower = wanted.lower()
+    called = [node for node, label in labels.items() if lower in label.lower()]
 
     def look(at: int) -> Array:
         batch = OpenSegment(store.segments[at]).batch
@@ -149,6 +153,8 @@ def look_for_text(store: Store, registry: Registry, frames: StoredFrames, clock:
         shown = np.arange(len(batch.transfers))
         listing.feed(batch, ListedRows(shown, _NONE, _NONE, _NONE))
         told = np.array([lower in one.partition("\n")[0].lower() for one in listing.entries()], bool)
+        if called and len(told):
+            told |= np.isin(numbers(batch.transfers.column("src")), called)
         of = kinds == TRANSFER
         holds = np.zeros(len(kinds), bool)
         holds[of] = told[index[of]]

@@ -47,6 +47,8 @@ class Supply(Protocol):
         troubles: time and severity of each finding.
         starts: frames at which findings begin, from 0, ascending.
         labels: of nodes in the vehicle file.
+        severities: of rules.
+        remarks: comments of the captures themselves, on frames, from 0.
         asking: a statistic is asked for that is not there yet.
     """
 
@@ -67,6 +69,11 @@ class Supply(Protocol):
     labels: dict[int, str]
     asking: bool
     severities: dict[str, str]
+    remarks: dict[int, str]
+
+    @property
+    def revision(self) -> int:
+        """Return a number that rises with each finding that may name rows which are there already."""
 
     @property
     def named(self) -> NamesFrames | None:

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.browser.chosen import AllRows, ChosenRows
 from analyzer.browser.colouring import RowColouring
-from analyzer.browser.details import DetailLine, detail_lines, event_lines, frame_lines
+from analyzer.browser.details import DetailLine, detail_lines, event_lines, frame_lines, with_transfer_id
 from analyzer.browser.dump import DumpFrame, dump
 from analyzer.browser.listed import ListPages
+from analyzer.browser.sorted_rows import MOST_SORTED, SortedRows
 from analyzer.browser.store.cut import StoredFrames, cut_transfers
 from analyzer.browser.store.order import EVENT, TRANSFER
 from analyzer.facts.frame_marks import MarkBook
@@ -56,7 +57,9 @@ class BrowserView:
         self.supply, self.store = supply, supply.store
         self.numbering = Numbering()
         self.frames = StoredFrames(self.store)
-        self.pages = ListPages(self.store, supply.registry, self.numbering, RowColouring(self.store, colours))
+        self.pages = ListPages(
+            self.store, supply.registry, self.numbering, RowColouring(self.store, colours), supply.labels
+        )
         self.rows: RowSet = AllRows(self.store)
         self.filter = ""
         self.marks = marks or MarkBook(None)
@@ -71,18 +74,55 @@ class BrowserView:
         text = text.strip()
         rows: RowSet = AllRows(self.store)
         if text:
-            rows = ChosenRows(self.store, self.matcher(text), lambda: self.supply.loaded)
+            asks = compile_filter(text, self.supply.registry).asks_findings
+            rows = ChosenRows(
+                self.store, lambda: self.matcher(text), lambda: self.supply.loaded,
+                (lambda: self.supply.revision) if asks else (lambda: 0),
+            )  # fmt: skip
             rows.start()
-        if isinstance(self.rows, ChosenRows):
-            self.rows.stop()
+        self._leave(self.rows)
+        if isinstance(self.rows, SortedRows):
+            self._leave(self.rows.base)
         self.rows, self.filter, self.begun = rows, text, None
+
+    def sort(self, name: str, *, falling: bool = False) -> None:
+        """Sort what is listed by a field, or not any more for an empty one.
+
+        Raises `FilterError` for what is no number, `ValueError` for more rows than are sorted.
+        """
+        base = self.rows.base if isinstance(self.rows, SortedRows) else self.rows
+        rows = base
+        if name:
+            if len(base) > MOST_SORTED:
+                raise ValueError(f"{len(base):,} rows are too many to sort ({MOST_SORTED:,}): a filter first, with =")
+            rows = SortedRows(self.store, base, self.supply.registry, name, falling=falling)
+            rows.start()
+        if isinstance(self.rows, SortedRows):
+            self._leave(self.rows)
+        self.rows, self.begun = rows, None
+
+    @property
+    def order(self) -> SortedRows | None:
+        """What rows are sorted by, None for the order of the capture."""
+        return self.rows if isinstance(self.rows, SortedRows) else None
+
+    @staticmethod
+    def _leave(rows: RowSet) -> None:
+        if isinstance(rows, ChosenRows | SortedRows):
+            rows.stop()
+
+    def waits(self, text: str) -> bool:
+        """Return whether a filter asks for findings, and they are not known yet. Raises `FilterError`."""
+        asks = bool(text.strip()) and compile_filter(text, self.supply.registry).asks_findings
+        return asks and self.supply.named is None and not (self.supply.loaded and not self.supply.doing)
 
     def matcher(self, text: str) -> Matcher:
         """Return a filter at work. Raises `FilterError`."""
         supply = self.supply
         chosen = compile_filter(text, supply.registry)
         if chosen.asks_findings and supply.named is None:
-            raise FilterError("findings are not known yet: the capture is still being judged", text, 0, len(text))
+            said = "findings are not known" + (" yet: the capture is still being judged" if supply.doing else "")
+            raise FilterError(said, text, 0, len(text))
         return chosen.matcher(
             zero=self.store.zero, labels=supply.labels, named=supply.named, severities=supply.severities
         )
@@ -122,11 +162,14 @@ class BrowserView:
     def filter_of(self, numbers: range) -> str:
         """Return a filter that selects these rows, as far as they have frames; empty if none has.
 
-        More of them than a filter should name are a range of frames, under the filter that is applied.
+        More of them than a filter should name are a range of frames, under the filter that is applied. Raises
+        `ValueError` for so many of a sorted list.
         """
         if len(numbers) <= MOST_NAMED:
             firsts = [min(places) + 1 for number in numbers if (places := self.places_of(self.row(number)))]
             return f"frame.number in {{{', '.join(map(str, firsts))}}}" if firsts else ""
+        if self.order is not None:
+            raise ValueError(f"of a sorted list {MOST_NAMED:,} rows are selected at most")
         first, last = (self.row(number) for number in (numbers[0], numbers[-1]))
         span = f"frame.number in {{{first.place + 1}..{max([last.place, *self.places_of(last)]) + 1}}}"
         return f"({self.filter}) && {span}" if self.filter else span
@@ -138,11 +181,18 @@ class BrowserView:
         shown = self._whole(row)
         said = []
         for place in self.places_of(row):
-            if (mark := self.marks.marks.get(place)) is not None:
-                said.append(DetailLine(0, f"Comment: {escape(mark.words)}"))
+            if text := self.said_of(place):
+                said.append(DetailLine(0, f"Comment: {escape(text)}"))
             if place in self.supply.places:
                 said.append(DetailLine(0, f"Event: {escape(self.supply.places[place])}"))
-        return shown._replace(lines=[*said, *shown.lines]) if said else shown
+        return shown._replace(lines=[*said, *map(self._labelled, shown.lines)])
+
+    def _labelled(self, line: DetailLine) -> DetailLine:
+        """Return a line with the label of the node that it names."""
+        if line.name not in ("dronecan.src", "dronecan.dst") or not line.value.isdigit():
+            return line
+        label = self.supply.labels.get(int(line.value))
+        return line if label is None else line._replace(text=f'{line.text} "{escape(label)}"')
 
     def _whole(self, row: Row) -> Shown:
         if row.kind == TRANSFER:
@@ -173,7 +223,8 @@ class BrowserView:
         text = "".join(self._tree[1].texts(batch))
         places = batch.transfers.column("frame")[0].as_py()[:_MOST_FRAMES]
         frames = [(self.numbering.of(place), one) for place in places if (one := self.frames(place)) is not None]
-        return Shown(row, detail_lines(text), dump(frames, transfer=True), batch)
+        number = batch.transfers.column("transfer_id")[0].as_py()
+        return Shown(row, with_transfer_id(detail_lines(text), number), dump(frames, transfer=True), batch)
 
     def number_of(self, row: Row) -> int:
         """Return the number of a transfer in the whole capture, from 0."""
@@ -185,6 +236,18 @@ class BrowserView:
             found: list[int] = self.store.opened(row.segment).table("transfers").column("frame")[row.entry].as_py()
             return found
         return [] if row.kind == EVENT else [row.place]
+
+    def content(self, row: Row) -> bytes:
+        """Return the bytes that a transfer carries, or those of a frame that forms none."""
+        if row.kind == TRANSFER:
+            return bytes(self.store.opened(row.segment).table("transfers").column("payload")[row.entry].as_py())
+        frame = self.frames(row.place) if row.kind != EVENT else None
+        return b"" if frame is None else frame.data
+
+    def said_of(self, place: int) -> str:
+        """Return what somebody wrote about a frame, beside the capture or in it; empty for nothing."""
+        mark, remark = self.marks.marks.get(place), self.supply.remarks.get(place, "")
+        return remark if mark is None else mark.text or remark or mark.words
 
     def time_of(self, mark: Mark) -> int | None:
         """Return the time of a mark, which a file need not say."""

@@ -100,9 +100,7 @@ def _check(args: argparse.Namespace, registry: object) -> None:
     from analyzer.views.fields import Fields  # noqa: PLC0415
 
     if args.filter:
-        chosen = compile_filter(args.filter, registry)  # type: ignore[arg-type]
-        if chosen.asks_findings:
-            raise ValueError("-Y: findings are known only once the capture is judged: type that filter in the browser")
+        compile_filter(args.filter, registry)  # type: ignore[arg-type]
     if args.fields:
         Fields(registry, args.fields, lambda _: None)  # type: ignore[arg-type]
 

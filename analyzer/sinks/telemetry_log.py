@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from dissectors.kit import Array
 
 INFO, WARNING, ERROR = 2, 3, 4
-_LEVELS = {"error frame": ERROR, "drop": ERROR, "gap": WARNING, "unreadable": WARNING, "comment": INFO}
+_LEVELS = {
+    "error frame": ERROR, "drop": ERROR, "gap": WARNING, "unreadable": WARNING, "comment": INFO, "frame comment": INFO,
+}  # fmt: skip
 
 
 class LogRows(NamedTuple):

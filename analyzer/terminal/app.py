@@ -50,6 +50,7 @@ class Monitor(App[None]):
         Binding("c", "tell('clear')"),
         Binding("w", "tell('save')"),
         Binding("e", "devices"),
+        Binding("v", "browse"),
         *(Binding(key, f"pane('{pane}')") for key, pane in _PANE_KEYS.items()),
         *(Binding(key, f"scroll({by})", priority=True) for key, by in _SCROLLS.items()),
         Binding("pageup", "page(-1)", priority=True),
@@ -153,6 +154,11 @@ class Monitor(App[None]):
     def action_help(self) -> None:
         """Show what keys mean."""
         self.push_screen(Help())
+
+    def action_browse(self) -> None:
+        """Make room for what shows row by row what comes from now on."""
+        self._ask(self._feed.browse)
+        self.exit()
 
     def action_leave(self) -> None:
         """End the session."""

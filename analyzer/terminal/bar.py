@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 # What is shown is told to be old from here on.
 _BEHIND = 2 * SECOND
 _KEYS = (
-    "? help", "q quit", "space pause", "m mark", "w save", "s sort", "tab pane", "x min/max", "c clear",
+    "? help", "q quit", "space pause", "m mark", "w save", "v view", "s sort", "tab pane", "x min/max", "c clear",
     "e n b f l panes", "S reverse",
 )  # fmt: skip
 

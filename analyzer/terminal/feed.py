@@ -30,5 +30,8 @@ class Feed(Protocol):
     def save(self) -> str:
         """Write down what there is to report now."""
 
+    def browse(self) -> str:
+        """Have what comes from now on looked through, as soon as the monitor has gone."""
+
     def stop(self) -> None:
         """End the session, as the user has quit. Called once."""

@@ -20,6 +20,7 @@ _TEXT: tuple[tuple[str, str, Style], ...] = (
     ("x", "values now, lowest or highest since the mark", ""),
     ("m", "set a mark: min, max, gaps and what happened begin anew", ""),
     ("w", "save a report now", ""),
+    ("v", "view: look through what comes from now on, row by row; q there: back", ""),
     ("c", "clear findings, what happened, and rows that are gone", ""),
     ("e n b f l", "devices (again: their next kind), nodes, buses,", ""),
     ("", "findings, what happened since the mark", ""),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.facts.frame_comments import FrameComments
 from analyzer.tables import VERDICTS
 from analyzer.views.fields import Fields
 from analyzer.views.formats import BY_NAME
@@ -82,7 +83,8 @@ class Text:
         self._summary = options.summary or not self._details
         self._palette = Palette(True) if options.colour else PLAIN
         only = [registry.resolve(name).table for name in options.only or ()]
-        self._comments = options.comments
+        self._said = FrameComments(options.comments)
+        self._comments = self._said.texts
         self._frames = FrameWindow()
         self._listing = Listing(
             registry,
@@ -105,6 +107,7 @@ class Text:
     def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
         """Give the lines of each transfer together, before them those of what happened until it began."""
         self._frames.feed(batch)
+        self._said.feed(batch)
         self._listing.feed(batch, picked)
         parts: list[Iterator[str]] = []
         if self._summary:

@@ -1,4 +1,4 @@
-"""Measure the browser: python tests/bench/view.py LOG [--size COLUMNSxROWS] [--filter FILTER] [--until loaded|judged]
+"""Measure the browser: python tests/bench/view.py LOG [--size COLUMNSxROWS] [--filter FILTER]
 
 `tailbyte view LOG` runs on a terminal of its own. Told are when its first rows stand there, when all is decoded and
 judged, its memory, what is its own of that, and for keys at several places and under a filter: the processor time and
@@ -25,7 +25,9 @@ SIZE = "80x24"
 QUIET = 0.25  # seconds without a byte that end an answer,
 IDLE = 0.004  # if meanwhile the process has not worked longer than it does to look whether anything is new
 PRESSES = 20
-ROWS = re.compile(r"row [\d,]+ of ([\d,]+)")
+DOING = re.compile(rb"[\d,]+ frames(?: +\d+ notes? \(7\))?( [^\x1b]*)\x1b")  # in the first line
+STATE = re.compile(rb"row [\d,]+ of [\d,]+[^\x1b]*")
+TAIL = 40_000  # bytes that were drawn last
 
 
 def used(process: int) -> float:
@@ -35,6 +37,12 @@ def used(process: int) -> float:
     for task in Path(f"/proc/{process}/task").iterdir():
         total += int((task / parts.name).read_text().split()[0])
     return total / 1e9
+
+
+def used_by_all(process: int) -> float:
+    """Return the seconds of processor time of a process, of threads that have ended among them, to 10 ms."""
+    words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def memory(process: int, what: str) -> float:
@@ -74,7 +82,8 @@ class Terminal:
             self.read(1.0)
             if not gone and wanted in self.got[seen:]:
                 return time.monotonic() - self.start
-            if gone and re.search(rb"frames( +\d+ notes? \(7\))? +\x1b", self.got[-4000:]):
+            tops = DOING.findall(self.got[-TAIL:]) if gone else []
+            if tops and not tops[-1].strip():
                 return time.monotonic() - self.start
         raise AssertionError(bytes(self.got[-2000:]))
 
@@ -115,14 +124,14 @@ def measure(log: str, size: str, chosen: str) -> None:
     """Print everything about one capture."""
     terminal = Terminal([log], size)
     first = terminal.until(b">*")
-    begun = used(terminal.process.pid)
+    begun = used_by_all(terminal.process.pid)
     loaded = terminal.until(b"flights")
     own = memory(terminal.process.pid, "RssAnon")
-    cpu = used(terminal.process.pid)
+    cpu = used_by_all(terminal.process.pid)
     judged = terminal.until(b"", gone=True)
     sys.stdout.write(
         f"{log} {size}: first rows {first:.2f} s ({begun:.2f} s of processor), "
-        f"decoded {loaded:.1f} s ({cpu:.1f} s), judged {judged:.1f} s ({used(terminal.process.pid):.1f} s)\n"
+        f"decoded {loaded:.1f} s ({cpu:.1f} s), judged {judged:.1f} s ({used_by_all(terminal.process.pid):.1f} s)\n"
         f"  memory: {own:.0f} MB of its own when decoded, {memory(terminal.process.pid, 'RssAnon'):.0f} when judged, "
         f"peak with pages of files {memory(terminal.process.pid, 'VmHWM'):.0f} MB\n"
     )
@@ -132,14 +141,14 @@ def measure(log: str, size: str, chosen: str) -> None:
     sys.stdout.write(f"  idle: {(used(terminal.process.pid) - idle) / 2:.1%} of a core\n")
     keys(terminal)
     if chosen:
-        begin, before = time.monotonic(), used(terminal.process.pid)
+        begin, before = time.monotonic(), used_by_all(terminal.process.pid)
         terminal.press(f"={chosen}\r")
-        while b"so far" in terminal.got[-3000:]:
+        while b"so far" in (state := STATE.findall(terminal.got[-TAIL:])[-1]):
             terminal.read(0.1)
         terminal.settle()
         sys.stdout.write(
-            f" under {chosen}: found in {time.monotonic() - begin:.1f} s, "
-            f"{used(terminal.process.pid) - before:.1f} s of processor\n"
+            f" under {chosen}: {state.decode().strip()}, found in {time.monotonic() - begin:.1f} s, "
+            f"{used_by_all(terminal.process.pid) - before:.1f} s of processor\n"
         )
         keys(terminal)
     sys.stdout.write(f"  memory: {memory(terminal.process.pid, 'RssAnon'):.0f} MB of its own at the end\n")

@@ -33,7 +33,7 @@ def test_a_terminal_without_a_cursor_is_told_of_decode(
         (("-Y", "ESCStatus.voltag > 1"), "voltage"),
         (("--at", "gestern"), "--at"),
         (("-e", "ESCStatus.nothing"), "nothing"),
-        (("-Y", 'finding.rule == "TRF-003"'), "once the capture is judged"),
+        (("-Y", "finding.rules == 3"), "finding.rule"),
     ],
 )
 def test_wrong_options_are_told_first(

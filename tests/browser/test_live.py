@@ -15,6 +15,7 @@ from analyzer.app.browse.session import BrowseOptions, made
 from analyzer.app.criteria import Criteria
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
+from analyzer.browser.view import BrowserView
 from analyzer.report.newest import Newest
 from analyzer.rules.checking import Check
 
@@ -40,11 +41,15 @@ class Bus:
             while chunk := file.read(100_000):
                 self.pieces += [*run.engine.feed(chunk), *run.engine.flushed()]
 
-    def feed(self, count: int) -> None:
+    def feed(self, count: int, *, told: bool = True) -> None:
         for measured in self._check.measured([self.pieces.pop(0) for _ in range(count)]):
             self._check.feed(measured)
             self.supply.batch(measured)
-            self.supply.found(self._newest.look(self._run.engine.buses, last=not self.pieces))
+            if told:
+                self.tell()
+
+    def tell(self) -> None:
+        self.supply.found(self._newest.look(self._run.engine.buses, last=not self.pieces))
 
 
 def test_a_bus_is_followed_and_held(tmp_path: Path) -> None:
@@ -106,5 +111,26 @@ def test_tabs_filters_and_marks_of_a_bus(tmp_path: Path) -> None:
             await seen.until(lambda: len(app.view.rows) > 100)
             await seen.press("q")
             assert bus.ended
+
+    asyncio.run(work())
+
+
+def test_rows_of_before_are_chosen_when_a_finding_names_them(tmp_path: Path) -> None:
+    bus = Bus(tmp_path)
+
+    async def work() -> None:
+        app = made(bus.supply, BrowseOptions(filter="finding.rule"), [])
+        async with app.run_test(size=(80, 24)) as pilot:
+            seen = Seen(app, pilot)
+            bus.feed(len(bus.pieces), told=False)
+            await seen.until(lambda: app.view.rows.share == 1)
+            assert len(app.view.rows) == 0
+            bus.tell()
+            await seen.until(lambda: len(app.view.rows) > 5)
+            whole = BrowserView(bus.supply)
+            whole.apply("finding.rule")
+            await seen.until(lambda: whole.rows.share == 1 and len(whole.rows) == len(app.view.rows))
+            for rows in (whole.rows, app.view.rows):
+                rows.stop()
 
     asyncio.run(work())

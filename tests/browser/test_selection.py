@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 from kit.browsing import browser, capture
 
+from analyzer.app.browse.session import BrowseOptions
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -56,3 +58,19 @@ def test_what_is_selected_is_written_by_another_process(tmp_path: Path) -> None:
     asyncio.run(work())
     assert len((tmp_path / "part.log").read_text().splitlines()) == 13
     assert len((tmp_path / "all.csv").read_text().splitlines()) == 1 + 3222
+
+
+def test_a_filter_by_findings_waits_for_them() -> None:
+    async def work() -> None:
+        options = BrowseOptions(marks=False, filter='finding.rule == "TRF-003" && node == 12')
+        async with browser(FAULTS, options=options, judged=False) as seen:
+            app = seen.app
+            assert app.awaited or app.view.filter
+            await seen.until(lambda: not app.view.supply.doing)
+            app.look()
+            await seen.until(lambda: getattr(app.view.rows, "done", False))
+            assert app.view.filter == options.filter
+            assert not app.awaited
+            assert len(app.view.rows) == 1
+
+    asyncio.run(work())

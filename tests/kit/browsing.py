@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.app.browse.capture import CaptureSupply
 from analyzer.app.browse.session import BrowseOptions, made
-from analyzer.app.request import Request
+from analyzer.app.request import Request, RuleChoice
 from analyzer.browser.store.folder import StoreFolder
 from analyzer.views.colours.rules import colour_rules
 from analyzer.window.limits import Window
@@ -77,11 +77,13 @@ class Seen:
 @asynccontextmanager
 async def browser(
     path: str | Path, size: tuple[int, int] = (80, 24), options: BrowseOptions | None = None, *, judged: bool = True,
-    window: Window | None = None,
+    window: Window | None = None, vehicle: str | None = None,
 ) -> AsyncIterator[Seen]:  # fmt: skip
     """Open a capture; with `judged` everything is known when the block begins."""
     with StoreFolder() as folder:
-        supply = CaptureSupply(Request((str(path),), window=window or Window()), folder.path)
+        supply = CaptureSupply(
+            Request((str(path),), window=window or Window(), rules=RuleChoice(vehicle=vehicle)), folder.path
+        )
         app = made(supply, options or BrowseOptions(marks=False), colour_rules(None, supply.registry))
         supply.start()
         async with app.run_test(size=size) as pilot:

@@ -121,6 +121,10 @@ class Script:
         self.asked.append("save")
         return "saved as report.html"
 
+    def browse(self) -> str:
+        self.asked.append("browse")
+        return ""
+
     def stop(self) -> None:
         self.asked.append("stop")
 

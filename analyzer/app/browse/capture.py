@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from analyzer.app.browse.stamps import FileStamps
 from analyzer.app.run import Run
 from analyzer.browser.store.store import Store, StoreFullError
+from analyzer.facts.frame_comments import FrameComments
 from analyzer.sources import CaptureError
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class CaptureSupply:
     """
 
     live, recorded = False, ""
-    asking = False
+    asking, revision = False, 0
 
     def __init__(self, request: Request, folder: Path) -> None:
         self.notes: list[str] = []
@@ -55,6 +56,8 @@ class CaptureSupply:
         self.places: dict[int, str] = {}
         self.labels: dict[int, str] = {}
         self.severities: dict[str, str] = {}
+        self._comments = FrameComments()
+        self.remarks = self._comments.texts
         self._criteria: Criteria | None = self._judging() if request.rules.vehicle is not None else None
         self.report: Report | None = None
         self._tabs: dict[str, Sequence[TabLine]] = {}
@@ -139,6 +142,7 @@ class CaptureSupply:
                 return
             for batch in self._run.inside():
                 if len(batch.frames) or len(batch.transfers) or len(batch.events) or not self.store.segments:
+                    self._comments.feed(batch)
                     self.store.add(batch)
                 if self._stopped:
                     return

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from analyzer.app.live.session import LiveSession
     from analyzer.app.run import Run
     from analyzer.decode.engine import Batch
+    from analyzer.report.model import Finding
     from analyzer.report.newest import Change
     from analyzer.rules.checking import Measured
 
@@ -64,6 +65,7 @@ class LiveSupply:
         self.troubles: Sequence[tuple[int, str]] = ()
         self.starts: Sequence[int] = ()
         self.labels, self._pages = criteria.labels, criteria.pages
+        self.remarks: dict[int, str] = {}
         self.severities: dict[str, str] = {rule: page.severity for rule, page in criteria.pages.items()}
         self.ended = self.failed = False
         self._stop, self._full = stop, False
@@ -88,15 +90,19 @@ class LiveSupply:
 
     def found(self, changes: Sequence[Change]) -> None:
         """Take findings that are new or have come up again."""
-        buses = self.store.buses
-        for one in (change.finding for change in changes if change.fresh):
+        self.take([change.finding for change in changes if change.fresh])
+
+    def take(self, findings: Sequence[Finding]) -> None:
+        """Take findings, those of before among them."""
+        buses = self._run.engine.buses if self._run is not None else self.store.buses
+        for one in findings:
             frame = None if one.first.frame is None else one.first.frame - 1
             chosen = f'finding.rule == "{one.rule}"' + ("" if one.node is None else f" && node == {one.node}")
             self._findings.insert(0, TabLine(said(one), _STYLES[one.severity], frame, one.first.t_ns, chosen))
             self.named.keep(one.rule, buses.index(one.bus) if one.bus in buses else -1, one.node)
             if one.first.t_ns is not None:
                 self.troubles = [*self.troubles, (one.first.t_ns, one.severity)]
-            if frame is not None:
+            if frame is not None and frame >= self.store.first:
                 self.starts = sorted({*self.starts, frame})
 
     def note(self, text: str) -> None:
@@ -108,6 +114,11 @@ class LiveSupply:
         self._run = session.reading
 
     # ---- for the browser, in its thread
+
+    @property
+    def revision(self) -> int:
+        """Count how often a finding has named rows."""
+        return self.named.revision
 
     @property
     def loaded(self) -> bool:

@@ -14,24 +14,33 @@ _MOST = 200_000  # frames, some 30 MB
 
 
 class LiveNames:
-    """Is told of breaches by one thread, and asked for frames by another; the oldest frames are forgotten."""
+    """Is told of breaches by one thread, and asked for frames by another; the oldest frames are forgotten.
+
+    Attributes:
+        revision: rises when frames are named that were not before.
+    """
 
     def __init__(self) -> None:
         self._rules: dict[int, tuple[NameKey, ...]] = {}
         self._kept: set[NameKey] = set()
+        self.revision = 0
 
     def feed(self, found: Occurrences | Occurrence) -> None:
         """Take occurrences of a rule."""
         for key, frames in named_by(found):
             for frame in frames.tolist():
                 before = self._rules.get(frame, ())
-                self._rules[frame] = before if key in before else (*before, key)
+                if key not in before:
+                    self._rules[frame] = (*before, key)
+                    self.revision += key in self._kept
         while len(self._rules) > _MOST:
             del self._rules[next(iter(self._rules))]
 
     def keep(self, rule: str, bus: int, node: int | None) -> None:
         """Take a finding: what breaches its rule counts from now on."""
-        self._kept.add((rule, bus, -1 if node is None else node))
+        key = rule, bus, -1 if node is None else node
+        self.revision += key not in self._kept
+        self._kept.add(key)
 
     def between(self, first: int, last: int) -> dict[int, list[str]]:
         """Return the rules that name frames from the first place to the last, from 0, by place."""

@@ -79,7 +79,8 @@ def made(supply: Supply, options: BrowseOptions, rules: Sequence[ColourRule]) ->
         book.marks = read_marks(marks_path(only))
     view = BrowserView(supply, rules, book)
     view.pages.mode = options.time
-    if options.filter:
+    waits = view.waits(options.filter)
+    if options.filter and not waits:
         view.apply(options.filter)
     names = list(options.columns)
     if not names:
@@ -88,6 +89,7 @@ def made(supply: Supply, options: BrowseOptions, rules: Sequence[ColourRule]) ->
         view.pages.columns = OwnColumns(supply.store, supply.registry, names)
     encoding = (getattr(sys.__stdout__, "encoding", None) or "ascii").lower().replace("-", "")
     app = Browser(view, BrowserTools(supply), options.at, plain=not encoding.startswith("utf"))
+    app.awaited = options.filter if waits else ""
     for text in kept_filters():
         app.bar.keep(text)
     return app

@@ -14,6 +14,7 @@ from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+    from contextlib import AbstractContextManager
 
     from analyzer.app.criteria import Criteria
     from analyzer.app.live.session import LiveSession
@@ -34,6 +35,7 @@ class Display:
         recording: how the recording goes, None if nothing is recorded.
         save: writes down what there is to report; the line that tells of it.
         stop: ends the session.
+        browser: makes what shows rows of what comes from now on.
         clock: nanoseconds since 1970.
     """
 
@@ -44,6 +46,7 @@ class Display:
         recording: Callable[[], RecordingState | None],
         save: Callable[[LiveSession], str],
         stop: Callable[[], None],
+        browser: Callable[[], AbstractContextManager[Shown]],
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
         self._board = Board(criteria.registry, bit_rates)
@@ -51,7 +54,20 @@ class Display:
         self._wishes: deque[Callable[[LiveSession], str | None]] = deque()
         self._snapshot: Snapshot | None = None
         self._session: LiveSession | None = None
-        self.ended = self.failed = False
+        self._browser, self._inside = browser, False
+        self._shown: Shown | None = None
+        self._ended = self.failed = False
+
+    @property
+    def ended(self) -> bool:
+        """True once the session is over."""
+        return self._ended
+
+    @ended.setter
+    def ended(self, value: bool) -> None:
+        self._ended = value
+        if self._shown is not None:
+            self._shown.ended = value
 
     # ---- for the session, in its thread
 
@@ -105,15 +121,33 @@ class Display:
         self._wishes.append(self._save)
         return ""
 
+    def browse(self) -> str:
+        """Have the browser shown next."""
+        self._inside = True
+        return ""
+
     def stop(self) -> None:
         """Ask the session to end."""
         self._stop()
 
     def run(self) -> None:
-        """Run the monitor."""
+        """Run the monitor, and in between the browser, as often as it is asked for."""
         from analyzer.terminal import run  # noqa: PLC0415 - textual takes its time
 
         run(self)
+        while self._inside and not self._ended:
+            self._inside = False
+            self._browse()
+            run(self)
+
+    def _browse(self) -> None:
+        try:
+            with self._browser() as self._shown:
+                self._shown.run()
+        except Exception as error:  # noqa: BLE001 - the monitor is still there
+            self.note(f"the browser has ended: {type(error).__name__}: {error}")
+        finally:
+            self._shown = None
 
 
 class Shown(SessionView, Protocol):

@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -90,7 +91,7 @@ class LiveRun:
             )  # fmt: skip
             session = LiveSession(
                 loop, recording, request.name, self._criteria, self._views, self._interval(),
-                named=self._live_names if request.mode == "browser" else self._names, drawn=request.drawn,
+                named=self._live_names if request.mode in ("browser", "monitor") else self._names, drawn=request.drawn,
             )  # fmt: skip
             self._add_views(stack, session, recording, say)
             with loop:
@@ -135,19 +136,11 @@ class LiveRun:
             from analyzer.app.live.monitor import Display  # noqa: PLC0415 - a list does without
 
             rates = {interface.name: interface.bit_rate for interface, _ in request.buses}
-            self._display = Display(criteria, rates, recording.now, self._saved, session.stop)
+            inside = partial(self._inside, session)
+            self._display = Display(criteria, rates, recording.now, self._saved, session.stop, inside)
             self._views.append(self._display)
         elif request.mode == "browser":
-            from analyzer.app.browse.live import LiveSupply  # noqa: PLC0415 - as above
-            from analyzer.app.browse.session import BrowseOptions  # noqa: PLC0415
-            from analyzer.browser.store.folder import StoreFolder  # noqa: PLC0415
-
-            folder, file = stack.enter_context(StoreFolder()), request.plan.file
-            chosen = "" if request.filter is None else request.filter.text
-            options = BrowseOptions(filter=chosen, time=request.view.time, marks=bool(file))
-            self._browser = LiveSupply(
-                criteria, request.name, folder.path, session.stop, self._live_names, file, options
-            )
+            self._browser = stack.enter_context(self._browsing(session.stop))
             self._views.append(self._browser)
         elif request.mode == "list":
             printer = stack.enter_context(Printer())
@@ -173,6 +166,31 @@ class LiveRun:
             output = opened(request.plot, request.name, stack)
             self._plot = LivePlot(output, criteria, tell, several=self._several)
             self._views.append(self._plot)
+
+    @contextmanager
+    def _browsing(self, stop: Callable[[], None]) -> Iterator[LiveSupply]:
+        """Make a browser, with a folder for what it shows; `stop` is called when the user has quit."""
+        from analyzer.app.browse.live import LiveSupply  # noqa: PLC0415 - a list does without
+        from analyzer.app.browse.session import BrowseOptions  # noqa: PLC0415
+        from analyzer.browser.store.folder import StoreFolder  # noqa: PLC0415
+
+        request, file = self._request, self._request.plan.file
+        chosen = "" if request.filter is None else request.filter.text
+        options = BrowseOptions(filter=chosen, time=request.view.time, marks=bool(file))
+        with StoreFolder() as folder:
+            yield LiveSupply(self._criteria, request.name, folder.path, stop, self._live_names, file, options)
+
+    @contextmanager
+    def _inside(self, session: LiveSession) -> Iterator[LiveSupply]:
+        """Make a browser that shows what comes while the monitor makes room for it."""
+        with self._browsing(lambda: None) as browser:
+            browser.look(session)
+            browser.take(session.newest.all)
+            session.attach(browser)
+            try:
+                yield browser
+            finally:
+                session.detach(browser)
 
     def _listed(self, printer: Printer, say: Callable[[str], None]) -> TransferList:
         """Return the list: one whose rows wait if its filter asks for what comes later."""

@@ -112,6 +112,15 @@ class LiveSession:
         for text in texts:
             self._show(partial(_note, text))
 
+    def attach(self, view: SessionView) -> None:
+        """Show it in one more view."""
+        self._views.append(view)
+
+    def detach(self, view: SessionView) -> None:
+        """Show it in a view no more, which may have failed meanwhile."""
+        if view in self._views:
+            self._views.remove(view)
+
     def replace(self, view: SessionView, other: SessionView, problem: str) -> None:
         """Put another view in the place of one that has failed."""
         self._views[:] = [other, *(one for one in self._views if one is not view)]

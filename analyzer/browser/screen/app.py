@@ -12,21 +12,26 @@ from textual.binding import Binding
 from textual.events import Key
 
 from analyzer.browser.dump import line_at
-from analyzer.browser.screen.gestures import Gestures
 from analyzer.browser.screen.help import help_page
-from analyzer.browser.screen.keys import EVERY, HINTS
+from analyzer.browser.screen.keys import EVERY, hints
+from analyzer.browser.screen.offering import Offering
+from analyzer.browser.screen.thrift import DrawnLines
 from analyzer.browser.supply import TABS
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
     from textual import events
+    from textual.screen import Screen
 
     from analyzer.browser.screen.strip_pane import StripPane
+    from analyzer.browser.screen.tools import Tools
+    from analyzer.browser.view import BrowserView
 
 PERIOD = 0.2  # seconds between two looks at what is decoded
 _RARELY = 10  # looks until the files themselves are looked at
 
 
-class Browser(Gestures):
+class Browser(Offering):
     """Shows a view until the user quits."""
 
     BINDINGS: ClassVar[list[Binding]] = [  # type: ignore[assignment]  # Textual allows more kinds
@@ -37,9 +42,14 @@ class Browser(Gestures):
     _looks = 0
     _terminal = False
 
+    def __init__(self, view: BrowserView, tools: Tools, start: str = "", *, plain: bool = False) -> None:
+        super().__init__(view, tools, start, plain=plain)
+        self._drawn = DrawnLines()
+
     def on_mount(self) -> None:
         """Begin to look at what is decoded."""
         self.tabs.display = False
+        self.app_resume_signal.subscribe(self, lambda _: self.action_redraw())
         self._terminal = _has_terminal()
         if not self.view.supply.live:  # a session with a bus hears signals itself
             self._hear()
@@ -55,6 +65,15 @@ class Browser(Gestures):
             if number is not None:
                 with suppress(NotImplementedError, RuntimeError, ValueError):  # Windows; not the main thread
                     loop.add_signal_handler(number, self._end, 128 + number)
+
+    def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
+        """Draw no line that is there already."""
+        super()._display(screen, self._drawn.update(renderable))
+
+    def action_redraw(self) -> None:
+        """Draw everything anew: others may have written onto the terminal."""
+        self._drawn.forget()
+        self.refresh(repaint=True, layout=True)
 
     def _end(self, code: int) -> None:
         self.view.supply.stop()
@@ -74,6 +93,8 @@ class Browser(Gestures):
             self.begin_at()
         self.wait_for_search()
         self.wait_for_walk()
+        self.wait_for_order()
+        self.wait_for_findings()
         self._looks += 1
         if self._looks % _RARELY == 0:
             self._look_around()
@@ -83,12 +104,11 @@ class Browser(Gestures):
             self.list.to(len(view.rows) - 1)
         seen = (
             len(view.rows), supply.loaded, supply.doing, supply.named, len(supply.notes), round(supply.share, 2),
-            getattr(view.rows, "done", True), supply.tab(self.tab), len(supply.flights),
+            getattr(view.rows, "done", True), getattr(view.rows, "share", 1), supply.tab(self.tab), len(supply.flights),
         )  # fmt: skip
         if seen == self._seen:
             return
         if self._seen and (seen[0] != self._seen[0] or seen[3] is not self._seen[3]):
-            view.pages.named = supply.named
             self.list.draw()
         self._seen = seen
         if view.anchor is None and len(view.rows):
@@ -129,9 +149,13 @@ class Browser(Gestures):
         self.go_to_time(event.t)
 
     async def on_click(self, event: events.Click) -> None:
-        """Do what the last line tells of where it is clicked."""
+        """Do what the last line tells of where it is clicked; type a filter, or see the notes, by their lines."""
+        if event.widget is self.state:
+            self.action_ask_filter()
+        elif event.widget is self.top and self.view.supply.notes:
+            self.action_tab("notes")
         at = 1
-        for text, action in HINTS if event.widget is self.bottom and not self.said else ():
+        for text, action in hints(self.tab) if event.widget is self.bottom and not self.said else ():
             if at <= event.x < at + len(text):
                 await self.run_action(action)
                 return

@@ -13,12 +13,13 @@ from analyzer.browser.dump import lit_by
 from analyzer.browser.screen.bar import Bar
 from analyzer.browser.screen.bytes_pane import BytesPane
 from analyzer.browser.screen.detail_pane import DetailPane
-from analyzer.browser.screen.keys import HINT
+from analyzer.browser.screen.keys import hints
 from analyzer.browser.screen.lines import Lines, padded
 from analyzer.browser.screen.list_pane import PacketList
 from analyzer.browser.screen.strip_pane import StripPane
 from analyzer.browser.screen.styles import NAMED
 from analyzer.browser.screen.tab_pane import TabPane
+from analyzer.browser.sorted_rows import SortedRows
 from analyzer.browser.supply import TABS, TabLine
 from analyzer.filter.names import FilterNames
 from analyzer.stats.catalogue import STATISTICS
@@ -68,6 +69,7 @@ class BrowserBase(App[None]):
         self.bar = Bar(self.names)
         self.panes = (self.list, self.details, self.bytes)
         self.following, self.wanted = False, 0
+        self.awaited = ""  # a filter that waits for findings
         self._back: list[tuple[int, int]] = []  # places that were left by a jump, and those that were gone back from
         self._ahead: list[tuple[int, int]] = []
         self.search: Search | None = None  # and `wanted` the step to the match that is waited for
@@ -97,25 +99,41 @@ class BrowserBase(App[None]):
         self.top.put([((padded(left, width - len(right)) + right, NAMED["title"]),)])
         self.strip.draw()
         self.state.put([self._state(width)])
-        text, style = (self.said, self.said_style) if self.said else (HINT, "dim")
+        text, style = (
+            (self.said, self.said_style)
+            if self.said
+            else (
+                "  ".join(text for text, _ in hints(self.tab)),
+                "dim",
+            )
+        )
         self.bottom.put([((padded(fit(f" {text}", width), width), NAMED[style]),)])
 
     def _state(self, width: int) -> Spans:
         view = self.view
         count, at = len(view.rows), view.number() + 1 if len(view.rows) else 0
         where = f"row {at:,} of {count:,}"
-        if isinstance(view.rows, ChosenRows) and len(view.store):
+        order = view.rows if isinstance(view.rows, SortedRows) else None
+        rows = view.rows if order is None else order.base
+        if isinstance(rows, ChosenRows) and len(view.store):
             where += f" ({count / len(view.store):.2%})"
         if view.begun is not None:
             where = f"{len(view.selected()):,} selected  {where}"
-        if isinstance(view.rows, ChosenRows):
-            share = view.rows.share
-            where += "" if view.rows.done else f" so far, {share:.0%}" if share < 1 else " so far"
-            if view.rows.problem is not None:
-                where = f"the filter failed: {view.rows.problem}"
+        if isinstance(rows, ChosenRows):
+            share = rows.share
+            where += "" if rows.done else f" so far, {share:.0%}" if share < 1 else " so far"
+            if rows.problem is not None:
+                where = f"the filter failed: {rows.problem}"
+        if order is not None:
+            way = "falling" if order.falling else "rising"
+            where = f"{order.name} {way}{'' if order.done else ' ...'}  {where}"
+            if order.problem is not None:
+                where = f"it cannot be sorted: {order.problem}"
         place = "" if self.tab == TABS[0] else f"tab {TABS.index(self.tab) + 1} {self.tab}  "
         right = f" {place}{where} "
         filtered = f" = {view.filter}" if view.filter else " = (no filter)"
+        if self.awaited:
+            filtered = f" = {self.awaited} (once it is judged)"
         left = padded(fit(filtered, max(4, width - len(right))), width - len(right))
         return (left, NAMED["good" if view.filter else "dim"]), (fit(right, width), NAMED[""])
 

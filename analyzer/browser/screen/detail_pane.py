@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from textual.message import Message
 
-from analyzer.browser.screen.lines import Pane, padded
+from analyzer.browser.screen.lines import RIGHT, Pane, padded
 from analyzer.browser.screen.styles import NAMED, PLAIN
 from analyzer.views.terminal import display_width, fit
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _INDENT = 2
 _MANY = 6  # parts in bits of a word that is folded at first
 _BEGIN = ("Comment", "Event", "Message")  # what is seen first of a row
-_FOLDED = ("Identifier",)  # at first
+_FOLDED = ("can.id",)  # at first
 
 
 class DetailPane(Pane, can_focus=True):
@@ -29,6 +29,9 @@ class DetailPane(Pane, can_focus=True):
 
     class Selected(Message):
         """Another line is the current one."""
+
+    class Asked(Message):
+        """The current line was clicked with the right button."""
 
     def __init__(self) -> None:
         super().__init__("details")
@@ -175,7 +178,10 @@ class DetailPane(Pane, can_focus=True):
         """Go to a line; once more folds it."""
         place = self._top + event.y - 1
         if 0 <= place < len(self._seen()) and event.y >= 1:
-            if place == self._at:
+            if event.button == RIGHT:
+                self.move(place - self._at)
+                self.post_message(self.Asked())
+            elif place == self._at:
                 self.fold()
             else:
                 self.move(place - self._at)

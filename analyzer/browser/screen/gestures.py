@@ -10,6 +10,7 @@ from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.screen.handing import Handing
 from analyzer.browser.screen.help import line_page, rule_page
 from analyzer.browser.screen.styles import CONVERSATIONS
+from analyzer.browser.sorted_rows import SortedRows
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
 from analyzer.filter.errors import FilterError
@@ -18,7 +19,7 @@ from analyzer.views.times import MODES
 if TYPE_CHECKING:
     from analyzer.browser.screen.bar import Bar
 
-_FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}
+FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}
 _FOLLOWED = {"esc": "channel of an ESC", "unit": "power unit", "exchange": "exchange of a service"}
 _RULE = re.compile(r'finding\.rule == "([^"]+)"')
 _HOW = {"s": "", "n": "not", "a": "and", "o": "or", "b": "and not", "c": "or not"}
@@ -64,7 +65,9 @@ class Gestures(Handing):
     def set_filter(self, text: str) -> bool:
         """Show only what a filter selects; say where it is wrong."""
         try:
-            self.view.apply(text)
+            self.awaited = text if self.view.waits(text) else ""
+            if not self.awaited:
+                self.view.apply(text)
         except FilterError as error:
             self.say_place(error)
             return False
@@ -76,8 +79,15 @@ class Gestures(Handing):
             self.action_tab(TABS[0])
         self.list.draw()
         self.show_row()
+        if self.awaited:
+            self.say("it is applied once the capture is judged (esc forgets it)")
         self.draw_lines()
         return True
+
+    def wait_for_findings(self) -> None:
+        """Apply the filter that waits for findings, if they are known now."""
+        if self.awaited and not self.view.waits(self.awaited):
+            self.set_filter(self.awaited)
 
     def say_place(self, error: FilterError) -> None:
         """Say what is wrong with a filter; the cursor of the filter line is the caret."""
@@ -89,9 +99,12 @@ class Gestures(Handing):
         self.fail(f"{caret} {error.reason}" if fits else f"^ {wrong}: {error.reason}")
 
     def action_clear(self) -> None:
-        """End a search or a selection; else take the filter off."""
+        """End a search or a selection, go back to the list; there take the order, then the filter off."""
         if self.end_walk():
             self.say("it is looked for no more")
+        elif self.awaited:
+            self.awaited = ""
+            self.say("the filter that waited is forgotten")
         elif self.search is not None:
             self.search.stop()
             self.search, self.wanted = None, 0
@@ -100,6 +113,12 @@ class Gestures(Handing):
             self.action_select(0)
         elif self.tab != TABS[0]:
             self.action_tab(TABS[0])
+        elif self.focused is not self.list:
+            self.set_focus(self.list)
+        elif isinstance(self.view.rows, SortedRows):
+            self.view.sort("")
+            self.list.to(self.view.number())
+            self.say("rows are in the order of the capture")
         elif self.view.filter:
             self.set_filter("")
 
@@ -125,7 +144,7 @@ class Gestures(Handing):
 
     def follow(self, key: str) -> None:
         """Filter by what a row is part of."""
-        row, what = self.view.current(), _FOLLOWS.get(key)
+        row, what = self.view.current(), FOLLOWS.get(key)
         if row is None or what is None:
             self.say("nothing is followed")
             return
@@ -203,12 +222,9 @@ class Gestures(Handing):
         self.say(f"-t {pages.mode}: {MODES[pages.mode]}")
 
     def action_choose(self) -> None:
-        """Fold a detail; go where a line of a tab leads to, or apply its filter."""
+        """Go from a row to its details, fold a detail; go where a line of a tab leads to, or apply its filter."""
         if self.tab == TABS[0]:
-            if self.focused is self.details and self.details.cut:
-                self.push_screen(line_page(self.details.line.text if self.details.line else "", self.size.width))
-            elif self.focused is self.details:
-                self.details.fold()
+            self._choose_in_panes()
             return
         line = self.tabs.line
         if line is None:
@@ -223,6 +239,14 @@ class Gestures(Handing):
             self.go_to_time(line.t)
         elif line.filter:
             self.set_filter(line.filter)
+
+    def _choose_in_panes(self) -> None:
+        if self.focused is self.list:
+            self.action_pane(1)
+        elif self.focused is self.details and self.details.cut:
+            self.push_screen(line_page(self.details.line.text if self.details.line else "", self.size.width))
+        elif self.focused is self.details:
+            self.details.fold()
 
     def statistic(self, text: str) -> None:
         """Ask for a statistic, and show its tab."""
@@ -270,8 +294,9 @@ class Gestures(Handing):
     def action_ask_comment(self) -> None:
         """Ask for a comment."""
         places = self.frames_now()
-        marks = self.view.marks.marks
-        self.ask("comment", next((marks[place].text for place in places if place in marks), ""))
+        marks, remarks = self.view.marks.marks, self.view.supply.remarks
+        own = (marks[place].text for place in places if place in marks)
+        self.ask("comment", next(own, "") or next((remarks[place] for place in places if place in remarks), ""))
 
     def action_ask_write(self) -> None:
         """Ask for a file."""

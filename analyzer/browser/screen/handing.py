@@ -8,13 +8,16 @@ from analyzer.browser.conditions import condition
 from analyzer.browser.screen.searching import Searching
 from analyzer.browser.store.cut import cut_transfers
 from analyzer.browser.store.order import TRANSFER
+from analyzer.browser.view import MOST_NAMED
 from analyzer.views.records import JsonLines
 
 if TYPE_CHECKING:
     from analyzer.browser.store.store import Row
 
 _MOST_COPIED = 2000  # rows: a clipboard goes through the terminal
-_COPIES = {"t": "text", "j": "JSON", "c": "candump", "f": "filter", "d": "details", "v": "value"}
+_COPIES = {
+    "t": "text", "j": "JSON", "c": "candump", "f": "filter", "d": "details", "v": "value", "b": "bytes", "l": "line",
+}  # fmt: skip
 
 
 class Handing(Searching):
@@ -29,8 +32,11 @@ class Handing(Searching):
         return [] if row is None else self.view.places_of(row)
 
     def action_mark(self) -> None:
-        """Mark this row, or take the mark off."""
+        """Mark this row, or all that are selected; or take the mark of this one off."""
         places, marks = self.frames_now(), self.view.marks
+        if self.view.begun is not None:
+            self._mark_selected()
+            return
         if not places:
             self.fail("only rows of frames are marked")
             return
@@ -41,6 +47,18 @@ class Handing(Searching):
             return
         now = marks.toggle(frame, self.view.store.frame_time(frame))
         self._kept("marked" if now else "not marked any more")
+
+    def _mark_selected(self) -> None:
+        view = self.view
+        chosen = view.selected()
+        if len(chosen) > MOST_NAMED:
+            self.fail(f"{MOST_NAMED:,} rows are marked at a time at most")
+            return
+        rows = [places for number in chosen if (places := view.places_of(view.row(number)))]
+        fresh = [min(places) for places in rows if not any(place in view.marks.marks for place in places)]
+        for frame in fresh:
+            view.marks.toggle(frame, view.store.frame_time(frame))
+        self._kept(f"{len(fresh):,} rows marked")
 
     def comment(self, text: str) -> None:
         """Write a comment on this row."""
@@ -70,12 +88,12 @@ class Handing(Searching):
     def write(self, path: str) -> None:
         """Write what is displayed to a file."""
         view = self.view
-        chosen = view.filter if view.begun is None else view.filter_of(view.selected())
-        if view.begun is not None and not chosen:
-            self.fail("the selected rows have no frames")
-            return
         try:
-            self.say(self.tools.write(path, chosen))
+            chosen = view.filter if view.begun is None else view.filter_of(view.selected())
+            if view.begun is not None and not chosen:
+                self.fail("the selected rows have no frames")
+            else:
+                self.say(self.tools.write(path, chosen))
         except ValueError as error:
             self.fail(str(error))
 
@@ -94,12 +112,16 @@ class Handing(Searching):
         """Ask what to copy."""
         self.chord, count = "copy", len(self.view.selected())
         what = f"{count:,} rows" if self.view.begun is not None else "this row"
-        self.say(f"copy {what}: t text  j JSON  c candump lines  d details  v value of the field  f as filter", "bold")
+        self.say(f"copy {what}: t text  j JSON  c candump  d details  b bytes  v value  f as filter", "bold")
 
     def copy(self, key: str) -> None:
         """Copy the selected rows, or the current one, in one of several forms."""
         form = _COPIES.get(key)
-        text = "" if form is None else self.copied(form)
+        try:
+            text = "" if form is None else self.copied(form)
+        except ValueError as error:
+            self.fail(str(error))
+            return
         if not text:
             self.fail("nothing is copied" if form is None else f"this row has no {form}")
             return
@@ -111,6 +133,8 @@ class Handing(Searching):
 
     def copied(self, form: str) -> str:
         """Return rows as text, JSON, candump lines or details; a field of one row, or the rows, as a filter."""
+        if form == "line":
+            return "" if self.tabs.line is None else self.tabs.line.text
         view, shown, numbers = self.view, self.shown, self.view.selected()[:_MOST_COPIED]
         if not numbers or shown is None:
             return ""
@@ -122,10 +146,20 @@ class Handing(Searching):
         if form == "filter":
             return view.filter_of(numbers)
         rows = [view.row(number) for number in numbers]
-        return {"text": self._lines, "JSON": self._json, "details": self._details, "candump": self._frames}[form](rows)
+        forms = {
+            "text": self._lines, "JSON": self._json, "details": self._details, "candump": self._frames,
+            "bytes": self._bytes,
+        }  # fmt: skip
+        return forms[form](rows)
+
+    def _bytes(self, rows: list[Row]) -> str:
+        """Return what transfers carry, and frames that form none, in hexadecimal, a row a line."""
+        return "\n".join(filter(None, (self.view.content(row).hex() for row in rows)))
 
     def _lines(self, rows: list[Row]) -> str:
-        return "\n".join(line.text.rstrip() for line in self.view.pages.lines(rows, 500))
+        rules = map(self.view.rules_of, rows)
+        lines = zip(self.view.pages.lines(rows, 500), rules, strict=True)
+        return "\n".join("  ".join((line.text.rstrip(), *some)) for line, some in lines)
 
     def _json(self, rows: list[Row]) -> str:
         view = self.view

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _SIGNS = (
     ("m c * e", "in front of a row: a mark, a comment, a rule names it, an event or a flight's begin or end"),
     ("> 1-6", "it is selected; of which coloured conversation it is"),
+    ("! ?", "at the right end: rules of findings (error, warning) that name the row; none: a note"),
     ("! ? o 1", "in the strip: findings (error, warning), marks, where a flight begins; coloured: in flight"),
 )  # fmt: skip
 _KEY = 11

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     Spans = tuple[tuple[str, Style], ...]
 
 
+RIGHT = 3  # button of the mouse
+
+
 class Lines(Widget):
     """Lines of styled spans, as many as it is high."""
 

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 from textual.message import Message
 
-from analyzer.browser.screen.lines import Pane, padded
+from analyzer.browser.screen.lines import RIGHT, Pane, padded
 from analyzer.browser.screen.styles import CONVERSATIONS, NAMED, PLAIN, of_codes
+from analyzer.views.terminal import ELLIPSIS, fit
 
 if TYPE_CHECKING:
+    from rich.style import Style
     from textual import events
 
     from analyzer.browser.listed import ListLine
@@ -19,6 +21,10 @@ if TYPE_CHECKING:
 
 _KEPT = 1000  # lines that are written already
 _BESIDE = 1  # column of the marks
+_RULE = "Rule"
+_ORDER = ("error", "warning", "note")
+_STYLES = ("bad", "warn", "dim")
+_SIGNS = ("!", "?", "")  # as in the strip
 
 
 class PacketList(Pane, can_focus=True):
@@ -26,6 +32,20 @@ class PacketList(Pane, can_focus=True):
 
     class Moved(Message):
         """Another row is the current one."""
+
+    class Asked(Message):
+        """The current row was clicked with the right button, in a column."""
+
+        def __init__(self, column: str) -> None:
+            super().__init__()
+            self.column = column
+
+    class Sorted(Message):
+        """The name of a column was clicked."""
+
+        def __init__(self, column: str, *, right: bool) -> None:
+            super().__init__()
+            self.column, self.right = column, right
 
     def __init__(self, view: BrowserView) -> None:
         super().__init__("list")
@@ -73,16 +93,19 @@ class PacketList(Pane, can_focus=True):
         self._top = max(0, min(self._top, at, count - self.page), at - self.page + 1)
         numbers = range(self._top, min(self._top + self.page, count))
         places = [rows.at(number) for number in numbers]
-        made = (width, view.pages.mode, view.pages.zero, view.pages.columns, view.supply.named, view.store.buses)
+        made = (width, view.pages.mode, view.pages.zero, view.pages.columns, view.store.buses)
         if made != self._made or view.pages.mode == "dd":
             self._kept.clear()
             self._made = made
         lines = self._lines(places, list(numbers), width - _BESIDE)
         marked = self._marked(places)
         style = NAMED["title" if self.has_focus else "head"]
-        shown: list[Spans] = [((padded(" " + view.pages.head(width - _BESIDE), width), style),)]
+        head = padded(" " + view.pages.head(width - _BESIDE), width)
+        if view.supply.named is not None:
+            head = f"{head[: width - len(_RULE) - 1]} {_RULE}"
+        shown: list[Spans] = [((head, style),)]
         selected = range(0) if view.begun is None else view.selected()
-        for number, place, sign, line in zip(numbers, places, marked, lines, strict=True):
+        for number, place, (sign, rules), line in zip(numbers, places, marked, lines, strict=True):
             colour = self._conversation(place)
             own = of_codes(line.codes) if line.codes else NAMED["bad"] if line.broken else PLAIN
             if colour and not line.codes:
@@ -91,11 +114,23 @@ class PacketList(Pane, can_focus=True):
                 own += NAMED["selected"]
             if number == at:
                 own = NAMED["focus"] + (own if not line.codes else of_codes(line.codes))
-            beside = ">" if number in selected else sign if sign != " " or not colour else str(colour)
-            shown.append(((beside, NAMED["good"]), (padded(line.text, width - _BESIDE), own)))
+            beside = ">" if number in selected else str(colour) if colour and sign in " *" else sign
+            shown.append(((beside, NAMED["good"]), *self._with_rules(line.text, rules, width - _BESIDE, own)))
         if not count:
             shown.append(((padded(f"  {self._nothing()}", width), NAMED["dim"]),))
         self.put(shown)
+
+    def _with_rules(self, text: str, rules: list[str], width: int, style: Style) -> Spans:
+        """Return a row with the rules that name it at its right end, the worst first."""
+        if not rules:
+            return ((padded(text, width), style),)
+        severities = self._view.supply.severities
+        grade, worst = min((_ORDER.index(severities.get(rule, _ORDER[-1])), rule) for rule in rules)
+        told = f" {_SIGNS[grade]}{worst}" + (f"+{len(rules) - 1}" if len(rules) > 1 else "")
+        room = max(0, width - len(told))
+        own = style if style.reverse else NAMED[_STYLES[grade]]
+        body = fit(text, room)
+        return (padded(body.rstrip(ELLIPSIS) + ELLIPSIS if body.endswith(ELLIPSIS) else body, room), style), (told, own)
 
     def _nothing(self) -> str:
         view = self._view
@@ -127,24 +162,28 @@ class PacketList(Pane, can_focus=True):
             return view.store.time(view.store.row(*view.store.locate(whole - 1))) if whole > 0 else None
         return None
 
-    def _marked(self, places: list[tuple[int, int]]) -> list[str]:
-        """Return the sign in front of each row: a mark, a comment, a frame at which a finding begins."""
-        view, marks = self._view, self._view.marks.marks
-        signs = []
+    def _marked(self, places: list[tuple[int, int]]) -> list[tuple[str, list[str]]]:
+        """Return the sign in front of each row - a mark, a comment, a rule, an event -, and the rules that name it."""
+        view, marks, remarks = self._view, self._view.marks.marks, self._view.supply.remarks
+        found = []
         named, events = view.supply.named, view.supply.places
+        known = marks or events or remarks or named is not None
         for place in places:
             row = view.store.row(*place)
-            frames = view.places_of(row) if marks or events or named is not None else []
+            frames = view.places_of(row) if known else []
+            rules = view.rules_of(row)
             own = [marks[frame] for frame in frames if frame in marks]
             sign = " "
-            if own:
-                sign = "c" if any(mark.text for mark in own) else "m"
-            elif named is not None and frames and any(frame in named.between(frame, frame) for frame in frames):
+            if any(mark.text for mark in own) or any(frame in remarks for frame in frames):
+                sign = "c"
+            elif own:
+                sign = "m"
+            elif rules:
                 sign = "*"
             elif any(frame in events for frame in frames):
                 sign = "e"
-            signs.append(sign)
-        return signs
+            found.append((sign, rules))
+        return found
 
     def _conversation(self, place: tuple[int, int]) -> int:
         """Return the number of the coloured conversation that a row is part of, from 1; 0 for none."""
@@ -156,9 +195,17 @@ class PacketList(Pane, can_focus=True):
     def on_click(self, event: events.Click) -> None:
         """Go to a row; with shift select all rows up to it."""
         number = self._top + event.y - 1
-        if event.y < 1 or number >= len(self._view.rows):
+        if event.y < 1:
+            column = self._view.pages.column_at(event.x - _BESIDE)
+            self.post_message(self.Sorted(column, right=event.button == RIGHT))
             return
-        if event.shift:
+        if number >= len(self._view.rows):
+            return
+        if event.button == RIGHT:
+            self._view.go(number)
+            self.draw()
+            self.post_message(self.Asked(self._view.pages.column_at(event.x - _BESIDE)))
+        elif event.shift:
             self.extend(number - self._view.number())
         else:
             self._view.begun = None

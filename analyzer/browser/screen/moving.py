@@ -41,6 +41,14 @@ class Moving(BrowserBase):
         self.draw_lines()
         self.say("from here on: move, then y copies, w writes, v or esc ends" if view.begun else "nothing is selected")
 
+    def action_select_all(self) -> None:
+        """Select all rows that are displayed."""
+        if self.tab == TABS[0] and len(self.view.rows):
+            self.following = False
+            self.list.move(-1 << 40)
+            self.list.extend(1 << 40)
+            self.say(f"{len(self.view.selected()):,} rows are selected: y copies, w writes, m marks, esc ends")
+
     def action_packet(self, by: int) -> None:
         """Go to the next row, whatever pane is in use."""
         self.following = False

@@ -19,10 +19,12 @@ class Searching(Walking):
             return
         view, row = self.view, self.view.current()
         start = 0 if row is None else row.segment
-        wanted = bytes_of(text)
-        if text.startswith("="):
+        wanted, supply = bytes_of(text), view.supply
+        rule = text.upper() if text.upper() in supply.severities and supply.named is not None else ""
+        if rule or text.startswith("="):
+            chosen = f'finding.rule == "{rule}"' if rule else text[1:].strip()
             try:
-                look = look_for_filter(view.store, view.matcher(text[1:].strip()))
+                look = look_for_filter(view.store, view.matcher(chosen))
             except FilterError as error:
                 self.fail(str(error))
                 return
@@ -30,7 +32,7 @@ class Searching(Walking):
         elif wanted is not None:
             self.search = Search(view.store, text, look_for_bytes(view.store, wanted), start)
         else:
-            look = look_for_text(view.store, view.supply.registry, view.frames, view.pages.clock(), text)
+            look = look_for_text(view.store, supply.registry, view.frames, view.pages.clock(), text, supply.labels)
             self.search = Search(view.store, text, look, start)
         self.search.begin()
         self.action_next(1)

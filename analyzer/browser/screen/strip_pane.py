@@ -32,6 +32,7 @@ class StripPane(Lines):
     def __init__(self, view: BrowserView, *, plain: bool) -> None:
         super().__init__("strip")
         self._view, self.strip = view, Strip(view.store, plain=plain)
+        self._remarked: list[int | None] = []  # times of comments that the capture holds
 
     def draw(self) -> None:
         """Draw it as it is now."""
@@ -39,6 +40,9 @@ class StripPane(Lines):
         row = view.current()
         now = None if row is None else view.store.time(row)
         marks = [t for one in view.marks.ordered()[:_MOST_MARKS] if (t := view.time_of(one)) is not None]
+        if len(self._remarked) < min(len(view.supply.remarks), _MOST_MARKS):
+            self._remarked = [view.store.frame_time(place) for place in list(view.supply.remarks)[:_MOST_MARKS]]
+        marks += [t for t in self._remarked if t is not None]
         cells = self.strip.cells(
             width, now=now, flights=view.supply.flights,
             findings=view.supply.troubles, marks=marks,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from textual.message import Message
 
-from analyzer.browser.screen.lines import Pane, padded
+from analyzer.browser.screen.lines import RIGHT, Pane, padded
 from analyzer.browser.screen.styles import NAMED
 from analyzer.views.terminal import display_width, fit
 
@@ -28,6 +28,9 @@ class TabPane(Pane, can_focus=True):
 
     class Chosen(Message):
         """The current line was clicked twice."""
+
+    class Asked(Message):
+        """The current line was clicked with the right button."""
 
     def __init__(self) -> None:
         super().__init__("tab")
@@ -96,7 +99,9 @@ class TabPane(Pane, can_focus=True):
         place = self._top + event.y - 1
         if event.y < 1 or place >= len(self._all):
             return
-        if place == self._at:
+        if event.button == RIGHT:
+            self.post_message(self.Asked())
+        elif place == self._at:
             self.post_message(self.Chosen())
         self.move(place - self._at)
 

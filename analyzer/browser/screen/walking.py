@@ -91,7 +91,7 @@ class Walking(Moving):
 
     def action_marked(self, step: int) -> None:
         """Go to the next mark."""
-        self._go_to_next(sorted(self.view.marks.marks), step, "mark")
+        self._go_to_next(sorted({*self.view.marks.marks, *self.view.supply.remarks}), step, "mark")
 
     def _go_to_next(self, places: Sequence[int], step: int, what: str) -> None:
         row = self.view.current()
@@ -102,4 +102,4 @@ class Walking(Moving):
         if target is None:
             self.fail(f"no {what} {'behind' if step > 0 else 'before'} this row")
         elif self.go_to_frame(target) and what != "finding":
-            self.say(self.view.marks.marks[target].words if what == "mark" else self.view.supply.places[target])
+            self.say(self.view.said_of(target) if what == "mark" else self.view.supply.places[target])

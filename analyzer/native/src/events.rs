@@ -14,6 +14,8 @@ pub enum EventKind {
     Gap = 2,
     Unreadable = 3,
     Comment = 4,
+    /// On the frame or error frame of the same record, in front of it; no record of its own.
+    FrameComment = 5,
 }
 
 /// One row. `None` becomes a null cell.

@@ -90,6 +90,9 @@ impl FrameBatch {
     /// Counts an event of `from` as one of its own.
     pub(crate) fn count_event(&mut self, from: &FrameBatch, row: usize) {
         let kind = from.events.kind[row];
+        if kind == EventKind::FrameComment as u8 {
+            return; // its record is counted as the frame's
+        }
         let counts = &mut self.counts;
         let term = if kind == EventKind::ErrorFrame as u8 {
             &mut counts.error_frames

@@ -250,7 +250,7 @@ impl Held {
     /// Whether the next row is a frame; frames and events are in the order of their records.
     fn frame_is_next(&self) -> bool {
         let (frames, events) = (&self.batch.frames, &self.batch.events);
-        self.frame < frames.len() && (self.event >= events.len() || frames.line[self.frame] <= events.line[self.event])
+        self.frame < frames.len() && (self.event >= events.len() || frames.line[self.frame] < events.line[self.event])
     }
 }
 

@@ -276,6 +276,9 @@ impl PcapngFormat {
             rows.stamp(Stamps::ABSOLUTE);
             rows.stamp(interface.resolution());
         }
+        if let Some(text) = Options::new(packet.options, self.order).comments() {
+            rows.frame_comment(t, bus, &text);
+        }
         frame.push(t, bus, rows);
         Ok(())
     }

@@ -123,6 +123,15 @@ impl Rows {
         self.event(t, None, EventKind::Comment, 0, text);
     }
 
+    /// A comment on the frame or error frame that is next, whose record holds it; `text` is short.
+    pub fn frame_comment(&mut self, t: i64, bus: u8, text: &str) {
+        let line = self.before + self.batch.counts.lines + 1;
+        self.batch.events.push(&Event {
+            bus: Some(bus),
+            ..Event::remark(t, line, EventKind::FrameComment, text)
+        });
+    }
+
     /// Sound records that have nothing to do with CAN.
     pub fn other(&mut self, count: u64) {
         self.batch.counts.other += count;

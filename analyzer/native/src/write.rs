@@ -175,7 +175,7 @@ impl Iterator for InOrder<'_> {
             (None, None) => return None,
             (None, Some(_)) => false,
             (Some(_), None) => true,
-            (Some(event), Some(frame)) => event < frame,
+            (Some(event), Some(frame)) => event <= frame, // a comment on a frame stands in front of it
         };
         let row = if event_first {
             self.event += 1;
@@ -200,8 +200,13 @@ fn bus_of(events: &Events, row: usize) -> Option<u8> {
 
 /// What an event is; a gap reads as a comment.
 fn kind_of(events: &Events, row: usize) -> EventKind {
-    [EventKind::ErrorFrame, EventKind::Drop, EventKind::Unreadable]
-        .into_iter()
-        .find(|kind| *kind as u8 == events.kind[row])
-        .unwrap_or(EventKind::Comment)
+    [
+        EventKind::ErrorFrame,
+        EventKind::Drop,
+        EventKind::Unreadable,
+        EventKind::FrameComment,
+    ]
+    .into_iter()
+    .find(|kind| *kind as u8 == events.kind[row])
+    .unwrap_or(EventKind::Comment)
 }

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pyarrow as pa
 
+from analyzer.facts.frame_comments import FrameComments
 from analyzer.tables import BRS, ESI, EXTENDED, FD, REMOTE, RX, TX, VERDICTS
 from analyzer.views.colours.painter import NO_RULE
 from analyzer.views.frames.cells import VERDICT_WORDS, FrameSheet, FrameWriter, bit_of, identifier
@@ -48,7 +49,8 @@ class FrameText(FrameWriter):
         codes: Sequence[str] = (), comments: Mapping[int, str] | None = None,
     ) -> None:  # fmt: skip
         super().__init__(rows)
-        self._comments = comments or {}
+        self._said = FrameComments(comments)
+        self._comments = self._said.texts
         self._codes = (*codes, None)  # the last one is that of no rule
         self._clock, self._palette, self._width = clock, palette, width
         self._bus, self._time = 0, 0
@@ -57,6 +59,7 @@ class FrameText(FrameWriter):
     def rows(self, batch: Batch, picked: ListedRows) -> Iterator[str]:
         """Write each frame that is known for good; the first one, which settles the widths, behind the header."""
         self._clock.start(batch.frames)
+        self._said.feed(batch)
         return super().rows(batch, picked)
 
     def _texts(self, table: ListedFrames) -> Iterator[str]:

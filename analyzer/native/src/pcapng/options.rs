@@ -3,6 +3,11 @@
 
 use crate::binary::Order;
 
+/// What somebody wrote, an option of every block.
+const COMMENT: u16 = 1;
+/// Bytes of comments that are kept.
+const MAX_COMMENT: usize = 4096;
+
 /// Code and value of each option up to the end mark, the end, or one that is cut.
 pub struct Options<'a> {
     rest: &'a [u8],
@@ -12,6 +17,15 @@ pub struct Options<'a> {
 impl<'a> Options<'a> {
     pub fn new(rest: &'a [u8], order: Order) -> Options<'a> {
         Options { rest, order }
+    }
+
+    /// All comments, one below the other.
+    pub fn comments(self) -> Option<String> {
+        let comments = self.filter(|(code, value)| *code == COMMENT && !value.is_empty());
+        let texts: Vec<_> = comments.map(|(_, value)| String::from_utf8_lossy(value)).collect();
+        let mut whole = texts.join("\n");
+        whole.truncate(whole.floor_char_boundary(MAX_COMMENT));
+        (!whole.is_empty()).then_some(whole)
     }
 }
 

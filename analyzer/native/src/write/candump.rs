@@ -99,7 +99,9 @@ impl Writer for Candump {
             EventKind::Drop => {
                 self.drop_count(batch, row, out);
             }
-            EventKind::Comment | EventKind::Gap => self.comment(events.t[row], &events.text_of(row), out),
+            EventKind::Comment | EventKind::FrameComment | EventKind::Gap => {
+                self.comment(events.t[row], &events.text_of(row), out)
+            }
         }
     }
 

@@ -182,7 +182,9 @@ impl Messages {
                 (t, bus, Content::Drops, CONTROLLER, &dropped[..])
             }
             EventKind::Unreadable => return,
-            EventKind::Comment | EventKind::Gap => return self.comment(batch, t, &events.text_of(row)),
+            EventKind::Comment | EventKind::FrameComment | EventKind::Gap => {
+                return self.comment(batch, t, &events.text_of(row))
+            }
         };
         let can = Can {
             t,

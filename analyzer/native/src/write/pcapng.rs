@@ -46,6 +46,8 @@ pub struct Pcapng {
     account: Account,
     /// On the next frame.
     comment: String,
+    /// On the frame or error frame of a record of the capture: its line, and the text.
+    said: Option<(u32, String)>,
 }
 
 struct Described {
@@ -88,7 +90,11 @@ impl Writer for Pcapng {
 
     fn frame(&mut self, batch: &FrameBatch, row: usize, out: &mut Vec<u8>) {
         let (frames, data) = (&batch.frames, batch.frames.data_of(row));
-        let comment = std::mem::take(&mut self.comment);
+        let mut comment = std::mem::take(&mut self.comment);
+        let said = self.said_of(frames.line[row]);
+        if comment.is_empty() {
+            comment = said;
+        }
         let (id, flags) = (frames.id[row], frames.flags[row]);
         let set = |bit, value: u8| if flags & bit != 0 { value } else { 0 };
         let is_fd = flags & FD != 0;
@@ -140,6 +146,7 @@ impl Writer for Pcapng {
         match kind_of(events, row) {
             EventKind::ErrorFrame if data.len() > MAX_CLASSIC => self.account.add(Loss::LongError),
             EventKind::ErrorFrame => {
+                let comment = self.said_of(events.line[row]);
                 let packet = Packet {
                     t: events.t[row],
                     interface: self.interface(batch, events.bus[row], events.t[row], out),
@@ -150,12 +157,13 @@ impl Writer for Pcapng {
                     room: MAX_CLASSIC,
                     data,
                     direction: direction(events.flags[row]),
-                    comment: "",
+                    comment: &comment,
                 };
                 self.packet(&packet, out);
             }
             EventKind::Drop => self.drop_count(batch, row, out),
             EventKind::Unreadable => {}
+            EventKind::FrameComment => self.said = Some((events.line[row], events.text_of(row))),
             EventKind::Comment | EventKind::Gap => {
                 if events.t[row] != NO_TIME && !Stamper::holds(events.t[row]) {
                     self.account.add(Loss::EarlyTime);
@@ -177,6 +185,12 @@ impl Writer for Pcapng {
 }
 
 impl Pcapng {
+    /// Takes what the capture says of a record.
+    fn said_of(&mut self, line: u32) -> String {
+        let said = self.said.take().filter(|(of, _)| *of == line);
+        said.map(|(_, text)| text).unwrap_or_default()
+    }
+
     fn packet(&mut self, packet: &Packet<'_>, out: &mut Vec<u8>) {
         let stamp = self.stamper.stamp(packet.t, &mut self.account);
         let size = 8 + packet.room as u32;

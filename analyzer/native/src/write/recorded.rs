@@ -99,7 +99,7 @@ impl Recorded {
                 let text = escape(line.trim_ascii(), REMARK);
                 self.rows.drops(t, bus, events.class[row], &text);
             }
-            EventKind::Comment | EventKind::Gap => {
+            EventKind::Comment | EventKind::FrameComment | EventKind::Gap => {
                 let mut line = vec![];
                 self.text.comment(events.t[row], &events.text_of(row), &mut line);
                 let line = line.trim_ascii_end();

@@ -2,6 +2,7 @@
 
 use _native::dataflash::Dataflash;
 use _native::dronecan_log::DronecanLog;
+use _native::events::EventKind;
 use _native::frame_batch::FrameBatch;
 use _native::frames::{DLC_SHIFT, ERROR, EXTENDED};
 use _native::pcap::Pcap;
@@ -52,13 +53,24 @@ pub fn read(form: &str, bytes: &[u8]) -> All {
     let (frames, events, counts) = (&all.frames, &all.events, &all.counts);
     let of_events = counts.error_frames + counts.drops + counts.comments + counts.unreadable;
     assert_eq!(counts.lines, counts.frames + of_events + counts.other);
-    assert_eq!((counts.frames, of_events), (frames.len() as u64, events.len() as u64));
-    let mut lines = [&frames.line[..], &events.line[..]].concat();
-    for rows in [&frames.line, &events.line] {
+    let (comments, own): (Vec<_>, Vec<_>) =
+        (0..events.len()).partition(|&row| events.kind[row] == EventKind::FrameComment as u8);
+    let lines_of = |rows: &[usize]| rows.iter().map(|&row| events.line[row]).collect::<Vec<_>>();
+    assert_eq!((counts.frames, of_events), (frames.len() as u64, own.len() as u64));
+    let mut lines = [&frames.line[..], &lines_of(&own)].concat();
+    for rows in [&frames.line, &lines_of(&own), &lines_of(&comments)] {
         assert!(rows.windows(2).all(|two| two[0] < two[1]), "record numbers ascend");
     }
     lines.sort_unstable();
     assert!(lines.windows(2).all(|two| two[0] < two[1]), "one row a record");
+    for line in lines_of(&comments) {
+        let at = own.iter().find(|&&row| events.line[row] == line);
+        let of_error = at.is_some_and(|&row| events.kind[row] == EventKind::ErrorFrame as u8);
+        assert!(
+            of_error || frames.line.binary_search(&line).is_ok(),
+            "on a frame of its record"
+        );
+    }
     assert!(lines.iter().all(|line| (1..=counts.lines).contains(&u64::from(*line))));
     let buses = all.buses.names().len();
     assert!(frames.bus.iter().all(|bus| usize::from(*bus) < buses));
@@ -67,7 +79,13 @@ pub fn read(form: &str, bytes: &[u8]) -> All {
         assert!(id <= if flags & EXTENDED != 0 { 0x1FFF_FFFF } else { 0x7FF });
         assert!(flags & ERROR == 0 && flags >> DLC_SHIFT <= 15 && data.len() <= 64);
     }
-    assert!(events.text.iter().all(|byte| *byte == b' ' || byte.is_ascii_graphic()));
+    for row in own {
+        assert!(events
+            .text_of(row)
+            .bytes()
+            .all(|byte| byte == b' ' || byte.is_ascii_graphic()));
+    }
+    assert!(std::str::from_utf8(&events.text).is_ok());
     assert!(damage.as_ref().is_none_or(|damage| damage.at < bytes.len() as u64));
     (all, damage)
 }
