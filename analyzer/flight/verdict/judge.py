@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.case import Case
+from analyzer.flight.verdict.escs import got_over
 from analyzer.flight.verdict.exchanged import exchanged
 from analyzer.flight.verdict.exclusions import could_not_see, excluded, looked_at, recorder_lines
 from analyzer.flight.verdict.logged import Logged
@@ -66,6 +67,8 @@ def judge(
     """
     case = Case(witness, events, flight, border)
     found = [one for one in troubles(case) if _matters(case, one)]
+    if not found and case.excursion is None:
+        found = sorted(got_over(case), key=lambda one: one.high)
     verdicts = _verdicts(case, found)
     if verdicts[0].kind == "setup":
         more = tuple(exchanged(case, witness.flights()))
@@ -136,7 +139,8 @@ def _ordered(case: Case, before: list[Trouble]) -> list[Verdict]:
     if first.kind in _NEED_CALM and not case.commanded:
         return [_unordered(case, first), *shown]
     unrest = case.unrest(first.low) if first.kind in _WHOLE else None
-    late = lost is not None and first.high > lost.stop + 2 * case.period(first.bus, first.node)
+    slack = min(2 * case.period(first.bus, first.node), lasting("seen_with"))
+    late = lost is not None and first.high > lost.stop + slack
     if lost is not None and late and first.kind not in _STATES:
         unrest = lost.start, lost.most
     return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]

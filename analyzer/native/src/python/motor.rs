@@ -5,7 +5,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
-use crate::motor::{ordered, Limits, Orders, Reports, Watch};
+use crate::motor::{ordered, Limits, Orders, Reports, Watch, WELL};
 
 type Column<'py> = Bound<'py, Cells>;
 
@@ -35,6 +35,8 @@ pub struct Given {
     #[pyo3(item)]
     least_a: f64,
     #[pyo3(item)]
+    given: f64,
+    #[pyo3(item)]
     sag_begun: f64,
 }
 
@@ -43,8 +45,14 @@ type Reported = (PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>);
 /// What was commanded before each: the lowest, the highest, the mean and the last.
 type Commanded = (PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>);
 
-/// Which reports are off, the last good one before each, shares of speed, current and command; the last good one.
-type Compared<'py> = (Column<'py>, Column<'py>, (Column<'py>, Column<'py>, Column<'py>), i64);
+/// Which reports are off, the last ones before each that were well, each in so many ways, shares of speed, current and
+/// command; the last ones that were well.
+type Compared<'py> = (
+    Column<'py>,
+    Column<'py>,
+    (Column<'py>, Column<'py>, Column<'py>),
+    [i64; WELL],
+);
 
 /// Follows one ESC.
 #[pyclass]
@@ -67,6 +75,7 @@ impl MotorWatch {
             many: limits.many,
             far: limits.far,
             least_a: limits.least_a,
+            given: limits.given,
             sag_begun: limits.sag_begun,
         }))
     }
@@ -93,9 +102,9 @@ impl MotorWatch {
         );
         Ok((
             Cells::own(py, found.off)?,
-            Cells::own(py, found.before)?,
+            Cells::own(py, found.before.into_flattened())?,
             shares,
-            found.good,
+            found.well,
         ))
     }
 }
