@@ -107,7 +107,10 @@ class Places:
 
     def settled(self) -> Places:
         """Return the same, to be kept: nothing of what it was taken from is held any more."""
-        return Places(*(np.array(one) for one in (self.t, self.ran, self.frame, self.frame_end, self.step)))
+        rows = slice(None) if self._rows is None else self._rows
+        t, ran, *others = self._columns
+        own = np.array(t[rows])
+        return Places(own, own if ran is t else np.array(ran[rows]), *(np.array(one[rows]) for one in others))
 
     def at(self, row: int) -> Spot:
         """Return one of them."""

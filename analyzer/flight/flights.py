@@ -130,8 +130,8 @@ class FlightFinder:
         for key, rows, at in read.devices:
             bus, node, number = split(key)
             who: Hashable = number + plot.who.first if plot.who.column else (bus, node)
-            good = rows if whole else rows[known[rows]]
-            self._by["telemetry"].feed((plot.table, key), on[good], at if whole else read.at.take(good), who)
+            turns, where = (on[rows], at) if whole else (on[rows][known[rows]], at.take(known[rows]))
+            self._by["telemetry"].feed((plot.table, key), turns, where, who)
 
     def _feed_orders(self, plot: Plot, table: pa.RecordBatch) -> None:
         """Take what ESCs are commanded."""

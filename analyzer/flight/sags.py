@@ -105,12 +105,13 @@ class SagEvents(ReportEvents):
             if (table := self._reader.table(plot, batch)) is None:
                 continue
             volts, amperes = (table.numbers(_measured(plot, name)) for name in (_VOLTAGE, _CURRENT))
-            good = table.timed & np.isfinite(volts)
+            good = np.isfinite(volts)
             whole = bool(good.all())
             for key, rows, at in table.devices:
-                mine = rows if whole else rows[good[rows]]
-                if len(mine):
-                    self._judge(plot, key, volts[mine], amperes[mine], at if whole else table.at.take(mine))
+                if whole:
+                    self._judge(plot, key, volts[rows], amperes[rows], at)
+                elif (mine := good[rows]).any():
+                    self._judge(plot, key, volts[rows][mine], amperes[rows][mine], at.take(mine))
 
     def finish(self) -> None:
         """Tell what lasts to the end."""

@@ -24,9 +24,11 @@ _PAUSE_MS = 100  # in commands, that an ESC does not mind
 
 def esc_troubles(case: Case) -> Iterator[Trouble]:
     """Yield what one ESC alone shows."""
+    doubtful = _many_blades(case)
     telling = [
         one for one in case.events
         if (one.kind in {"fault", "motor"} or (one.kind == "mode" and one.sign)) and counts(case, one)
+        and not (doubtful and _partly(one))
     ]  # fmt: skip
     quiet = [one for one in case.events if one.kind in {"silence", "restart"} and not case.in_joint_loss(one)]
     everybody = together(case, [one for one in telling if one.sign == "uncommanded"])
@@ -52,6 +54,17 @@ def esc_troubles(case: Case) -> Iterator[Trouble]:
             warned = [one for one in signs if one.sign in _WARNINGS and one.first.ran <= own[0].first.ran]
             now = [one for one in own if one.first.ran - own[0].first.ran <= lasting("together")]
             yield _cut_off(case, node, now) or _own(case, now, warned)
+
+
+def _many_blades(case: Case) -> bool:
+    """Return whether several ESCs tell at any time that a part of their load is gone: not each of them loses a blade."""
+    nodes = {one.node for one in case.events if _partly(one)}
+    return len(nodes) > max(1, len(case.esc_nodes) // 4)
+
+
+def _partly(one: FlightEvent) -> bool:
+    """Return whether a motor's load is a little off, as by a blade, or by a law of currents that is not its own."""
+    return one.kind == "motor" and one.sign == UNLOADED and one.values["current_share"] > threshold("motor_bare")
 
 
 def got_over(case: Case) -> Iterator[Trouble]:

@@ -91,6 +91,8 @@ struct Beside {
     /// The current as a share of that at this speed; NaN where it says nothing: while the commands change much, or the
     /// motor slows down.
     ratio: f64,
+    /// The past is a guess here.
+    far: bool,
     turning: bool,
     loaded: bool,
 }
@@ -102,6 +104,7 @@ impl Beside {
         speed: f64::NAN,
         current: f64::NAN,
         ratio: f64::NAN,
+        far: false,
         turning: false,
         loaded: false,
     };
@@ -155,8 +158,8 @@ impl Watch {
         if volts < self.volts.most() * (1.0 - self.limits.sag_begun) {
             beside.ahead = false; // a rotor runs ahead of a supply that falls, and takes less
             self.ratios.push(f64::NAN);
-        } else if ratio.is_finite() {
-            self.ratios.push(ratio);
+        } else if ratio.is_finite() && !beside.far && ordered.last >= ordered.mean {
+            self.ratios.push(ratio); // a motor that slows down takes less
         }
         let worn = self.limits.worn * f64::from(self.limits.many);
         let off = beside.behind || beside.ahead || self.ratios.sum().is_some_and(|sum| sum < worn);
@@ -227,6 +230,7 @@ impl Watch {
             speed: shares.0,
             current: shares.1,
             ratio: if even && few { ratio } else { f64::NAN },
+            far: usual.far,
             turning: !usual.far && speed >= slowest * limits.slow,
             loaded: !usual.far && much && ratio >= 1.0,
         }
