@@ -57,7 +57,7 @@ def esc_troubles(case: Case) -> Iterator[Trouble]:
 
 
 def _many_blades(case: Case) -> bool:
-    """Return whether several ESCs tell at any time that a part of their load is gone: not each of them loses a blade."""
+    """Return whether several ESCs ever tell that a part of their load is gone: not each of them loses a blade."""
     nodes = {one.node for one in case.events if _partly(one)}
     return len(nodes) > max(1, len(case.esc_nodes) // 4)
 
