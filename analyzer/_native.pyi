@@ -221,6 +221,20 @@ class MotorWatch:
         self, reports: tuple[Any, Any, Any, Any], commanded: tuple[Any, Any, Any, Any]
     ) -> tuple[Cells, Cells, tuple[Cells, Cells, Cells], list[int]]: ...
 
+@final
+class EscSums:
+    def __new__(cls, limits: Mapping[str, float]) -> EscSums: ...
+    def feed(
+        self,
+        reports: tuple[Any, Any, Any, Any],
+        temperature: Any,
+        commanded: tuple[Any, Any, Any, Any],
+        at: tuple[Any, Any, Any],
+        slots: tuple[int, int],
+    ) -> None: ...
+    def halve(self) -> None: ...
+    def sums(self) -> tuple[Cells, Cells, Cells, Cells, Cells]: ...
+
 def ordered(
     orders: tuple[Any, Any, Any], ran: Any, frame: Any, window_ns: int
 ) -> tuple[Cells, Cells, Cells, Cells]: ...

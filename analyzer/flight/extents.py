@@ -9,7 +9,7 @@ import numpy as np
 from analyzer.devices.readings import holding
 from analyzer.devices.rows import split
 from analyzer.flight.reports import ReportEvents
-from analyzer.flight.thresholds import threshold
+from analyzer.flight.thresholds import idle_rpm
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class EscExtents(ReportEvents):
                     one.note(name, values[rows])
                 if "rpm" in columns:
                     rpm = columns["rpm"][rows]
-                    fast = np.flatnonzero(np.abs(rpm) > (plot.idle_rpm or threshold("idle_rpm")))
+                    fast = np.flatnonzero(np.abs(rpm) > idle_rpm(plot))
                     if len(fast):
                         one.turn(rpm[fast], at.ran[fast])
                 if not one.modes:

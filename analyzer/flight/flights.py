@@ -13,7 +13,7 @@ from analyzer.flight.channels import ToldChannels
 from analyzer.flight.clock import RecordedClock
 from analyzer.flight.orders import by_sender, orders
 from analyzer.flight.tables import ReportReader
-from analyzer.flight.thresholds import lasting, threshold
+from analyzer.flight.thresholds import idle_rpm, lasting, threshold
 from analyzer.tables import FLIGHTS
 from dissectors import picture
 from dissectors.kit.cells import numbers
@@ -125,7 +125,7 @@ class FlightFinder:
     def _feed_reports(self, read: ReportTable) -> None:
         """Take what ESCs say of their speeds."""
         plot, rpm = read.plot, read.numbers(read.plot.esc.rpm)
-        known, on = ~np.isnan(rpm), np.abs(rpm) > (plot.idle_rpm or threshold("idle_rpm"))
+        known, on = ~np.isnan(rpm), np.abs(rpm) > idle_rpm(plot)
         whole = bool(known.all())
         for key, rows, at in read.devices:
             bus, node, number = split(key)

@@ -47,7 +47,8 @@ class CommandPulse:
             self.channels = max(self.channels, len(some.columns))
             pause = np.diff(ran, prepend=ran[0] if self._last is None else self._last)
             self._last = int(ran[-1])
-            with np.errstate(invalid="ignore"):
+            mean = some.columns.mean(axis=0)
+            if np.isnan(mean).any():
                 mean = np.nanmean(some.columns, axis=0)
             order = None if (step[1:] >= step[:-1]).all() and good.all() else np.argsort(step, kind="stable")
             if order is not None:

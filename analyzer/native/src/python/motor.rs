@@ -5,7 +5,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
-use crate::motor::{ordered, Limits, Orders, Reports, Watch, WELL};
+use crate::motor::{ordered, Limits, Orders, Reports, SumLimits, Sums, Watch, When, WELL};
 
 type Column<'py> = Bound<'py, Cells>;
 
@@ -83,18 +83,8 @@ impl MotorWatch {
     /// Takes the next reports, all of them with commands before them.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
     fn feed<'py>(&mut self, py: Python<'py>, reports: Reported, commanded: Commanded) -> PyResult<Compared<'py>> {
-        let (speed, volts) = (reports.0.to_vec(py)?, reports.1.to_vec(py)?);
-        let (current, reported) = (reports.2.to_vec(py)?, reports.3.to_vec(py)?);
-        let (lowest, highest) = (commanded.0.to_vec(py)?, commanded.1.to_vec(py)?);
-        let (mean, last) = (commanded.2.to_vec(py)?, commanded.3.to_vec(py)?);
-        let reports = Reports {
-            speed: &speed,
-            volts: &volts,
-            current: &current,
-            reported: &reported,
-            commanded: [&lowest, &highest, &mean, &last],
-        };
-        let found = py.detach(|| self.0.feed(&reports)).ok_or_else(unfit)?;
+        let columns = Columns::read(py, &reports, &commanded)?;
+        let found = py.detach(|| self.0.feed(&columns.reports())).ok_or_else(unfit)?;
         let shares = (
             Cells::own(py, found.speed)?,
             Cells::own(py, found.current)?,
@@ -106,6 +96,120 @@ impl MotorWatch {
             shares,
             found.well,
         ))
+    }
+}
+
+/// The numbers that decide, by name.
+#[derive(FromPyObject)]
+pub struct GivenSums {
+    #[pyo3(item)]
+    idle_rpm: f64,
+    #[pyo3(item)]
+    least_a: f64,
+    #[pyo3(item)]
+    command_idle_percent: f64,
+    #[pyo3(item)]
+    steady_percent: f64,
+    #[pyo3(item)]
+    steady_speed: f64,
+    #[pyo3(item)]
+    silent: i64,
+    #[pyo3(item)]
+    late_periods: f64,
+}
+
+/// Recorded times, times, steps of the transfer ID.
+type Placed = (PyBuffer<i64>, PyBuffer<i64>, PyBuffer<i64>);
+
+/// Count and total by kind, slot and bin, those of what is measured by slot, counts by slot, times of first reports.
+type Summed<'py> = (Column<'py>, Column<'py>, Column<'py>, Column<'py>, Column<'py>);
+
+/// Adds up the reports of one ESC.
+#[pyclass]
+pub struct EscSums(Sums);
+
+#[pymethods]
+impl EscSums {
+    #[new]
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn new(limits: GivenSums) -> Self {
+        EscSums(Sums::new(SumLimits {
+            idle_rpm: limits.idle_rpm,
+            least_a: limits.least_a,
+            command_idle_percent: limits.command_idle_percent,
+            steady_percent: limits.steady_percent,
+            steady_speed: limits.steady_speed,
+            silent: limits.silent,
+            late_periods: limits.late_periods,
+        }))
+    }
+
+    /// Takes the next reports; slots of `width` ns count from `start`.
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn feed(
+        &mut self,
+        py: Python<'_>,
+        reports: Reported,
+        temperature: PyBuffer<f64>,
+        commanded: Commanded,
+        at: Placed,
+        slots: (i64, i64),
+    ) -> PyResult<()> {
+        let columns = Columns::read(py, &reports, &commanded)?;
+        let temperature = temperature.to_vec(py)?;
+        let (ran, t, step) = (at.0.to_vec(py)?, at.1.to_vec(py)?, at.2.to_vec(py)?);
+        let when = When {
+            ran: &ran,
+            t: &t,
+            step: &step,
+        };
+        let fed = py.detach(|| self.0.feed(&columns.reports(), &temperature, &when, slots.0, slots.1));
+        fed.ok_or_else(unfit)
+    }
+
+    /// Makes one slot of two.
+    fn halve(&mut self) {
+        self.0.halve();
+    }
+
+    fn sums<'py>(&self, py: Python<'py>) -> PyResult<Summed<'py>> {
+        let one = &self.0;
+        Ok((
+            Cells::own(py, one.count.clone())?,
+            Cells::own(py, one.total.clone())?,
+            Cells::own(py, one.measured.clone())?,
+            Cells::own(py, one.counted.clone())?,
+            Cells::own(py, one.first.clone())?,
+        ))
+    }
+}
+
+/// The columns of reports and of the commands before them.
+struct Columns([Vec<f64>; 8]);
+
+impl Columns {
+    fn read(py: Python<'_>, reports: &Reported, commanded: &Commanded) -> PyResult<Self> {
+        Ok(Columns([
+            reports.0.to_vec(py)?,
+            reports.1.to_vec(py)?,
+            reports.2.to_vec(py)?,
+            reports.3.to_vec(py)?,
+            commanded.0.to_vec(py)?,
+            commanded.1.to_vec(py)?,
+            commanded.2.to_vec(py)?,
+            commanded.3.to_vec(py)?,
+        ]))
+    }
+
+    fn reports(&self) -> Reports<'_> {
+        let [speed, volts, current, reported, lowest, highest, mean, last] = &self.0;
+        Reports {
+            speed,
+            volts,
+            current,
+            reported,
+            commanded: [lowest, highest, mean, last],
+        }
     }
 }
 
