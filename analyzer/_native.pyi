@@ -1,7 +1,7 @@
 """The boundary to the native core: bytes and numbers in, columns as bytes or where they lie out."""
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias, final
 
 __all__ = [
@@ -235,9 +235,14 @@ class EscSums:
     def halve(self) -> None: ...
     def sums(self) -> tuple[Cells, Cells, Cells, Cells, Cells]: ...
 
-def ordered(
-    orders: tuple[Any, Any, Any], ran: Any, frame: Any, window_ns: int
-) -> tuple[Cells, Cells, Cells, Cells]: ...
+@final
+class RecentOrders:
+    def __new__(cls, window_ns: int, most: int) -> RecentOrders: ...
+    def feed(self, place: tuple[int, int], ran: Any, frame_end: Any, percent: Any) -> None: ...
+    def before(
+        self, devices: Sequence[tuple[int, int, int, int]], ran: Any, frame: Any
+    ) -> tuple[Cells, Cells, Cells, Cells]: ...
+
 def frame_bits(id: bytes, flags: bytes, offsets: bytes, data: bytes) -> bytes: ...  # noqa: A002
 def crc32(data: bytes, value: int = 0, start: int = 0, end: int = ...) -> int: ...
 

@@ -76,7 +76,7 @@ def orders(registry: Registry, plot: Plot, table: pa.RecordBatch) -> Orders | No
     """Return the commands of a table, None if it has none."""
     of = registry.definition(plot.table)
     if (whole := fields.even(of, table, plot.esc.commanded)) is not None:
-        columns = np.ascontiguousarray(whole.T)
+        columns = np.ascontiguousarray(whole.T, np.float32)
     else:
         found = fields.elements(of, table, plot.esc.commanded)
         if found is None or not len(table) or not len(found[0]):

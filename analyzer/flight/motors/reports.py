@@ -72,18 +72,15 @@ class EscReader:
         names = esc.rpm, esc.voltage, esc.current, esc.temperature, esc.reported
         speed, volts, current, temperature, reported = (table.numbers(name) for name in names)
         speed = np.abs(speed)
+        who, ordered = table.plot.who, []
+        for key, rows, _ in table.devices if who.column else ():
+            bus, _, number = split(key)
+            ordered.append((bus, number + who.first, rows))
+        command = self.orders.before(ordered, table.at)
         for key, rows, at in table.devices:
             yield key, EscReports(
-                speed[rows], volts[rows], current[rows], temperature[rows], reported[rows],
-                self._commanded(table.plot, key, at), at,
+                speed[rows], volts[rows], current[rows], temperature[rows], reported[rows], command.take(rows), at
             )  # fmt: skip
-
-    def _commanded(self, plot: Plot, key: int, at: Places) -> CommandWindow:
-        bus, _, number = split(key)
-        found = self.orders.before(bus, number + plot.who.first, at) if plot.who.column else None
-        if found is not None:
-            return found
-        return CommandWindow(*(np.full(len(at), np.nan) for _ in CommandWindow._fields))
 
 
 def channel(plot: Plot, key: int) -> int | None:

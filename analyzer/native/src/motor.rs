@@ -3,11 +3,13 @@
 //! What a report is compared with depends on the reports before it alone, however they come in pieces.
 #![forbid(unsafe_code)]
 
+mod log;
 mod orders;
 mod past;
 mod recent;
 mod sums;
 
+pub use log::CommandLog;
 pub use orders::{ordered, Ordered, Orders};
 use past::{Expected, Past, LAW};
 use recent::Recent;

@@ -185,7 +185,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<diagnosis::FrameIndex>()?;
     m.add_class::<motor::MotorWatch>()?;
     m.add_class::<motor::EscSums>()?;
-    m.add_function(wrap_pyfunction!(motor::ordered_before, m)?)?;
+    m.add_class::<motor::RecentOrders>()?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(joint::joint, m)?)?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;

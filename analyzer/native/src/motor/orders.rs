@@ -55,6 +55,14 @@ pub fn ordered(orders: &Orders<'_>, ran: &[i64], frame: &[i64], window: i64) -> 
     Some(found)
 }
 
+/// Commands that came between two reports: up to which place, and the lowest and the highest of them; NaN says nothing.
+#[derive(Clone, Copy)]
+struct Chunk {
+    stop: usize,
+    lowest: f32,
+    highest: f32,
+}
+
 /// Goes over commands as the reports go on.
 struct Window<'a> {
     orders: &'a Orders<'a>,
@@ -63,8 +71,9 @@ struct Window<'a> {
     stop: usize,
     sum: f64,
     unknown: usize,
-    lows: VecDeque<usize>,  // places of commands below all that follow them
-    highs: VecDeque<usize>, // above all that follow them
+    chunks: VecDeque<Chunk>, // that end within the window
+    lows: VecDeque<Chunk>,   // below all that follow them
+    highs: VecDeque<Chunk>,  // above all that follow them
 }
 
 impl<'a> Window<'a> {
@@ -76,6 +85,7 @@ impl<'a> Window<'a> {
             stop: 0,
             sum: 0.0,
             unknown: 0,
+            chunks: VecDeque::new(),
             lows: VecDeque::new(),
             highs: VecDeque::new(),
         }
@@ -95,10 +105,18 @@ impl<'a> Window<'a> {
         if self.unknown > 0 {
             return Some(Ordered { last, ..Ordered::NONE });
         }
-        let at = |places: &VecDeque<usize>| places.front().map_or(last, |&place| f64::from(orders.percent[place]));
+        // The first chunk may have begun before the window.
+        let border = self.chunks.front().map_or(stop, |chunk| chunk.stop);
+        let (mut lowest, mut highest) = extremes(&orders.percent[start..border]);
+        if let Some(low) = self.lows.iter().find(|chunk| chunk.stop > border) {
+            lowest = lowest.min(low.lowest);
+        }
+        if let Some(high) = self.highs.iter().find(|chunk| chunk.stop > border) {
+            highest = highest.max(high.highest);
+        }
         Some(Ordered {
-            lowest: at(&self.lows),
-            highest: at(&self.highs),
+            lowest: f64::from(lowest),
+            highest: f64::from(highest),
             mean: self.sum / f64::from((stop - start) as u32),
             last,
         })
@@ -107,24 +125,31 @@ impl<'a> Window<'a> {
     fn go(&mut self, start: usize, stop: usize) {
         if start < self.start || stop < self.stop || start >= self.stop {
             (self.start, self.stop, self.sum, self.unknown) = (start, start, 0.0, 0);
-            self.lows.clear();
-            self.highs.clear();
+            for chunks in [&mut self.chunks, &mut self.lows, &mut self.highs] {
+                chunks.clear();
+            }
         }
         let percent = self.orders.percent;
-        for (place, &value) in percent.iter().enumerate().take(stop).skip(self.stop) {
-            if value.is_nan() {
-                self.unknown += 1;
-                continue;
+        if stop > self.stop {
+            let fresh = &percent[self.stop..stop];
+            for &value in fresh {
+                if value.is_nan() {
+                    self.unknown += 1;
+                } else {
+                    self.sum += f64::from(value);
+                }
             }
-            self.sum += f64::from(value);
-            while self.lows.back().is_some_and(|&low| percent[low] >= value) {
+            let (lowest, highest) = extremes(fresh);
+            let chunk = Chunk { stop, lowest, highest };
+            while self.lows.back().is_some_and(|low| low.lowest >= lowest) {
                 self.lows.pop_back();
             }
-            while self.highs.back().is_some_and(|&high| percent[high] <= value) {
+            while self.highs.back().is_some_and(|high| high.highest <= highest) {
                 self.highs.pop_back();
             }
-            self.lows.push_back(place);
-            self.highs.push_back(place);
+            for chunks in [&mut self.chunks, &mut self.lows, &mut self.highs] {
+                chunks.push_back(chunk);
+            }
         }
         for &value in &percent[self.start..start] {
             if value.is_nan() {
@@ -133,13 +158,22 @@ impl<'a> Window<'a> {
                 self.sum -= f64::from(value);
             }
         }
-        for places in [&mut self.lows, &mut self.highs] {
-            while places.front().is_some_and(|&place| place < start) {
-                places.pop_front();
+        for chunks in [&mut self.chunks, &mut self.lows, &mut self.highs] {
+            while chunks.front().is_some_and(|chunk| chunk.stop <= start) {
+                chunks.pop_front();
             }
         }
         (self.start, self.stop) = (start, stop);
     }
+}
+
+/// The lowest and the highest; infinite where there is none.
+fn extremes(values: &[f32]) -> (f32, f32) {
+    values
+        .iter()
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &value| {
+            (low.min(value), high.max(value))
+        })
 }
 
 /// How many in order something holds for, which is likely a little more than it was.

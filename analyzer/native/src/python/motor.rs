@@ -1,11 +1,13 @@
 //! Motors against their own past, for Python.
 
+use std::collections::BTreeMap;
+
 use pyo3::buffer::PyBuffer;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
-use crate::motor::{ordered, Limits, Orders, Reports, SumLimits, Sums, Watch, When, WELL};
+use crate::motor::{CommandLog, Limits, Reports, SumLimits, Sums, Watch, When, WELL};
 
 type Column<'py> = Bound<'py, Cells>;
 
@@ -213,32 +215,82 @@ impl Columns {
     }
 }
 
-/// The command before each report, by times and first frames; of commands: when, last frame, %; NaN for none.
-#[pyfunction]
-#[pyo3(name = "ordered")]
-#[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-pub fn ordered_before(
-    py: Python<'_>,
-    orders: (PyBuffer<i64>, PyBuffer<i64>, PyBuffer<f32>),
-    ran: PyBuffer<i64>,
-    frame: PyBuffer<i64>,
-    window_ns: i64,
-) -> PyResult<(Column<'_>, Column<'_>, Column<'_>, Column<'_>)> {
-    let (when, frame_end, percent) = (orders.0.to_vec(py)?, orders.1.to_vec(py)?, orders.2.to_vec(py)?);
-    let (ran, frame) = (ran.to_vec(py)?, frame.to_vec(py)?);
-    let orders = Orders {
-        ran: &when,
-        frame_end: &frame_end,
-        percent: &percent,
-    };
-    let found = py.detach(|| ordered(&orders, &ran, &frame, window_ns));
-    let [lowest, highest, mean, last] = found.ok_or_else(unfit)?;
-    Ok((
-        Cells::own(py, lowest)?,
-        Cells::own(py, highest)?,
-        Cells::own(py, mean)?,
-        Cells::own(py, last)?,
-    ))
+/// Reports of one ESC: its bus, the channel that it is commanded by, from which row on and up to which one.
+type Device = (i64, i64, usize, usize);
+
+/// The commands of all buses.
+#[pyclass]
+pub struct RecentOrders {
+    window: i64,
+    most: usize,
+    buses: BTreeMap<i64, CommandLog>,
+}
+
+#[pymethods]
+impl RecentOrders {
+    #[new]
+    fn new(window_ns: i64, most: usize) -> Self {
+        RecentOrders {
+            window: window_ns,
+            most,
+            buses: BTreeMap::new(),
+        }
+    }
+
+    /// Takes the next commands of a bus; the first of their channels has the number `first`.
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn feed(
+        &mut self,
+        py: Python<'_>,
+        place: (i64, usize),
+        ran: PyBuffer<i64>,
+        frame_end: PyBuffer<i64>,
+        percent: PyBuffer<f32>,
+    ) -> PyResult<()> {
+        let (bus, first) = place;
+        let (ran, frame_end, percent) = (ran.to_vec(py)?, frame_end.to_vec(py)?, percent.to_vec(py)?);
+        let log = self
+            .buses
+            .entry(bus)
+            .or_insert_with(|| CommandLog::new(self.window, self.most));
+        log.feed(first, &ran, &frame_end, &percent).ok_or_else(unfit)
+    }
+
+    /// The command before each report, by times and first frames: lowest, highest, mean and last, in %; NaN for none.
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn before<'py>(
+        &self,
+        py: Python<'py>,
+        devices: Vec<Device>,
+        ran: PyBuffer<i64>,
+        frame: PyBuffer<i64>,
+    ) -> PyResult<(Column<'py>, Column<'py>, Column<'py>, Column<'py>)> {
+        let (ran, frame) = (ran.to_vec(py)?, frame.to_vec(py)?);
+        let [lowest, highest, mean, last] = py.detach(|| self.found(&devices, &ran, &frame)).ok_or_else(unfit)?;
+        Ok((
+            Cells::own(py, lowest)?,
+            Cells::own(py, highest)?,
+            Cells::own(py, mean)?,
+            Cells::own(py, last)?,
+        ))
+    }
+}
+
+impl RecentOrders {
+    fn found(&self, devices: &[Device], ran: &[i64], frame: &[i64]) -> Option<[Vec<f64>; 4]> {
+        let mut all = std::array::from_fn(|_| vec![f64::NAN; ran.len()]);
+        for &(bus, channel, start, stop) in devices {
+            let (ran, frame) = (ran.get(start..stop)?, frame.get(start..stop)?);
+            let channel = usize::try_from(channel).ok()?;
+            let Some(found) = self.buses.get(&bus).and_then(|log| log.before(channel, ran, frame)) else {
+                continue;
+            };
+            for (column, values) in all.iter_mut().zip(found) {
+                column[start..stop].copy_from_slice(&values);
+            }
+        }
+        Some(all)
+    }
 }
 
 fn unfit() -> PyErr {
