@@ -9,6 +9,7 @@ __all__ = [
     "Cells",
     "Counters",
     "Decoder",
+    "EscSums",
     "Fingerprint",
     "FrameBatch",
     "FrameIndex",
@@ -22,8 +23,10 @@ __all__ = [
     "Packets",
     "Pipeline",
     "Reader",
+    "RecentOrders",
     "Rows",
     "Sheet",
+    "SupplyLine",
     "Template",
     "Writer",
     "crc32",
@@ -31,7 +34,6 @@ __all__ = [
     "frame_bits",
     "joint",
     "message_records",
-    "ordered",
     "protobuf",
     "unrecognized",
 ]
@@ -234,6 +236,10 @@ class EscSums:
     ) -> None: ...
     def halve(self) -> None: ...
     def sums(self) -> tuple[Cells, Cells, Cells, Cells, Cells]: ...
+
+@final
+class SupplyLine:
+    def feed(self, volts: Any, amperes: Any) -> Cells: ...
 
 @final
 class RecentOrders:

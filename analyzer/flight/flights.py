@@ -55,7 +55,7 @@ class FlightFinder:
 
     Args:
         registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
-        order: the clock of the capture, and its reader, if somebody else feeds them before.
+        order: the clock of the capture, and its reader and channels, if somebody else feeds them before.
     """
 
     def __init__(self, registry: Registry, order: EventOrder | None = None) -> None:
@@ -66,7 +66,7 @@ class FlightFinder:
         self._orders = [plot for plot in plots if plot.esc.commanded]
         self._clock = RecordedClock() if order is None else order.clock
         self._reader = ReportReader(registry, self._clock) if order is None else order.reader
-        self._channels = ToldChannels(registry)
+        self._channels = ToldChannels(registry) if order is None else order.channels
         self._by = {
             "telemetry": FlightBasis(self._clock, lasting("silent_motor")),
             "commands": FlightBasis(self._clock, lasting("silent_motor")),
@@ -78,7 +78,7 @@ class FlightFinder:
         """Add the next batch."""
         if self._own_clock:
             self._clock.feed(batch)
-        self._channels.feed(batch)
+            self._channels.feed(batch)
         self._last_frame = max(self._last_frame, batch.first_frame + len(batch.frames) - 1)
         for plot in self._reports:
             if (read := self._reader.table(plot, batch)) is not None:

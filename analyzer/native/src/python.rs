@@ -186,6 +186,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<motor::MotorWatch>()?;
     m.add_class::<motor::EscSums>()?;
     m.add_class::<motor::RecentOrders>()?;
+    m.add_class::<motor::SupplyLine>()?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(joint::joint, m)?)?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;

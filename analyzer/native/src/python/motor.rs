@@ -7,7 +7,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
-use crate::motor::{CommandLog, Limits, Reports, SumLimits, Sums, Watch, When, WELL};
+use crate::motor::{self, CommandLog, Limits, Reports, SumLimits, Sums, Watch, When, WELL};
 
 type Column<'py> = Bound<'py, Cells>;
 
@@ -212,6 +212,26 @@ impl Columns {
             reported,
             commanded: [lowest, highest, mean, last],
         }
+    }
+}
+
+/// The supply voltage that a current explains.
+#[pyclass]
+#[derive(Default)]
+pub struct SupplyLine(motor::SupplyLine);
+
+#[pymethods]
+impl SupplyLine {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    /// Takes reports of one device, in order; what was to be expected of each, NaN where nothing is known.
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn feed<'py>(&mut self, py: Python<'py>, volts: PyBuffer<f64>, amperes: PyBuffer<f64>) -> PyResult<Column<'py>> {
+        let (volts, amperes) = (volts.to_vec(py)?, amperes.to_vec(py)?);
+        Cells::own(py, self.0.feed(&volts, &amperes).ok_or_else(unfit)?)
     }
 }
 
