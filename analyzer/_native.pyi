@@ -17,6 +17,7 @@ __all__ = [
     "McapWalk",
     "Merger",
     "Messages",
+    "MotorSums",
     "MotorWatch",
     "PacketRows",
     "Packets",
@@ -213,6 +214,19 @@ def diagnose(
     asked: tuple[Any, Any, Any, Any],
 ) -> _Answers: ...
 def joint(given: tuple[Any, Any, Any, Any, Any, Any], apart: int, nearby: int) -> tuple[Cells, Cells, Cells, Cells]: ...
+
+@final
+class MotorSums:
+    def __new__(cls, limits: Mapping[str, float]) -> MotorSums: ...
+    def feed(
+        self,
+        reports: tuple[Any, Any, Any, Any],
+        temperature: Any,
+        commanded: tuple[Any, Any, Any, Any],
+        came: tuple[Any, Any, Any, int, int],
+    ) -> None: ...
+    def halve(self) -> None: ...
+    def sums(self) -> tuple[Cells, Cells, Cells, Cells, Cells]: ...
 
 @final
 class MotorWatch:

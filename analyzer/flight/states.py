@@ -69,8 +69,11 @@ class _Report(NamedTuple):
         """Return those that have a value in a column."""
         if not column.null_count:
             return self
-        has = valid(column)[self.rows]
-        return self._replace(rows=self.rows[has], at=self.at.take(has))
+        return self.take(valid(column)[self.rows])
+
+    def take(self, which: Array) -> _Report:
+        """Return those that a mask picks."""
+        return self._replace(rows=self.rows[which], at=self.at.take(which))
 
     def measured(self, rows: slice) -> Iterator[tuple[str, Array]]:
         """Yield what some of them measured by quantity, numbers alone."""
@@ -121,14 +124,15 @@ class StateEvents(ReportEvents):
             good = timed if rows is None else timed & rows
             flags, modes = self._columns(plot, of, table, states)
             told = {flag.name for flag in flags if table.column(flag.name).true_count}
-            whole = bool(good.all())
-            for one in devices:
-                held = None if whole else good[one.rows]
-                some = one if held is None else one._replace(rows=one.rows[held], at=one.at.take(held))
-                if len(some.rows) and flags:
-                    self._feed_flags(states, flags, told, some.known(table.column(states.column)))
-                for name in modes:
-                    self._feed_mode(name, some.known(table.column(name)), states.signs)
+            some = devices
+            if not good.all():
+                some = [one.take(good[one.rows]) for one in devices]
+                some = [one for one in some if len(one.rows)]
+            if flags:
+                for one in some:
+                    self._feed_flags(states, flags, told, one.known(table.column(states.column)))
+            for name in modes:
+                self._feed_modes(name, some, states.signs)
 
     def _columns(
         self, plot: Plot, of: Message | Packet | None, table: pa.RecordBatch, states: States
@@ -168,14 +172,29 @@ class StateEvents(ReportEvents):
             about.flag.clause, about.values(), about.flag.sign,
         ))  # fmt: skip
 
-    def _feed_mode(self, name: str, some: _Report, signs: Mapping[str, str]) -> None:
+    def _feed_modes(self, name: str, devices: list[_Report], signs: Mapping[str, str]) -> None:
+        """Take a column with named values: mostly it says the same in all rows, and has said so before."""
+        if not devices:
+            return
+        column = devices[0].table.column(name)
+        values = numbers(column)
+        same = int(values[0]) if not column.null_count and values.min() == values.max() else None
+        for one in devices:
+            word = one.key, f"{one.plot.table}.{name}"
+            before = self._modes.get(word)
+            if before is None or before[0] != same:
+                self._feed_mode(name, one.known(column), signs, values)
+            else:
+                self._modes[word] = same, one.at.at(-1)
+
+    def _feed_mode(self, name: str, some: _Report, signs: Mapping[str, str], column: Array) -> None:
         if not len(some.rows):
             return
         word = some.key, f"{some.plot.table}.{name}"
         before = self._modes.get(word)
         if before is None and len(self._modes) >= MOST_DEVICES:
             return
-        values, about = numbers(some.table.column(name))[some.rows].astype(np.int64), meaning(some.of, name)
+        values, about = column[some.rows].astype(np.int64), meaning(some.of, name)
         kind = "health" if (some.plot.table, name) == (NODE_STATUS, "health") else "mode"
         if before is None and kind == "health" and values[0]:
             self._change(kind, _word(about, int(values[0])), None, some, 0, about.clause)

@@ -8,6 +8,7 @@ import numpy as np
 
 from analyzer.devices.rows import split
 from analyzer.flight.reports import ReportEvents
+from dissectors.kit.order import changes
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
@@ -50,10 +51,13 @@ class SupplyLows(ReportEvents):
         """Take the end: everything is known."""
 
     def _note(self, lows: dict[int, float], ran: np.ndarray, volts: np.ndarray) -> None:
+        if not len(ran):
+            return
         steps = (ran - (self._clock.start or 0)) // STEP
-        for step in np.unique(steps).tolist():
+        begins = np.concatenate(([0], changes(steps, steps[0])))
+        for step, low in zip(steps[begins].tolist(), np.minimum.reduceat(volts, begins).tolist(), strict=True):
             if step in lows or len(lows) < MOST_STEPS:
-                lows[step] = min(lows.get(step, np.inf), float(volts[steps == step].min()))
+                lows[step] = min(lows.get(step, np.inf), low)
 
     def lowest(self, start: int, stop: int) -> dict[tuple[int, int], float]:
         """Return the lowest voltage of each bus and node in whole steps of a recorded time."""

@@ -6,10 +6,12 @@
 mod orders;
 mod past;
 mod recent;
+mod sums;
 
 pub use orders::{ordered, Ordered, Orders};
 use past::{Expected, Past, LAW};
 use recent::Recent;
+pub use sums::{SumLimits, Sums, Times, BINS, COUNTED, KINDS, MEASURED, NEVER, SLOTS};
 
 /// A current as a share of what it was at that speed, between which a report is as it should be.
 const GOOD: (f64, f64) = (0.85, 1.2);

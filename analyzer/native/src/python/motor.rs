@@ -5,7 +5,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
-use crate::motor::{ordered, Limits, Orders, Reports, Watch};
+use crate::motor::{ordered, Limits, Orders, Reports, SumLimits, Sums, Times, Watch};
 
 type Column<'py> = Bound<'py, Cells>;
 
@@ -74,18 +74,8 @@ impl MotorWatch {
     /// Takes the next reports, all of them with commands before them.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
     fn feed<'py>(&mut self, py: Python<'py>, reports: Reported, commanded: Commanded) -> PyResult<Compared<'py>> {
-        let (speed, volts) = (reports.0.to_vec(py)?, reports.1.to_vec(py)?);
-        let (current, reported) = (reports.2.to_vec(py)?, reports.3.to_vec(py)?);
-        let (lowest, highest) = (commanded.0.to_vec(py)?, commanded.1.to_vec(py)?);
-        let (mean, last) = (commanded.2.to_vec(py)?, commanded.3.to_vec(py)?);
-        let reports = Reports {
-            speed: &speed,
-            volts: &volts,
-            current: &current,
-            reported: &reported,
-            commanded: [&lowest, &highest, &mean, &last],
-        };
-        let found = py.detach(|| self.0.feed(&reports)).ok_or_else(unfit)?;
+        let own = Owned::of(py, &reports, &commanded)?;
+        let found = py.detach(|| self.0.feed(&own.reports())).ok_or_else(unfit)?;
         let shares = (
             Cells::own(py, found.speed)?,
             Cells::own(py, found.current)?,
@@ -97,6 +87,119 @@ impl MotorWatch {
             shares,
             found.good,
         ))
+    }
+}
+
+/// The numbers that decide of sums, by name.
+#[derive(FromPyObject)]
+pub struct GivenSums {
+    #[pyo3(item)]
+    idle_rpm: f64,
+    #[pyo3(item)]
+    idle_percent: f64,
+    #[pyo3(item)]
+    least_a: f64,
+    #[pyo3(item)]
+    steady_percent: f64,
+    #[pyo3(item)]
+    steady_speed: f64,
+    #[pyo3(item)]
+    pause: i64,
+    #[pyo3(item)]
+    late_periods: f64,
+}
+
+/// When reports came: times while it was recorded, times, steps of transfer IDs; the first slot, and ns of each.
+type Came = (PyBuffer<i64>, PyBuffer<i64>, PyBuffer<i64>, i64, i64);
+/// Numbers and sums by kind, slot and bin; both by slot; counts by slot; times of the first report of each slot.
+type Summed<'py> = (Column<'py>, Column<'py>, Column<'py>, Column<'py>, Column<'py>);
+
+/// Adds up the reports of one ESC.
+#[pyclass]
+pub struct MotorSums(Sums);
+
+#[pymethods]
+impl MotorSums {
+    #[new]
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn new(limits: GivenSums) -> Self {
+        MotorSums(Sums::new(SumLimits {
+            idle_rpm: limits.idle_rpm,
+            idle_percent: limits.idle_percent,
+            least_a: limits.least_a,
+            steady_percent: limits.steady_percent,
+            steady_speed: limits.steady_speed,
+            pause: limits.pause,
+            late_periods: limits.late_periods,
+        }))
+    }
+
+    /// Takes the next reports.
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn feed(
+        &mut self,
+        py: Python<'_>,
+        reports: Reported,
+        temperature: PyBuffer<f64>,
+        commanded: Commanded,
+        came: Came,
+    ) -> PyResult<()> {
+        let temperature = temperature.to_vec(py)?;
+        let (ran, t, step) = (came.0.to_vec(py)?, came.1.to_vec(py)?, came.2.to_vec(py)?);
+        let times = Times {
+            ran: &ran,
+            t: &t,
+            step: &step,
+        };
+        let own = Owned::of(py, &reports, &commanded)?;
+        py.detach(|| self.0.feed(&own.reports(), &temperature, &times, came.3, came.4))
+            .ok_or_else(unfit)
+    }
+
+    /// Makes one slot of two.
+    fn halve(&mut self) {
+        self.0.halve();
+    }
+
+    /// The sums so far.
+    fn sums<'py>(&self, py: Python<'py>) -> PyResult<Summed<'py>> {
+        let sums = &self.0;
+        Ok((
+            Cells::own(py, sums.count.as_flattened().to_vec())?,
+            Cells::own(py, sums.total.as_flattened().to_vec())?,
+            Cells::own(py, sums.measured.as_flattened().as_flattened().to_vec())?,
+            Cells::own(py, sums.counted.as_flattened().to_vec())?,
+            Cells::own(py, sums.first.as_flattened().to_vec())?,
+        ))
+    }
+}
+
+/// Columns of reports, taken over from Python.
+struct Owned([Vec<f64>; 8]);
+
+impl Owned {
+    fn of(py: Python<'_>, reports: &Reported, commanded: &Commanded) -> PyResult<Self> {
+        Ok(Owned([
+            reports.0.to_vec(py)?,
+            reports.1.to_vec(py)?,
+            reports.2.to_vec(py)?,
+            reports.3.to_vec(py)?,
+            commanded.0.to_vec(py)?,
+            commanded.1.to_vec(py)?,
+            commanded.2.to_vec(py)?,
+            commanded.3.to_vec(py)?,
+        ]))
+    }
+
+    fn reports(&self) -> Reports<'_> {
+        let [speed, volts, current, reported, commanded @ ..] = &self.0;
+        Reports {
+            speed,
+            volts,
+            current,
+            reported,
+            commanded: commanded.each_ref().map(Vec::as_slice),
+        }
     }
 }
 
