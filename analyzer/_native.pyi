@@ -9,7 +9,6 @@ __all__ = [
     "Cells",
     "Counters",
     "Decoder",
-    "EscSums",
     "Fingerprint",
     "FrameBatch",
     "FrameIndex",
@@ -18,6 +17,7 @@ __all__ = [
     "McapWalk",
     "Merger",
     "Messages",
+    "MotorSums",
     "MotorWatch",
     "PacketRows",
     "Packets",
@@ -217,25 +217,24 @@ def diagnose(
 def joint(given: tuple[Any, Any, Any, Any, Any, Any], apart: int, nearby: int) -> tuple[Cells, Cells, Cells, Cells]: ...
 
 @final
-class MotorWatch:
-    def __new__(cls, limits: Mapping[str, float]) -> MotorWatch: ...
-    def feed(
-        self, reports: tuple[Any, Any, Any, Any], commanded: tuple[Any, Any, Any, Any]
-    ) -> tuple[Cells, Cells, tuple[Cells, Cells, Cells], list[int]]: ...
-
-@final
-class EscSums:
-    def __new__(cls, limits: Mapping[str, float]) -> EscSums: ...
+class MotorSums:
+    def __new__(cls, limits: Mapping[str, float]) -> MotorSums: ...
     def feed(
         self,
         reports: tuple[Any, Any, Any, Any],
         temperature: Any,
         commanded: tuple[Any, Any, Any, Any],
-        at: tuple[Any, Any, Any],
-        slots: tuple[int, int],
+        came: tuple[Any, Any, Any, int, int],
     ) -> None: ...
     def halve(self) -> None: ...
     def sums(self) -> tuple[Cells, Cells, Cells, Cells, Cells]: ...
+
+@final
+class MotorWatch:
+    def __new__(cls, limits: Mapping[str, float]) -> MotorWatch: ...
+    def feed(
+        self, reports: tuple[Any, Any, Any, Any], commanded: tuple[Any, Any, Any, Any]
+    ) -> tuple[Cells, Cells, tuple[Cells, Cells, Cells], list[int]]: ...
 
 @final
 class SupplyLine:

@@ -109,6 +109,6 @@ def _judged(request: Request, criteria: Criteria, *, drawn: bool) -> Iterator[Ju
         judged = JudgedRun(run, criteria)
         looked = RunTriage(run, drawn=drawn)
         with suppress(CaptureError):
-            for _ in judged.batches(looked.beside(run.inside())):
+            for _ in judged.batches(looked.over(run.inside())):
                 pass
         yield judged.taken(label, triage=looked.found())

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
-from analyzer.app.threads import beside
 from analyzer.flight.inquest import inquest
 from analyzer.flight.witness import Witness
 from analyzer.sources import CaptureError
@@ -86,7 +85,11 @@ class RunTriage:
         self._frames = 0
 
     def over(self, batches: Iterable[Batch]) -> Iterator[Batch]:
-        """Yield the batches, and look at each."""
+        """Yield the batches, and look at each.
+
+        Not in a thread of its own beside that of the rules: both are Python over small columns, and two of such wait
+        more for each other than they gain.
+        """
         for batch in batches:
             self.feed(batch)
             yield batch
@@ -95,12 +98,6 @@ class RunTriage:
         """Look at the next batch."""
         self.witness.feed(batch)
         self._frames += len(batch.frames)
-
-    def beside(self, batches: Iterable[Batch]) -> Iterator[Batch]:
-        """Yield the batches, and look at each, in a thread beside if there may be several."""
-        if self._run.request.threads == 1:
-            return self.over(batches)
-        return beside((batch.make_tables() for batch in batches), self.feed)
 
     def found(self) -> Triage:
         """Return what happened, after the last batch."""

@@ -187,7 +187,7 @@ class _Wanted:
             named, indexes = self._named(run, label)
             judged = JudgedRun(run, self._criteria, named)
             looked = RunTriage(run, drawn=any(form == "html" for form, _ in self.files))
-            decoded = looked.beside(run.inside() if periods is None else periods.over(run.inside()))
+            decoded = looked.over(run.inside() if periods is None else periods.over(run.inside()))
             with watched(run.source, complaints) as progress:
                 for _ in progress.over(judged.batches(decoded)):
                     pass

@@ -74,7 +74,7 @@ def _judged(job: Job, settings: FleetSettings) -> Rows:
             registry=criteria.registry,
         )
         judged, looked, health = JudgedRun(run, criteria), RunTriage(run), EscHealth(criteria.registry)
-        for measured in judged.batches(looked.beside(run.batches())):
+        for measured in judged.batches(looked.over(run.batches())):
             health.feed(measured.batch)
         part = run.source.parts[0]
         if isinstance(part.damage, UnavailableError):  # the network failed in the middle: no damage of the capture

@@ -84,6 +84,17 @@ class _Report(NamedTuple):
                     yield line.quantity, values[good]
 
 
+class _Mode:
+    """A column with named values, in the order of devices; `has` are the rows that have one, None for all of them.
+
+    `same` is what all rows say, mostly for the whole of a flight; None if they do not.
+    """
+
+    def __init__(self, name: str, values: Array, has: Array | None) -> None:
+        self.name, self.values, self.has = name, values, has
+        self.same = int(values[0]) if has is None and values.min() == values.max() else None
+
+
 class StateEvents(ReportEvents):
     """Adds up batches. Bounds: those of `Spells`, and `MOST_DEVICES`."""
 
@@ -120,19 +131,15 @@ class StateEvents(ReportEvents):
             word = table.column(states.column)
             known = _with(word, good, read.order)
             codes = [
-                (name, numbers(column)[read.order], _with(column, good, read.order))
+                _Mode(name, numbers(column)[read.order], _with(column, good, read.order))
                 for name, column in ((name, table.column(name)) for name in modes)
             ]
             for key, part, at in read.devices:
                 some = _Report(plot, of, table, key, read.order[part], at)
                 if flags:
                     self._feed_flags(states, flags, told, some if known is None else some.only(known[part]))
-                for name, values, has in codes:
-                    if has is None:
-                        self._feed_mode(name, values[part], some, states.signs)
-                    else:
-                        mine = has[part]
-                        self._feed_mode(name, values[part][mine], some.only(mine), states.signs)
+                for mode in codes:
+                    self._feed_mode(mode, part, some, states.signs)
 
     def _columns(
         self, plot: Plot, of: Message | Packet | None, table: pa.RecordBatch, states: States
@@ -172,12 +179,16 @@ class StateEvents(ReportEvents):
             about.flag.clause, about.values(), about.flag.sign,
         ))  # fmt: skip
 
-    def _feed_mode(self, name: str, values: Array, some: _Report, signs: Mapping[str, str]) -> None:
-        if not len(values):
-            return
+    def _feed_mode(self, mode: _Mode, rows: slice, some: _Report, signs: Mapping[str, str]) -> None:
+        name, values = mode.name, mode.values[rows]
         word = some.key, f"{some.plot.table}.{name}"
         before = self._modes.get(word)
-        if before is None and len(self._modes) >= MOST_DEVICES:
+        if before is not None and before[0] == mode.same:
+            self._modes[word] = before[0], some.at.at(-1)
+            return
+        if mode.has is not None:
+            values, some = values[mode.has[rows]], some.only(mode.has[rows])
+        if not len(values) or (before is None and len(self._modes) >= MOST_DEVICES):
             return
         about = meaning(some.of, name)
         kind = "health" if (some.plot.table, name) == (NODE_STATUS, "health") else "mode"

@@ -8,15 +8,17 @@ import numpy as np
 
 from analyzer import _native
 from analyzer.decode.sent import cells
-from analyzer.flight.odd.quantities import BINNED, BINS
 from analyzer.flight.thresholds import idle_rpm, lasting, threshold
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from analyzer.flight.motors.reports import EscReports
     from dissectors.kit import Array
     from dissectors.picture import Plot
 
 SLOTS = 128  # of time; when they are full, two become one
+BINS = 40
 ONE = float(1 << 20)  # of anything that is measured, as a whole number
 NEVER = np.iinfo(np.int64).max
 MEASURED = ("temperature", "voltage", "power")  # sums by time alone
@@ -24,70 +26,74 @@ COUNTED = ("came", "lost", "late")
 
 
 class EscCells:
-    """Takes the reports of one device, in order. Bound: `SLOTS` by `BINS` sums of each kind."""
+    """Takes the reports of one device, in order. Bound: `SLOTS` by `BINS` sums of each kind.
+
+    Kinds of `count` and `total` are the numbers of quantities.
+    """
 
     def __init__(self, plot: Plot, key: int) -> None:
         self.plot, self.key = plot, key
-        self._native = _native.EscSums(
-            {
-                "idle_rpm": idle_rpm(plot),
-                "least_a": threshold("motor_least_a"),
-                "command_idle_percent": threshold("command_idle_percent"),
-                "steady_percent": threshold("motor_steady_percent"),
-                "steady_speed": threshold("steady_speed"),
-                "silent": lasting("silent_motor"),
-                "late_periods": threshold("late_periods"),
-            }
-        )
-        self._sums: list[Array] = []  # until something is added to them
+        self._native = _native.MotorSums(_limits(plot))
+        self._read: tuple[Array, ...] | None = None
 
     def feed(self, some: EscReports, start: int, width: int) -> None:
-        """Add the next reports; slots of `width` ns count from `start`."""
-        at = some.at
-        self._sums = []
-        self._native.feed(
-            (some.speed, some.volts, some.current, some.reported), some.temperature, some.command,
-            (at.ran, at.t, at.step), (start, width),
-        )  # fmt: skip
+        """Add the next reports, in slots of `width` ns from `start` on."""
+        self._read = None
+        at, columns = some.at, (some.speed, some.volts, some.current, some.reported)
+        self._native.feed(columns, some.temperature, some.command, (at.ran, at.t, at.step, start, width))
 
     def halve(self) -> None:
         """Make one slot of two."""
-        self._sums = []
+        self._read = None
         self._native.halve()
 
     @property
     def count(self) -> Array:
-        """Reports by kind, slot and bin."""
-        return self._sum(0).reshape(BINNED, SLOTS, BINS)
+        """How many reports there are of each kind, by slot and bin."""
+        return self._sums[0]
 
     @property
     def total(self) -> Array:
-        """What they say, added up, by kind, slot and bin."""
-        return self._sum(1).reshape(BINNED, SLOTS, BINS)
+        """Their sums, in parts of `ONE`."""
+        return self._sums[1]
 
     @property
     def first(self) -> Array:
-        """Recorded time, and time, of the first report of each slot; `NEVER` without one."""
-        return self._sum(4).reshape(2, SLOTS)
-
-    def _sum(self, number: int) -> Array:
-        if not self._sums:
-            kinds = (np.float64, np.float64, np.float64, np.float64, np.int64)
-            self._sums = [cells(column, kind) for column, kind in zip(self._native.sums(), kinds, strict=True)]
-        return self._sums[number]
+        """The recorded time and the time of the first report of each slot, `NEVER` for none."""
+        return self._sums[4]
 
     def mean(self, name: str) -> tuple[Array, Array]:
         """Return how many reports each slot has of something in `MEASURED`, and their mean, NaN of none."""
-        count, total = self._sum(2).reshape(len(MEASURED), 2, SLOTS)[MEASURED.index(name)]
-        return count, _mean(count, total)
+        count, total = self._sums[2][MEASURED.index(name)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found: Array = np.where(count > 0, total / count / ONE, np.nan)
+        return count, found
 
     def numbers(self, name: str) -> Array:
         """Return something in `COUNTED`, by slot."""
-        found: Array = self._sum(3).reshape(len(COUNTED), SLOTS)[COUNTED.index(name)]
+        found: Array = self._sums[3][COUNTED.index(name)]
         return found
 
+    @property
+    def _sums(self) -> tuple[Array, ...]:
+        if self._read is None:
+            count, total, measured, counted, first = self._native.sums()
+            self._read = (
+                *(cells(one, np.float64).reshape(-1, SLOTS, BINS) for one in (count, total)),
+                cells(measured, np.float64).reshape(len(MEASURED), 2, SLOTS),
+                cells(counted, np.float64).reshape(len(COUNTED), SLOTS),
+                cells(first, np.int64).reshape(2, SLOTS),
+            )
+        return self._read
 
-def _mean(count: Array, total: Array) -> Array:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found: Array = np.where(count > 0, total / count / ONE, np.nan)
-    return found
+
+def _limits(plot: Plot) -> Mapping[str, float]:
+    return {
+        "idle_rpm": idle_rpm(plot),
+        "idle_percent": threshold("command_idle_percent"),
+        "least_a": threshold("motor_least_a"),
+        "steady_percent": threshold("motor_steady_percent"),
+        "steady_speed": threshold("steady_speed"),
+        "pause": lasting("silent_motor"),
+        "late_periods": threshold("late_periods"),
+    }

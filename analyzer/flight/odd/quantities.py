@@ -7,8 +7,6 @@ import numpy as np
 from analyzer.flight.thresholds import threshold
 from dissectors.records import dataclass
 
-BINS = 40  # of commands, or of speeds, as the core has them
-
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
@@ -62,4 +60,3 @@ VOLTAGE = Quantity(
 LOST = Quantity("lost reports", "lost", "%", "more reports lost", "fewer reports lost", scale=100.0, digits=1)
 LATE = Quantity("late reports", "late", "%", "more reports late", "fewer reports late", scale=100.0, digits=1)
 QUANTITIES = (SPEED, CURRENT, TEMPERATURE, VOLTAGE, LOST, LATE)
-BINNED = 4  # kinds of sums by bins

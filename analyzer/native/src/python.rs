@@ -183,8 +183,8 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<write::AsRecorded>()?;
     m.add_class::<write::Writer>()?;
     m.add_class::<diagnosis::FrameIndex>()?;
+    m.add_class::<motor::MotorSums>()?;
     m.add_class::<motor::MotorWatch>()?;
-    m.add_class::<motor::EscSums>()?;
     m.add_class::<motor::RecentOrders>()?;
     m.add_class::<motor::SupplyLine>()?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;

@@ -55,25 +55,24 @@ pub fn ordered(orders: &Orders<'_>, ran: &[i64], frame: &[i64], window: i64) -> 
     Some(found)
 }
 
-/// Commands that came between two reports: up to which place, and the lowest and the highest of them; NaN says nothing.
-#[derive(Clone, Copy)]
-struct Chunk {
-    stop: usize,
-    lowest: f32,
-    highest: f32,
-}
-
-/// Goes over commands as the reports go on.
+/// Goes over commands as the reports go on. Those that came between two reports are a block, seen once as a whole.
 struct Window<'a> {
     orders: &'a Orders<'a>,
     length: i64,
     start: usize,
     stop: usize,
+    edge: usize,             // where the block ends that it begins in
+    blocks: VecDeque<usize>, // where those behind that end
+    lows: VecDeque<Extreme>, // of these, below all that follow them
+    highs: VecDeque<Extreme>,
     sum: f64,
     unknown: usize,
-    chunks: VecDeque<Chunk>, // that end within the window
-    lows: VecDeque<Chunk>,   // below all that follow them
-    highs: VecDeque<Chunk>,  // above all that follow them
+}
+
+/// The lowest or highest command of a block that ends at `stop`.
+struct Extreme {
+    stop: usize,
+    percent: f32,
 }
 
 impl<'a> Window<'a> {
@@ -83,11 +82,12 @@ impl<'a> Window<'a> {
             length,
             start: 0,
             stop: 0,
-            sum: 0.0,
-            unknown: 0,
-            chunks: VecDeque::new(),
+            edge: 0,
+            blocks: VecDeque::new(),
             lows: VecDeque::new(),
             highs: VecDeque::new(),
+            sum: 0.0,
+            unknown: 0,
         }
     }
 
@@ -105,18 +105,12 @@ impl<'a> Window<'a> {
         if self.unknown > 0 {
             return Some(Ordered { last, ..Ordered::NONE });
         }
-        // The first chunk may have begun before the window.
-        let border = self.chunks.front().map_or(stop, |chunk| chunk.stop);
-        let (mut lowest, mut highest) = extremes(&orders.percent[start..border]);
-        if let Some(low) = self.lows.iter().find(|chunk| chunk.stop > border) {
-            lowest = lowest.min(low.lowest);
-        }
-        if let Some(high) = self.highs.iter().find(|chunk| chunk.stop > border) {
-            highest = highest.max(high.highest);
-        }
+        let (mut low, mut high) = extremes(&orders.percent[start..self.edge]);
+        low = self.lows.front().map_or(low, |one| low.min(one.percent));
+        high = self.highs.front().map_or(high, |one| high.max(one.percent));
         Some(Ordered {
-            lowest: f64::from(lowest),
-            highest: f64::from(highest),
+            lowest: f64::from(low),
+            highest: f64::from(high),
             mean: self.sum / f64::from((stop - start) as u32),
             last,
         })
@@ -124,56 +118,63 @@ impl<'a> Window<'a> {
 
     fn go(&mut self, start: usize, stop: usize) {
         if start < self.start || stop < self.stop || start >= self.stop {
-            (self.start, self.stop, self.sum, self.unknown) = (start, start, 0.0, 0);
-            for chunks in [&mut self.chunks, &mut self.lows, &mut self.highs] {
-                chunks.clear();
-            }
+            (self.start, self.stop, self.edge, self.sum, self.unknown) = (start, start, start, 0.0, 0);
+            self.blocks.clear();
+            self.lows.clear();
+            self.highs.clear();
         }
         let percent = self.orders.percent;
         if stop > self.stop {
-            let fresh = &percent[self.stop..stop];
-            for &value in fresh {
-                if value.is_nan() {
-                    self.unknown += 1;
-                } else {
-                    self.sum += f64::from(value);
-                }
-            }
-            let (lowest, highest) = extremes(fresh);
-            let chunk = Chunk { stop, lowest, highest };
-            while self.lows.back().is_some_and(|low| low.lowest >= lowest) {
-                self.lows.pop_back();
-            }
-            while self.highs.back().is_some_and(|high| high.highest <= highest) {
-                self.highs.pop_back();
-            }
-            for chunks in [&mut self.chunks, &mut self.lows, &mut self.highs] {
-                chunks.push_back(chunk);
+            let block = &percent[self.stop..stop];
+            let (sum, unknown) = total(block);
+            (self.sum, self.unknown) = (self.sum + sum, self.unknown + unknown);
+            let (low, high) = extremes(block);
+            self.blocks.push_back(stop);
+            push(&mut self.lows, stop, low, |one| one >= low);
+            push(&mut self.highs, stop, high, |one| one <= high);
+        }
+        let (sum, unknown) = total(&percent[self.start..start]);
+        (self.sum, self.unknown) = (self.sum - sum, self.unknown - unknown);
+        while self.edge <= start {
+            match self.blocks.pop_front() {
+                Some(edge) => self.edge = edge,
+                None => break,
             }
         }
-        for &value in &percent[self.start..start] {
-            if value.is_nan() {
-                self.unknown -= 1;
-            } else {
-                self.sum -= f64::from(value);
-            }
-        }
-        for chunks in [&mut self.chunks, &mut self.lows, &mut self.highs] {
-            while chunks.front().is_some_and(|chunk| chunk.stop <= start) {
-                chunks.pop_front();
+        for extremes in [&mut self.lows, &mut self.highs] {
+            while extremes.front().is_some_and(|one| one.stop <= self.edge) {
+                extremes.pop_front();
             }
         }
         (self.start, self.stop) = (start, stop);
     }
 }
 
-/// The lowest and the highest; infinite where there is none.
-fn extremes(values: &[f32]) -> (f32, f32) {
-    values
+fn push(extremes: &mut VecDeque<Extreme>, stop: usize, percent: f32, hidden: impl Fn(f32) -> bool) {
+    while extremes.back().is_some_and(|one| hidden(one.percent)) {
+        extremes.pop_back();
+    }
+    extremes.push_back(Extreme { stop, percent });
+}
+
+/// The lowest and the highest command, of those that say something.
+fn extremes(percent: &[f32]) -> (f32, f32) {
+    percent
         .iter()
-        .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &value| {
-            (low.min(value), high.max(value))
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &one| {
+            (low.min(one), high.max(one))
         })
+}
+
+/// The sum of commands, and how many say nothing.
+fn total(percent: &[f32]) -> (f64, usize) {
+    percent.iter().fold((0.0, 0), |(sum, unknown), &one| {
+        if one.is_nan() {
+            (sum, unknown + 1)
+        } else {
+            (sum + f64::from(one), unknown)
+        }
+    })
 }
 
 /// How many in order something holds for, which is likely a little more than it was.

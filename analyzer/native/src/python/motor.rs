@@ -7,7 +7,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
-use crate::motor::{self, CommandLog, Limits, Reports, SumLimits, Sums, Watch, When, WELL};
+use crate::motor::{self, CommandLog, Limits, Reports, SumLimits, Sums, Times, Watch, WELL};
 
 type Column<'py> = Bound<'py, Cells>;
 
@@ -85,8 +85,8 @@ impl MotorWatch {
     /// Takes the next reports, all of them with commands before them.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
     fn feed<'py>(&mut self, py: Python<'py>, reports: Reported, commanded: Commanded) -> PyResult<Compared<'py>> {
-        let columns = Columns::read(py, &reports, &commanded)?;
-        let found = py.detach(|| self.0.feed(&columns.reports())).ok_or_else(unfit)?;
+        let own = Owned::of(py, &reports, &commanded)?;
+        let found = py.detach(|| self.0.feed(&own.reports())).ok_or_else(unfit)?;
         let shares = (
             Cells::own(py, found.speed)?,
             Cells::own(py, found.current)?,
@@ -101,52 +101,51 @@ impl MotorWatch {
     }
 }
 
-/// The numbers that decide, by name.
+/// The numbers that decide of sums, by name.
 #[derive(FromPyObject)]
 pub struct GivenSums {
     #[pyo3(item)]
     idle_rpm: f64,
     #[pyo3(item)]
-    least_a: f64,
+    idle_percent: f64,
     #[pyo3(item)]
-    command_idle_percent: f64,
+    least_a: f64,
     #[pyo3(item)]
     steady_percent: f64,
     #[pyo3(item)]
     steady_speed: f64,
     #[pyo3(item)]
-    silent: i64,
+    pause: i64,
     #[pyo3(item)]
     late_periods: f64,
 }
 
-/// Recorded times, times, steps of the transfer ID.
-type Placed = (PyBuffer<i64>, PyBuffer<i64>, PyBuffer<i64>);
-
-/// Count and total by kind, slot and bin, those of what is measured by slot, counts by slot, times of first reports.
+/// When reports came: times while it was recorded, times, steps of transfer IDs; the first slot, and ns of each.
+type Came = (PyBuffer<i64>, PyBuffer<i64>, PyBuffer<i64>, i64, i64);
+/// Numbers and sums by kind, slot and bin; both by slot; counts by slot; times of the first report of each slot.
 type Summed<'py> = (Column<'py>, Column<'py>, Column<'py>, Column<'py>, Column<'py>);
 
 /// Adds up the reports of one ESC.
 #[pyclass]
-pub struct EscSums(Sums);
+pub struct MotorSums(Sums);
 
 #[pymethods]
-impl EscSums {
+impl MotorSums {
     #[new]
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
     fn new(limits: GivenSums) -> Self {
-        EscSums(Sums::new(SumLimits {
+        MotorSums(Sums::new(SumLimits {
             idle_rpm: limits.idle_rpm,
+            idle_percent: limits.idle_percent,
             least_a: limits.least_a,
-            command_idle_percent: limits.command_idle_percent,
             steady_percent: limits.steady_percent,
             steady_speed: limits.steady_speed,
-            silent: limits.silent,
+            pause: limits.pause,
             late_periods: limits.late_periods,
         }))
     }
 
-    /// Takes the next reports; slots of `width` ns count from `start`.
+    /// Takes the next reports.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
     fn feed(
         &mut self,
@@ -154,19 +153,18 @@ impl EscSums {
         reports: Reported,
         temperature: PyBuffer<f64>,
         commanded: Commanded,
-        at: Placed,
-        slots: (i64, i64),
+        came: Came,
     ) -> PyResult<()> {
-        let columns = Columns::read(py, &reports, &commanded)?;
         let temperature = temperature.to_vec(py)?;
-        let (ran, t, step) = (at.0.to_vec(py)?, at.1.to_vec(py)?, at.2.to_vec(py)?);
-        let when = When {
+        let (ran, t, step) = (came.0.to_vec(py)?, came.1.to_vec(py)?, came.2.to_vec(py)?);
+        let times = Times {
             ran: &ran,
             t: &t,
             step: &step,
         };
-        let fed = py.detach(|| self.0.feed(&columns.reports(), &temperature, &when, slots.0, slots.1));
-        fed.ok_or_else(unfit)
+        let own = Owned::of(py, &reports, &commanded)?;
+        py.detach(|| self.0.feed(&own.reports(), &temperature, &times, came.3, came.4))
+            .ok_or_else(unfit)
     }
 
     /// Makes one slot of two.
@@ -174,24 +172,25 @@ impl EscSums {
         self.0.halve();
     }
 
+    /// The sums so far.
     fn sums<'py>(&self, py: Python<'py>) -> PyResult<Summed<'py>> {
-        let one = &self.0;
+        let sums = &self.0;
         Ok((
-            Cells::own(py, one.count.clone())?,
-            Cells::own(py, one.total.clone())?,
-            Cells::own(py, one.measured.clone())?,
-            Cells::own(py, one.counted.clone())?,
-            Cells::own(py, one.first.clone())?,
+            Cells::own(py, sums.count.as_flattened().to_vec())?,
+            Cells::own(py, sums.total.as_flattened().to_vec())?,
+            Cells::own(py, sums.measured.as_flattened().as_flattened().to_vec())?,
+            Cells::own(py, sums.counted.as_flattened().to_vec())?,
+            Cells::own(py, sums.first.as_flattened().to_vec())?,
         ))
     }
 }
 
-/// The columns of reports and of the commands before them.
-struct Columns([Vec<f64>; 8]);
+/// Columns of reports, taken over from Python.
+struct Owned([Vec<f64>; 8]);
 
-impl Columns {
-    fn read(py: Python<'_>, reports: &Reported, commanded: &Commanded) -> PyResult<Self> {
-        Ok(Columns([
+impl Owned {
+    fn of(py: Python<'_>, reports: &Reported, commanded: &Commanded) -> PyResult<Self> {
+        Ok(Owned([
             reports.0.to_vec(py)?,
             reports.1.to_vec(py)?,
             reports.2.to_vec(py)?,
@@ -204,13 +203,13 @@ impl Columns {
     }
 
     fn reports(&self) -> Reports<'_> {
-        let [speed, volts, current, reported, lowest, highest, mean, last] = &self.0;
+        let [speed, volts, current, reported, commanded @ ..] = &self.0;
         Reports {
             speed,
             volts,
             current,
             reported,
-            commanded: [lowest, highest, mean, last],
+            commanded: commanded.each_ref().map(Vec::as_slice),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! A motor against its own past: what a slow reading of the same words gives, and any cut the same.
 
+mod sums;
+
 use _native::motor::{ordered, Compared, Limits, Orders, Reports, Watch, WELL};
 
 const WINDOW: i64 = 500;
