@@ -134,11 +134,13 @@ class RunTriage:
     def _next(self, verdict: Verdict, flight: Flight | None) -> Sequence[str]:
         """Return at most three commands that can be pasted."""
         names = " ".join(quote(name) for name in self._run.request.names)
+        chosen = f" --flight {flight.number}" if flight is not None else ""
         if verdict.t_end is None or verdict.kind == "none":
-            return [f"tailbyte check {names}", f"tailbyte events {names}"]
+            more = f"tailbyte plot {names}{chosen}" if verdict.told else f"tailbyte check {names}"
+            return [f"tailbyte events {names}", more]
         at = f" --at {verdict.frame + 1}" if verdict.frame is not None else ""
         at += f" -Y 'node == {verdict.node}'" if verdict.kind == "device" else ""
-        near, seen = "", f" --flight {flight.number}" if flight is not None else ""
+        near, seen = "", chosen
         if verdict.frame is not None:
             near, seen = (f" --around {verdict.frame + 1}+-{span}" for span in (_AROUND, _SEEN))
         return [f"tailbyte view {names}{at}", f"tailbyte decode {names}{near}", f"tailbyte plot {names}{seen}"]

@@ -5,10 +5,14 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from analyzer.flight.thresholds import lasting
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from analyzer.flight.odd.judge import OddEsc, OddReport
+
+_NEAR = 2  # slots, by which a change may seem to be earlier
 
 
 class OddLater:
@@ -29,7 +33,8 @@ class OddLater:
 
     @property
     def before(self) -> Sequence[OddEsc]:
-        """Those that matter for an answer: all of them, or those that became so before what is told began."""
+        """Those that matter for an answer: all of them, or those that became so well before what is told began."""
         if self._began is None:
             return self.report.odd
-        return [one for one in self.report.odd if not one.always and one.ran < self._began]
+        last = self._began - _NEAR * lasting("odd_slot")
+        return [one for one in self.report.odd if not one.always and one.ran < last]

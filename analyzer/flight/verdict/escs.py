@@ -177,5 +177,4 @@ def _commanded(case: Case, one: FlightEvent) -> bool:
 
 
 def _rate(case: Case, one: FlightEvent) -> float:
-    start = one.first.ran - lasting("together")
-    return case.pulse.count(start, one.first.ran) * SECOND / (one.first.ran - start + STEP)
+    return case.pulse.rate(one.first.ran - lasting("together"), one.first.ran - STEP)

@@ -76,10 +76,16 @@ def judge(
     shown = verdicts[1] if not verdicts[0].told and len(verdicts) > 1 else verdicts[0]
     first = next((one for one in found if one.kind == shown.kind and one.node == shown.node), None)
     began = _began(case, verdicts[0], first)
+    hit = _impact(found) if verdicts[0].kind == "none" else None
+    if hit is not None:
+        began = hit
     primary = [] if first is None else first.events
+    if first is None and shown.kind in {"control", "setup"} and case.excursion is not None:
+        primary = [case.excursion.event]
     after = [
         one for one in case.events
-        if one not in primary and one.first.ran >= began and one.kind not in _ORDINARY and verdicts[0].kind != "none"
+        if one not in primary and one.first.ran >= began and one.kind not in _ORDINARY
+        and (verdicts[0].kind != "none" or hit is not None)
     ]  # fmt: skip
     earlier = [one for one in case.events if one not in primary and one.first.ran < began and one.kind not in _ORDINARY]
     facts = list(excluded(case, verdicts[0], began))
@@ -135,6 +141,8 @@ def _verdicts(case: Case, found: list[Trouble]) -> list[Verdict]:
 def _ordered(case: Case, before: list[Trouble]) -> list[Verdict]:
     """Return troubles as verdicts, behind `unknown` if nobody can tell whether it flew calmly until the first one."""
     first, lost = before[0], case.excursion
+    if first.kind in _WHOLE:  # what comes after it comes of it
+        before = [one for one in before if one is first or one.kind in _STATES or one.low < first.high]
     shown = [_verdict(case, one) for one in before]
     if first.kind in _NEED_CALM and not case.commanded:
         return [_unordered(case, first), *shown]

@@ -40,7 +40,7 @@ class TriageWords:
             return "no times" if found.frames else "no frames"
         if not self._dated:
             return f"{(found.end - found.start) / SECOND:.1f} s, without a date"
-        return f"{self._day.text(found.start)[:-7]} to {self._clock.text(found.end)[:-7]} ({self._zone})"
+        return f"{self._day.text(found.start)[:-7]}-{self._clock.text(found.end)[:-7]} {self._zone}"
 
     def when(self, verdict: Verdict) -> str:
         """Return the interval of a verdict: last good report, first bad one."""
