@@ -75,7 +75,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Make parameters of `sampled` tests slow, all but the first and each so-manieth after it.
 
     With `--share N` only one in N of those that became slow is left, one in N of the parameters of other slow tests,
-    but for laws, and every second one of those without parameters: others for each seed. The guest, which takes longest
+    but for laws, and every third one of those without parameters: others for each seed. The guest, which takes longest
     and waits most of the time, begins at once.
     """
     items.sort(key=lambda item: item.path.name != GUEST)
@@ -92,7 +92,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                     spared.add(item)
             seen[name] += 1
         elif share > 1 and _waits_its_turn(item):
-            turns = share if hasattr(item, "callspec") else 2
+            turns = share if hasattr(item, "callspec") else 3
             if crc32(item.nodeid.encode()) % turns != seed % turns:
                 spared.add(item)
     if spared:
