@@ -115,7 +115,7 @@ class Places:
     def at(self, row: int) -> Spot:
         """Return one of them."""
         place = row if self._rows is None else self._rows[row]
-        return Spot(*(int(column[place]) for column in self._columns))
+        return Spot(*[column.item(place) for column in self._columns])
 
     def _column(self, number: int) -> Array:
         if self._rows is None:
