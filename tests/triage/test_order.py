@@ -14,11 +14,12 @@ from dissectors.times import SECOND
     [
         ("clock-crash:tail=yes:twin=yes:mute=no:back=yes", {"seed": 1000945, "escs": 4, "rate": 50, "stock": True}),
         ("clock-crash:tail=yes:twin=yes:mute=no:back=yes", {"seed": 1000163, "escs": 8, "rate": 50}),
+        ("propeller-lost:tail=no:twin=yes:mute=no", {"seed": 9000181, "escs": 6, "rate": 50, "stock": True}),
         ("derating:tail=yes:twin=yes:distract=yes:mute=no", {"seed": 1000234, "escs": 6, "rate": 30}),
     ],
 )
 def test_a_motor_that_was_well_while_commands_changed_did_not_fail_before(story: str, more: dict[str, int]) -> None:
-    """It stood, or limited itself, only after control was lost: reports in between say that it turned and obeyed."""
+    """It stood, limited itself or had no load only after control was lost: reports in between say that it turned and obeyed."""
     found = told(story, **more)
     assert found.first.kind == "control"
     assert any(one.kind == "motor" for one in found.after)

@@ -9,7 +9,7 @@ import numpy as np
 
 from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
-from analyzer.flight.motors.watch import GIVEN, GOOD, LOADED, TURNING, MotorWatch
+from analyzer.flight.motors.watch import DRAWING, GIVEN, GOOD, LOADED, TURNING, MotorWatch
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
 from analyzer.flight.thresholds import lasting, threshold
@@ -149,7 +149,7 @@ class MotorEvents(ReportEvents):
         bus, node, number = split(key)
         plot = next(plot for plot in self._plots if plot.table == table)
         sign, speed, current, reported = _told(memory)
-        well = [memory.well[way] for way in _contradicting(sign, speed, reported) if memory.well]
+        well = [memory.well[way] for way in _contradicting(sign, speed, current, reported) if memory.well]
         before = max((one for one in well if one is not None), key=lambda one: one.ran, default=spell.before)
         words = _WORDS[sign] if speed > _STANDS else "it stands"
         if sign == UNLOADED and current > threshold("motor_bare"):
@@ -196,14 +196,14 @@ def _told(memory: _Memory) -> tuple[str, float, float, float]:
     return (UNDRIVEN if middle < threshold("motor_once_slow") else SLOW), speed, middle, reported
 
 
-def _contradicting(sign: str, speed: float, reported: float) -> Sequence[int]:
+def _contradicting(sign: str, speed: float, current: float, reported: float) -> Sequence[int]:
     """Return in which ways a report is well that speaks against a sign: until then it was not so.
 
     While commands change, what a motor does at a command is hidden, but not that it turns, is given what is commanded,
-    or has its load.
+    or has its load: a bare motor takes next to nothing, even where it gains speed, for it has done so at once.
     """
     if sign == UNLOADED:
-        return GOOD, LOADED
+        return (GOOD, LOADED, DRAWING) if current <= threshold("motor_bare") else (GOOD, LOADED)
     if sign == UNDRIVEN and reported < threshold("motor_given") and speed > _STANDS:
         return GOOD, GIVEN
     if speed < (1 + threshold("motor_slow")) / 2:

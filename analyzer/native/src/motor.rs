@@ -69,8 +69,9 @@ impl Reports<'_> {
 }
 
 /// What a report says that speaks against a trouble, even while the commands change: it is as it should be, its motor
-/// turns fast enough for the lowest of the commands, it gives what is commanded, it takes what its load takes.
-pub const WELL: usize = 4;
+/// turns fast enough for the lowest of the commands, it gives what is commanded, it takes what its load takes, though it
+/// gains no speed, or as it may gain some.
+pub const WELL: usize = 5;
 
 /// Reports beside their past, a row each: `off` are those that differ.
 ///
@@ -101,6 +102,7 @@ struct Beside {
     far: bool,
     turning: bool,
     loaded: bool,
+    drawing: bool,
 }
 
 impl Beside {
@@ -113,6 +115,7 @@ impl Beside {
         far: false,
         turning: false,
         loaded: false,
+        drawing: false,
     };
 }
 
@@ -178,10 +181,11 @@ impl Watch {
         found.before.push(found.well);
         let reported = reports.reported[row] / ordered.last;
         let given = self.rising(ordered) && ordered.last > self.limits.steady_percent && reported >= self.limits.given;
-        for (well, so) in found
-            .well
-            .iter_mut()
-            .zip([good && !off, beside.turning, given, beside.loaded])
+        for (well, so) in
+            found
+                .well
+                .iter_mut()
+                .zip([good && !off, beside.turning, given, beside.loaded, beside.drawing])
         {
             if so {
                 *well = row as i64;
@@ -239,6 +243,7 @@ impl Watch {
             far: usual.far,
             turning: !usual.far && speed >= slowest * limits.slow,
             loaded: !usual.far && much && ratio >= 1.0,
+            drawing: !usual.far && ratio >= 1.0,
         }
     }
 }
