@@ -19,7 +19,7 @@ from dissectors.times import SECOND
     ],
 )
 def test_a_motor_that_was_well_while_commands_changed_did_not_fail_before(story: str, more: dict[str, int]) -> None:
-    """It stood, limited itself or had no load only after control was lost: reports in between say that it turned and obeyed."""
+    """It stood, limited itself or had no load only after control was lost: reports in between say so."""
     found = told(story, **more)
     assert found.first.kind == "control"
     assert any(one.kind == "motor" for one in found.after)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 # In which ways a report can be well: as it should be; its motor turns fast enough for the lowest of the commands before
-# it; it gives what is commanded; it takes what its load takes, though it gains no speed, or as it may gain some. All but
-# the first also while commands change.
+# it; it gives what is commanded; it takes what its load takes, though it gains no speed, or as it may gain some. The
+# others than the first also tell while commands change.
 WAYS = 5
 GOOD, TURNING, GIVEN, LOADED, DRAWING = range(WAYS)
 
