@@ -69,3 +69,10 @@ def test_a_moment_in_which_commands_were_lost_says_nothing_of_a_motor() -> None:
     found = told("bad-recorder:distract=no:mute=no", seed=5000319, escs=8, rate=50)
     assert any(one.kind == "motor" for one in found.events)
     assert found.first.kind == "none"
+
+
+def test_who_is_silent_behind_a_hole_of_the_recorder_is_so_outside_of_it() -> None:
+    """It stopped somewhere in the hole, others are heard behind it, and control is lost seconds later."""
+    found = told("blind-crash:tail=yes:distract=yes:mute=no", seed=11000700, escs=8, rate=10)
+    assert (found.first.kind, found.first.ch) == ("wiring", 2)
+    assert "stopped reporting" in found.first.title

@@ -133,7 +133,9 @@ def _heat(case: Case, one: FlightEvent) -> tuple[bool, list[str]]:
 def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Trouble | None:
     """Return an ESC that stops reporting: for good, with holes, or to start anew."""
     restarts = [one for one in off if one.kind == "restart"]
-    silent = [one for one in off if one.kind == "silence" and not case.others_lost(node, one)]
+    silent = [
+        one for one in off if one.kind == "silence" and (one.after is None or not case.others_lost(node, one))
+    ]  # fmt: skip
     if not silent and not restarts:
         return None
     lasting_ = [one for one in silent if one.after is None]
@@ -163,9 +165,12 @@ def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Trouble | None:
             reasons.append(f"silent {times}, {span}; its transfer IDs run on: it did not send, so it was not the wire")
             kind = "esc"
     low, high = begin[0].first.ran - lasting("looked_back"), begin[-1].first.ran
+    found = made(kind, title, sorted((*silent, *restarts), key=lambda one: one.first.ran), 3, reasons)
     if others:
-        reasons.append(f"the others: {case.losses.missing(low, high, others)} transfer IDs missing in that time")
-    return made(kind, title, sorted((*silent, *restarts), key=lambda one: one.first.ran), 3, reasons)
+        missing = case.losses.missing(low, high, others)
+        line = f"the others: {missing} transfer IDs missing in that time"
+        (found.against if missing else found.reasons).append(line)
+    return found
 
 
 def _commanded(case: Case, one: FlightEvent) -> bool:
