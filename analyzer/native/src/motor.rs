@@ -88,6 +88,7 @@ pub struct Compared {
 }
 
 /// A report beside what it should be.
+#[allow(clippy::struct_excessive_bools)] // each says one thing of a report
 struct Beside {
     /// Slower than it should be, or with more current.
     behind: bool,

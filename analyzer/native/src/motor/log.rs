@@ -29,7 +29,7 @@ impl CommandLog {
     /// one has the number `first`. None if columns do not fit together.
     pub fn feed(&mut self, first: usize, ran: &[i64], frame_end: &[i64], percent: &[f32]) -> Option<()> {
         let count = ran.len();
-        if count == 0 || frame_end.len() != count || percent.len() % count != 0 {
+        if count == 0 || frame_end.len() != count || !percent.len().is_multiple_of(count) {
             return None;
         }
         let channels = first + percent.len() / count;

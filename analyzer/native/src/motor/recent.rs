@@ -12,11 +12,11 @@ pub struct Recent {
 
 impl Recent {
     pub fn new(many: usize, nothing: f64) -> Self {
-        let many = many.max(1);
+        let values = vec![nothing; many.max(1)];
         Recent {
-            values: vec![nothing; many],
+            sum: values.iter().sum(),
+            values,
             next: 0,
-            sum: nothing * many as f64,
             most: nothing,
         }
     }

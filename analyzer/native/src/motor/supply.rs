@@ -5,6 +5,8 @@
 const FIRST: u64 = 32;
 const SHARE: u64 = 4;
 const MOST: u64 = 1024;
+/// Reports that a line is drawn through at least.
+const FEWEST: f64 = 32.0;
 /// A of standard deviation, below which nothing is known of a resistance.
 const LEAST_SPREAD: f64 = 2.0;
 /// Reports after which what came before counts half.
@@ -61,7 +63,7 @@ impl SupplyLine {
         self.next += (self.count / SHARE).clamp(FIRST, MOST);
         self.older = self.drawn;
         let [one, i, v, ii, iv] = self.sums;
-        if one >= FIRST as f64 {
+        if one >= FEWEST {
             let spread = ii / one - (i / one).powi(2);
             let slope = (iv / one - i * v / one / one) / spread;
             let known = spread > LEAST_SPREAD.powi(2) && slope <= 0.0;

@@ -36,8 +36,8 @@ pub struct Given {
     far: f64,
     #[pyo3(item)]
     least_a: f64,
-    #[pyo3(item)]
-    given: f64,
+    #[pyo3(item("given"))]
+    obeyed: f64,
     #[pyo3(item)]
     sag_begun: f64,
 }
@@ -77,7 +77,7 @@ impl MotorWatch {
             many: limits.many,
             far: limits.far,
             least_a: limits.least_a,
-            given: limits.given,
+            given: limits.obeyed,
             sag_begun: limits.sag_begun,
         }))
     }
