@@ -1,7 +1,7 @@
 """The boundary to the native core: bytes and numbers in, columns as bytes or where they lie out."""
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias, final
 
 __all__ = [
@@ -17,13 +17,16 @@ __all__ = [
     "McapWalk",
     "Merger",
     "Messages",
+    "MotorSums",
     "MotorWatch",
     "PacketRows",
     "Packets",
     "Pipeline",
     "Reader",
+    "RecentOrders",
     "Rows",
     "Sheet",
+    "SupplyLine",
     "Template",
     "Writer",
     "crc32",
@@ -31,7 +34,6 @@ __all__ = [
     "frame_bits",
     "joint",
     "message_records",
-    "ordered",
     "protobuf",
     "unrecognized",
 ]
@@ -215,15 +217,37 @@ def diagnose(
 def joint(given: tuple[Any, Any, Any, Any, Any, Any], apart: int, nearby: int) -> tuple[Cells, Cells, Cells, Cells]: ...
 
 @final
+class MotorSums:
+    def __new__(cls, limits: Mapping[str, float]) -> MotorSums: ...
+    def feed(
+        self,
+        reports: tuple[Any, Any, Any, Any],
+        temperature: Any,
+        commanded: tuple[Any, Any, Any, Any],
+        came: tuple[Any, Any, Any, int, int],
+    ) -> None: ...
+    def halve(self) -> None: ...
+    def sums(self) -> tuple[Cells, Cells, Cells, Cells, Cells]: ...
+
+@final
 class MotorWatch:
     def __new__(cls, limits: Mapping[str, float]) -> MotorWatch: ...
     def feed(
         self, reports: tuple[Any, Any, Any, Any], commanded: tuple[Any, Any, Any, Any]
-    ) -> tuple[Cells, Cells, tuple[Cells, Cells, Cells], int]: ...
+    ) -> tuple[Cells, Cells, tuple[Cells, Cells, Cells], list[int]]: ...
 
-def ordered(
-    orders: tuple[Any, Any, Any], ran: Any, frame: Any, window_ns: int
-) -> tuple[Cells, Cells, Cells, Cells]: ...
+@final
+class SupplyLine:
+    def feed(self, volts: Any, amperes: Any) -> Cells: ...
+
+@final
+class RecentOrders:
+    def __new__(cls, window_ns: int, most: int) -> RecentOrders: ...
+    def feed(self, place: tuple[int, int], ran: Any, frame_end: Any, percent: Any) -> None: ...
+    def before(
+        self, devices: Sequence[tuple[int, int, int, int]], ran: Any, frame: Any
+    ) -> tuple[Cells, Cells, Cells, Cells]: ...
+
 def frame_bits(id: bytes, flags: bytes, offsets: bytes, data: bytes) -> bytes: ...  # noqa: A002
 def crc32(data: bytes, value: int = 0, start: int = 0, end: int = ...) -> int: ...
 

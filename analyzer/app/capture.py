@@ -109,6 +109,11 @@ class Capture:
         return type(self)(origins, plan, dissectors_, dialects, both, *chosen)
 
     @property
+    def request(self) -> Request:
+        """What was asked for when it was opened."""
+        return self._run.request
+
+    @property
     def registry(self) -> Registry:
         """The types."""
         return self._run.registry

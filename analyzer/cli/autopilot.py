@@ -60,15 +60,11 @@ class LogBeside:
         """Read the log, if there is one, and say what is wrong with it; None if nothing of it can be read."""
         if self._name is None:
             return None
-        from dataclasses import replace  # noqa: PLC0415
-
-        from analyzer.flight.autopilot.track import OUTPUTS  # noqa: PLC0415
-        from analyzer.flight.autopilot.words import SAID  # noqa: PLC0415
-        from analyzer.sources.dataflash import read_log  # noqa: PLC0415 - few have a log
+        from analyzer.app.triage import autopilot_log  # noqa: PLC0415 - few have a log
         from analyzer.sources.errors import CaptureError  # noqa: PLC0415
 
         try:
-            log = read_log(self._name, (OUTPUTS, *SAID))
+            log = autopilot_log(self._name, self._given)
         except CaptureError as error:
             self._complain(str(error))
             return None
@@ -79,7 +75,7 @@ class LogBeside:
             problems.append(f"{self._name}: {log.left} records are more than are kept")
         if problems:
             self._complain("; ".join(problems) + f": {log.records} records are used")
-        return replace(log, given=self._given)
+        return log
 
     def conclude(self, found: Mapping[str, Any] | None) -> None:
         """Say it if the log that was read could not be aligned."""

@@ -73,6 +73,20 @@ def elements(of: Message | Packet | None, table: pa.RecordBatch, name: str) -> t
     return row, place, replace(found, has=has & (place < MOST_ELEMENTS))
 
 
+def even(of: Message | Packet | None, table: pa.RecordBatch, name: str) -> Array | None:
+    """Return the numbers in a column of lists as a row each, if they are all equally long and say everything."""
+    array = table.column(name) if name in table.schema.names else None
+    if array is None or not pa.types.is_list(array.type) or pa.types.is_nested(array.type.value_type):
+        return None
+    offsets = np.asarray(array.offsets)
+    counts = np.diff(offsets)
+    if not len(counts) or not 0 < counts[0] <= MOST_ELEMENTS or (counts != counts[0]).any() or array.null_count:
+        return None
+    values = array.values.slice(offsets[0], int(offsets[-1] - offsets[0]))
+    found = _number(of, name, (name,), values, _both(None, values))
+    return found.values.reshape(len(counts), -1) if found.has is None else None
+
+
 def _flat(
     of: Message | Packet | None,
     dotted: str,

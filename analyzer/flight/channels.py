@@ -1,4 +1,4 @@
-"""ToldChannels that nodes have told of themselves, as people count them."""
+"""Channels that nodes have told of themselves, as people count them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ import pyarrow as pa
 from analyzer.devices.escs import CHANNEL
 from analyzer.devices.rows import usable
 from analyzer.devices.settings import commands
+from analyzer.tables import distinct
 from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from dissectors import Registry
+
+_MOST = 0xFF  # an index of the protocol has five bits
 
 
 class ToldChannels:
@@ -39,13 +42,12 @@ class ToldChannels:
         column = table.column(CHANNEL)
         if not pa.types.is_floating(column.type) and not pa.types.is_integer(column.type):
             return
-        rows = valid(column)
-        bus, node = (numbers(table.column(name))[rows].astype(np.int64) for name in ("bus", "src"))
-        told = numbers(column)[rows].astype(np.int64)
-        for code in np.unique(bus << 40 | node << 32 | (told & 0xFFFF_FFFF)).tolist():
-            of = self._told.setdefault((code >> 40, code >> 32 & 0xFF), set())
+        rows = valid(column) & (numbers(column) >= 0) & (numbers(column) <= _MOST)
+        bus, node, told = (numbers(table.column(name))[rows].astype(np.int64) for name in ("bus", "src", CHANNEL))
+        for code in distinct(bus << 16 | node << 8 | told):
+            of = self._told.setdefault((code >> 16, code >> 8 & 0xFF), set())
             if len(of) < 2:
-                of.add(code & 0xFFFF_FFFF)
+                of.add(code & 0xFF)
 
     def of(self, bus: int, node: int) -> int | None:
         """Return the channel of a node, None if it has none, or several."""

@@ -107,12 +107,15 @@ class Places:
 
     def settled(self) -> Places:
         """Return the same, to be kept: nothing of what it was taken from is held any more."""
-        return Places(*(np.array(one) for one in (self.t, self.ran, self.frame, self.frame_end, self.step)))
+        rows = slice(None) if self._rows is None else self._rows
+        t, ran, *others = self._columns
+        own = np.array(t[rows])
+        return Places(own, own if ran is t else np.array(ran[rows]), *(np.array(one[rows]) for one in others))
 
     def at(self, row: int) -> Spot:
         """Return one of them."""
         place = row if self._rows is None else self._rows[row]
-        return Spot(*(int(column[place]) for column in self._columns))
+        return Spot(*[column.item(place) for column in self._columns])
 
     def _column(self, number: int) -> Array:
         if self._rows is None:
@@ -157,13 +160,13 @@ class RecordedClock:
             self._note(t, rows, batch.first_frame)
         self._base = batch.first_transfer
         column = batch.transfers.column("frame")
-        frames = numbers(column.values).astype(np.int64)
-        ends = np.asarray(column.offsets)
-        first, last = (frames[ends[:-1]], frames[ends[1:] - 1]) if len(column) else (frames[:0], frames[:0])
+        frames, ends = numbers(column.values), np.asarray(column.offsets)
+        places = (ends[:-1], ends[1:] - 1) if len(column) else (slice(0), slice(0))
+        first, last = (frames[place].astype(np.int64) for place in places)
         start, has = times(batch.transfers)
         step = numbers(batch.transfers.column("step")).astype(np.int64)
         step[numbers(batch.transfers.column("anomaly")) & _RESTARTED != 0] = ANEW
-        self._transfers = self._placed(np.where(has, start, NO_TIME), first, last, step)
+        self._transfers = self._placed(start if has.all() else np.where(has, start, NO_TIME), first, last, step)
 
     def _note(self, t: Array, rows: Array | None, base: int) -> None:
         """Take times, and the rows that have them, None for all."""

@@ -9,7 +9,7 @@ import numpy as np
 from analyzer.devices.readings import holding
 from analyzer.devices.rows import split
 from analyzer.flight.reports import ReportEvents
-from analyzer.flight.thresholds import threshold
+from analyzer.flight.thresholds import idle_rpm
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
@@ -84,24 +84,21 @@ class EscExtents(ReportEvents):
             if (table := self._reader.table(plot, batch)) is None:
                 continue
             columns = {name: table.numbers(column) for name in QUANTITIES if (column := getattr(plot.esc, name))}
-            timed = table.timed
-            whole = bool(timed.all())
-            for key, places, at in table.devices:
-                rows, mine = (places, at) if whole else (places[timed[places]], at.take(timed[places]))
-                one = self._of(plot, key, mine.at(0).ran) if len(rows) else None
+            for key, rows, at in table.devices:
+                one = self._of(plot, key, at.at(0).ran)
                 if one is None:
                     continue
-                one.count += len(rows)
-                one.last = mine.at(-1).ran
+                one.count += len(at)
+                one.last = at.at(-1).ran
                 for name, values in columns.items():
                     one.note(name, values[rows])
                 if "rpm" in columns:
                     rpm = columns["rpm"][rows]
-                    fast = np.flatnonzero(np.abs(rpm) > (plot.idle_rpm or threshold("idle_rpm")))
+                    fast = np.flatnonzero(np.abs(rpm) > idle_rpm(plot))
                     if len(fast):
-                        one.turn(rpm[fast], mine.ran[fast])
+                        one.turn(rpm[fast], at.ran[fast])
                 if not one.modes:
-                    one.modes = any(_tells(states, table.table, rows) for states in plot.states)
+                    one.modes = any(_tells(states, table.table, table.order[rows]) for states in plot.states)
 
     def finish(self) -> None:
         """Take the end: everything is known."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from analyzer.flight.channels import ToldChannels
 from analyzer.flight.commands import CommandEvents
 from analyzer.flight.holes import hole_events
 from analyzer.flight.log import EventLog, event_table
@@ -39,9 +38,10 @@ class EventFinder:
     """
 
     def __init__(self, registry: Registry, log: AutopilotLog | None = None) -> None:
-        self._channels, self._log = ToldChannels(registry), EventLog()
+        self._log = EventLog()
         add = self._log.add
         self._reading = reading = FlightReading(registry, add)
+        self._channels = reading.channels
         self.clock, self.commands, self.order, self.escs = reading.clock, reading.commands, reading.order, reading.escs
         order = self.order
         self.silences = silences = SilenceEvents(
@@ -61,7 +61,6 @@ class EventFinder:
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
         self._reading.feed(batch)
-        self._channels.feed(batch)
         for part in self._parts:
             part.feed(batch)
         if self._told is not None:

@@ -13,7 +13,7 @@ from analyzer.flight.channels import ToldChannels
 from analyzer.flight.clock import RecordedClock
 from analyzer.flight.orders import by_sender, orders
 from analyzer.flight.tables import ReportReader
-from analyzer.flight.thresholds import lasting, threshold
+from analyzer.flight.thresholds import idle_rpm, lasting, threshold
 from analyzer.tables import FLIGHTS
 from dissectors import picture
 from dissectors.kit.cells import numbers
@@ -55,7 +55,7 @@ class FlightFinder:
 
     Args:
         registry: the types. Raises `ProfileError` for a wrong `plots.toml`.
-        order: the clock of the capture, and its reader, if somebody else feeds them before.
+        order: the clock of the capture, and its reader and channels, if somebody else feeds them before.
     """
 
     def __init__(self, registry: Registry, order: EventOrder | None = None) -> None:
@@ -66,7 +66,7 @@ class FlightFinder:
         self._orders = [plot for plot in plots if plot.esc.commanded]
         self._clock = RecordedClock() if order is None else order.clock
         self._reader = ReportReader(registry, self._clock) if order is None else order.reader
-        self._channels = ToldChannels(registry)
+        self._channels = ToldChannels(registry) if order is None else order.channels
         self._by = {
             "telemetry": FlightBasis(self._clock, lasting("silent_motor")),
             "commands": FlightBasis(self._clock, lasting("silent_motor")),
@@ -78,7 +78,7 @@ class FlightFinder:
         """Add the next batch."""
         if self._own_clock:
             self._clock.feed(batch)
-        self._channels.feed(batch)
+            self._channels.feed(batch)
         self._last_frame = max(self._last_frame, batch.first_frame + len(batch.frames) - 1)
         for plot in self._reports:
             if (read := self._reader.table(plot, batch)) is not None:
@@ -125,13 +125,13 @@ class FlightFinder:
     def _feed_reports(self, read: ReportTable) -> None:
         """Take what ESCs say of their speeds."""
         plot, rpm = read.plot, read.numbers(read.plot.esc.rpm)
-        known, on = ~np.isnan(rpm), np.abs(rpm) > (plot.idle_rpm or threshold("idle_rpm"))
+        known, on = ~np.isnan(rpm), np.abs(rpm) > idle_rpm(plot)
         whole = bool(known.all())
         for key, rows, at in read.devices:
             bus, node, number = split(key)
             who: Hashable = number + plot.who.first if plot.who.column else (bus, node)
-            good = rows if whole else rows[known[rows]]
-            self._by["telemetry"].feed((plot.table, key), on[good], at if whole else read.at.take(good), who)
+            turns, where = (on[rows], at) if whole else (on[rows][known[rows]], at.take(known[rows]))
+            self._by["telemetry"].feed((plot.table, key), turns, where, who)
 
     def _feed_orders(self, plot: Plot, table: pa.RecordBatch) -> None:
         """Take what ESCs are commanded."""

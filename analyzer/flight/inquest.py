@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from analyzer.flight.odd.later import OddLater
 from analyzer.flight.thresholds import lasting
 from analyzer.flight.timeline.timeline import Drawn, time_lines
 from analyzer.flight.verdict.exclusions import looked_at_rest
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from analyzer.flight.clock import Spot
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
-    from analyzer.flight.odd.judge import OddEsc, OddReport
     from analyzer.flight.timeline.timeline import TimeLine
     from analyzer.flight.verdict.judge import Judgement
     from analyzer.flight.witness import Witness
@@ -37,7 +37,7 @@ def inquest(
     What the autopilot's own log says speaks for or against it; the verdict is that of the bus.
     """
     events, flights = witness.events(), witness.flights()
-    odd = witness.odd(flights)
+    find = partial(witness.odd, flights)
     made = partial(
         Triage,
         captures,
@@ -50,8 +50,7 @@ def inquest(
         more=witness.more,
         not_seen=_not_seen(witness),
         autopilot=witness.autopilot,
-        odd=odd.odd,
-        facts=odd.facts,
+        odds=OddLater(find),
     )
     if not flights:
         why = _unjudged(witness, start, frames)
@@ -69,7 +68,7 @@ def inquest(
         flight, found.verdicts, after=found.after, earlier=found.earlier, excluded=found.excluded, looked=found.looked,
         lines=found.lines, primary=found.primary, said=said, commands=commands(found.verdicts[0], flight),
         timelines=_timelines(witness, events, flights, found.verdicts[0]),
-        odd_before=_odd_before(odd, found),
+        odds=OddLater(find, found.began if found.verdicts[0].told else None),
     )  # fmt: skip
 
 
@@ -85,13 +84,6 @@ def _belongs(one: FlightEvent, found: Judgement, flight: Flight) -> bool:
         return True
     inside = flight.first.ran <= one.first.ran <= flight.last.ran
     return not found.verdicts[0].told and inside and one.kind in {"autopilot error", "low battery"}
-
-
-def _odd_before(odd: OddReport, found: Judgement) -> Sequence[OddEsc]:
-    """Return the odd ones that matter for an answer: of a fault those that became so before it."""
-    if not found.verdicts[0].told:
-        return odd.odd
-    return [one for one in odd.odd if not one.always and one.ran < found.began]
 
 
 def _whole(flights: Sequence[Flight], events: Sequence[FlightEvent]) -> Flight:

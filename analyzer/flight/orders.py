@@ -74,15 +74,16 @@ class CommandReader:
 
 def orders(registry: Registry, plot: Plot, table: pa.RecordBatch) -> Orders | None:
     """Return the commands of a table, None if it has none."""
-    found = fields.elements(registry.definition(plot.table), table, plot.esc.commanded)
-    if found is None or not len(table) or not len(found[0]):
-        return None
-    row, place, values = found
-    good = values.has
-    width = int(place.max()) + 1
-    if len(row) == width * len(table) and (good is None or good.all()):
-        columns = np.ascontiguousarray(values.values.reshape(len(table), width).T)
+    of = registry.definition(plot.table)
+    if (whole := fields.even(of, table, plot.esc.commanded)) is not None:
+        columns = np.ascontiguousarray(whole.T, np.float32)
     else:
+        found = fields.elements(of, table, plot.esc.commanded)
+        if found is None or not len(table) or not len(found[0]):
+            return None
+        row, place, values = found
+        good = values.has
+        width = int(place.max()) + 1
         columns = np.full((width, len(table)), np.nan, np.float32)
         rows = slice(None) if good is None else good
         columns[place[rows], row[rows]] = values.values[rows]

@@ -53,14 +53,15 @@ class PowerUpEvents(ReportEvents):
         plot, table, counter = read.plot, read.table, read.column(read.plot.starts)
         if counter is None:
             return
-        identity = numbers(table.column(plot.identity)) if plot.identity in table.schema.names else None
-        counted = read.timed if counter.has is None else read.timed & counter.has
+        identity = numbers(table.column(plot.identity))[read.order] if plot.identity in table.schema.names else None
+        counts, has = counter.values[read.order], None if counter.has is None else counter.has[read.order]
         for key, places, _ in read.devices:
-            rows = places[counted[places]]
+            rows = np.arange(places.start, places.stop)
+            rows = rows if has is None else rows[has[places]]
             pieces = [(None, rows)] if identity is None else _by_value(identity, rows)
             for which, mine in pieces:
                 if len(mine):
-                    self._count(plot, (plot.table, key, which), counter.values[mine], read.at.take(mine))
+                    self._count(plot, (plot.table, key, which), counts[mine], read.at.take(mine))
 
     def _count(self, plot: Plot, device: tuple[str, int, object], counts: Array, at: Places) -> None:
         """Tell where a counter goes on, by no more than there was time for."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.times import MILLISECOND
+from dissectors.times import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
     from analyzer.flight.clock import RecordedClock
@@ -47,7 +47,8 @@ class CommandPulse:
             self.channels = max(self.channels, len(some.columns))
             pause = np.diff(ran, prepend=ran[0] if self._last is None else self._last)
             self._last = int(ran[-1])
-            with np.errstate(invalid="ignore"):
+            mean = some.columns.mean(axis=0)
+            if np.isnan(mean).any():
                 mean = np.nanmean(some.columns, axis=0)
             order = None if (step[1:] >= step[:-1]).all() and good.all() else np.argsort(step, kind="stable")
             if order is not None:
@@ -85,6 +86,11 @@ class CommandPulse:
     def count(self, start: int, stop: int) -> int:
         """Return how many there were."""
         return int(self._count[self._rows(start, stop)].sum())
+
+    def rate(self, start: int, stop: int) -> float:
+        """Return how many there were in a second of the steps of a time."""
+        found = self._count[self._rows(start, stop)]
+        return float(found.sum()) * SECOND / (len(found) * STEP) if len(found) else 0.0
 
     def longest(self, start: int, stop: int) -> int:
         """Return the longest time without one, in ms, as far as it ended in this time."""

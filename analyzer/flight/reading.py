@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from analyzer.flight.channels import ToldChannels
 from analyzer.flight.clock import RecordedClock
 from analyzer.flight.motors.reports import EscReader
 from analyzer.flight.orders import CommandReader
@@ -35,11 +36,15 @@ class FlightReading:
         self.clock = RecordedClock()
         plots = tuple(picture.load(registry).plots.values())
         self.commands = CommandReader(registry, plots, self.clock)
-        self.order = EventOrder(registry, plots, self.clock, add, ReportReader(registry, self.clock))
+        self.channels = ToldChannels(registry)
+        self.order = EventOrder(
+            registry, plots, self.clock, add, ReportReader(registry, self.clock), self.channels
+        )  # fmt: skip
         self.escs = EscReader(self.order, self.commands)
 
     def feed(self, batch: Batch) -> None:
         """Take the next batch."""
         self.clock.feed(batch)
+        self.channels.feed(batch)
         self.commands.feed(batch)
         self.escs.feed(batch)

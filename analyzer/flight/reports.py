@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from analyzer.flight.channels import ToldChannels
     from analyzer.flight.clock import RecordedClock
     from analyzer.flight.log import FlightEvent
     from analyzer.flight.tables import ReportReader
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 class EventOrder(NamedTuple):
     """The types, what is known of their tables, the clock of the capture, fed before, and who takes the events.
 
-    `reader` reads the tables of a batch.
+    `reader` reads the tables of a batch, `channels` are those that nodes told, fed before, too.
     """
 
     registry: Registry
@@ -26,6 +27,7 @@ class EventOrder(NamedTuple):
     clock: RecordedClock
     add: Callable[[FlightEvent], None]
     reader: ReportReader
+    channels: ToldChannels
 
 
 class ReportEvents(ABC):

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer import _native
+from analyzer.decode.sent import cells
 from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
-from analyzer.flight.supply import SupplyLine
 from analyzer.flight.thresholds import lasting, threshold
 from dissectors.records import dataclass
 
@@ -96,7 +97,7 @@ class SagEvents(ReportEvents):
     def __init__(self, order: EventOrder) -> None:
         super().__init__(order)
         self._recent: dict[tuple[str, int], _Recent] = {}
-        self._lines: dict[tuple[str, int], SupplyLine] = {}
+        self._lines: dict[tuple[str, int], _native.SupplyLine] = {}
         self._spells = Spells(lasting("silent_motor"))
 
     def feed(self, batch: Batch) -> None:
@@ -105,12 +106,13 @@ class SagEvents(ReportEvents):
             if (table := self._reader.table(plot, batch)) is None:
                 continue
             volts, amperes = (table.numbers(_measured(plot, name)) for name in (_VOLTAGE, _CURRENT))
-            good = table.timed & np.isfinite(volts)
+            good = np.isfinite(volts)
             whole = bool(good.all())
             for key, rows, at in table.devices:
-                mine = rows if whole else rows[good[rows]]
-                if len(mine):
-                    self._judge(plot, key, volts[mine], amperes[mine], at if whole else table.at.take(mine))
+                if whole:
+                    self._judge(plot, key, volts[rows], amperes[rows], at)
+                elif (mine := good[rows]).any():
+                    self._judge(plot, key, volts[rows][mine], amperes[rows][mine], at.take(mine))
 
     def finish(self) -> None:
         """Tell what lasts to the end."""
@@ -122,7 +124,8 @@ class SagEvents(ReportEvents):
         if known is None and len(self._recent) >= MOST_DEVICES:
             return
         highest = volts.max() if known is None else max(volts.max(), known.voltage.max())
-        expected = self._lines.setdefault((plot.table, key), SupplyLine()).feed(volts, amperes)
+        line = self._lines.setdefault((plot.table, key), _native.SupplyLine())
+        expected = cells(line.feed(volts, amperes), np.float64)
         low, fall = np.zeros(len(volts), bool), None
         if volts.min() < highest * _share("sag_percent"):
             fall = _Fall(_Recent(at, volts, amperes) if known is None else known.followed_by(at, volts, amperes), at)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 MOST_ENTRIES = 1 << 18
 _GAP = 1 << TRANSFER_ANOMALIES.index("transfer id gap")
+_REPEATED = 1 << TRANSFER_ANOMALIES.index("transfer id repeated")
 _BROKEN = [STATUSES.index(name) for name in ("bad crc", "interrupted", "timed out", "too short")]
 
 Node = tuple[int, int]  # bus, node
@@ -31,6 +32,7 @@ class LossesBySecond:
         self._clock = clock
         self._broken: Counter[tuple[Node, int]] = Counter()
         self._missing: Counter[tuple[Node, int]] = Counter()
+        self._repeated: Counter[tuple[Node, int]] = Counter()
         self.transfers = 0
 
     def feed(self, batch: Batch) -> None:
@@ -40,11 +42,15 @@ class LossesBySecond:
         anomaly, status = numbers(transfers.column("anomaly")), numbers(transfers.column("status"))
         timed = at.t != NO_TIME
         gaps = np.flatnonzero((anomaly & _GAP != 0) & timed)
+        again = np.flatnonzero((anomaly & _REPEATED != 0) & timed)
         broken = np.flatnonzero(np.isin(status, _BROKEN) & timed)
-        if not len(gaps) and not len(broken):
+        if not len(gaps) and not len(again) and not len(broken):
             return
         bus, src, step = (numbers(transfers.column(name)) for name in ("bus", "src", "step"))
-        for rows, kept, counts in ((gaps, self._missing, step[gaps].astype(int) - 1), (broken, self._broken, None)):
+        for rows, kept, counts in (
+            (gaps, self._missing, step[gaps].astype(int) - 1), (again, self._repeated, None),
+            (broken, self._broken, None),
+        ):  # fmt: skip
             seconds = (at.ran[rows] - (self._clock.start or 0)) // SECOND
             places = zip(bus[rows].tolist(), src[rows].tolist(), seconds.tolist(), strict=True)
             for k, (one, node, second) in enumerate(places):
@@ -59,6 +65,10 @@ class LossesBySecond:
     def missing(self, start: int, stop: int, nodes: Iterable[Node] | None = None) -> int:
         """Return how many transfer IDs of some nodes, or of all, were left out in a time."""
         return self._sum(self._missing, start, stop, nodes)
+
+    def repeated(self, start: int, stop: int, nodes: Iterable[Node] | None = None) -> int:
+        """Return how many transfers of some nodes, or of all, had the ID of the one before, and said something else."""
+        return self._sum(self._repeated, start, stop, nodes)
 
     def _sum(self, kept: Counter[tuple[Node, int]], start: int, stop: int, nodes: Iterable[Node] | None) -> int:
         base, wanted = self._clock.start or 0, None if nodes is None else set(nodes)

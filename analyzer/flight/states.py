@@ -65,12 +65,9 @@ class _Report(NamedTuple):
         numbered = bool(self.plot.who.column) and bool(self.plot.esc.rpm)
         return bus, node, number + self.plot.who.first if numbered else None
 
-    def known(self, column: pa.Array) -> _Report:
-        """Return those that have a value in a column."""
-        if not column.null_count:
-            return self
-        has = valid(column)[self.rows]
-        return self._replace(rows=self.rows[has], at=self.at.take(has))
+    def only(self, some: Array) -> _Report:
+        """Return some of them."""
+        return self._replace(rows=self.rows[some], at=self.at.take(some))
 
     def measured(self, rows: slice) -> Iterator[tuple[str, Array]]:
         """Yield what some of them measured by quantity, numbers alone."""
@@ -85,6 +82,17 @@ class _Report(NamedTuple):
                 good = ~np.isnan(values) if has is None else has & ~np.isnan(values)
                 if good.any():
                     yield line.quantity, values[good]
+
+
+class _Mode:
+    """A column with named values, in the order of devices; `has` are the rows that have one, None for all of them.
+
+    `same` is what all rows say, mostly for the whole of a flight; None if they do not.
+    """
+
+    def __init__(self, name: str, values: Array, has: Array | None) -> None:
+        self.name, self.values, self.has = name, values, has
+        self.same = int(values[0]) if has is None and values.min() == values.max() else None
 
 
 class StateEvents(ReportEvents):
@@ -114,21 +122,24 @@ class StateEvents(ReportEvents):
             self._tell(spell)
 
     def _feed_table(self, read: ReportTable) -> None:
-        plot, of, table, timed = read.plot, read.of, read.table, read.timed
-        devices = [_Report(plot, of, table, *device) for device in read.devices]
+        plot, of, table = read.plot, read.of, read.table
         for states in plot.states:
             rows = holding(states.only, table)
-            good = timed if rows is None else timed & rows
+            good = None if rows is None else rows[read.order]
             flags, modes = self._columns(plot, of, table, states)
             told = {flag.name for flag in flags if table.column(flag.name).true_count}
-            whole = bool(good.all())
-            for one in devices:
-                held = None if whole else good[one.rows]
-                some = one if held is None else one._replace(rows=one.rows[held], at=one.at.take(held))
-                if len(some.rows) and flags:
-                    self._feed_flags(states, flags, told, some.known(table.column(states.column)))
-                for name in modes:
-                    self._feed_mode(name, some.known(table.column(name)), states.signs)
+            word = table.column(states.column)
+            known = _with(word, good, read.order)
+            codes = [
+                _Mode(name, numbers(column)[read.order], _with(column, good, read.order))
+                for name, column in ((name, table.column(name)) for name in modes)
+            ]
+            for key, part, at in read.devices:
+                some = _Report(plot, of, table, key, read.order[part], at)
+                if flags:
+                    self._feed_flags(states, flags, told, some if known is None else some.only(known[part]))
+                for mode in codes:
+                    self._feed_mode(mode, part, some, states.signs)
 
     def _columns(
         self, plot: Plot, of: Message | Packet | None, table: pa.RecordBatch, states: States
@@ -168,14 +179,18 @@ class StateEvents(ReportEvents):
             about.flag.clause, about.values(), about.flag.sign,
         ))  # fmt: skip
 
-    def _feed_mode(self, name: str, some: _Report, signs: Mapping[str, str]) -> None:
-        if not len(some.rows):
-            return
+    def _feed_mode(self, mode: _Mode, rows: slice, some: _Report, signs: Mapping[str, str]) -> None:
+        name, values = mode.name, mode.values[rows]
         word = some.key, f"{some.plot.table}.{name}"
         before = self._modes.get(word)
-        if before is None and len(self._modes) >= MOST_DEVICES:
+        if before is not None and before[0] == mode.same:
+            self._modes[word] = before[0], some.at.at(-1)
             return
-        values, about = numbers(some.table.column(name))[some.rows].astype(np.int64), meaning(some.of, name)
+        if mode.has is not None:
+            values, some = values[mode.has[rows]], some.only(mode.has[rows])
+        if not len(values) or (before is None and len(self._modes) >= MOST_DEVICES):
+            return
+        about = meaning(some.of, name)
         kind = "health" if (some.plot.table, name) == (NODE_STATUS, "health") else "mode"
         if before is None and kind == "health" and values[0]:
             self._change(kind, _word(about, int(values[0])), None, some, 0, about.clause)
@@ -218,6 +233,14 @@ class _Memory:
         """Return both by name."""
         worst = {f"worst_{name}": value for name, value in self.worst.items()}
         return {name: round(value, 3) for name, value in (self.onset | worst).items()}
+
+
+def _with(column: pa.Array, good: Array | None, order: Array) -> Array | None:
+    """Return which rows, in an order, have a value and are good; None for all."""
+    if not column.null_count:
+        return good
+    has = valid(column)[order]
+    return has if good is None else has & good
 
 
 def _parts(table: pa.RecordBatch, word: str) -> Iterator[str]:

@@ -13,6 +13,7 @@ from dissectors.times import SECOND
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.flight.reports import EventOrder
+    from dissectors.kit import Array
     from dissectors.picture import Plot
 
 STEP = SECOND
@@ -40,20 +41,23 @@ class SupplyLows(ReportEvents):
                 continue
             column = next(line.column for line in plot.lines if line.quantity == _VOLTAGE)
             volts = read.numbers(column)
-            good = read.timed & np.isfinite(volts)
-            for key, places, _ in read.devices:
-                rows = places[good[places]]
+            good = np.isfinite(volts)
+            for key, rows, at in read.devices:
                 if key in self._lows or len(self._lows) < MOST_DEVICES:
-                    self._note(self._lows.setdefault(key, {}), read.at.ran[rows], volts[rows])
+                    mine = good[rows]
+                    self._note(self._lows.setdefault(key, {}), at.ran[mine], volts[rows][mine])
 
     def finish(self) -> None:
         """Take the end: everything is known."""
 
-    def _note(self, lows: dict[int, float], ran: np.ndarray, volts: np.ndarray) -> None:
+    def _note(self, lows: dict[int, float], ran: Array, volts: Array) -> None:
+        if not len(ran):
+            return
         steps = (ran - (self._clock.start or 0)) // STEP
-        for step in np.unique(steps).tolist():
+        starts = np.flatnonzero(np.diff(steps, prepend=steps[0] - 1))
+        for step, lowest in zip(steps[starts].tolist(), np.minimum.reduceat(volts, starts).tolist(), strict=True):
             if step in lows or len(lows) < MOST_STEPS:
-                lows[step] = min(lows.get(step, np.inf), float(volts[steps == step].min()))
+                lows[step] = min(lows.get(step, np.inf), lowest)
 
     def lowest(self, start: int, stop: int) -> dict[tuple[int, int], float]:
         """Return the lowest voltage of each bus and node in whole steps of a recorded time."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer.devices import fields
 from analyzer.devices.rows import keyed, usable
-from dissectors.kit.order import groups
+from dissectors.kit.order import by_key
 from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
@@ -24,7 +25,10 @@ if TYPE_CHECKING:
 
 
 class ReportTable:
-    """The usable rows of a table that say of which device they speak; at least one.
+    """The usable rows of a table that have a time and say of which device they speak: at least one.
+
+    They stand in the order of the devices, those of one device in order, so that each of these is a slice. `order` are
+    their rows in the table, `at` their places.
 
     Args:
         plot: what is known of it.
@@ -36,28 +40,33 @@ class ReportTable:
     def __init__(
         self, plot: Plot, of: Message | Packet | None, table: pa.RecordBatch, device: Array, at: Places
     ) -> None:
-        self.plot, self.of, self.table, self.at = plot, of, table, at
-        self._device = device
+        self.plot, self.of, self.table = plot, of, table
+        order, begins = by_key(device)
+        keys, self._ends = device[order[begins]], [*begins.tolist(), len(device)]
+        self._keys: list[int] = keys.tolist()
+        timed = at.t[order] != NO_TIME
+        if not timed.all():
+            left = np.concatenate(([0], np.cumsum(timed)))
+            order, self._ends = order[timed], left[self._ends].tolist()
+        self.order, self.at = order, at.take(order).settled()
         self._numbers: dict[str, Array] = {}
 
     @cached_property
-    def timed(self) -> Array:
-        """The rows that have a time, as a mask."""
-        timed: Array = self.at.t != NO_TIME
-        return timed
-
-    @cached_property
-    def devices(self) -> list[tuple[int, Array, Places]]:
-        """Each device by its key, its rows, in order, and their places."""
-        return [(key, rows, self.at.take(rows)) for key, rows in groups(self._device)]
+    def devices(self) -> list[tuple[int, slice, Places]]:
+        """Each device by its key, its rows in the order of devices, and their places."""
+        return [
+            (key, slice(start, stop), self.at.take(slice(start, stop)))
+            for key, (start, stop) in zip(self._keys, pairwise(self._ends), strict=True)
+            if start < stop
+        ]
 
     def column(self, name: str) -> fields.Column | None:
-        """Return a column of numbers; None if the table has none of that name."""
+        """Return a column of numbers as the table has it; None if it has none of that name."""
         found = fields.column(self.of, self.table, name) if name else []
         return found[0] if found else None
 
     def numbers(self, name: str) -> Array:
-        """Return a column as f64, NaN where a row does not say, or all of them if there is no such column."""
+        """Return a column as f64 in the order of devices, NaN where a row does not say, or all if there is none."""
         known = self._numbers.get(name)
         if known is None:
             known = self._numbers[name] = self._read(name)
@@ -66,9 +75,9 @@ class ReportTable:
     def _read(self, name: str) -> Array:
         found = self.column(name)
         if found is None:
-            return np.full(len(self.table), np.nan)
-        values: Array = found.values.astype(np.float64)
-        return values if found.has is None else np.where(found.has, values, np.nan)
+            return np.full(len(self.order), np.nan)
+        values: Array = found.values[self.order].astype(np.float64)
+        return values if found.has is None else np.where(found.has[self.order], values, np.nan)
 
 
 class ReportReader:
@@ -105,4 +114,5 @@ class ReportReader:
         table, device = keyed(some, plot.who)
         if not len(table):
             return None
-        return ReportTable(plot, self._registry.definition(plot.table), table, device, self._clock.of(table))
+        made = ReportTable(plot, self._registry.definition(plot.table), table, device, self._clock.of(table))
+        return made if len(made.order) else None

@@ -12,6 +12,8 @@ from dissectors.times import SECOND
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from dissectors.picture import Plot
+
 FILE = Path(__file__).with_name("thresholds.toml")
 
 
@@ -34,3 +36,8 @@ def threshold(name: str) -> float:
 def lasting(name: str) -> int:
     """Return a duration by its name without `_s`, in nanoseconds."""
     return round(_all()[f"{name}_s"] * SECOND)
+
+
+def idle_rpm(plot: Plot) -> float:
+    """Return up to which speed a motor is not driven."""
+    return plot.idle_rpm or threshold("idle_rpm")

@@ -9,14 +9,17 @@ import numpy as np
 
 from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
-from analyzer.flight.motors.watch import MotorWatch
+from analyzer.flight.motors.watch import DRAWING, GIVEN, GOOD, LOADED, TURNING, MotorWatch
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
 from analyzer.flight.thresholds import lasting, threshold
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from analyzer.decode.engine import Batch
+    from analyzer.flight.clock import Spot
     from analyzer.flight.motors.reports import EscReader, EscReports
     from analyzer.flight.motors.watch import Compared
     from analyzer.flight.reports import EventOrder
@@ -38,8 +41,12 @@ _WORDS = {
 
 @dataclass(slots=True)
 class _Memory:
-    """The first reports of a spell, as shares of the past and of the command; `sure` if one is far off."""
+    """The first reports of a spell, as shares of the past and of the command; `sure` if one is far off.
 
+    `well` are the last reports before them that were well, each way.
+    """
+
+    well: Sequence[Spot | None] = ()
     speed: list[float] = field(default_factory=list)
     current: list[float] = field(default_factory=list)
     reported: list[float] = field(default_factory=list)
@@ -52,7 +59,7 @@ class _Memory:
             some.current[rows] < threshold("motor_once_unloaded")
         )
         self.add(_Memory(
-            some.speed[rows][:_TOLD].tolist(), some.current[rows][:_TOLD].tolist(),
+            (), some.speed[rows][:_TOLD].tolist(), some.current[rows][:_TOLD].tolist(),
             some.reported[rows][:_TOLD].tolist(), len(some.speed[rows]), bool(low.any()),
         ))  # fmt: skip
 
@@ -120,9 +127,7 @@ class MotorEvents(ReportEvents):
     @staticmethod
     def _note(part: SpellPart, some: Compared) -> None:
         if part.spell.memory is None:
-            part.spell.memory = _Memory()
-            if part.stop > part.start:
-                part.spell.before = some.before(part.start) or part.spell.before
+            part.spell.memory = _Memory(some.before(part.start) if part.stop > part.start else ())
         part.spell.memory.note(some, slice(part.start, part.stop))
 
     def _end(self, spell: Spell) -> None:
@@ -144,6 +149,8 @@ class MotorEvents(ReportEvents):
         bus, node, number = split(key)
         plot = next(plot for plot in self._plots if plot.table == table)
         sign, speed, current, reported = _told(memory)
+        well = [memory.well[way] for way in _contradicting(sign, speed, current, reported) if memory.well]
+        before = max((one for one in well if one is not None), key=lambda one: one.ran, default=spell.before)
         words = _WORDS[sign] if speed > _STANDS else "it stands"
         if sign == UNLOADED and current > threshold("motor_bare"):
             words = "a part of its load is gone"
@@ -154,7 +161,7 @@ class MotorEvents(ReportEvents):
         if isfinite(reported):
             values["reported_share"] = round(reported, 3)
         self._add(FlightEvent(
-            "motor", text, spell.before, spell.first, spell.after, bus, node, number + plot.who.first, table, "",
+            "motor", text, before, spell.first, spell.after, bus, node, number + plot.who.first, table, "",
             values, sign,
         ))  # fmt: skip
 
@@ -187,3 +194,18 @@ def _told(memory: _Memory) -> tuple[str, float, float, float]:
     if most >= 1 / threshold("motor_once_slow"):
         return DRAGGED, speed, most, reported
     return (UNDRIVEN if middle < threshold("motor_once_slow") else SLOW), speed, middle, reported
+
+
+def _contradicting(sign: str, speed: float, current: float, reported: float) -> Sequence[int]:
+    """Return in which ways a report is well that speaks against a sign: until then it was not so.
+
+    While commands change, what a motor does at a command is hidden, but not that it turns, is given what is commanded,
+    or has its load: a bare motor takes next to nothing, even where it gains speed, for it has done so at once.
+    """
+    if sign == UNLOADED:
+        return (GOOD, LOADED, DRAWING) if current <= threshold("motor_bare") else (GOOD, LOADED)
+    if sign == UNDRIVEN and reported < threshold("motor_given") and speed > _STANDS:
+        return GOOD, GIVEN
+    if speed < (1 + threshold("motor_slow")) / 2:
+        return GOOD, TURNING
+    return (GOOD,)

@@ -68,25 +68,19 @@ class EscReader:
         ]
 
     def _read(self, table: ReportTable) -> Iterator[tuple[int, EscReports]]:
-        esc, timed = table.plot.esc, table.timed
+        esc = table.plot.esc
         names = esc.rpm, esc.voltage, esc.current, esc.temperature, esc.reported
-        columns = [table.numbers(name) for name in names]
-        whole = bool(timed.all())
+        speed, volts, current, temperature, reported = (table.numbers(name) for name in names)
+        speed = np.abs(speed)
+        who, ordered = table.plot.who, []
+        for key, rows, _ in table.devices if who.column else ():
+            bus, _, number = split(key)
+            ordered.append((bus, number + who.first, rows))
+        command = self.orders.before(ordered, table.at)
         for key, rows, at in table.devices:
-            mine, where = (rows, at) if whole else (rows[timed[rows]], at.take(timed[rows]))
-            if len(mine):
-                speed, volts, current, temperature, reported = (column[mine] for column in columns)
-                yield key, EscReports(
-                    np.abs(speed), volts, current, temperature, reported,
-                    self._commanded(table.plot, key, where), where,
-                )  # fmt: skip
-
-    def _commanded(self, plot: Plot, key: int, at: Places) -> CommandWindow:
-        bus, _, number = split(key)
-        found = self.orders.before(bus, number + plot.who.first, at) if plot.who.column else None
-        if found is not None:
-            return found
-        return CommandWindow(*(np.full(len(at), np.nan) for _ in CommandWindow._fields))
+            yield key, EscReports(
+                speed[rows], volts[rows], current[rows], temperature[rows], reported[rows], command.take(rows), at
+            )  # fmt: skip
 
 
 def channel(plot: Plot, key: int) -> int | None:

@@ -12,32 +12,41 @@ from analyzer.decode.sent import cells
 from analyzer.flight.thresholds import threshold
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from analyzer.flight.clock import Places, Spot
     from analyzer.flight.motors.reports import EscReports
     from dissectors.kit import Array
 
 
+# In which ways a report can be well: as it should be; its motor turns fast enough for the lowest of the commands before
+# it; it gives what is commanded; it takes what its load takes, though it gains no speed, or as it may gain some. The
+# others than the first also tell while commands change.
+WAYS = 5
+GOOD, TURNING, GIVEN, LOADED, DRAWING = range(WAYS)
+
+
 class Compared(NamedTuple):
     """Reports against the past: `off` are those that differ.
 
-    `speed` and `current` are shares of what they were at such a command, `reported` of what is commanded. `good` are
-    the rows of the last good report before each, -1 where that is `earlier`.
+    `speed` and `current` are shares of what they were at such a command, `reported` of what is commanded. `well` are
+    the rows of the last reports before each that were well, a column each way, -1 where that is `earlier`.
     """
 
     off: Array
-    good: Array
-    earlier: Spot | None
+    well: Array
+    earlier: Sequence[Spot | None]
     speed: Array
     current: Array
     reported: Array
     at: Places
 
-    def before(self, row: int) -> Spot | None:
-        """Return the last good report before one: changes hide much."""
-        good = int(self.good[row])
-        return self.at.at(good) if good >= 0 else self.earlier
+    def before(self, row: int) -> list[Spot | None]:
+        """Return the last reports before one that were well, each way."""
+        return [
+            self.at.at(last) if last >= 0 else earlier
+            for last, earlier in zip(self.well[row].tolist(), self.earlier, strict=True)
+        ]
 
 
 class MotorWatch:
@@ -45,16 +54,15 @@ class MotorWatch:
 
     def __init__(self) -> None:
         self._native = _native.MotorWatch(_limits())
-        self._good: Spot | None = None  # the last report that was as it should be
+        self._well: list[Spot | None] = [None] * WAYS  # the last reports that were so
 
     def feed(self, some: EscReports) -> Compared:
         """Compare the next reports, in any pieces; all have a speed, a voltage and commands before them."""
         at, columns = some.at, (some.speed, some.volts, some.current, some.reported)
-        off, good, shares, last = self._native.feed(columns, some.command)
+        off, well, shares, last = self._native.feed(columns, some.command)
         speed, current, reported = (cells(column, np.float64) for column in shares)
-        before, earlier = cells(good, np.int64), self._good
-        if last >= 0:
-            self._good = at.at(last)
+        before, earlier = cells(well, np.int64).reshape(-1, WAYS), self._well
+        self._well = [at.at(row) if row >= 0 else known for row, known in zip(last, earlier, strict=True)]
         return Compared(cells(off, np.uint8).view(bool), before, earlier, speed, current, reported, at)
 
 
@@ -72,5 +80,6 @@ def _limits() -> Mapping[str, float]:
         "many": int(threshold("motor_many")),
         "far": threshold("motor_far"),
         "least_a": threshold("motor_least_a"),
+        "given": threshold("motor_given"),
         "sag_begun": threshold("sag_begun_percent") / 100,
     }

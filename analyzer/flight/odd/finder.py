@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from analyzer.flight.motors.steady import turning
 from analyzer.flight.odd.cells import SLOTS, EscCells
 from analyzer.flight.odd.judge import OddReport, judged
 from analyzer.flight.thresholds import lasting
@@ -42,12 +39,12 @@ class OddFinder:
                 if len(self._devices) >= MOST_DEVICES:
                     continue
                 device = self._devices[plot.table, key] = EscCells(plot, key)
-            since = np.maximum(some.at.ran - (self._clock.start or 0), 0)
-            while int(since.max()) // self._width >= SLOTS:
+            start = self._clock.start or 0
+            while int(some.at.ran.max()) - start >= SLOTS * self._width:
                 self._width *= 2
                 for one in self._devices.values():
                     one.halve()
-            device.feed(some, turning(plot, some), since // self._width)
+            device.feed(some, start, self._width)
 
     def found(self, flights: Sequence[Flight]) -> OddReport:
         """Return what is odd, after the last batch."""

@@ -2,22 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from analyzer.flight.motors.steady import commanded
 from analyzer.flight.thresholds import threshold
 from dissectors.records import dataclass
-
-if TYPE_CHECKING:
-    from analyzer.flight.motors.reports import EscReports
-    from dissectors.kit import Array
-
-BINS = 40
-_LAW = 3  # a current grows so with the speed: torque with its square, duty cycle with itself
-_COMMAND_BIN = 2.5  # % of the full command
-_SLOWEST, _SPEED_BIN = np.log(300.0), 0.12  # natural logarithm of rpm: 300 to 36,000
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,31 +60,3 @@ VOLTAGE = Quantity(
 LOST = Quantity("lost reports", "lost", "%", "more reports lost", "fewer reports lost", scale=100.0, digits=1)
 LATE = Quantity("late reports", "late", "%", "more reports late", "fewer reports late", scale=100.0, digits=1)
 QUANTITIES = (SPEED, CURRENT, TEMPERATURE, VOLTAGE, LOST, LATE)
-BINNED = 4  # kinds of sums by bins
-
-
-def binned(some: EscReports, steady: Array) -> list[tuple[Array, Array, Array]]:
-    """Return for each kind of sums by bins the reports that count, their bins, and what they say.
-
-    Those are speed for a percent of command and a volt, speed for a percent alone, power by the cube of the speed,
-    current by it: at equal speed the product of current and voltage stays the same whatever the pack gives. Means of
-    them are those of an even speed, as much as a motor gains speed and loses it again.
-    """
-    command = commanded(some)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        driven = steady & (command > threshold("motor_steady_percent"))
-        drawn = steady & (some.current > threshold("motor_least_a"))
-        supplied = some.volts > 1
-        by_command = np.clip(np.nan_to_num(command) / _COMMAND_BIN, 0, BINS - 1).astype(np.int64)
-        turns = np.where(some.speed > 0, some.speed, 1.0)
-        by_speed = np.clip((np.log(turns) - _SLOWEST) / _SPEED_BIN, 0, BINS - 1).astype(np.int64)
-        gained, taken = some.speed / command, some.current / (turns / 1000) ** _LAW
-        return [
-            (np.flatnonzero(good), bins, values)
-            for good, bins, values in (
-                (driven & supplied, by_command, gained / some.volts),
-                (driven, by_command, gained),
-                (drawn & supplied, by_speed, taken * some.volts),
-                (drawn, by_speed, taken),
-            )
-        ]

@@ -108,17 +108,16 @@ class Courses(ReportEvents):
         """Take the end: everything is known."""
 
     def _feed_table(self, read: ReportTable) -> None:
-        plot, at, timed = read.plot, read.at, read.timed
         values, modes = _values(read), _modes(read)
-        for key, places, _ in read.devices:
-            rows = places[timed[places]]
-            one = self._of(plot, key) if len(rows) else None
+        for key, rows, at in read.devices:
+            one = self._of(read.plot, key)
             if one is None:
                 continue
-            ran = at.ran[rows]
-            one.course.feed(ran, values[:, rows])
+            one.course.feed(at.ran, values[:, rows])
             if modes is not None:
-                _note(one, modes[0], rows if modes[1] is None else rows[modes[1][rows]], at.ran, modes[2])
+                codes, has, words = modes
+                some = slice(None) if has is None else has[rows]
+                _note(one, codes[rows][some], at.ran[some], words)
 
     def _of(self, plot: Plot, key: int) -> DeviceCourse | None:
         known = self.devices.get((plot.table, key))
@@ -140,7 +139,7 @@ class _Words(NamedTuple):
 
 def _values(read: ReportTable) -> Array:
     """Return the quantities as rows, NaN where one is not told."""
-    out = np.full((len(QUANTITIES), len(read.table)), np.nan, np.float32)
+    out = np.full((len(QUANTITIES), len(read.order)), np.nan, np.float32)
     for line in read.plot.lines:
         place = QUANTITIES.index(line.quantity) if line.quantity in QUANTITIES else None
         if place is not None and line.role != "commanded" and np.isnan(out[place]).all():
@@ -159,14 +158,18 @@ def _modes(read: ReportTable) -> tuple[Array, Array | None, _Words] | None:
     has = None if word is None else holding(word.only, read.table)
     if found.has is not None:
         has = found.has if has is None else has & found.has
-    return found.values, has, _Words(found.texts, last, {} if word is None else word.signs)
+    order = read.order
+    return (
+        found.values[order],
+        None if has is None else has[order],
+        _Words(found.texts, last, {} if word is None else word.signs),
+    )
 
 
-def _note(one: DeviceCourse, codes: Array, rows: Array, ran: Array, words: _Words) -> None:
+def _note(one: DeviceCourse, codes: Array, ran: Array, words: _Words) -> None:
     """Note where the mode of a device changes."""
-    mine = codes[rows]
-    for k in changes(mine, one.modes[-1].code if one.modes else -1).tolist():
-        code = int(mine[k])
+    for k in changes(codes, one.modes[-1].code if one.modes else -1).tolist():
+        code = int(codes[k])
         name = words.texts.get(code) or f"{code} (undefined)"
         failed = words.signs.get(f"{words.part}={code}") == "failed"
-        one.modes.append(Stay(int(ran[rows[k]]), code, name, failed))
+        one.modes.append(Stay(int(ran[k]), code, name, failed))

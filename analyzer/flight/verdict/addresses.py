@@ -31,18 +31,19 @@ def address_troubles(case: Case) -> Iterator[Trouble]:
             )  # fmt: skip
     for (table, bus, node), chs in by_node.items():
         mine = [one for one in told if (one.table, one.bus, one.node) == (table, bus, node)]
-        wrong = case.losses.missing(case.start, case.border, [(bus, node)])
+        counts = (case.losses.missing, case.losses.repeated)
+        left_out, twice = (count(case.start, case.border, [(bus, node)]) for count in counts)
         if (
             len(chs) > 1
             and _at_once(mine)
-            and wrong > threshold("shared_percent") / 100 * sum(one.count for one in mine)
+            and left_out + twice > threshold("shared_percent") / 100 * sum(one.count for one in mine)
         ):
             yield Trouble(
                 "address", f"two devices have node ID {node}", [], case.start, case.start, bus, node, None,
                 tuple(sorted(chs)), order=0,
                 reasons=[
                     f"it reports as {' and '.join(f'ch{ch}' for ch in sorted(chs))} at once",
-                    f"its transfer IDs do not follow each other: {wrong} left out",
+                    f"its transfer IDs do not follow each other: {left_out} left out, {twice} twice",
                 ],
             )  # fmt: skip
 

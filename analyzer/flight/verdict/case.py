@@ -157,9 +157,14 @@ class Case:
         return self.losses.missing(low, high, {(one.bus, one.node) for one in self.paces} - {node}) > 0
 
     def in_joint_loss(self, event: FlightEvent) -> bool:
-        """Return whether an event lies in a time in which the recorder lost frames of everybody."""
+        """Return whether an event lies in a time in which the recorder lost frames of everybody.
+
+        Who is silent from there to the end, while others are heard for long behind it, is so outside of it, too.
+        """
         low, high = self.span(event)
-        return any(low <= stop and high >= start for start, stop in self.joint)
+        gone = event.kind == "silence" and event.after is None
+        last = self.border - lasting("silence_after")
+        return any(low <= stop and high >= start and not (gone and stop < last) for start, stop in self.joint)
 
     def in_hole(self, at: int) -> bool:
         """Return whether the recorder lost frames of everybody then."""

@@ -24,9 +24,11 @@ _PAUSE_MS = 100  # in commands, that an ESC does not mind
 
 def esc_troubles(case: Case) -> Iterator[Trouble]:
     """Yield what one ESC alone shows."""
+    doubtful = _many_blades(case)
     telling = [
         one for one in case.events
         if (one.kind in {"fault", "motor"} or (one.kind == "mode" and one.sign)) and counts(case, one)
+        and not (doubtful and _partly(one))
     ]  # fmt: skip
     quiet = [one for one in case.events if one.kind in {"silence", "restart"} and not case.in_joint_loss(one)]
     everybody = together(case, [one for one in telling if one.sign == "uncommanded"])
@@ -44,13 +46,39 @@ def esc_troubles(case: Case) -> Iterator[Trouble]:
                 "the others say nothing of that: its wire, its receive filter or its firmware",
             ])  # fmt: skip
             own = [one for one in own if one.first.ran < lost[0].first.ran - lasting("together")]
-        if off and not gone:
-            yield from _quiet(case, node, off)
-            own = [one for one in own if one.first.ran < off[0].first.ran]
+        away = _quiet(case, node, off) if off and not gone else None
+        if away is not None:
+            yield away
+            own = [one for one in own if one.first.ran < away.high]
         if own and not everybody:
             warned = [one for one in signs if one.sign in _WARNINGS and one.first.ran <= own[0].first.ran]
             now = [one for one in own if one.first.ran - own[0].first.ran <= lasting("together")]
             yield _cut_off(case, node, now) or _own(case, now, warned)
+
+
+def _many_blades(case: Case) -> bool:
+    """Return whether several ESCs ever tell that a part of their load is gone: not each of them loses a blade."""
+    nodes = {one.node for one in case.events if _partly(one)}
+    return len(nodes) > max(1, len(case.esc_nodes) // 4)
+
+
+def _partly(one: FlightEvent) -> bool:
+    """Return whether a motor's load is a little off, as by a blade, or by a law of currents that is not its own."""
+    return one.kind == "motor" and one.sign == UNLOADED and one.values["current_share"] > threshold("motor_bare")
+
+
+def got_over(case: Case) -> Iterator[Trouble]:
+    """Yield motors that lost their speed in the air and found it again, after which the vehicle flew on calmly."""
+    broken = [
+        one for one in case.events
+        if one.kind == "motor" and one.values["speed_share"] < threshold("motor_once_slow")
+        and one.after is not None and not case.in_joint_loss(one) and not counts(case, one)
+    ]  # fmt: skip
+    for events in by_node(() if case.one_by_one else broken).values():
+        found = _own(case, events, [])
+        calm = (case.stop - events[-1].after.ran) / SECOND if events[-1].after is not None else 0.0
+        found.against.append(f"it was over, and the vehicle flew on calmly for {calm:.1f} s")
+        yield found
 
 
 def _cut_off(case: Case, node: Node, own: list[FlightEvent]) -> Trouble | None:
@@ -102,12 +130,14 @@ def _heat(case: Case, one: FlightEvent) -> tuple[bool, list[str]]:
     return hotter, [f"{word} than the others: {mine:.0f} C at most, they {max(hot.values()):.0f} C"]
 
 
-def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Iterator[Trouble]:
-    """Yield an ESC that stops reporting: for good, with holes, or to start anew."""
+def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Trouble | None:
+    """Return an ESC that stops reporting: for good, with holes, or to start anew."""
     restarts = [one for one in off if one.kind == "restart"]
-    silent = [one for one in off if one.kind == "silence" and not case.others_lost(node, one)]
+    silent = [
+        one for one in off if one.kind == "silence" and (one.after is None or not case.others_lost(node, one))
+    ]  # fmt: skip
     if not silent and not restarts:
-        return
+        return None
     lasting_ = [one for one in silent if one.after is None]
     others = [esc for esc in case.esc_nodes if esc != node]
     begin = silent or restarts
@@ -121,7 +151,7 @@ def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Iterator[Trouble]:
         if case.commanded and case.excursion is None:
             reasons.append("the commands did not shift to the others: whether its motor stopped is not known")
     elif all(harmless(case, one) for one in silent) and len(silent) < 2:
-        return
+        return None
     else:
         jumps = sum(one.values.get("missing", 0) > 0 for one in silent)
         times = "once" if len(silent) == 1 else f"{len(silent)} times"
@@ -135,9 +165,12 @@ def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Iterator[Trouble]:
             reasons.append(f"silent {times}, {span}; its transfer IDs run on: it did not send, so it was not the wire")
             kind = "esc"
     low, high = begin[0].first.ran - lasting("looked_back"), begin[-1].first.ran
+    found = made(kind, title, sorted((*silent, *restarts), key=lambda one: one.first.ran), 3, reasons)
     if others:
-        reasons.append(f"the others: {case.losses.missing(low, high, others)} transfer IDs missing in that time")
-    yield made(kind, title, sorted(off, key=lambda one: one.first.ran), 3, reasons)
+        missing = case.losses.missing(low, high, others)
+        line = f"the others: {missing} transfer IDs missing in that time"
+        (found.against if missing else found.reasons).append(line)
+    return found
 
 
 def _commanded(case: Case, one: FlightEvent) -> bool:
@@ -149,5 +182,4 @@ def _commanded(case: Case, one: FlightEvent) -> bool:
 
 
 def _rate(case: Case, one: FlightEvent) -> float:
-    start = one.first.ran - lasting("together")
-    return case.pulse.count(start, one.first.ran) * SECOND / (one.first.ran - start + STEP)
+    return case.pulse.rate(one.first.ran - lasting("together"), one.first.ran - STEP)

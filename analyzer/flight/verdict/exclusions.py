@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from analyzer.flight.witness import Witness
 
 
+_LEAST = 0.5  # s
+
+
 def excluded(case: Case, verdict: Verdict, began: int) -> Sequence[Excluded]:
     """Return the facts that speak against other causes, up to when it began."""
     return [] if verdict.kind in {"none", "unknown"} else list(_excluded(case, verdict, began))
@@ -35,6 +38,8 @@ def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
         yield Excluded("pack sag", sag)
     if verdict.kind == "device" and verdict.node is not None and verdict.bus is not None:
         yield from _wire(case, (verdict.bus, verdict.node))
+    if span < _LEAST:  # nothing was before it
+        return
     if verdict.kind != "bus":
         errors = sum(
             int(one.values.get("count", 0)) for one in case.events if one.kind == "errors" and one.first.ran < began
@@ -128,7 +133,7 @@ def could_not_see(case: Case) -> list[tuple[str, str]]:
         parts.append(f"fault bits: not told by these ESCs ({which})")
     if case.esc_nodes and not case.commanded:
         parts.append("commands: none recorded")
-    return [("could not see", "; ".join(parts))] if parts else []
+    return [("unseen", "; ".join(parts))] if parts else []
 
 
 def recorder_lines(case: Case) -> Sequence[tuple[str, str]]:

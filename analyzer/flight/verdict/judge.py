@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.case import Case
+from analyzer.flight.verdict.escs import got_over
 from analyzer.flight.verdict.exchanged import exchanged
 from analyzer.flight.verdict.exclusions import could_not_see, excluded, looked_at, recorder_lines
 from analyzer.flight.verdict.logged import Logged
@@ -66,6 +67,8 @@ def judge(
     """
     case = Case(witness, events, flight, border)
     found = [one for one in troubles(case) if _matters(case, one)]
+    if not found and case.excursion is None:
+        found = sorted(got_over(case), key=lambda one: one.high)
     verdicts = _verdicts(case, found)
     if verdicts[0].kind == "setup":
         more = tuple(exchanged(case, witness.flights()))
@@ -73,10 +76,16 @@ def judge(
     shown = verdicts[1] if not verdicts[0].told and len(verdicts) > 1 else verdicts[0]
     first = next((one for one in found if one.kind == shown.kind and one.node == shown.node), None)
     began = _began(case, verdicts[0], first)
+    hit = _impact(found) if verdicts[0].kind == "none" else None
+    if hit is not None:
+        began = hit
     primary = [] if first is None else first.events
+    if first is None and shown.kind in {"control", "setup"} and case.excursion is not None:
+        primary = [case.excursion.event]
     after = [
         one for one in case.events
-        if one not in primary and one.first.ran >= began and one.kind not in _ORDINARY and verdicts[0].kind != "none"
+        if one not in primary and one.first.ran >= began and one.kind not in _ORDINARY
+        and (verdicts[0].kind != "none" or hit is not None)
     ]  # fmt: skip
     earlier = [one for one in case.events if one not in primary and one.first.ran < began and one.kind not in _ORDINARY]
     facts = list(excluded(case, verdicts[0], began))
@@ -132,11 +141,14 @@ def _verdicts(case: Case, found: list[Trouble]) -> list[Verdict]:
 def _ordered(case: Case, before: list[Trouble]) -> list[Verdict]:
     """Return troubles as verdicts, behind `unknown` if nobody can tell whether it flew calmly until the first one."""
     first, lost = before[0], case.excursion
+    if first.kind in _WHOLE:  # what comes after it comes of it
+        before = [one for one in before if one is first or one.kind in _STATES or one.low < first.high]
     shown = [_verdict(case, one) for one in before]
     if first.kind in _NEED_CALM and not case.commanded:
         return [_unordered(case, first), *shown]
     unrest = case.unrest(first.low) if first.kind in _WHOLE else None
-    late = lost is not None and first.high > lost.stop + 2 * case.period(first.bus, first.node)
+    slack = min(2 * case.period(first.bus, first.node), lasting("seen_with"))
+    late = lost is not None and first.high > lost.stop + slack
     if lost is not None and late and first.kind not in _STATES:
         unrest = lost.start, lost.most
     return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
     from analyzer.flight.odd.judge import OddEsc
+    from analyzer.flight.odd.later import OddLater
     from analyzer.flight.timeline.timeline import TimeLine
 
 SUPPORTS = ("well supported", "likely", "possible")
@@ -60,10 +61,9 @@ class Triage:
     it at all. `primary` are the events that began it, `after` consequences, `earlier` what was over before. `said` is
     what the autopilot's log says around it, `autopilot` how that log lies on the capture, None without one.
 
-    `odd` are the ESCs that differ from their own past, or always from the others, `odd_before` those of them that did
-    so before what is told here, `facts` what whole groups of them have in common. `lines` speak of the clock and the
-    recorder, with a label each, `not_seen` of what is not on the bus, `looked` of what was looked at, `commands` of
-    what to do next. `timelines` are there to be drawn, if that was asked for.
+    `odds` finds the ESCs that are odd. `lines` speak of the clock and the recorder, with a label each, `not_seen` of
+    what is not on the bus, `looked` of what was looked at, `commands` of what to do next. `timelines` are there to be
+    drawn, if that was asked for.
     """
 
     captures: Sequence[str]
@@ -89,9 +89,22 @@ class Triage:
     said: Sequence[FlightEvent] = ()
     autopilot: Mapping[str, Any] | None = None
     timelines: Sequence[TimeLine] = field(default=(), compare=False)
-    odd: Sequence[OddEsc] = ()
-    odd_before: Sequence[OddEsc] = ()
-    facts: Sequence[str] = ()
+    odds: OddLater | None = field(default=None, compare=False)
+
+    @property
+    def odd(self) -> Sequence[OddEsc]:
+        """The ESCs that differ from their own past, or always from the others."""
+        return () if self.odds is None else self.odds.report.odd
+
+    @property
+    def odd_before(self) -> Sequence[OddEsc]:
+        """Those of them that did so before what is told here."""
+        return () if self.odds is None else self.odds.before
+
+    @property
+    def facts(self) -> Sequence[str]:
+        """What whole groups of them have in common."""
+        return () if self.odds is None else self.odds.report.facts
 
     @property
     def first(self) -> Verdict:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from analyzer.flight.verdict.case import Case, Node
 
 _MEASURED = (("voltage", "V"), ("current", "A"), ("temperature", "C"), ("speed", "rpm"))
+_MOMENT = 2  # reports
 _STANDS = 0.1  # of its speed
 _WHOLE = frozenset({"motor", "silence", "restart", "message", "commands stop", "gap"})  # whose text needs no kind
 
@@ -75,9 +76,16 @@ def by_node(events: Iterable[FlightEvent]) -> dict[Node, list[FlightEvent]]:
 
 def counts(case: Case, one: FlightEvent) -> bool:
     """Return whether an event can be the beginning: not one that the recorder made, nor one long over."""
-    if case.in_joint_loss(one):
+    if case.in_joint_loss(one) or _seen_once(case, one):
         return False
     return case.lasts(one) or not harmless(case, one)
+
+
+def _seen_once(case: Case, one: FlightEvent) -> bool:
+    """Return whether a motor was off for a moment in which the recorder lost commands: nobody knows these."""
+    if one.kind != "motor" or one.bus is None or one.node is None or one.values["reports"] > _MOMENT:
+        return False
+    return case.others_lost((one.bus, one.node), one)
 
 
 def harmless(case: Case, one: FlightEvent) -> bool:

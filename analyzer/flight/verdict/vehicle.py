@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -80,15 +81,35 @@ def _thrown(case: Case, one: FlightEvent) -> tuple[float, float] | None:
 
 
 def bus_troubles(case: Case) -> Iterator[Trouble]:
-    """Yield a bus that breaks."""
+    """Yield a bus that breaks: it is well until the first errors that are enough, closely after each other."""
     errors = [one for one in case.events if one.kind in {"errors", "bus state"} and not _got_over(case, one)]
-    count = sum(int(one.values.get("count", 0)) for one in errors if one.kind == "errors")
-    if count < threshold("bus_errors") and not any("bus-off" in one.text for one in errors):
+    begun = next((run[0] for run in _runs(errors) if _breaks(run)), None)
+    if begun is None:
         return
-    reasons = [f"{count} error frames from then on"]
-    gaps = [one for one in case.events if one.kind == "gap" and one.first.ran >= errors[0].first.ran]
+    errors = errors[errors.index(begun) :]
+    reasons = [f"{_error_frames(errors)} error frames from then on"]
+    gaps = [one for one in case.events if one.kind == "gap" and one.first.ran >= begun.first.ran]
     reasons += [gaps[0].text] if gaps else []
     yield made("bus", "the bus broke down", errors, 1, reasons, whole=True)
+
+
+def _runs(errors: list[FlightEvent]) -> Iterator[list[FlightEvent]]:
+    """Yield the errors that follow each other: a bus that was well in between has another trouble."""
+    first = 0
+    for k, (one, other) in enumerate(pairwise(errors), 1):
+        if other.first.ran - (one.after or one.first).ran > lasting("follows"):
+            yield errors[first:k]
+            first = k
+    if errors:
+        yield errors[first:]
+
+
+def _breaks(errors: list[FlightEvent]) -> bool:
+    return _error_frames(errors) >= threshold("bus_errors") or any("bus-off" in one.text for one in errors)
+
+
+def _error_frames(errors: list[FlightEvent]) -> int:
+    return sum(int(one.values.get("count", 0)) for one in errors if one.kind == "errors")
 
 
 def _got_over(case: Case, one: FlightEvent) -> bool:

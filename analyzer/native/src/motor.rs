@@ -3,13 +3,19 @@
 //! What a report is compared with depends on the reports before it alone, however they come in pieces.
 #![forbid(unsafe_code)]
 
+mod log;
 mod orders;
 mod past;
 mod recent;
+mod sums;
+mod supply;
 
+pub use log::CommandLog;
 pub use orders::{ordered, Ordered, Orders};
 use past::{Expected, Past, LAW};
 use recent::Recent;
+pub use sums::{SumLimits, Sums, Times, BINS, COUNTED, KINDS, MEASURED, NEVER, SLOTS};
+pub use supply::SupplyLine;
 
 /// A current as a share of what it was at that speed, between which a report is as it should be.
 const GOOD: (f64, f64) = (0.85, 1.2);
@@ -28,6 +34,7 @@ pub struct Limits {
     pub many: u32,
     pub far: f64,
     pub least_a: f64,
+    pub given: f64,
     pub sag_begun: f64,
 }
 
@@ -61,18 +68,56 @@ impl Reports<'_> {
     }
 }
 
+/// What a report says that speaks against a trouble, even while the commands change: it is as it should be, its motor
+/// turns fast enough for the lowest of the commands, it gives what is commanded, it takes what its load takes, though it
+/// gains no speed, or as it may gain some.
+pub const WELL: usize = 5;
+
 /// Reports beside their past, a row each: `off` are those that differ.
 ///
-/// `before` is the row of the last good report before each, -1 for none of these, and `good` that of the last one;
-/// shares of speed and current are of what they were at such a command, `reported` of what is commanded.
-#[derive(Debug, Default, PartialEq)]
+/// `before` are the rows of the last reports before each that were well, -1 for none of these, and `well` those of the
+/// last ones of all; shares of speed and current are of what they were at such a command, `reported` of what is commanded.
+#[derive(Debug, PartialEq)]
 pub struct Compared {
     pub off: Vec<u8>,
-    pub before: Vec<i64>,
+    pub before: Vec<[i64; WELL]>,
     pub speed: Vec<f64>,
     pub current: Vec<f64>,
     pub reported: Vec<f64>,
-    pub good: i64,
+    pub well: [i64; WELL],
+}
+
+/// A report beside what it should be.
+#[allow(clippy::struct_excessive_bools)] // each says one thing of a report
+struct Beside {
+    /// Slower than it should be, or with more current.
+    behind: bool,
+    /// Faster than it should be, or with less current.
+    ahead: bool,
+    speed: f64,
+    current: f64,
+    /// The current as a share of that at this speed; NaN where it says nothing: while the commands change much, or the
+    /// motor slows down.
+    ratio: f64,
+    /// The past is a guess here.
+    far: bool,
+    turning: bool,
+    loaded: bool,
+    drawing: bool,
+}
+
+impl Beside {
+    const UNKNOWN: Self = Beside {
+        behind: false,
+        ahead: false,
+        speed: f64::NAN,
+        current: f64::NAN,
+        ratio: f64::NAN,
+        far: false,
+        turning: false,
+        loaded: false,
+        drawing: false,
+    };
 }
 
 /// Follows one ESC.
@@ -99,11 +144,16 @@ impl Watch {
         if !reports.fit() {
             return None;
         }
+        let count = reports.speed.len();
         let mut found = Compared {
-            good: -1,
-            ..Compared::default()
+            off: Vec::with_capacity(count),
+            before: Vec::with_capacity(count),
+            speed: Vec::with_capacity(count),
+            current: Vec::with_capacity(count),
+            reported: Vec::with_capacity(count),
+            well: [-1; WELL],
         };
-        for row in 0..reports.speed.len() {
+        for row in 0..count {
             self.compare(reports, row, &reports.ordered(row), &mut found);
         }
         Some(found)
@@ -112,47 +162,59 @@ impl Watch {
     fn compare(&mut self, reports: &Reports<'_>, row: usize, ordered: &Ordered, found: &mut Compared) {
         let (speed, volts, current) = (reports.speed[row], reports.volts[row], reports.current[row]);
         let expected = self.past.expected(ordered.mean, volts);
-        let (mut off, shares, ratio) = self.differing(speed, current, ordered, expected.as_ref());
+        let mut beside = self.beside(speed, current, ordered, expected.as_ref());
         self.volts.push(volts);
-        let steady_supply = volts >= self.volts.most() * (1.0 - self.limits.sag_begun);
-        self.ratios.push(if steady_supply { ratio } else { f64::NAN });
+        let ratio = beside.ratio;
+        if volts < self.volts.most() * (1.0 - self.limits.sag_begun) {
+            beside.ahead = false; // a rotor runs ahead of a supply that falls, and takes less
+            self.ratios.push(f64::NAN);
+        } else if ratio.is_finite() && !beside.far && ordered.last >= ordered.mean {
+            self.ratios.push(ratio); // a motor that slows down takes less
+        }
+        let worn = self.limits.worn * f64::from(self.limits.many);
+        let off = beside.behind || beside.ahead || self.ratios.sum().is_some_and(|sum| sum < worn);
         let good = ratio > GOOD.0 && ratio < GOOD.1;
-        off |= self
-            .ratios
-            .sum()
-            .is_some_and(|sum| sum < self.limits.worn * f64::from(self.limits.many));
         let steady = ordered.highest - ordered.lowest <= self.limits.steady_percent;
         let driven = ordered.lowest > self.limits.steady_percent && speed > 0.0;
         let calm = steady && driven && !off && current.is_finite() && (good || ratio.is_nan());
         self.past
             .add(calm.then_some([ordered.mean, speed / volts, current, volts]));
-        found.before.push(found.good);
-        if good && !off {
-            found.good = row as i64;
+        found.before.push(found.well);
+        let reported = reports.reported[row] / ordered.last;
+        let given = self.rising(ordered) && ordered.last > self.limits.steady_percent && reported >= self.limits.given;
+        for (well, so) in
+            found
+                .well
+                .iter_mut()
+                .zip([good && !off, beside.turning, given, beside.loaded, beside.drawing])
+        {
+            if so {
+                *well = row as i64;
+            }
         }
         found.off.push(u8::from(off));
-        found.speed.push(shares.0);
-        found.current.push(shares.1);
-        found.reported.push(reports.reported[row] / ordered.last);
+        found.speed.push(beside.speed);
+        found.current.push(beside.current);
+        found.reported.push(reported);
     }
 
-    /// Whether a report differs, speed and current as shares of the past, and the current as one at this speed.
-    ///
-    /// The last is NaN where it says nothing: while the commands change much, or the motor slows down.
-    fn differing(
-        &self,
-        speed: f64,
-        current: f64,
-        ordered: &Ordered,
-        expected: Option<&Expected>,
-    ) -> (bool, (f64, f64), f64) {
+    /// Whether the last command is not below their mean, so that nothing is slowed down.
+    fn rising(&self, ordered: &Ordered) -> bool {
+        ordered.last >= ordered.mean - self.limits.steady_percent / 3.0
+    }
+
+    fn beside(&self, speed: f64, current: f64, ordered: &Ordered, expected: Option<&Expected>) -> Beside {
         let limits = &self.limits;
         let Some(usual) = expected else {
-            return (false, (f64::NAN, f64::NAN), f64::NAN);
+            return Beside::UNKNOWN;
         };
         let shares = (speed / usual.speed, current / usual.current);
         if ordered.lowest.is_nan() || ordered.lowest <= limits.steady_percent {
-            return (false, shares, f64::NAN);
+            return Beside {
+                speed: shares.0,
+                current: shares.1,
+                ..Beside::UNKNOWN
+            };
         }
         let (slowest, fastest) = (
             usual.speed * ordered.lowest / ordered.mean,
@@ -168,13 +230,21 @@ impl Watch {
             f64::NAN
         };
         let even = ordered.highest - ordered.lowest <= limits.even_percent;
-        let about = limits.steady_percent / 3.0;
-        let few = ordered.last >= ordered.mean - about;
-        let much = ordered.last <= ordered.mean + about;
+        let few = self.rising(ordered);
+        let much = ordered.last <= ordered.mean + limits.steady_percent / 3.0;
         let unloaded = even && few && ratio < limits.unloaded / wide;
         let dragged = even && much && ratio > limits.dragged * wide;
         let no_more = !matches!(ratio.partial_cmp(&1.0), Some(std::cmp::Ordering::Greater));
-        let off = slow || (fast && few && no_more) || unloaded || dragged;
-        (off, shares, if even && few { ratio } else { f64::NAN })
+        Beside {
+            behind: slow || dragged,
+            ahead: (fast && few && no_more) || unloaded,
+            speed: shares.0,
+            current: shares.1,
+            ratio: if even && few { ratio } else { f64::NAN },
+            far: usual.far,
+            turning: !usual.far && speed >= slowest * limits.slow,
+            loaded: !usual.far && much && ratio >= 1.0,
+            drawing: !usual.far && ratio >= 1.0,
+        }
     }
 }

@@ -183,8 +183,10 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<write::AsRecorded>()?;
     m.add_class::<write::Writer>()?;
     m.add_class::<diagnosis::FrameIndex>()?;
+    m.add_class::<motor::MotorSums>()?;
     m.add_class::<motor::MotorWatch>()?;
-    m.add_function(wrap_pyfunction!(motor::ordered_before, m)?)?;
+    m.add_class::<motor::RecentOrders>()?;
+    m.add_class::<motor::SupplyLine>()?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(joint::joint, m)?)?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;

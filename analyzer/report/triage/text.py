@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from analyzer.flight.verdict.model import Triage, Verdict
     from analyzer.views.terminal import Palette
 
-_LABEL = 11
+_LABEL, _NAME = 11, 10
 LINES = 24
 _SAID, _AFTER, _EARLIER, _ODD = 4, 3, 2, 2
 _STATS = "tailbyte stats odd"
@@ -77,12 +77,13 @@ class _Screen:
             flights = f"{'last ' if count > 1 else ''}armed {armed} s (ArmingStatus)"
         elif found.flight is not None:
             stopped = found.flight.end == "landed" and found.first.told  # whether that was a landing is another matter
-            flights += f", {'the last one ' if count > 1 else ''}{'motors stopped' if stopped else found.flight.end}"
+            flights += f", {'last: ' if count > 1 else ''}{'motors stopped' if stopped else found.flight.end}"
         behind = f"  {self._words.span(found)}  {', '.join(map(escape, found.buses))}  {flights}"
         name = ", ".join(map(escape, found.captures))
         if display_width(name) + display_width(behind) > self._width:
             name = ", ".join(escape(one.rpartition("/")[2]) for one in found.captures)
-        yield f"{fit(name, max(12, self._width - display_width(behind)))}{fit(behind, self._width - 12)}"
+        room = max(_NAME, self._width - display_width(behind))
+        yield f"{fit(name, room)}{fit(behind, self._width - _NAME)}"
         for label, text in found.lines:
             yield from self._row(label, text)
 
@@ -95,10 +96,8 @@ class _Screen:
         gap = max(2, room - len(first) - len(support)) if support else 0
         yield f"{self._palette.paint('head', label)}  {self._palette.paint(style, first)}{' ' * gap}{support}".rstrip()
         yield from (f"{' ' * (len(label) + 2)}{self._palette.paint(style, line)}" for line in rest)
-        flight = self._found.flight
         if when := self._words.when(one):
-            number = f"  flight {flight.number}" if flight is not None and len(self._found.flights) > 1 else ""
-            yield from self._row(" at", f"{when}{number}")
+            yield from self._row(" at", when)
         if one.told:
             yield from chain.from_iterable(self._rows(" for", one.reasons))
             yield from chain.from_iterable(self._rows(" against", one.against or ("nothing found",)))

@@ -24,6 +24,7 @@ class TriageWords:
     def __init__(self, found: Triage, *, utc: bool = True) -> None:
         start = found.start or 0
         self._start, self._dated = start, start >= _YEAR_2000
+        self._zone = "UTC" if utc else "local"
         self._clock = TimeFormat("u" if utc else "a", digits=6)
         self._day = TimeFormat("ud" if utc else "ad", digits=6)
 
@@ -39,7 +40,7 @@ class TriageWords:
             return "no times" if found.frames else "no frames"
         if not self._dated:
             return f"{(found.end - found.start) / SECOND:.1f} s, without a date"
-        return f"{self._day.text(found.start)[:-7]} to {self._clock.text(found.end)[:-7]}"
+        return f"{self._day.text(found.start)[:-7]}-{self._clock.text(found.end)[:-7]} {self._zone}"
 
     def when(self, verdict: Verdict) -> str:
         """Return the interval of a verdict: last good report, first bad one."""

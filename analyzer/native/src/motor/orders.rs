@@ -55,16 +55,24 @@ pub fn ordered(orders: &Orders<'_>, ran: &[i64], frame: &[i64], window: i64) -> 
     Some(found)
 }
 
-/// Goes over commands as the reports go on.
+/// Goes over commands as the reports go on. Those that came between two reports are a block, seen once as a whole.
 struct Window<'a> {
     orders: &'a Orders<'a>,
     length: i64,
     start: usize,
     stop: usize,
+    edge: usize,             // where the block ends that it begins in
+    blocks: VecDeque<usize>, // where those behind that end
+    lows: VecDeque<Extreme>, // of these, below all that follow them
+    highs: VecDeque<Extreme>,
     sum: f64,
     unknown: usize,
-    lows: VecDeque<usize>,  // places of commands below all that follow them
-    highs: VecDeque<usize>, // above all that follow them
+}
+
+/// The lowest or highest command of a block that ends at `stop`.
+struct Extreme {
+    stop: usize,
+    percent: f32,
 }
 
 impl<'a> Window<'a> {
@@ -74,10 +82,12 @@ impl<'a> Window<'a> {
             length,
             start: 0,
             stop: 0,
-            sum: 0.0,
-            unknown: 0,
+            edge: 0,
+            blocks: VecDeque::new(),
             lows: VecDeque::new(),
             highs: VecDeque::new(),
+            sum: 0.0,
+            unknown: 0,
         }
     }
 
@@ -95,10 +105,12 @@ impl<'a> Window<'a> {
         if self.unknown > 0 {
             return Some(Ordered { last, ..Ordered::NONE });
         }
-        let at = |places: &VecDeque<usize>| places.front().map_or(last, |&place| f64::from(orders.percent[place]));
+        let (mut low, mut high) = extremes(&orders.percent[start..self.edge]);
+        low = self.lows.front().map_or(low, |one| low.min(one.percent));
+        high = self.highs.front().map_or(high, |one| high.max(one.percent));
         Some(Ordered {
-            lowest: at(&self.lows),
-            highest: at(&self.highs),
+            lowest: f64::from(low),
+            highest: f64::from(high),
             mean: self.sum / f64::from((stop - start) as u32),
             last,
         })
@@ -106,40 +118,63 @@ impl<'a> Window<'a> {
 
     fn go(&mut self, start: usize, stop: usize) {
         if start < self.start || stop < self.stop || start >= self.stop {
-            (self.start, self.stop, self.sum, self.unknown) = (start, start, 0.0, 0);
+            (self.start, self.stop, self.edge, self.sum, self.unknown) = (start, start, start, 0.0, 0);
+            self.blocks.clear();
             self.lows.clear();
             self.highs.clear();
         }
         let percent = self.orders.percent;
-        for (place, &value) in percent.iter().enumerate().take(stop).skip(self.stop) {
-            if value.is_nan() {
-                self.unknown += 1;
-                continue;
-            }
-            self.sum += f64::from(value);
-            while self.lows.back().is_some_and(|&low| percent[low] >= value) {
-                self.lows.pop_back();
-            }
-            while self.highs.back().is_some_and(|&high| percent[high] <= value) {
-                self.highs.pop_back();
-            }
-            self.lows.push_back(place);
-            self.highs.push_back(place);
+        if stop > self.stop {
+            let block = &percent[self.stop..stop];
+            let (sum, unknown) = total(block);
+            (self.sum, self.unknown) = (self.sum + sum, self.unknown + unknown);
+            let (low, high) = extremes(block);
+            self.blocks.push_back(stop);
+            push(&mut self.lows, stop, low, |one| one >= low);
+            push(&mut self.highs, stop, high, |one| one <= high);
         }
-        for &value in &percent[self.start..start] {
-            if value.is_nan() {
-                self.unknown -= 1;
-            } else {
-                self.sum -= f64::from(value);
+        let (sum, unknown) = total(&percent[self.start..start]);
+        (self.sum, self.unknown) = (self.sum - sum, self.unknown - unknown);
+        while self.edge <= start {
+            match self.blocks.pop_front() {
+                Some(edge) => self.edge = edge,
+                None => break,
             }
         }
-        for places in [&mut self.lows, &mut self.highs] {
-            while places.front().is_some_and(|&place| place < start) {
-                places.pop_front();
+        for extremes in [&mut self.lows, &mut self.highs] {
+            while extremes.front().is_some_and(|one| one.stop <= self.edge) {
+                extremes.pop_front();
             }
         }
         (self.start, self.stop) = (start, stop);
     }
+}
+
+fn push(extremes: &mut VecDeque<Extreme>, stop: usize, percent: f32, hidden: impl Fn(f32) -> bool) {
+    while extremes.back().is_some_and(|one| hidden(one.percent)) {
+        extremes.pop_back();
+    }
+    extremes.push_back(Extreme { stop, percent });
+}
+
+/// The lowest and the highest command, of those that say something.
+fn extremes(percent: &[f32]) -> (f32, f32) {
+    percent
+        .iter()
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &one| {
+            (low.min(one), high.max(one))
+        })
+}
+
+/// The sum of commands, and how many say nothing.
+fn total(percent: &[f32]) -> (f64, usize) {
+    percent.iter().fold((0.0, 0), |(sum, unknown), &one| {
+        if one.is_nan() {
+            (sum, unknown + 1)
+        } else {
+            (sum + f64::from(one), unknown)
+        }
+    })
 }
 
 /// How many in order something holds for, which is likely a little more than it was.

@@ -6,29 +6,42 @@
 pub struct Recent {
     values: Vec<f64>,
     next: usize,
+    sum: f64,
+    most: f64,
 }
 
 impl Recent {
     pub fn new(many: usize, nothing: f64) -> Self {
+        let values = vec![nothing; many.max(1)];
         Recent {
-            values: vec![nothing; many.max(1)],
+            sum: values.iter().sum(),
+            values,
             next: 0,
+            most: nothing,
         }
     }
 
     pub fn push(&mut self, value: f64) {
-        self.values[self.next] = value;
-        self.next = (self.next + 1) % self.values.len();
+        let old = std::mem::replace(&mut self.values[self.next], value);
+        self.next += 1;
+        if self.next == self.values.len() {
+            self.next = 0;
+        }
+        self.sum = self.values.iter().sum(); // in the order of the ring, so that no error of rounding is kept
+        if value >= self.most {
+            self.most = value;
+        } else if old >= self.most {
+            self.most = self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        }
     }
 
-    /// Their sum, in the order of the ring; None if one of them is no number.
+    /// Their sum; None if one of them is no number.
     pub fn sum(&self) -> Option<f64> {
-        let sum = self.values.iter().sum::<f64>();
-        sum.is_finite().then_some(sum)
+        self.sum.is_finite().then_some(self.sum)
     }
 
     /// The highest.
     pub fn most(&self) -> f64 {
-        self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+        self.most
     }
 }

@@ -1,6 +1,8 @@
 //! A motor against its own past: what a slow reading of the same words gives, and any cut the same.
 
-use _native::motor::{ordered, Compared, Limits, Orders, Reports, Watch};
+mod sums;
+
+use _native::motor::{ordered, Compared, Limits, Orders, Reports, Watch, WELL};
 
 const WINDOW: i64 = 500;
 const LIMITS: Limits = Limits {
@@ -15,6 +17,7 @@ const LIMITS: Limits = Limits {
     many: 16,
     far: 2.0,
     least_a: 1.0,
+    given: 0.8,
     sag_begun: 0.02,
 };
 
@@ -93,8 +96,15 @@ impl Flight {
     fn compared(&self, cuts: &[usize]) -> Compared {
         let commanded = self.commanded();
         let mut watch = Watch::new(LIMITS);
-        let mut all = Compared::default();
-        let (mut start, mut good) = (0, -1);
+        let mut all = Compared {
+            off: vec![],
+            before: vec![],
+            speed: vec![],
+            current: vec![],
+            reported: vec![],
+            well: [-1; WELL],
+        };
+        let mut start = 0;
         for &stop in cuts {
             let column = |number: usize| &self.columns[number][start..stop];
             let reports = Reports {
@@ -105,16 +115,24 @@ impl Flight {
                 commanded: commanded.each_ref().map(|one| &one[start..stop]),
             };
             let found = watch.feed(&reports).expect("columns fit");
-            let behind = |row: i64| if row < 0 { good } else { row + start as i64 };
-            all.before.extend(found.before.iter().map(|&row| behind(row)));
-            good = behind(found.good);
+            let known = all.well;
+            let behind = |rows: [i64; WELL]| {
+                std::array::from_fn(|way| {
+                    if rows[way] < 0 {
+                        known[way]
+                    } else {
+                        rows[way] + start as i64
+                    }
+                })
+            };
+            all.before.extend(found.before.iter().map(|&rows| behind(rows)));
+            all.well = behind(found.well);
             all.off.extend(found.off);
             all.speed.extend(found.speed);
             all.current.extend(found.current);
             all.reported.extend(found.reported);
             start = stop;
         }
-        all.good = good;
         all
     }
 }
@@ -135,8 +153,8 @@ fn any_cut_gives_the_same() {
         cuts.sort_unstable();
         let cut = flight.compared(&cuts);
         assert_eq!(
-            (&whole.off, &whole.before, whole.good),
-            (&cut.off, &cut.before, cut.good)
+            (&whole.off, &whole.before, whole.well),
+            (&cut.off, &cut.before, cut.well)
         );
         assert!(same(&whole.speed, &cut.speed) && same(&whole.current, &cut.current));
     }
@@ -148,7 +166,7 @@ fn a_lost_load_is_off_from_its_first_report_on() {
     let found = flight.compared(&[400]);
     let first = found.off.iter().position(|&off| off == 1).expect("it is seen");
     assert_eq!(first, 250);
-    assert!(found.before[first] < 250);
+    assert!(found.before[first].iter().all(|&row| row < 250));
     assert!(found.off[..first].iter().all(|&off| off == 0));
 }
 
@@ -157,8 +175,43 @@ fn a_current_a_little_low_is_off_once_many_say_so() {
     let flight = Flight::new(8, 250, true);
     let (lost, healthy) = (flight.compared(&[400]), Flight::new(8, 400, true).compared(&[400]));
     let first = lost.off.iter().position(|&off| off == 1).expect("it is seen");
-    assert!(first > 250 && first <= 250 + LIMITS.many as usize);
+    assert!(first > 250 && first <= 250 + 3 * LIMITS.many as usize);
     assert!(healthy.off.iter().all(|&off| off == 0));
+}
+
+#[test]
+fn a_worn_blade_is_seen_though_few_commands_are_even() {
+    let mut flight = Flight::new(8, 250, true);
+    for (k, value) in flight.percent.iter_mut().enumerate().filter(|(k, _)| k % 100 < 50) {
+        *value *= if k % 2 == 0 { 0.7 } else { 1.0 };
+    }
+    let found = flight.compared(&[400]);
+    assert!(found.off[..250].iter().all(|&off| off == 0));
+    assert!(found.off[250..].contains(&1));
+}
+
+#[test]
+fn while_commands_change_a_report_still_tells_that_its_motor_turns() {
+    let mut flight = Flight::new(4, 300, false);
+    for (k, value) in flight.percent.iter_mut().enumerate().skip(2500) {
+        *value = if k % 40 < 20 { 30.0 } else { 90.0 };
+    }
+    for row in 300..400 {
+        flight.columns[0][row] = 10.0;
+    }
+    let found = flight.compared(&[400]);
+    let first = found.off.iter().position(|&off| off == 1).expect("it stands");
+    let [good, turning, ..] = found.before[first];
+    assert_eq!((first, turning), (300, 299));
+    assert!(good < 260);
+}
+
+#[test]
+fn a_rotor_that_runs_ahead_of_its_supply_has_lost_nothing() {
+    let mut flight = Flight::new(4, 300, false);
+    let sagged = flight.compared(&[400]).off[300];
+    flight.columns[1].iter_mut().skip(300).for_each(|volts| *volts = 44.0);
+    assert_eq!((sagged, flight.compared(&[400]).off[300]), (1, 0));
 }
 
 #[test]
