@@ -109,7 +109,7 @@ def matching_frames(run: Run) -> MatchingFrames | None:
 
         chosen.know(named_frames(run))
         before = run.before() or before
-    before.unpack_only(chosen.filter.tables)
+    chosen.only(before)
     for batch in chosen.over(before.batches()):
         found.feed(batch)
     run.go_on()
