@@ -194,8 +194,8 @@ fn transfers_of_sessions_that_nobody_asks_for_are_counted_and_make_no_rows_but_t
         (results, unasked, reassembler.counts())
     };
     let (every, none, counts) = read(|_| true);
-    let (some, left_out, same) = read(|src| src == ESC as u8);
-    assert_eq!((none, counts), (0, same));
+    let (some, left_out, recount) = read(|src| src == ESC as u8);
+    assert_eq!((none, counts), (0, recount));
     assert_eq!((&some.verdict, &some.anomaly), (&every.verdict, &every.anomaly));
     assert_eq!(some.transfers.len() as u64 + left_out, every.transfers.len() as u64);
     let of = |src: u32, rows: &Transfers| rows.src.iter().filter(|&&other| u32::from(other) == src & 0x7F).count();
