@@ -22,7 +22,7 @@ class Kind:
     `texts` name numbers; if they are `closed`, others are mistakes. `special` are numbers that stand for no number.
     `low` and `high` are what the field can hold. `mask` are the bits that say whether a word of flags is set.
     An `octet` is written as a byte is: two digits are hexadecimal. Lists have at `most` so many elements, bytes as
-    many of them; 0 for one number, and for bytes of which nobody knows. Bytes with a `size` have so many, or are not there.
+    many of them; 0 for one number, and for bytes of which nobody knows. Bytes with a `size` are as many, or missing.
     """
 
     sort: Sort
