@@ -95,8 +95,8 @@ class Constants:
     def _sized(self, found: bytes, kind: Kind, node: Syntax) -> bytes:
         """Return bytes that a piece may be. Raises `FilterError` for more or fewer than it has."""
         if len(found) != kind.size:
-            few = f"{len(found)} byte{'s' * (len(found) > 1)}"
-            raise self.fail(f"this has {few}, the piece {kind.size}: {few} from place 4 on: [4:{len(found)}]", node)
+            few, many = len(found), f"{kind.size} byte{'s' * (kind.size > 1)}"
+            raise self.fail(f"the piece has {many}, this has {few}: a piece of {few} is [4:{few}] (start:length)", node)
         return found
 
     def _moment(self, node: Syntax) -> Moment:

@@ -77,10 +77,11 @@ class FilterNames:
                 begun = [one for one in known if one.lower().startswith(rest.lower())]
                 close = near(rest, known) or begun or [one for one in known if rest.lower() in one.lower()]
                 meant = [f"{prefix}.{column}" for column in close]
-                reason = f"{prefix} has no field {rest!r}"
+                reason, at = f"{prefix} has no field {rest!r}", len(prefix) + 1
                 if meant:
-                    raise fail(f"{reason}; did you mean", meant, len(prefix) + 1)
-                raise fail(f"{reason}; it has" if known else reason, known, len(prefix) + 1)
+                    hint = f"{reason}; did you mean {listed(meant)}?"
+                    raise FilterError(hint, text, start + at, start + len(name), meant)
+                raise fail(f"{reason}; it has" if known else reason, known, at)
             return self._one(name, hits, fail)
         raise self._unknown(name, text, start)
 

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 # The filter with « » around the place, and a part of the reason.
 WRONG = [
-    ("ESCStatus.«voltge» > 40", "did you mean: ESCStatus.voltage"),
+    ("ESCStatus.«voltge» > 40", "did you mean ESCStatus.voltage"),
     ("can.id == «1F01550A»", "a number in hexadecimal is written 0x1F01550A"),
-    ("ESCStatus.«temp» > 40", "did you mean: ESCStatus.temperature"),
+    ("ESCStatus.«temp» > 40", "did you mean ESCStatus.temperature"),
     ("«ESCStaus»", "did you mean ESCStatus"),
     ("«frame.numbr» == 1", "did you mean frame.number"),
     ("«voltage» > 40", "did you mean ESCStatus.voltage"),
@@ -71,9 +71,9 @@ WRONG = [
     ("«ESCStatus.voltage + ESCStatus.current» > 1", "V and A cannot be added"),
     ("frame.data[«a»] == 1", "brackets hold [4]"),
     ("frame.data[0:2] == «700»", "they are written 0a:ff"),
-    ("frame.data[0:2] == «0a»", "this has 1 byte, the piece 2: 1 byte from place 4 on: [4:1]"),
-    ("frame.data[0] != «0a:ff»", "this has 2 bytes, the piece 1: 2 bytes from place 4 on: [4:2]"),
-    ("frame.data[0-2,-1] in {0a:ff:00:01, «0a:ff:00»}", "this has 3 bytes, the piece 4"),
+    ("frame.data[0:2] == «0a»", "the piece has 2 bytes, this has 1: a piece of 1 is [4:1] (start:length)"),
+    ("frame.data[0] != «0a:ff»", "the piece has 1 byte, this has 2: a piece of 2 is [4:2] (start:length)"),
+    ("frame.data[0-2,-1] in {0a:ff:00:01, «0a:ff:00»}", "the piece has 4 bytes, this has 3"),
     ("«RawCommand.cmd[20]» > 0", "there are at most 20 elements: the first is [0], the last [19]"),
     ("«RawCommand.percent[-21:2]» > 0", "there are at most 20 elements"),
     ("1 < «RawCommand.cmd[0,25]»", "there are at most 20 elements"),
