@@ -7,6 +7,7 @@ import os
 import pandas as pd
 import polars as pl
 import pytest
+from kit.command import HOVER
 from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
 
 import analyzer
@@ -210,6 +211,8 @@ def test_small_captures_are_done_together(sizes, least, lengths):
         (["export", "captures", "-o", "x"], 2, "export needs a table"),
         (["export", "captures", "-o", "x", "--table", "ESCStatsu"], 2, "ESCStatus"),
         (["fly"], 2, "fly"),
+        (["check", HOVER, "-o", "x", "--memory", "lots"], 2, "--memory 'lots' is no size, such as 2GiB"),
+        (["check", HOVER, "-o", "x", "--memory", "150MiB"], 2, "at least 256MiB"),
     ],
 )
 def test_slips_of_the_fingers(arguments, status, said, command):
