@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from analyzer._native import FrameBatch
     from analyzer.app.request import Request
     from analyzer.app.source import RunSource
+    from analyzer.decode.core import AskedSessions
     from analyzer.window.cut import FrameTables
     from dissectors import Registry
     from dissectors.kit import Array
@@ -142,9 +143,13 @@ class Run(AbstractContextManager["Run"]):
 
     # ---- batches
 
-    def unpack_only(self, tables: Collection[str] | None) -> None:
-        """Have these tables of messages and packets made and no others, None for all; before the first batch."""
+    def unpack_only(self, tables: Collection[str] | None, sessions: AskedSessions | None = None) -> None:
+        """Have these tables of messages and packets made and no others, None for all; before the first batch.
+
+        Of sessions that nobody asks for transfers are only counted.
+        """
         self._only = None if tables is None else frozenset(tables)
+        self._sessions = sessions
         self.engine: Engine = self._engine()
 
     def batches(self, *, early: bool = False) -> Iterator[Batch]:
@@ -283,7 +288,8 @@ class Run(AbstractContextManager["Run"]):
 
     def _engine(self) -> Engine:
         """Return a new engine; what comes live is shown at once, everything else waits for its batch."""
-        return Engine(self.registry, self.request.rules.readings(), ahead=not self.source.live, only=self._only)
+        readings, ahead = self.request.rules.readings(), not self.source.live
+        return Engine(self.registry, readings, ahead=ahead, only=self._only, sessions=self._sessions)
 
     def _learn(self) -> None:
         """Find out how the capture's nodes are read from its first batch, of which a window may see nothing."""
@@ -302,7 +308,7 @@ class Run(AbstractContextManager["Run"]):
         return self._reading.chunks()
 
     def _seen(self, batch: Batch) -> Batch:
-        self.transfers += len(batch.transfers)
+        self.transfers = self.engine.transfers
         self.totals = self.engine.totals
         self._complain_of(batch.events)
         return batch

@@ -44,7 +44,7 @@ def _run(argv: Sequence[str] | None) -> int:
     from analyzer.cli.commands import COMMANDS, parser  # noqa: PLC0415 - Ctrl-C while it is imported is Ctrl-C, too
     from analyzer.cli.usage.front_door import triaged  # noqa: PLC0415
 
-    words = triaged(words, COMMANDS)
+    typed, words = words, triaged(words, COMMANDS)
 
     if argv is None:  # nobody else uses this process
         start.alone()
@@ -54,6 +54,8 @@ def _run(argv: Sequence[str] | None) -> int:
 
     try:
         main_parser = parser(words)
+        if words is not typed:
+            main_parser.commands[words[0]].words = typed
         args = main_parser.parse_args(words)
         if "capture" in args and not (args.capture or args.capture_):
             main_parser.commands[args.command].error("which capture? give a file, or - for standard input")

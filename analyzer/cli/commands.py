@@ -60,7 +60,7 @@ class Parser(argparse.ArgumentParser):
     """Errors in one line, with the hint that a slip of the fingers deserves."""
 
     command = ""
-    words: Sequence[str] = ()  # all that was given, for hints
+    words: Sequence[str] = ()  # all that was given, for hints; of a command if that was not named
     commands: Mapping[str, Parser] = MappingProxyType({})
     _mixed = False
 
@@ -100,7 +100,7 @@ class Parser(argparse.ArgumentParser):
         if others:
             from analyzer.cli.usage import hints  # noqa: PLC0415 - only those who slip wait for it
 
-            self.error(hints.option(others[0], self, every_command()))
+            self.error(hints.option(others[0], self, every_command(), self.words))
         return known, others
 
     def _arguments(self, known: argparse.Namespace) -> Iterator[str]:

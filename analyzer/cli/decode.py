@@ -237,7 +237,9 @@ def _rows(
     from analyzer.window.screen import Screen  # noqa: PLC0415
 
     around = run.request.window.around
-    if chosen is not None and found is None:
+    if chosen is not None and found is None and quiet and not (view.frame_list or run.request.window):
+        chosen.only(run)
+    elif chosen is not None and found is None:
         chosen.unpack(rows=not (quiet or view.frame_list), colours=view.colour and not quiet)
     batches = run.batches(early=view.count is not None or screen is not None)
     if found is not None:

@@ -9,10 +9,13 @@ from analyzer import _native
 from analyzer.tables import VERDICTS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from analyzer._native import FrameBatch, Group
     from dissectors.registry import Registry
+
+    # Returns whether anybody asks for the transfers of a kind, data type ID, source and destination.
+    AskedSessions = Callable[[int, int, int, int], bool]
 
 BATCH_ROWS = 1 << 17
 # The lines of a capture and the terms of their sum.
@@ -40,11 +43,12 @@ class Totals:
 
 @dataclass(frozen=True, slots=True)
 class Account:
-    """The fate of every line and frame, bits of `tables.STAMPS`, interfaces by index."""
+    """The fate of every line and frame, bits of `tables.STAMPS`, interfaces by index, transfers that make no row."""
 
     totals: Totals
     stamps: int
     buses: tuple[str, ...]
+    unasked: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +70,13 @@ class Piece:
 class Core:
     """Candump text or rows of frames in, pieces out; to be used by one thread at a time.
 
-    With `measured` it also says how many bits each frame occupies the bus.
+    Of sessions that nobody asks for transfers are counted, and make no rows but the first ones, so that every type that
+    occurs is seen. With `measured` it also says how many bits each frame occupies the bus.
     """
 
-    def __init__(self, registry: Registry) -> None:
+    def __init__(self, registry: Registry, sessions: AskedSessions | None = None) -> None:
         self.measured = False
-        self._native = _native.Pipeline(registry.signatures)
+        self._native = _native.Pipeline(registry.signatures, sessions)
 
     def feed(self, chunk: bytes | FrameBatch) -> Iterator[Piece]:
         """Take text, cut anywhere, or the rows of a reader; yield a piece for about every `BATCH_ROWS` rows."""
@@ -104,7 +109,7 @@ class Core:
         """The account so far."""
         core = self._native
         totals = Totals(dict(core.lines), dict(zip(VERDICTS, core.verdicts, strict=True)))
-        return Account(totals, core.stamps, tuple(core.buses))
+        return Account(totals, core.stamps, tuple(core.buses), core.unasked)
 
     def _piece(self, *, waits: bool = True, last: bool = False) -> Piece:
         tables, groups = self._native.take(measured=self.measured)

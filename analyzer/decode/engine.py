@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer._native import FrameBatch
-    from analyzer.decode.core import Piece, Totals
+    from analyzer.decode.core import AskedSessions, Piece, Totals
     from analyzer.decode.messages import ReadMessages
     from analyzer.decode.places import Places
     from analyzer.decode.readings import Statement
@@ -81,16 +81,18 @@ class Engine:
             before that follow their own values, and say so.
         only: the tables of messages and packets that somebody will ask for, all if not given. Of others batches may
             have none, and no `readings`.
+        sessions: those of which somebody wants to see the transfers, all if not given. Of others batches have the first
+            ones only; rows are numbered without them.
     """
 
     def __init__(
         self, registry: Registry | None = None, forced: Mapping[int, Collection[str]] | None = None, *,
-        ahead: bool = False, only: Collection[str] | None = None,
+        ahead: bool = False, only: Collection[str] | None = None, sessions: AskedSessions | None = None,
     ) -> None:  # fmt: skip
         self.registry = registry if registry is not None else dissectors.load()
         self._messages = Messages(self.registry, forced, ahead=ahead, only=only)
         self._unread = only is not None and not only
-        self.core = Core(self.registry)
+        self.core = Core(self.registry, sessions)
         self._account = self.core.account
         self._frames = self._transfers = 0
         self._ahead = ahead
@@ -170,6 +172,11 @@ class Engine:
     def totals(self) -> Totals:
         """Counts of what became of every line and frame so far."""
         return self._account.totals
+
+    @property
+    def transfers(self) -> int:
+        """How many transfers there were so far, those of sessions that nobody asks for too."""
+        return self._transfers + self._account.unasked
 
     @property
     def stamps(self) -> int:

@@ -13,10 +13,11 @@ from analyzer.filter.memory import FilterMemory
 from analyzer.filter.names import FilterNames
 from analyzer.filter.operands import Operands
 from analyzer.filter.parser import parse
+from analyzer.filter.sessions import may_select
 from analyzer.window.numbering import Numbering
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Callable, Collection, Mapping
 
     from analyzer.decode.engine import Batch
     from analyzer.filter.conditions import AskedWord
@@ -86,6 +87,16 @@ class Filter:
         """Why no row can match, since the messages that it asks for are never one; "" if some may."""
         none = carriers(self._condition, self._registry) == frozenset()
         return apart(self._condition) if none else ""
+
+    def sessions(self, labels: Mapping[int, str]) -> Callable[[int, int, int, int], bool] | None:
+        """Return what says of which sessions it may select transfers; None if it has to see those of all.
+
+        What is read of a node may depend on all that it sends, and `frame.time_delta` on the row before.
+        """
+        if self.tables or any((ref.origin, ref.column) == ("frame", "delta") for ref in self._fields):
+            return None
+        memory = self._memory(labels=labels)
+        return lambda *session: may_select(self._condition, memory, session)
 
     def never_seen(self, tables: Collection[str]) -> list[str]:
         """Return the types it names of which a capture with these tables has none, in the order of naming."""

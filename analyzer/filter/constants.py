@@ -88,7 +88,16 @@ class Constants:
             return self._text(node, kind, code=code)
         if kind.numeric and kind.sort != "flag":
             return self._number(node, kind, code=code)
-        return {"flag": self._flag, "bytes": self._bytes, "moment": self._moment}[kind.sort](node)
+        if kind.sort == "bytes":
+            return self._sized(self._bytes(node), kind, node) if code and kind.size else self._bytes(node)
+        return self._flag(node) if kind.sort == "flag" else self._moment(node)
+
+    def _sized(self, found: bytes, kind: Kind, node: Syntax) -> bytes:
+        """Return bytes that a piece may be. Raises `FilterError` for more or fewer than it has."""
+        if len(found) != kind.size:
+            few, many = len(found), f"{kind.size} byte{'s' * (kind.size > 1)}"
+            raise self.fail(f"the piece has {many}, this has {few}: a piece of {few} is [4:{few}] (start:length)", node)
+        return found
 
     def _moment(self, node: Syntax) -> Moment:
         if isinstance(node, QuotedText):

@@ -12,6 +12,7 @@ from analyzer.filter.columns import column_values, streams
 from analyzer.filter.history import BROADCAST, spans_of
 from analyzer.filter.values import NO_NUMBERS, ByteSpans, CodedWords, Values
 from analyzer.tables import ERROR, EVENTS, EXTENDED, FD, KINDS, REMOTE, STATUSES
+from analyzer.window.first_frames import first_frames
 from dissectors.kit.cells import numbers, valid
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ class BatchContext:
     @cached_property
     def first_places(self) -> Array:
         """The number of each transfer's first frame, from 0."""
-        return first_places(self.batch.transfers)
+        return first_frames(self.batch.transfers)
 
     def transfer(self, name: str) -> Values:
         """Return a column of transfers, a value a row."""
@@ -294,14 +295,6 @@ def all_places(transfers: pa.RecordBatch) -> tuple[Array, Array]:
     ends = np.frombuffer(column.buffers()[1], np.int32)[column.offset : column.offset + len(column) + 1]
     places = numbers(column.values)[ends[0] : ends[-1]].astype(np.int64)
     return np.repeat(np.arange(len(column)), np.diff(ends)), places
-
-
-def first_places(transfers: pa.RecordBatch) -> Array:
-    """Return the number of the first frame of each transfer, from 0."""
-    row, places = all_places(transfers)
-    first = np.zeros(len(transfers), np.int64)
-    first[row[::-1]] = places[::-1]
-    return first
 
 
 def together(parts: list[Values]) -> Values:

@@ -21,7 +21,8 @@ class Kind:
 
     `texts` name numbers; if they are `closed`, others are mistakes. `special` are numbers that stand for no number.
     `low` and `high` are what the field can hold. `mask` are the bits that say whether a word of flags is set.
-    An `octet` is written as a byte is: two digits are hexadecimal.
+    An `octet` is written as a byte is: two digits are hexadecimal. Lists have at `most` so many elements, bytes as
+    many of them; 0 for one number, and for bytes of which nobody knows. Bytes with a `size` are as many, or missing.
     """
 
     sort: Sort
@@ -34,6 +35,8 @@ class Kind:
     whole: bool = False
     mask: int = 0
     octet: bool = False
+    most: int = 0
+    size: int = 0
 
     @property
     def numeric(self) -> bool:
@@ -75,7 +78,7 @@ def _words(words: tuple[str, ...]) -> Kind:
     return Kind("text", texts={code: (word,) for code, word in enumerate(words)}, closed=True)
 
 
-_NODE, _ID = _whole(127), _whole((1 << 29) - 1)
+_NODE, _ID, _DATA = _whole(127), _whole((1 << 29) - 1), Kind("bytes", most=64)
 _SEVERITIES = Kind("text", texts={0: ("error",), 1: ("warning",), 2: ("note",)}, closed=True)
 FIXED = {
     ref.name: ref
@@ -86,8 +89,8 @@ FIXED = {
         FieldRef("frame.time_relative", "frame", DURATION, "relative", about="time since the first frame"),
         FieldRef("frame.time_delta", "frame", DURATION, "delta", about="time since the row before"),
         FieldRef("frame.interface_name", "frame", TEXT, "bus", about="interface"),
-        FieldRef("frame.data", "frame", BYTES, "data", about="bytes of the frame, tail byte included"),
-        FieldRef("data.data", "frame", BYTES, "data", about="the same"),
+        FieldRef("frame.data", "frame", _DATA, "data", about="bytes of the frame, tail byte included"),
+        FieldRef("data.data", "frame", _DATA, "data", about="the same"),
         FieldRef("can.id", "frame", _ID, "id", about="identifier"),
         FieldRef("can.len", "frame", _whole(64), "len", about="data bytes, tail byte included"),
         FieldRef("can.flags.xtd", "frame", FLAG, "xtd", about="29-bit identifier"),

@@ -11,15 +11,17 @@ from analyzer.decode.columns import Description
 from analyzer.facts.meaning import meaning
 from analyzer.filter.errors import FilterError, listed, near
 from analyzer.filter.fields import BYTES, FIXED, FLAG, MEANT, PRESENT, TEXT, FieldRef, Kind
+from dissectors.layout import ArrayType, CompoundType
 from dissectors.printed import printed
 from dissectors.records import replace
 from dissectors.schema import Message, Packet
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from analyzer.facts.meaning import Meaning
     from dissectors import Registry
+    from dissectors.layout import Type
 
 _OF_MESSAGES = {"bits_left": pa.int32(), "trusted": pa.bool_(), "decided": pa.bool_()}
 _OF_PACKETS = {
@@ -29,6 +31,7 @@ _OF_PACKETS = {
 }  # fmt: skip
 UNSPECIFIED = "unspecified"  # in place of a unit that the document does not name
 _HALVES = (".Request", ".Response")
+_MANY = 1 << 16  # elements of a list whose length nobody limits
 _LONGEST = 200  # characters of a name
 _TELLING = 3  # letters of a word that can be near another one
 
@@ -74,10 +77,11 @@ class FilterNames:
                 begun = [one for one in known if one.lower().startswith(rest.lower())]
                 close = near(rest, known) or begun or [one for one in known if rest.lower() in one.lower()]
                 meant = [f"{prefix}.{column}" for column in close]
-                reason = f"{prefix} has no field {rest!r}"
+                reason, at = f"{prefix} has no field {rest!r}", len(prefix) + 1
                 if meant:
-                    raise fail(f"{reason}; did you mean", meant, len(prefix) + 1)
-                raise fail(f"{reason}; it has" if known else reason, known, len(prefix) + 1)
+                    hint = f"{reason}; did you mean {listed(meant)}?"
+                    raise FilterError(hint, text, start + at, start + len(name), meant)
+                raise fail(f"{reason}; it has" if known else reason, known, at)
             return self._one(name, hits, fail)
         raise self._unknown(name, text, start)
 
@@ -280,7 +284,24 @@ def _ref(
         return FieldRef(dotted, "table", TEXT, column, path=path, clause=clause)
     sort = BYTES if _octets(found, kind) else FLAG if pa.types.is_boolean(leaf) else None
     made = sort or _numbers(found, leaf, found.unit or about.get("unit", ""))
+    if sort is BYTES or pa.types.is_list(field.type) or pa.types.is_list(kind):
+        made = replace(made, most=_most(of, (field.name, *path)))
     return FieldRef(dotted, "table", made, field.name, path=path, clause=clause)
+
+
+def _most(of: Message | Packet, path: Sequence[str]) -> int:
+    """Return how many elements a field has at most, of all lists that it lies in; `_MANY` if nothing limits them."""
+    first, *rest = path
+    source = next((one.source for one in of.derived if one.name == first), first)
+    kind: Type = of.layout
+    found = 1
+    for step in (source, *rest):
+        if not isinstance(kind, CompoundType):
+            break
+        kind = next((member.type for member in kind.fields if member.name == step), kind)
+        if isinstance(kind, ArrayType):
+            found, kind = found * kind.max, kind.element
+    return found if found > 1 else _MANY
 
 
 def _octets(found: Meaning, kind: pa.DataType) -> bool:

@@ -10,7 +10,7 @@ from analyzer.filter.constants import ARITHMETIC, LITERALS, Constants, said
 from analyzer.filter.errors import FilterError, listed, near
 from analyzer.filter.fields import TEXT, Kind
 from analyzer.filter.nodes import ConstantNode, FieldNode, LagNode, MappedNode, PairNode, RowNode, ValueNode
-from analyzer.filter.slices import byte_values, cut, lengths, one_byte
+from analyzer.filter.slices import byte_values, cut, lengths, nowhere
 from analyzer.filter.syntax import Arithmetic, Call, Number, Sign, Slice, Word
 from analyzer.filter.values import CodedWords, Values
 from dissectors.records import replace
@@ -67,7 +67,7 @@ class Operands(Constants):
     def number(self, node: Syntax) -> ValueNode:
         """Return values that can be added; a piece of one byte is a number. Raises `FilterError`."""
         found = self.make(node)
-        if found.kind.sort == "bytes" and isinstance(node, Slice) and one_byte(node.pieces):
+        if found.kind.sort == "bytes" and isinstance(node, Slice) and found.kind.size == 1:
             return MappedNode(found, Kind("number", low=0, high=255, whole=True, octet=True), byte_values)
         if not found.kind.numeric or (found.kind.sort == "number" and found.kind.closed and found.kind.texts):
             if found.kind.numeric:
@@ -80,9 +80,13 @@ class Operands(Constants):
 
     def _slice(self, node: Slice) -> ValueNode:
         of = self.make(node.of)
+        if isinstance(of, FieldNode) and of.ref.origin == "type":
+            raise self.fail(f"{of.ref.name} is a type: only its fields have pieces, {of.ref.name}.FIELD", node)
         made = cut(of, node.pieces)
         if made is None:
             raise self.fail(f"this is {said(of.kind)}: only bytes, text and lists have pieces", node)
+        if reason := nowhere(of.kind, node.pieces):
+            raise self.fail(reason, node)
         return made
 
     def _arithmetic(self, node: Arithmetic) -> ValueNode:

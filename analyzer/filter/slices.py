@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.filter.fields import BYTES, TEXT
+from analyzer.filter.fields import TEXT, Kind
 from analyzer.filter.nodes import MappedNode
 from analyzer.filter.values import ByteSpans, CodedWords
 
@@ -22,17 +22,41 @@ if TYPE_CHECKING:
 def cut(of: ValueNode, pieces: Sequence[SlicePiece]) -> ValueNode | None:
     """Return the pieces of a value; None if it is of a kind that has none."""
     if of.kind.sort == "bytes":
-        return MappedNode(of, BYTES, lambda values: _bytes(values, pieces))
+        return MappedNode(of, Kind("bytes", size=size(pieces)), lambda values: _bytes(values, pieces))
     if of.kind.sort == "text":
         return MappedNode(of, TEXT, lambda values: _text(values, pieces))
+    if not of.kind.most:
+        return None
     return MappedNode(of, of.kind, lambda values: _elements(values, pieces))
 
 
-def one_byte(pieces: Sequence[SlicePiece]) -> bool:
-    """Return whether pieces of bytes are a single byte, wherever they are long enough."""
-    (first, *rest) = pieces
-    to_itself = first.end is not None and first.end == first.start
-    return not rest and (first.single or first.length == 1 or to_itself or (first.start == -1 and first.end is None))
+def nowhere(of: Kind, pieces: Sequence[SlicePiece]) -> str:
+    """Return why one of the pieces is never there, whatever they are pieces of; "" if all may be."""
+    whole = of.sort == "bytes"  # a piece of a list is what there is of it
+    for piece in pieces:
+        size = _size(piece) if whole else 1
+        if piece.start < 0 and piece.length is not None and size > -piece.start:
+            return f"[{piece.start}:{piece.length}] goes on behind the end: up to there is [{piece.start}:]"
+        if of.most and (piece.start < -of.most or piece.start + max(size, 1) > of.most):
+            things = "bytes" if whole else "elements"
+            return f"there are at most {of.most} {things}: the first is [0], the last [{of.most - 1}]"
+    return ""
+
+
+def size(pieces: Sequence[SlicePiece]) -> int:
+    """Return how many bytes pieces of bytes are, 0 if that depends on what they are pieces of."""
+    sizes = [_size(piece) for piece in pieces]
+    return sum(sizes) if all(sizes) else 0
+
+
+def _size(piece: SlicePiece) -> int:
+    if piece.single:
+        return 1
+    if piece.length is not None:
+        return piece.length
+    if piece.end is None:
+        return 1 if piece.start == -1 else 0
+    return piece.end - piece.start + 1 if (piece.start < 0) == (piece.end < 0) else 0
 
 
 def byte_values(values: Values) -> Values:

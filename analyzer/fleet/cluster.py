@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from analyzer.fleet.jobs import Job
 
 MEMORY = "2GiB"  # of a local worker; with 95 % of it a worker is ended, and its capture tried alone
+LEAST_MEMORY = "256MiB"  # below that Dask holds a worker back for what it takes itself, and nothing ever ends
 _AHEAD = 4  # tasks that wait for each worker: enough that none is idle, few enough to stop soon
 # Small captures go to a worker together, as a task has a price of its own; stored bytes of some seconds of work.
 _TASK_BYTES, _TASK_JOBS = 1 << 20, 32

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import duckdb
 
 _SCHEMES = ("s3", "gs", "az", "abfs", "abfss", "adl")  # what Delta can write safely; not HTTP, not SSH
+_COLOUR, _QUERY = re.compile(r"\x1b\[[\d;]*m"), re.compile(r"(?<=\S)\?\S+")
 _MARK = "captures"  # written last: what it names is done
 # What counts: the newest result of each address, with the rows that the same run wrote. Of equal bytes the first
 # address is counted, others are duplicates.
@@ -66,7 +68,12 @@ class Store:
         except TableNotFoundError:
             return None
         except Exception as error:  # whatever a storage raises
-            raise StoreError(f"{self.table(name)}: {type(error).__name__}: {error}") from error
+            raise self._refused(name, error) from error
+
+    def _refused(self, name: str, error: Exception) -> StoreError:
+        """Return what a storage has raised, in one line without colours; what stands behind ? may be a key."""
+        said = [" ".join(line.split()).lstrip("↳ ") for line in _COLOUR.sub("", str(error)).splitlines()]
+        return StoreError(f"{self.table(name)}: {_QUERY.sub('', ': '.join(filter(None, said)))}")
 
     def append(self, rows: Mapping[str, Sequence[pa.Table]]) -> bool:
         """Write rows of several captures, `captures` after all others; return whether somebody else did since we did.
@@ -89,7 +96,7 @@ class Store:
             write_deltalake(table or self.table(name), rows, mode="append")
             self._known[name] = table = table or self.opened(name)
         except Exception as error:  # whatever a storage raises
-            raise StoreError(f"{self.table(name)}: {type(error).__name__}: {error}") from error
+            raise self._refused(name, error) from error
         return version is not None and table.version() > version + 1
 
     def done(self, *, retry: bool) -> set[str]:
@@ -144,7 +151,7 @@ class Store:
                     found.optimize.compact()
                     left[name] = len(found.file_uris())
                 except Exception as error:  # whatever a storage raises
-                    raise StoreError(f"{self.table(name)}: {type(error).__name__}: {error}") from error
+                    raise self._refused(name, error) from error
         return left
 
     @contextmanager

@@ -16,8 +16,8 @@ from analyzer.plot.layout.whole import layout
 from analyzer.plot.messages import MessagePlots
 from analyzer.plot.moments import NO_FRAME, PlotClock, times
 from analyzer.report import wording
+from analyzer.window.first_frames import first_frames
 from dissectors.kit import NO_TIME, FrameTable
-from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
@@ -173,11 +173,6 @@ def _name(one: Finding) -> Hashable:
 
 def _leads(transfers: pa.RecordBatch) -> Array:
     """Return the numbers of the first frames of transfers, from 1."""
-    frames = transfers.column("frame")
-    offsets = np.asarray(frames.offsets).astype(np.int64)
-    values = numbers(frames.values)
-    if not len(values):
-        return np.full(len(transfers), NO_FRAME, np.int64)
-    first = values[np.minimum(offsets[:-1], len(values) - 1)].astype(np.int64) + 1
-    found: Array = np.where(np.diff(offsets) > 0, first, NO_FRAME)
+    first = first_frames(transfers)
+    found: Array = np.where(first < 0, NO_FRAME, first + 1)
     return found

@@ -11,10 +11,10 @@ from analyzer.decode.told import reading_column
 from analyzer.tables import KINDS, STATUSES
 from analyzer.views.json_fields import HEX, structure_template
 from analyzer.views.members import ALL, PLAIN, CellTemplates
-from analyzer.views.rows import first_frames
 from analyzer.views.sheets import Sheets, type_column, types_of
 from analyzer.views.terminal import escape
 from analyzer.views.times import TimeFormat
+from analyzer.window.first_frames import first_frames
 from analyzer.window.numbering import Numbering
 from dissectors import UnknownNameError
 from dissectors.kit.cells import pylist

@@ -16,11 +16,11 @@ from analyzer.views.members import NOTHING
 from analyzer.views.members import PLAIN as AS_IT_IS
 from analyzer.views.named import rules_of, tag
 from analyzer.views.phrases import OCTETS, REMARK, Phrases, shortened
-from analyzer.views.rows import first_frames
 from analyzer.views.sheets import Sheets, type_column, type_names, types_of
 from analyzer.views.terminal import PLAIN, Palette, display_width, escape, fit
 from analyzer.views.troubles import oddities, troubles
 from analyzer.views.wording import LISTED
+from analyzer.window.first_frames import first_frames
 from analyzer.window.listed import ListedRows
 from analyzer.window.numbering import Numbering
 from dissectors.kit.cells import numbers, pylist
@@ -122,9 +122,10 @@ class Listing:
         self._colours = [] if colours is None else colours.transfers
         self._marks.feed(batch, picked, self._loose.feed(batch, picked), colours)
         self._names = batch.buses
-        first = first_frames(batch.transfers)
-        self._places = first[picked.transfers].tolist()
-        self._entries = self._texts(batch, np.asarray(picked.transfers, np.int64), first) if self._places else iter(())
+        rows = np.asarray(picked.transfers, np.int64)
+        first = first_frames(batch.transfers, rows)
+        self._places = first.tolist()
+        self._entries = self._texts(batch, rows, first) if self._places else iter(())
 
     def places(self) -> list[int]:
         """Return the places of the first frames of the transfers, from 0."""
@@ -199,8 +200,10 @@ class Listing:
             self._head = self._header(ends, [names[place] for place in distinct(places[rows])])
         trouble, troubled = troubles(batch, types, places, rows)
         note, noted = oddities(batch, rows, LISTED, _note)
+        number = np.zeros(len(transfers), np.int64)
+        number[rows] = self._numbering.of_all(first)
         beside = {
-            "number": pa.array(self._numbering.of_all(first)), "elapsed": elapsed, "days": days, "type": column,
+            "number": pa.array(number), "elapsed": elapsed, "days": days, "type": column,
             "trouble": trouble, "note": note,
         }  # fmt: skip
         if self._named is not None:

@@ -118,10 +118,3 @@ def known_types(registry: Registry, variant: Array, kind: Array, type_id: Array)
         occurring = np.flatnonzero(marked)
         inverse = np.cumsum(marked)[codes] - 1
     return [registry.message(code >> 16 & 3, code & 0xFFFF, code >> 18) for code in occurring.tolist()], inverse
-
-
-def first_frames(transfers: pa.RecordBatch) -> Array:
-    """Return the place of each transfer's first frame, from 0; -1 for one without frames."""
-    frames = transfers.column("frame")
-    ends, places = np.asarray(frames.offsets), np.append(numbers(frames.values).astype(np.int64), -1)
-    return np.where(ends[1:] > ends[:-1], places[np.minimum(ends[:-1], len(places) - 1)], -1)

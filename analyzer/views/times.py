@@ -68,13 +68,14 @@ class TimeFormat:
         """Settle the zero and the decimals by the first frames of a capture; later calls change nothing."""
         if self.zero is not None and self.digits is not None:
             return
-        times = [t for t in raw_times(frames.column("t")) if t is not None]
-        if not times:
+        column = frames.column("t")
+        times = numbers(column)[valid(column)]
+        if not len(times):
             return
         if self.zero is None:
-            self.zero = times[0]
+            self.zero = int(times[0])
         if self.digits is None:
-            self.digits = 9 if any(t % 1000 for t in times) else 6
+            self.digits = 9 if (times % 1000).any() else 6
 
     def next(self, t: Time) -> str:
         """Write the time of the next row, all rows told one after the other; "" if unknown."""

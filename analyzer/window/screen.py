@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.tables import VERDICTS
+from analyzer.window.first_frames import first_frames
 from analyzer.window.limits import Moment
 from analyzer.window.listed import ListedRows
 from analyzer.window.selection import NEVER
@@ -84,19 +85,13 @@ class Screen:
         return place
 
 
-def _first_frames(batch: Batch) -> Array:
-    frames = batch.transfers.column("frame")
-    offsets = np.frombuffer(frames.buffers()[1], np.int32)[: len(frames)] if len(frames) else np.zeros(0, np.int32)
-    return numbers(frames.values)[offsets].astype(np.int64)
-
-
 def _places(item: Item) -> Array:
     """Return where the rows of an item that have lines of their own begin, in order."""
     batch, picked, _ = item
     loose = np.asarray(picked.frames)
     if len(picked.transfers):
         loose = loose[numbers(batch.frames.column("verdict"))[loose] != _FOREIGN]
-    starts = _first_frames(batch)[picked.transfers] if len(batch.transfers) else np.zeros(0, np.int64)
+    starts = first_frames(batch.transfers, picked.transfers)
     return np.sort(np.concatenate((starts, loose.astype(np.int64) + batch.first_frame)))
 
 
@@ -108,7 +103,7 @@ def _within(item: Item, shown: Array) -> Item:
     low, high = int(shown[0]), int(shown[-1])
     lines = numbers(batch.frames.column("line"))
     of_events = np.searchsorted(lines, numbers(batch.events.column("line"))) if len(batch.events) else np.zeros(0)
-    parts = (_first_frames(batch), np.arange(len(batch.frames)) + batch.first_frame)
+    parts = (first_frames(batch.transfers), np.arange(len(batch.frames)) + batch.first_frame)
     places = (*parts, numbers(batch.settled.column("frame")).astype(np.int64), of_events + batch.first_frame)
     kept = (some[(of[some] >= low) & (of[some] <= high)] for of, some in zip(places, picked, strict=True))
     return batch, ListedRows(*kept), zero

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 import numpy as np
 
+from analyzer.window.first_frames import first_frames
 from analyzer.window.limits import Moment
 from analyzer.window.numbering import Numbering
 from dissectors.kit.cells import numbers
@@ -229,8 +230,6 @@ class TransferSelection(Selection["Batch"]):
         window, transfers = self.window, batch.transfers
         if not len(transfers):
             return batch, np.zeros(0, np.int64), zero
-        offsets = np.frombuffer(transfers.column("frame").buffers()[1], np.int32)[: len(transfers) + 1]
-        frames = numbers(transfers.column("frame").values)
         t, t_end = numbers(transfers.column("t")), numbers(transfers.column("t_end"))
         keep = np.ones(len(transfers), bool) if batch.selected is None else batch.selected.transfers.copy()
         low, high = self._limits()
@@ -240,7 +239,9 @@ class TransferSelection(Selection["Batch"]):
             keep &= (t <= high) & (t != NEVER)
         if window.frames is not None:
             number = self.numbering.of_all
-            first, last = frames[offsets[:-1]], frames[offsets[1:] - 1]
+            first = first_frames(transfers)
+            offsets = np.frombuffer(transfers.column("frame").buffers()[1], np.int32)[: len(transfers) + 1]
+            last = numbers(transfers.column("frame").values)[offsets[1:] - 1]
             keep &= (number(last) >= window.frames[0]) & (number(first) <= window.frames[1])
         rows = np.flatnonzero(keep)
-        return batch, rows[np.argsort(frames[offsets[:-1][rows]], kind="stable")], zero
+        return batch, rows[np.argsort(first_frames(transfers, rows), kind="stable")], zero

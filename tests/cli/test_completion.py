@@ -122,6 +122,7 @@ OFFERED = {
     "tailbyte decode flight.log -V -t u": {"u", "ud"},
     "tailbyte decode -e ESCStatus.vol": {"ESCStatus.voltage"},
     "tailbyte decode -Y ESCStatus.vol": {"ESCStatus.voltage"},
+    "tailbyte decode -Y MotorStatus.sp": {"MotorStatus.speed"},
     "tailbyte decode -O ESC": {"ESCStatus"},
     "tailbyte decode -O ESCStatus,RawC": {"ESCStatus,RawCommand"},
     "tailbyte check --select CAN,TRF-01": {f"CAN,TRF-01{k}" for k in range(10)},

@@ -235,7 +235,7 @@ def test_frames_without_a_transfer_have_what_their_identifier_says(
         ("frame.len", "no field 'frame.len'; did you mean can.len?"),
         ("ch", "'ch' is a field of filters, not of -e"),
         ("MotorStatus.speed", "no field 'MotorStatus.speed': it may be any of PUSH"),
-        ("ESCStatus.temp", "did you mean: ESCStatus.temperature, ESCStatus.temperature_celsius"),
+        ("ESCStatus.temp", "did you mean ESCStatus.temperature, ESCStatus.temperature_celsius"),
         ("nothing.at.all", "no field 'nothing.at.all'"),
     ],
 )

@@ -56,6 +56,11 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             "-r flight.log -Y 'can.id == 5' -c 3",
             "tailbyte: -r of which command? did you mean tailbyte decode -r flight.log -Y 'can.id == 5' -c 3?",
         ),
+        (
+            "flight.log -Y 'can.id == 5' -c 3",
+            "tailbyte triage: -Y of which command? did you mean tailbyte decode flight.log -Y 'can.id == 5' -c 3?",
+        ),
+        ("flight.log -V", "tailbyte triage: -V of which command? did you mean tailbyte decode flight.log -V?"),
         ("-G fields", "tailbyte: no option -G; did you mean tailbyte fields?"),
         ("decode flight.log -w x.pcapng", "tailbyte decode: no option -w; did you mean tailbyte convert?"),
         ("decode flight.log -E header=y", "tailbyte decode: no option -E; did you mean -T csv?"),

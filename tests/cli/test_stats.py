@@ -241,7 +241,7 @@ def test_a_type_is_counted_where_it_is_there_and_a_flag_where_it_is_set(
         (["values", HOVER], "values needs a field"),
         (["values,ESCStatus.rpm,ESCStatus.voltage", HOVER], "-z values,ESCStatus.rpm -z values,ESCStatus.voltage"),
         (["values,ESCStatus", HOVER], "ESCStatus is a type"),
-        (["values,ESCStatus.voltge", HOVER], "did you mean: ESCStatus.voltage"),
+        (["values,ESCStatus.voltge", HOVER], "did you mean ESCStatus.voltage"),
         (["io,fast", HOVER], "'fast' is not a duration"),
         (["io,1,can.len >", HOVER], "the filter ends here"),
         (["io,1,AVG(ESCStatus.voltage", HOVER], "has no closing bracket"),

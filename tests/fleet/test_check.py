@@ -7,6 +7,7 @@ import os
 import pandas as pd
 import polars as pl
 import pytest
+from kit.command import CAPTURES, HOVER
 from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
 
 import analyzer
@@ -210,6 +211,8 @@ def test_small_captures_are_done_together(sizes, least, lengths):
         (["export", "captures", "-o", "x"], 2, "export needs a table"),
         (["export", "captures", "-o", "x", "--table", "ESCStatsu"], 2, "ESCStatus"),
         (["fly"], 2, "fly"),
+        (["check", HOVER, "-o", "x", "--memory", "lots"], 2, "--memory 'lots' is no size, such as 2GiB"),
+        (["check", HOVER, "-o", "x", "--memory", "150MiB"], 2, "at least 256MiB"),
     ],
 )
 def test_slips_of_the_fingers(arguments, status, said, command):
@@ -241,3 +244,14 @@ def test_a_table_of_many_captures_as_a_stream(logs):  # noqa: F811
     rows = list(scan(urls, "ESCStatus", ["voltage", "t"]))
     assert sum(map(len, rows)) == 2 * len(whole)
     assert {tuple(one.schema.names) for one in rows} == {("voltage", "t")}
+
+
+def test_captures_of_vehicles_without_a_name_are_of_no_vehicle(tmp_path, command):
+    place = tmp_path / "results"
+    _, _, said = command("fleet", "check", CAPTURES / "mission-8-faults.log", "-o", place, "--workers", "0")
+    assert "1 captures read" in said
+    _, shown, _ = command("fleet", "report", place, "--by", "rule")
+    (line,) = [line for line in shown.splitlines() if "TRF-003" in line]
+    assert line.split()[:4] == ["TRF-003", "error", "1", "capture"]
+    assert "0 vehicles" in shown
+    assert "1 vehicle" not in shown

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import fsspec
 import paramiko
 import pytest
+from kit import CAPTURES
 from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
 from kit.sftp import serving_ssh
 from kit.storages import serving
@@ -17,7 +18,7 @@ from kit.storages import serving
 from analyzer.fleet.cluster import Serial
 from analyzer.fleet.driver import FleetRun, jobs_of
 from analyzer.fleet.listing import Names, listed
-from analyzer.fleet.store import Store
+from analyzer.fleet.store import Store, StoreError
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of libraries, about sockets that they leave open
 KINDS = ("web", "google", "azure", "ssh")
@@ -136,3 +137,25 @@ def test_a_password_in_an_address_is_refused_and_not_repeated(place, command, tm
 def test_a_store_where_tables_cannot_be_written(place, command):
     status, _, said = command("fleet", "status", place)
     assert (status, said.count("\n"), place in said) == (2, 1, True), said
+
+
+def test_a_storage_that_does_not_answer_is_told_in_one_plain_line(command, monkeypatch):
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")  # which Delta does not even ask: it is not https
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "a")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "hidden")
+    code, out, err = command("fleet", "check", CAPTURES / "hover-4.log", "-o", "s3://logs/results")
+    assert (code, out) == (3, "")
+    (line,) = err.splitlines()
+    assert line.startswith("tailbyte fleet: s3://logs/results/captures: ")
+    assert "Error performing GET http://127.0.0.1:9/logs/results/captures/" in line
+    assert [word for word in ("\\x", "\x1b", "↳", "OSError", "hidden") if word in line] == []
+
+
+def test_what_stands_behind_an_address_may_be_a_key_and_is_not_repeated(monkeypatch):
+    def refuse(*_):
+        raise OSError("no\n\x1b[31m  ↳\x1b[0m GET https://fleet.test/a?sig=hidden&se=1 failed: what now?")
+
+    monkeypatch.setattr("deltalake.DeltaTable", refuse)
+    with pytest.raises(StoreError) as caught:
+        Store("s3://logs/results").opened("captures")
+    assert str(caught.value) == "s3://logs/results/captures: no: GET https://fleet.test/a failed: what now?"

@@ -8,7 +8,8 @@ import numpy as np
 
 from analyzer.app.filtered.run_filter import RunFilter
 from analyzer.decode.engine import SelectedRows
-from analyzer.filter.context import all_places, first_places
+from analyzer.filter.context import all_places
+from analyzer.window.first_frames import first_frames
 from dissectors.kit.cells import numbers
 from dissectors.records import replace
 
@@ -87,7 +88,7 @@ class MatchingFrames:
         for batch in batches:
             frames, events = self.rows(batch)
             settled = numbers(batch.settled.column("frame")).astype(np.int64) if len(batch.settled) else _NONE
-            transfers = self.holds(first_places(batch.transfers))
+            transfers = self.holds(first_frames(batch.transfers))
             yield replace(batch, selected=SelectedRows(transfers, frames, self.holds(settled), events))
 
 
@@ -109,7 +110,7 @@ def matching_frames(run: Run) -> MatchingFrames | None:
 
         chosen.know(named_frames(run))
         before = run.before() or before
-    before.unpack_only(chosen.filter.tables)
+    chosen.only(before)
     for batch in chosen.over(before.batches()):
         found.feed(batch)
     run.go_on()

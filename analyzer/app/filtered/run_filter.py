@@ -80,6 +80,10 @@ class RunFilter:
         if not colours:
             self._run.unpack_only(self.filter.shown() if rows else self.filter.tables)
 
+    def only(self, run: Run) -> None:
+        """Have a run make what the filter itself asks for, with nothing to show; of what it cannot select the sums."""
+        run.unpack_only(self.filter.tables, self.filter.sessions(self.labels))
+
     def frame_matcher(self) -> RunFilter | None:
         """Return what chooses frames of a list, None if rows are transfers."""
         if not self._run.request.frame_list:

@@ -40,10 +40,11 @@ def names(registry: Registry) -> dict[str, tuple[str, ...]]:
     types = tuple(short[table] for table in tables)
     catalogue_ = list(FilterNames(registry).catalogue())
     packets = tuple(f"{short[table]}.{packet}" for table in tables for packet in _packets(registry, table))
+    terms = tuple(_shortened((ref.name for ref in catalogue_), short))
     return {
         "types": types,
         "fields": tuple(_shortened(field_names(registry), short)),
-        "terms": tuple(dict.fromkeys(_shortened((ref.name for ref in catalogue_), short))),
+        "terms": tuple(dict.fromkeys((*terms, *_alone(terms, packets)))),
         "values": tuple(_values(catalogue_, short, rules)),
         "rules": rules,
         "lexicon": (*pages, *LAYERS, *types),
@@ -73,6 +74,15 @@ def _shortened(fields: Iterable[str], short: dict[str, str]) -> Iterator[str]:
         words = field.split(".")
         table = next((t for n in range(len(words) - 1, 0, -1) if (t := ".".join(words[:n])) in short), "")
         yield short[table] + field.removeprefix(table) if table else field
+
+
+def _alone(terms: Iterable[str], packets: Iterable[str]) -> Iterator[str]:
+    """Yield the names of packets and their fields without the message that they lie in."""
+    inside = frozenset(packets)
+    for term in terms:
+        carrier, _, rest = term.partition(".")
+        if f"{carrier}.{rest.partition('.')[0]}" in inside:
+            yield rest
 
 
 def _values(refs: Sequence[FieldRef], short: dict[str, str], rules: Sequence[str]) -> Iterator[str]:

@@ -10,7 +10,7 @@ import dissectors
 from analyzer.app import streams
 from analyzer.cli import options, rules, status
 from analyzer.decode.by_name import find_table
-from analyzer.fleet.cluster import ClusterChoice, cluster
+from analyzer.fleet.cluster import LEAST_MEMORY, ClusterChoice, cluster
 from analyzer.fleet.driver import FleetRun, jobs_of
 from analyzer.fleet.export import PARTITIONS, ExportGoal, ExportRun
 from analyzer.fleet.jobs import FleetSettings, Retries
@@ -35,10 +35,10 @@ def check(args: argparse.Namespace) -> int:
     jobs = _jobs(args, store.place, settings)
     if not jobs:
         return _nothing(args)
-    progress = _Progress()
+    choice, progress = _choice(args), _Progress()
     run = FleetRun(store, settings, Retries(args.attempts), progress)
     try:
-        with store.alone(), cluster(_choice(args)) as workers:
+        with store.alone(), cluster(choice) as workers:
             run.over(jobs, workers, retry=args.retry is not None)
     except KeyboardInterrupt:
         progress.end(run.account, "interrupted: the same command goes on")
@@ -61,10 +61,10 @@ def export(args: argparse.Namespace) -> int:
     jobs = _jobs(args, goal.place, settings)
     if not jobs:
         return _nothing(args)
-    progress = _Progress()
+    choice, progress = _choice(args), _Progress()
     run = ExportRun(settings, Retries(args.attempts), goal, progress)
     try:
-        with cluster(_choice(args)) as workers:
+        with cluster(choice) as workers:
             run.over(jobs, workers)
     except KeyboardInterrupt:
         progress.end(run.account, "interrupted: the same command goes on")
@@ -85,6 +85,18 @@ def _jobs(args: argparse.Namespace, store: str, settings: FleetSettings) -> list
 
 
 def _choice(args: argparse.Namespace) -> ClusterChoice:
+    """Return the workers that are wished for. Raises `ValueError` for a memory in which no worker gets to a capture."""
+    if args.scheduler is None and args.workers != 0:
+        from dask.utils import parse_bytes  # noqa: PLC0415 - of the extra
+
+        try:
+            size = parse_bytes(args.memory)
+        except ValueError:
+            raise ValueError(f"--memory {args.memory!r} is no size, such as 2GiB") from None
+        if size < parse_bytes(LEAST_MEMORY):
+            raise ValueError(
+                f"--memory {args.memory}: a worker takes most of that before it reads anything; at least {LEAST_MEMORY}"
+            )
     return ClusterChoice(args.scheduler, args.workers, args.memory)
 
 

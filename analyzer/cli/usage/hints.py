@@ -62,14 +62,21 @@ def before_command(option: str, others: Sequence[str], parsers: Mapping[str, arg
     if named is not None:
         return f"{_short(option)}: options stand behind the command: tailbyte {named} {quote(option[:_LONGEST])} ..."
     if having:
-        shown = [option, *others] if sum(map(len, others)) < _LONGEST else [option, *others[:2], "..."]
-        words = " ".join(one if one == "..." else quote(one[:_LONGEST]) for one in shown)
-        return f"{_short(option)} of which command? did you mean tailbyte {having[0]} {words}?"
+        return _of_which(option, having[0], [option, *others])
     return f"no option {_short(option)} in front of the command"
 
 
-def option(word: str, parser: argparse.ArgumentParser, parsers: Mapping[str, argparse.ArgumentParser]) -> str:
-    """Return why a command has no such option, and what to type instead."""
+def _of_which(option: str, command: str, words: Sequence[str]) -> str:
+    shown = list(words) if sum(map(len, words[1:])) < _LONGEST else [*words[:3], "..."]
+    said = " ".join(one if one == "..." else quote(one[:_LONGEST]) for one in shown)
+    return f"{_short(option)} of which command? did you mean tailbyte {command} {said}?"
+
+
+def option(
+    word: str, parser: argparse.ArgumentParser, parsers: Mapping[str, argparse.ArgumentParser],
+    typed: Sequence[str] = (),
+) -> str:  # fmt: skip
+    """Return why a command has no such option, and what to type instead; `typed` are all words if it was not named."""
     name = word.partition("=")[0]
     known = options_of(parser)
     if not word.startswith("-") or word == "-":
@@ -82,6 +89,8 @@ def option(word: str, parser: argparse.ArgumentParser, parsers: Mapping[str, arg
     having = [other for other, one in parsers.items() if name in options_of(one)]
     if near and not having:
         return f"no option {_short(name)}; did you mean {' or '.join(near)}?"
+    if having and typed:
+        return _of_which(name, having[0], typed)
     if having:
         return f"{_short(name)} is an option of tailbyte {', '.join(having)}, not of this command"
     return f"no option {_short(name)}"

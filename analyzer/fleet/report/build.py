@@ -61,7 +61,8 @@ select count(*), count(*) filter (not duplicate and verdict in ('pass', 'fail'))
     coalesce(min(date) filter (date <> ''), ''), coalesce(max(date) filter (date <> ''), '') from latest
 """  # noqa: S608 - our own word
 _RULES = """
-select f.rule, min(f.title), min(f.severity), count(distinct f.key), count(distinct c.vehicle), min(c.url)
+select f.rule, min(f.title), min(f.severity), count(distinct f.key),
+    count(distinct c.vehicle) filter (c.vehicle <> ''), min(c.url)
     from findings f join counted c using (key, run) where f.severity <> 'note' and f.category <> 'capture'
     and not f.waived group by 1 order by 4 desc, 1
 """

@@ -166,9 +166,8 @@ def _of(count: int, what: str) -> str:
 def _rule(report: FleetReport, most: int | None, width: int) -> Iterator[str]:
     yield "What fails" if report.rules else "What fails   nothing"
     for one in report.rules[:most]:
-        line = (
-            f" {one.rule:<9} {one.severity:<8} {_of(one.captures, 'capture'):<14} of {_of(one.vehicles, 'vehicle'):<12}"
-        )
+        whose = f"of {_of(one.vehicles, 'vehicle')}" if one.vehicles else ""  # captures may name none
+        line = f" {one.rule:<9} {one.severity:<8} {_of(one.captures, 'capture'):<14} {whose:<15}"
         if len(line) + len(one.title) < width:
             yield f"{line} {one.title}"
         else:

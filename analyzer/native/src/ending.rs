@@ -33,6 +33,7 @@ impl Session {
             anomaly: bits | self.constant | id_anomaly(step, gap, tail.transfer_id(), repeats, self.period),
             fd: frame.fd,
             known: self.preferred(),
+            asked: self.asked,
             frames: &[frame.number],
             payload: body,
         });
@@ -129,6 +130,7 @@ impl Session {
                 | when(elapsed(slot.t, slot.t_last) > ABORT_NS, anomaly::SLOW),
             fd: slot.fd,
             known: here.map_or_else(|| self.preferred(), |(known, _)| known),
+            asked: self.asked,
             frames: slot.frames(),
             payload,
         });

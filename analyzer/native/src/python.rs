@@ -49,29 +49,43 @@ enum Chunk<'py> {
 #[pyclass]
 struct Pipeline {
     pipeline: pipeline::Pipeline,
-    failure: Arc<Mutex<Option<PyErr>>>,
+    failure: Failure,
+}
+
+/// The first failure of a function of Python that the core has called.
+type Failure = Arc<Mutex<Option<PyErr>>>;
+
+/// Keeps a failure, and answers nothing.
+fn keep<T: Default>(failure: &Failure, error: PyErr) -> T {
+    if let Ok(mut slot) = failure.lock() {
+        slot.get_or_insert(error);
+    }
+    T::default()
 }
 
 #[pymethods]
 impl Pipeline {
-    /// `resolve(service, type_id)` gives the signatures of the types with this ID; asked once an ID.
+    /// `resolve(service, type_id)` gives the signatures of the types with this ID; asked once an ID. Of sessions for which
+    /// `asked(kind, type_id, src, dst)` is false transfers are only counted; asked once a session, None wants all.
     #[new]
-    fn new(resolve: Py<PyAny>) -> Self {
-        let failure = Arc::new(Mutex::new(None));
+    #[pyo3(signature = (resolve, asked = None))]
+    fn new(resolve: Py<PyAny>, asked: Option<Py<PyAny>>) -> Self {
+        let failure = Failure::default();
         let slot = Arc::clone(&failure);
         let ask: Resolve = Box::new(move |service, type_id| {
             let answer = Python::attach(|py| resolve.call1(py, (service, type_id))?.extract::<Vec<u64>>(py));
-            answer.unwrap_or_else(|error| {
-                if let Ok(mut slot) = slot.lock() {
-                    slot.get_or_insert(error);
-                }
-                vec![]
-            })
+            answer.unwrap_or_else(|error| keep(&slot, error))
         });
-        Pipeline {
-            pipeline: pipeline::Pipeline::new(ask),
-            failure,
+        let mut pipeline = pipeline::Pipeline::new(ask);
+        if let Some(asked) = asked {
+            let slot = Arc::clone(&failure);
+            pipeline.reassembler.ask_only(Box::new(move |id| {
+                let session = (id.kind as u8, id.type_id, id.src, id.dst);
+                let answer = Python::attach(|py| asked.call1(py, session)?.extract::<bool>(py));
+                answer.unwrap_or_else(|error| keep(&slot, error))
+            }));
         }
+        Pipeline { pipeline, failure }
     }
 
     /// Takes the rows of a reader, or candump text, cut anywhere; a capture is one or the other. Of text it takes some
@@ -141,6 +155,12 @@ impl Pipeline {
         self.pipeline.reassembler.counts().to_vec()
     }
 
+    /// Transfers that were only counted, capture-wide.
+    #[getter]
+    fn unasked(&self) -> u64 {
+        self.pipeline.reassembler.unasked()
+    }
+
     /// What became of the lines of the text, capture-wide.
     #[getter]
     fn lines<'py>(&self, py: Python<'py>) -> PyResult<Dict<'py>> {
@@ -155,7 +175,7 @@ impl Pipeline {
 }
 
 impl Pipeline {
-    /// A failure of `resolve` surfaces here: it is a bug of a dissector, not of the capture.
+    /// A failure of `resolve` or `asked` surfaces here: it is a bug of a dissector, not of the capture.
     fn check(&self) -> PyResult<()> {
         let failure = self.failure.lock().ok().and_then(|mut slot| slot.take());
         failure.map_or(Ok(()), Err)

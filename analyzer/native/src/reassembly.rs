@@ -32,6 +32,9 @@ const SPEAKERS: usize = NOBODY as usize + 1;
 /// Asks for the signatures of (is a service, data type ID), the preferred one first; none when the type is unknown.
 pub type Resolve = Box<dyn FnMut(bool, u16) -> Vec<u64> + Send + Sync>;
 
+/// Asks whether somebody wants the transfers of a session; others are only counted.
+pub type Asked = Box<dyn FnMut(Id) -> bool + Send + Sync>;
+
 /// A known type: (is a service, data type ID, which of the types with this ID).
 pub type TypeName = (bool, u16, u8);
 
@@ -63,6 +66,8 @@ enum Standing {
 
 pub struct Reassembler {
     resolve: Resolve,
+    /// None when all are asked.
+    asked: Option<Asked>,
     /// Known types in the order in which they occurred.
     types: Vec<TypeName>,
     resolved: HashMap<(bool, u16), Candidates>,
@@ -88,6 +93,7 @@ impl Reassembler {
     pub fn new(resolve: Resolve) -> Self {
         Reassembler {
             resolve,
+            asked: None,
             types: vec![],
             resolved: HashMap::new(),
             index: Index::default(),
@@ -103,6 +109,17 @@ impl Reassembler {
             next_sweep: NO_TIME,
             since_sweep: 0,
         }
+    }
+
+    /// Only counts the transfers of sessions of which `asked` says so, but for those that prove one, so that
+    /// whatever occurs has a row; to be called before the first frame.
+    pub fn ask_only(&mut self, asked: Asked) {
+        self.asked = Some(asked);
+    }
+
+    /// Transfers that were only counted so far.
+    pub fn unasked(&self) -> u64 {
+        self.staged.unasked()
     }
 
     /// Frames by verdict so far; their sum is the number of frames.

@@ -42,6 +42,8 @@ pub struct Session {
     pub(crate) period: i64,
     /// Bits that every transfer of this session carries.
     pub(crate) constant: u32,
+    /// Somebody asks for its transfers: otherwise they are only counted.
+    pub(crate) asked: bool,
 }
 
 impl Session {
@@ -57,6 +59,7 @@ impl Session {
             holds_last: false,
             repeated: None,
             period: 0,
+            asked: true,
             constant: when(service && id.dst == 0, anomaly::DESTINATION_ZERO)
                 | when(service && id.src == 0, anomaly::SOURCE_ZERO)
                 | when(service && id.src == id.dst, anomaly::ADDRESSED_TO_ITSELF),

@@ -120,6 +120,7 @@ impl Session {
             anomaly: 0,
             fd: false,
             known: known.index,
+            asked: self.asked,
             frames: slot.frames(),
             payload,
         };

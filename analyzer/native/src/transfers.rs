@@ -84,6 +84,8 @@ pub struct Row<'a> {
     pub anomaly: u32,
     pub fd: bool,
     pub known: u16,
+    /// Somebody asks for it: otherwise it only has to be counted.
+    pub asked: bool,
     pub frames: &'a [u64],
     pub payload: &'a [u8],
 }
@@ -106,6 +108,7 @@ impl<'a> Row<'a> {
             anomaly: 0,
             fd: false,
             known: 0,
+            asked: true,
             frames: &[],
             payload,
         }

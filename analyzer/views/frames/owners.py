@@ -10,7 +10,7 @@ import pyarrow as pa
 from analyzer.facts.identifiers import NOBODY, who
 from analyzer.tables import KINDS
 from analyzer.views.fields import Fields
-from analyzer.views.rows import first_frames
+from analyzer.window.first_frames import first_frames
 from dissectors.kit.cells import numbers, pylist
 
 if TYPE_CHECKING:

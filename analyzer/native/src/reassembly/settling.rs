@@ -106,6 +106,9 @@ impl Reassembler {
         if believed {
             self.speakers[speaker] = true;
             *standing = Standing::Trusted;
+            if let (Some(asked), false) = (&mut self.asked, probation.transfers.is_empty()) {
+                session.asked = asked(session.id);
+            }
         } else {
             if session.is_known() {
                 // It may still turn up where another protocol used its identifier before.

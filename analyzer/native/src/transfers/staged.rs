@@ -14,13 +14,15 @@ macro_rules! staged {
         pub struct Staged {
             used: usize,
             $( $name: [$kind; ROWS], )+
+            /// Transfers that nobody asks for: they make no rows.
+            unasked: u64,
             /// The rows before, and the frames and payloads of all.
             rows: Transfers,
         }
 
         impl Default for Staged {
             fn default() -> Self {
-                Staged { used: 0, $( $name: [0; ROWS], )+ rows: Transfers::default() }
+                Staged { used: 0, $( $name: [0; ROWS], )+ unasked: 0, rows: Transfers::default() }
             }
         }
 
@@ -47,9 +49,18 @@ impl Staged {
         std::mem::replace(&mut self.rows, next)
     }
 
+    /// How many transfers nobody has asked for so far.
+    pub fn unasked(&self) -> u64 {
+        self.unasked
+    }
+
     /// A row whose frames and payload stand at the start of `frames` and `payload`.
     #[inline]
     pub fn push_short(&mut self, row: &Row<'_>, frames: &[u64; SHORT_FRAMES], payload: &[u8; SHORT_PAYLOAD]) {
+        if !row.asked {
+            self.unasked += 1;
+            return;
+        }
         let (old_frames, old_bytes) = (self.rows.frame.len(), self.rows.payload.len());
         self.rows.frame.extend_from_slice(frames);
         self.rows.frame.truncate(old_frames + row.frames.len());
@@ -90,6 +101,10 @@ impl Staged {
 
 impl Sink for Staged {
     fn push(&mut self, row: &Row<'_>) {
+        if !row.asked {
+            self.unasked += 1;
+            return;
+        }
         self.rows.frame.extend_from_slice(row.frames);
         self.rows.payload.extend_from_slice(row.payload);
         self.stage(row);

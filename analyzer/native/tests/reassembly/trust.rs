@@ -1,7 +1,7 @@
 //! Whose traffic is it: what a session has to show before it is believed, and what becomes of its frames meanwhile.
 
 use _native::reassembly::Reassembler;
-use _native::transfers::Status;
+use _native::transfers::{Status, Transfers};
 use _native::verdict::{frame_anomaly, Verdict};
 
 use crate::sender::{anonymous_id, cut, message_id, service_id, signatures};
@@ -173,4 +173,32 @@ fn other_protocols_stay_foreign() {
         vesc.frame(message_id(9, 1), &[0, 0, 1, at, 0, 0, 3, 0xE8]);
     }
     assert_eq!(used_and_foreign(&vesc), (0, 100));
+}
+
+#[test]
+fn transfers_of_sessions_that_nobody_asks_for_are_counted_and_make_no_rows_but_the_first() {
+    let mut bus = Bus::default();
+    let other = ESC + 1;
+    for transfer_id in 0..10 {
+        bus.transfer(ESC, transfer_id, b"of whom it is asked");
+        bus.transfer(other, transfer_id, b"of another one");
+        bus.frame(other, &[transfer_id | 0xC0])
+            .frame(ESC, &[transfer_id | 0x60]);
+    }
+    let read = |asked: fn(u8) -> bool| {
+        let mut reassembler = Reassembler::new(Box::new(signatures));
+        reassembler.ask_only(Box::new(move |id| asked(id.src)));
+        reassembler.feed(&bus.frames, 0);
+        reassembler.finish();
+        let (results, unasked) = (reassembler.take(), reassembler.unasked());
+        (results, unasked, reassembler.counts())
+    };
+    let (every, none, counts) = read(|_| true);
+    let (some, left_out, recount) = read(|src| src == ESC as u8);
+    assert_eq!((none, counts), (0, recount));
+    assert_eq!((&some.verdict, &some.anomaly), (&every.verdict, &every.anomaly));
+    assert_eq!(some.transfers.len() as u64 + left_out, every.transfers.len() as u64);
+    let of = |src: u32, rows: &Transfers| rows.src.iter().filter(|&&other| u32::from(other) == src & 0x7F).count();
+    assert_eq!(of(ESC, &some.transfers), of(ESC, &every.transfers));
+    assert_eq!((of(other, &some.transfers), of(other, &every.transfers)), (1, 20));
 }
