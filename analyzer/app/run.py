@@ -144,12 +144,8 @@ class Run(AbstractContextManager["Run"]):
     # ---- batches
 
     def unpack_only(self, tables: Collection[str] | None, sessions: AskedSessions | None = None) -> None:
-        """Have these tables of messages and packets made and no others, None for all; before the first batch.
-
-        Of sessions that nobody asks for transfers are only counted.
-        """
-        self._only = None if tables is None else frozenset(tables)
-        self._sessions = sessions
+        """Have these tables made, and transfers of these sessions, others only counted; None for all; at the start."""
+        self._asked = None if tables is None else frozenset(tables), sessions
         self.engine: Engine = self._engine()
 
     def batches(self, *, early: bool = False) -> Iterator[Batch]:
@@ -288,8 +284,8 @@ class Run(AbstractContextManager["Run"]):
 
     def _engine(self) -> Engine:
         """Return a new engine; what comes live is shown at once, everything else waits for its batch."""
-        readings, ahead = self.request.rules.readings(), not self.source.live
-        return Engine(self.registry, readings, ahead=ahead, only=self._only, sessions=self._sessions)
+        (only, sessions), readings = self._asked, self.request.rules.readings()
+        return Engine(self.registry, readings, ahead=not self.source.live, only=only, sessions=sessions)
 
     def _learn(self) -> None:
         """Find out how the capture's nodes are read from its first batch, of which a window may see nothing."""
