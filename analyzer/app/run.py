@@ -304,8 +304,7 @@ class Run(AbstractContextManager["Run"]):
         return self._reading.chunks()
 
     def _seen(self, batch: Batch) -> Batch:
-        self.transfers = self.engine.transfers
-        self.totals = self.engine.totals
+        self.transfers, self.totals = self.engine.transfers, self.engine.totals
         self._complain_of(batch.events)
         return batch
 
