@@ -100,7 +100,7 @@ impl Writer for Candump {
                 self.drop_count(batch, row, out);
             }
             EventKind::Comment | EventKind::FrameComment | EventKind::Gap => {
-                self.comment(events.t[row], &events.text_of(row), out)
+                self.comment(events.t[row], &events.text_of(row), out);
             }
         }
     }

@@ -2,7 +2,7 @@
 
 mod sums;
 
-use _native::motor::{ordered, Compared, Limits, Orders, Reports, Watch, WELL};
+use _native::motor::{ordered, CommandLog, Compared, Limits, Orders, Reports, SupplyLine, Watch, WELL};
 
 const WINDOW: i64 = 500;
 const LIMITS: Limits = Limits {
@@ -274,4 +274,47 @@ fn columns_that_do_not_fit_are_refused() {
         commanded: [&one; 4],
     };
     assert!(Watch::new(LIMITS).feed(&reports).is_none());
+}
+
+#[test]
+fn commands_in_pieces_are_those_of_one_piece() {
+    let flight = Flight::new(9, 250, false);
+    let whole = flight.commanded();
+    let mut log = CommandLog::new(WINDOW, 4096);
+    let mut found: [Vec<f64>; 4] = Default::default();
+    for (piece, start) in (0..4000).step_by(500).enumerate() {
+        let rows = start..start + 500;
+        let percent = &flight.percent[rows.clone()];
+        log.feed(1, &flight.ran[rows.clone()], &flight.frame_end[rows], percent)
+            .expect("columns fit");
+        let reports = piece * 50..(piece + 1) * 50;
+        assert!(log.before(2, &[], &[]).is_none());
+        let some = log
+            .before(1, &flight.when[reports.clone()], &flight.frame[reports])
+            .expect("a channel");
+        found.iter_mut().zip(some).for_each(|(all, more)| all.extend(more));
+    }
+    assert!((0..2).all(|column| same(&whole[column], &found[column])));
+    assert!(same(&whole[3], &found[3]));
+    assert!(log.feed(0, &[1], &[1, 2], &[1.0]).is_none());
+}
+
+#[test]
+fn a_line_of_a_supply_tells_what_its_current_explains() {
+    let mut noise = Noise(11);
+    let amperes: Vec<f64> = (0..400).map(|_| 20.0 + 20.0 * noise.next()).collect();
+    let volts: Vec<f64> = amperes.iter().map(|one| 50.0 - 0.1 * one).collect();
+    let whole = SupplyLine::default().feed(&volts, &amperes).expect("columns fit");
+    let mut pieces = SupplyLine::default();
+    let mut cut = pieces.feed(&volts[..7], &amperes[..7]).expect("columns fit");
+    cut.extend(pieces.feed(&volts[7..], &amperes[7..]).expect("columns fit"));
+    assert!(same(&whole, &cut));
+    assert!(
+        whole[0].is_nan()
+            && whole[300..]
+                .iter()
+                .zip(&volts[300..])
+                .all(|(one, other)| (one - other).abs() < 0.01)
+    );
+    assert!(pieces.feed(&volts, &[]).is_none());
 }
