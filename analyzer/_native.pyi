@@ -18,6 +18,7 @@ __all__ = [
     "Merger",
     "Messages",
     "MotorWatch",
+    "OrphanIndex",
     "PacketRows",
     "Packets",
     "Pipeline",
@@ -31,6 +32,7 @@ __all__ = [
     "frame_bits",
     "joint",
     "message_records",
+    "misnumbered",
     "ordered",
     "protobuf",
     "unrecognized",
@@ -212,7 +214,18 @@ def diagnose(
     types: list[tuple[list[int], int | None]],
     asked: tuple[Any, Any, Any, Any],
 ) -> _Answers: ...
+def misnumbered(
+    batches: list[FrameIndex], types: list[list[int]], asked: tuple[Any, Any, Any, Any]
+) -> tuple[Cells, Cells]: ...
 def joint(given: tuple[Any, Any, Any, Any, Any, Any], apart: int, nearby: int) -> tuple[Cells, Cells, Cells, Cells]: ...
+
+@final
+class OrphanIndex:
+    def __new__(cls) -> OrphanIndex: ...
+    def add(self, session: Any, number: Any, t: Any, id: Any) -> None: ...  # noqa: A002
+    def any(self, asked: tuple[Any, Any, Any, Any]) -> Cells: ...
+    def all(self, asked: tuple[Any, Any, Any, Any], first: Any, count: Any) -> Cells: ...
+    def __deepcopy__(self, _memo: object, /) -> OrphanIndex: ...
 
 @final
 class MotorWatch:

@@ -3,8 +3,8 @@
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`],
 //! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`],
-//! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`joint`] where several senders
-//! lack some, [`load`] how long a frame takes, [`motor`] how an ESC compares with its own past, [`rows`] writes the text
+//! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] what is left of them, [`joint`] where several
+//! senders lack some, [`load`] how long a frame takes, [`motor`] how an ESC compares with its own past, [`rows`] writes the text
 //! of views, by templates. None of them knows Python or does I/O, but for `receive`, which empties a socket of Linux;
 //! `python` is the only file that knows Python, `simd`, `receive/system` and `python/buffer` are the only ones with
 //! `unsafe`.
@@ -33,6 +33,7 @@ pub mod load;
 pub mod mcap;
 pub mod merge;
 pub mod motor;
+pub mod orphans;
 pub mod packets;
 pub mod pcap;
 pub mod pcapng;

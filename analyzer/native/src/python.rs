@@ -25,6 +25,7 @@ mod log_records;
 mod mcap;
 mod merge;
 mod motor;
+mod orphans;
 mod packets;
 mod proto;
 mod reader;
@@ -184,8 +185,10 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<write::Writer>()?;
     m.add_class::<diagnosis::FrameIndex>()?;
     m.add_class::<motor::MotorWatch>()?;
+    m.add_class::<orphans::OrphanIndex>()?;
     m.add_function(wrap_pyfunction!(motor::ordered_before, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
+    m.add_function(wrap_pyfunction!(diagnosis::misnumbered, m)?)?;
     m.add_function(wrap_pyfunction!(joint::joint, m)?)?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;
     m.add_function(wrap_pyfunction!(mcap::crc32, m)?)?;
