@@ -60,7 +60,7 @@ class Drops:
     def hold(self, found: Occurrences | Occurrence) -> None:
         """Keep occurrences until `ready` gives them back."""
         if isinstance(found, Occurrences):
-            last = int(found.t.max(initial=NO_TIME))
+            last = int((found.t if found.until is None else found.until).max(initial=NO_TIME))
         else:
             last = max(found.t, found.until or found.t)
         self._held.append((last, found))
@@ -82,11 +82,11 @@ class Drops:
             return [self._explains(found.bus, *times)]
         if not self._times and not self._joint:
             return [False] * len(found.t)
-        since = found.t if found.since is None else found.since
+        since, until = (found.t if times is None else times for times in (found.since, found.until))
         near = np.zeros(len(found.t), bool)
         for bus in distinct(found.bus):
             rows = np.flatnonzero(found.bus == bus)
-            first, last = since[rows], found.t[rows]
+            first, last = since[rows], until[rows]
             if self._times:
                 said = zip((first - self._around).tolist(), (last + self._around).tolist(), strict=True)
                 near[rows] = [self._times.near(bus, *each) for each in said]

@@ -73,6 +73,7 @@ class Occurrences:
     dialects: Mapping[str, Severity | None] = field(default_factory=dict)
     drops: bool = False
     since: Array | None = None
+    until: Array | None = None
     worst: Mapping[str, tuple[Worst, Array]] = field(default_factory=dict)
     rises: Array | None = None
     doubtful: Array | None = None

@@ -29,9 +29,9 @@ def united(found: Iterable[Occurrences | Occurrence], keyed: Container[str]) -> 
         elif one.key is not None or one.rule in keyed:
             order.append([one])
         elif len(one.t):
-            said = one.rule, one.severity, (*one.dialects.items(),), one.drops, one.since is None, one.rises is None
+            missing = one.since is None, one.until is None, one.rises is None
             kinds = (*((name, kind) for name, (kind, _) in one.worst.items()),)
-            what = (*said, kinds)
+            what = one.rule, one.severity, (*one.dialects.items(),), one.drops, missing, kinds
             if what not in alike:
                 order.append(alike.setdefault(what, []))
             alike[what].append(one)
@@ -68,7 +68,8 @@ def _joined(parts: Sequence[Occurrences]) -> Occurrences:
         doubtful = np.concatenate(masks)
     return replace(
         first, t=column("t"), bus=column("bus"), node=column("node"), type=column("type"), frame=column("frame"),
-        values=values, frames=frames, since=optional("since"), rises=optional("rises"), doubtful=doubtful,
+        values=values, frames=frames, since=optional("since"), until=optional("until"), rises=optional("rises"),
+        doubtful=doubtful,
         worst={
             name: (kind, np.concatenate([one.worst[name][1] for one in parts]))
             for name, (kind, _) in first.worst.items()
