@@ -12,7 +12,7 @@ import numpy as np
 from analyzer.facts.dialects import Dialects
 from analyzer.facts.identifiers import NOBODY, who
 from analyzer.facts.names import type_name
-from analyzer.rules.joint.losses import JointLosses
+from analyzer.rules.joint.losses import JointLossSearch
 from analyzer.rules.load import bit_times, split
 from analyzer.rules.recent import Recent
 from analyzer.tables import EVENT_ROWS, FRAMES, KINDS, SETTLED, TRANSFERS, empty
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from analyzer._native import FrameIndex
     from analyzer.decode.engine import Batch
     from dissectors import Registry
-    from dissectors.kit import Array, JointLoss, Kept, Seconds, Values
+    from dissectors.kit import Array, JointLosses, Kept, Seconds, Values
     from dissectors.schema import Message
 
 GAP = SECOND  # without a frame of any interface
@@ -72,7 +72,7 @@ class Past:
         self._ends: list[int] = []  # of gaps
         self._hiding: list[int] = []  # when the first of a gap and those behind it began that hide something
         self.resolution = SECOND
-        self._joint = JointLosses()
+        self._joint = JointLossSearch()
         self._latest: Array = np.empty(0, np.int64)
         self._names: dict[int, str] = {}
 
@@ -188,7 +188,7 @@ class BatchView:
         self._tables: dict[str, DecodedTable] = {}
         self.before = past.last
         self.cut_in = past.cut_in
-        self.joint_losses: Sequence[JointLoss] = ()  # what is known now of frames that several senders lack at once
+        self.joint_losses: JointLosses | None = None  # what is known now of frames that several senders lack at once
 
     def __deepcopy__(self, _memo: object) -> Self:
         """Share it: rules that are copied have seen this batch."""

@@ -95,6 +95,28 @@ class JointLoss(NamedTuple):
     place: int = 0
 
 
+class JointLosses(NamedTuple):
+    """Such places in columns, as `JointLoss` has them; `number` and `behind` are the two frames."""
+
+    bus: Array
+    since: Array
+    until: Array
+    number: Array
+    behind: Array
+    senders: Array
+    reach: Array
+    place: Array
+
+    def take(self, rows: Array) -> JointLosses:
+        """Return some of them."""
+        return JointLosses(*(column[rows] for column in self))
+
+    def each(self) -> Iterator[JointLoss]:
+        """Return them one by one."""
+        for bus, since, until, number, behind, *more in zip(*(column.tolist() for column in self), strict=True):
+            yield JointLoss(bus, since, until, (number, behind), *more)
+
+
 class View(Protocol):
     """All that a rule sees: one batch, the capture so far, and the settings."""
 
@@ -115,7 +137,7 @@ class View(Protocol):
         """Frames and bits by interface and second, counted from the first frame of the capture."""
 
     @property
-    def joint_losses(self) -> Sequence[JointLoss]:
+    def joint_losses(self) -> JointLosses | None:
         """Where several senders lack frames at the same time, of a few seconds ago: what is settled with this batch."""
 
     @property
