@@ -1,7 +1,7 @@
 """The boundary to the native core: bytes and numbers in, columns as bytes or where they lie out."""
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias, final
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Pipeline",
     "Reader",
     "Rows",
+    "SessionStarts",
     "Sheet",
     "Template",
     "Writer",
@@ -206,7 +207,18 @@ class FrameIndex:
         offsets: Any,
         data: Any,
     ) -> FrameIndex: ...
+    def lines(self, numbers: Sequence[int], buses: Sequence[str]) -> list[str]: ...
+    def numbers(self, low: int, high: int, bus: int, session: int) -> list[int]: ...
     def __deepcopy__(self, _memo: object, /) -> FrameIndex: ...
+
+@final
+class SessionStarts:
+    def __new__(cls, bus: int, session: int, number: int, id: int, t: int, data: bytes) -> SessionStarts: ...  # noqa: A002
+    @property
+    def unread(self) -> int: ...
+    def read(self, index: FrameIndex) -> None: ...
+    def next(self, number: int) -> tuple[int, int, int, int, int, bool] | None: ...
+    def __deepcopy__(self, _memo: object, /) -> SessionStarts: ...
 
 def diagnose(
     question: int,

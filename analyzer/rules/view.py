@@ -19,7 +19,6 @@ from analyzer.tables import EVENT_ROWS, FRAMES, KINDS, SETTLED, TRANSFERS, empty
 from dissectors.kit import (
     NO_TIME,
     SECOND,
-    SESSION,
     DecodedTable,
     EventTable,
     FrameTable,
@@ -34,7 +33,7 @@ from dissectors.kit.view import Settled
 from dissectors.records import replace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from analyzer._native import FrameIndex
     from analyzer.decode.engine import Batch
@@ -287,13 +286,9 @@ class BatchView:
         """Return a frame of the recent past."""
         return self._past.recent.frame(number)
 
-    def numbers_between(self, low: int, high: int, bus: int, bits: int, mask: int = SESSION) -> list[int]:
-        """Return frames of the recent past, from `low` to before `high`, by the bits of their identifiers."""
-        return self._past.recent.numbers(low, high, bus, bits, mask)
-
-    def numbers_before(self, number: int, most: int, bus: int, bits: int, mask: int = SESSION) -> Iterator[int]:
-        """Yield the same of the `most` frames before one, the last one first."""
-        return self._past.recent.before(number, most, bus, bits, mask)
+    def numbers_between(self, low: int, high: int, bus: int, session: int) -> list[int]:
+        """Return frames of a session of the recent past, from `low` to before `high`."""
+        return self._past.recent.numbers(low, high, bus, session)
 
     def indexes(self, low: int, high: int) -> Sequence[FrameIndex]:
         """Return batches of the recent past with frames from `low` to before `high`, by session, for the core."""

@@ -3,7 +3,7 @@
 //!
 //! An answer by CRC is wrong once in 65536 attempts, so attempts are few. [`index`] finds the frames of a session,
 //! [`neighbours`] what is around a transfer, [`proofs`], [`tail_bits`], [`losses`] and [`misnumbered`] are the
-//! causes, [`questions`] what rules ask.
+//! causes, [`questions`] what rules ask; [`starts`] shows how a session counted.
 #![forbid(unsafe_code)]
 
 use crate::wire::crc;
@@ -14,6 +14,7 @@ pub mod misnumbered;
 pub mod neighbours;
 pub mod proofs;
 pub mod questions;
+pub mod starts;
 pub mod tail_bits;
 
 const START: u8 = 0x80;

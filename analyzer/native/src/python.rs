@@ -184,6 +184,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<write::AsRecorded>()?;
     m.add_class::<write::Writer>()?;
     m.add_class::<diagnosis::FrameIndex>()?;
+    m.add_class::<diagnosis::SessionStarts>()?;
     m.add_class::<motor::MotorWatch>()?;
     m.add_class::<orphans::OrphanIndex>()?;
     m.add_function(wrap_pyfunction!(motor::ordered_before, m)?)?;
