@@ -115,11 +115,7 @@ class Recent:
 
     def indexes(self, low: int, high: int) -> list[FrameIndex]:
         """Return the batches with frames from `low` to before `high` by session, for the core."""
-        found = []
-        for batch in self._batches:
-            if batch.first < high and batch.first + len(batch) > low:
-                found.append(self._native(batch))
-        return found
+        return [self._native(batch) for batch in self._batches if batch.first < high and batch.first + len(batch) > low]
 
     def _native(self, batch: FrameTable) -> FrameIndex:
         """Return a batch as the core has it."""
