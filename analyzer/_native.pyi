@@ -19,12 +19,14 @@ __all__ = [
     "Messages",
     "MotorSums",
     "MotorWatch",
+    "OrphanIndex",
     "PacketRows",
     "Packets",
     "Pipeline",
     "Reader",
     "RecentOrders",
     "Rows",
+    "SessionStarts",
     "Sheet",
     "SupplyLine",
     "Template",
@@ -34,6 +36,7 @@ __all__ = [
     "frame_bits",
     "joint",
     "message_records",
+    "misnumbered",
     "protobuf",
     "unrecognized",
 ]
@@ -210,7 +213,18 @@ class FrameIndex:
         offsets: Any,
         data: Any,
     ) -> FrameIndex: ...
+    def lines(self, numbers: Sequence[int], buses: Sequence[str]) -> list[str]: ...
+    def numbers(self, low: int, high: int, bus: int, session: int) -> list[int]: ...
     def __deepcopy__(self, _memo: object, /) -> FrameIndex: ...
+
+@final
+class SessionStarts:
+    def __new__(cls, bus: int, session: int, number: int, id: int, t: int, data: bytes) -> SessionStarts: ...  # noqa: A002
+    @property
+    def unread(self) -> int: ...
+    def read(self, index: FrameIndex) -> None: ...
+    def next(self, number: int) -> tuple[int, int, int, int, int, bool] | None: ...
+    def __deepcopy__(self, _memo: object, /) -> SessionStarts: ...
 
 def diagnose(
     question: int,
@@ -218,6 +232,9 @@ def diagnose(
     types: list[tuple[list[int], int | None]],
     asked: tuple[Any, Any, Any, Any],
 ) -> _Answers: ...
+def misnumbered(
+    batches: list[FrameIndex], types: list[list[int]], asked: tuple[Any, Any, Any, Any]
+) -> tuple[Cells, Cells]: ...
 def joint(given: tuple[Any, Any, Any, Any, Any, Any], apart: int, nearby: int) -> tuple[Cells, Cells, Cells, Cells]: ...
 
 @final
@@ -232,6 +249,14 @@ class MotorSums:
     ) -> None: ...
     def halve(self) -> None: ...
     def sums(self) -> tuple[Cells, Cells, Cells, Cells, Cells]: ...
+
+@final
+class OrphanIndex:
+    def __new__(cls) -> OrphanIndex: ...
+    def add(self, session: Any, number: Any, t: Any, id: Any) -> None: ...  # noqa: A002
+    def any(self, asked: tuple[Any, Any, Any, Any]) -> Cells: ...
+    def all(self, asked: tuple[Any, Any, Any, Any], first: Any, count: Any) -> Cells: ...
+    def __deepcopy__(self, _memo: object, /) -> OrphanIndex: ...
 
 @final
 class MotorWatch:

@@ -17,9 +17,9 @@ from analyzer.tables import distinct
 from dissectors.kit import NO_TIME, Occurrences
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Iterable, Iterator
+    from collections.abc import Container, Iterator
 
-    from dissectors.kit import Array, JointLoss, Occurrence, View
+    from dissectors.kit import Array, JointLosses, Occurrence, View
 
 MOST_HELD = 4096
 MOST_JOINT = 1 << 16  # losses of a bus that are inferred
@@ -49,18 +49,20 @@ class Drops:
             self._times.add(drop.bus, drop.t)
         self.add(view.joint_losses)
 
-    def add(self, joint: Iterable[JointLoss]) -> None:
+    def add(self, joint: JointLosses | None) -> None:
         """Note losses that are inferred."""
-        rows = np.array([(one.bus, one.since - one.reach, one.until + one.reach) for one in joint], np.int64)
-        for bus in distinct(rows[:, 0]) if len(rows) else ():
-            new = rows[rows[:, 0] == bus, 1:]
+        if joint is None:
+            return
+        rows = np.stack((joint.since - joint.reach, joint.until + joint.reach), axis=1)
+        for bus in distinct(joint.bus):
+            new = rows[joint.bus == bus]
             self._joint[bus] = _without_overlaps(np.concatenate((self._joint.get(bus, new[:0]), new)))[-MOST_JOINT:]
             self._lists.pop(bus, None)
 
     def hold(self, found: Occurrences | Occurrence) -> None:
         """Keep occurrences until `ready` gives them back."""
         if isinstance(found, Occurrences):
-            last = int(found.t.max(initial=NO_TIME))
+            last = int((found.t if found.until is None else found.until).max(initial=NO_TIME))
         else:
             last = max(found.t, found.until or found.t)
         self._held.append((last, found))
@@ -82,11 +84,11 @@ class Drops:
             return [self._explains(found.bus, *times)]
         if not self._times and not self._joint:
             return [False] * len(found.t)
-        since = found.t if found.since is None else found.since
+        since, until = (found.t if times is None else times for times in (found.since, found.until))
         near = np.zeros(len(found.t), bool)
         for bus in distinct(found.bus):
             rows = np.flatnonzero(found.bus == bus)
-            first, last = since[rows], found.t[rows]
+            first, last = since[rows], until[rows]
             if self._times:
                 said = zip((first - self._around).tolist(), (last + self._around).tolist(), strict=True)
                 near[rows] = [self._times.near(bus, *each) for each in said]

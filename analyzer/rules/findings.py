@@ -210,14 +210,16 @@ class Findings:
 
         def example(row: int) -> Shown:
             values, frames = found.values(row), tuple(found.frames(row))
-            return Shown(*place(row), page.say(values), str(values.get("cause", "")), frames, view.lines(frames))
+            lines = view.lines(frames) if found.lines is None else found.lines(row)
+            return Shown(*place(row), page.say(values), str(values.get("cause", "")), frames, lines)
 
         run = OccurrenceRun(place(rows.item(0)), place(rows.item(-1)), len(rows))
         run.episode = episode_of(found, rows)
         if not self._continues(key, run):
             if run.episode is not None:
                 run.episode.onset = found.values(int(rows[0]))
-            most = self._room(key, run) if self._total < KEPT or key.key == FURTHER else 1
+            all_ = self._total < KEPT or key.key == FURTHER or found.lines is not None
+            most = self._room(key, run) if all_ else 1
             run.examples = [example(int(row)) for row in rows[:most]]
         return run
 

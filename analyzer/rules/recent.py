@@ -4,27 +4,22 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from analyzer._native import FrameIndex
-from analyzer.rules.joint.session_index import SessionIndex
-from analyzer.tables import EXTENDED, FD, REMOTE
-from dissectors.kit import NO_TIME, SECOND, SESSION, Kept
+from dissectors.kit import Kept
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from dissectors.kit import Array, FrameTable
 
 KEPT = 1 << 18
 _MOST_REMEMBERED = 1 << 14
-_BLOCK = 64
-_OFTEN = 256  # questions for numbers, after which all frames of a batch are put in order
 MOST_LINES = 16
-_LENGTH_CODE = 8  # bits 8 to 11 of the flags
-_FD_FLAGS = 4  # BRS and ESI stand in the bits above FD
 
 
 class _Cells(NamedTuple):
@@ -46,19 +41,6 @@ class _Cells(NamedTuple):
         """Share it: it never changes."""
         return self
 
-    def text(self, row: int, buses: Sequence[str]) -> str:
-        """Return a frame in the form of candump's log files; without a time that part is left out."""
-        t, flags, identifier = self.t(row), self.flags(row), self.id(row)
-        who = f"{identifier:08X}" if flags & EXTENDED else f"{identifier:03X}"
-        if flags & REMOTE:
-            code = flags >> _LENGTH_CODE & 0xF
-            body = f"#R{code:X}" if code else "#R"
-        else:
-            data = self.data[self.ends(row) : self.ends(row + 1)].hex().upper()
-            body = f"##{flags >> _FD_FLAGS & 3:X}{data}" if flags & FD else f"#{data}"
-        when = "" if t == NO_TIME else f"({t // SECOND}.{t % SECOND:09d}) "
-        return f"{when}{buses[self.bus(row)]} {who}{body}"
-
 
 class Recent:
     """Batches of frames that together hold the last `KEPT` frames at least."""
@@ -68,8 +50,6 @@ class Recent:
         self._firsts: list[int] = []
         self._cells: list[_Cells | None] = []
         self._held = 0
-        self._asked: dict[int, int] = {}  # how often for numbers, by the first frame of a batch
-        self._indexes: dict[int, SessionIndex] = {}
         self._natives: dict[int, FrameIndex] = {}
         self._remembered: dict[int, Kept] = {}  # who asks for a frame seldom asks once
 
@@ -85,8 +65,6 @@ class Recent:
             gone = self._batches.popleft()
             del self._firsts[0], self._cells[0]
             self._held -= len(gone)
-            self._asked.pop(gone.first, None)
-            self._indexes.pop(gone.first, None)
             self._natives.pop(gone.first, None)
 
     def frame(self, number: int) -> Kept | None:
@@ -130,68 +108,30 @@ class Recent:
         )
         return cells
 
-    def numbers(self, low: int, high: int, bus: int, bits: int, mask: int) -> list[int]:
-        """Return the numbers, from `low` to before `high`, of the frames on a bus whose identifiers have these bits."""
-        found: list[list[int]] = []
-        for batch in reversed(self._batches):
-            if batch.first + len(batch) <= low:
-                break
-            if batch.first < high:
-                index = self._index(batch) if mask == SESSION else None
-                begin, end = max(low - batch.first, 0), high - batch.first
-                if index is not None:
-                    found.append((index.rows(begin, end, bus, bits) + batch.first).tolist())
-                    continue
-                same = (batch.id[begin:end] & mask == bits) & (batch.bus[begin:end] == bus)
-                found.append((np.flatnonzero(same) + (begin + batch.first)).tolist())
-        return [number for numbers in reversed(found) for number in numbers]
+    def numbers(self, low: int, high: int, bus: int, session: int) -> list[int]:
+        """Return the numbers, from `low` to before `high`, of the frames of a session of a bus."""
+        low = max(low, 0)
+        return [number for index in self.indexes(low, high) for number in index.numbers(low, high, bus, session)]
 
     def indexes(self, low: int, high: int) -> list[FrameIndex]:
         """Return the batches with frames from `low` to before `high` by session, for the core."""
-        found = []
-        for batch in self._batches:
-            if batch.first < high and batch.first + len(batch) > low:
-                index = self._natives.get(batch.first)
-                if index is None:
-                    offsets, data = batch.raw
-                    columns = batch.t, batch.bus, batch.id, batch.flags, offsets, np.frombuffer(data, np.uint8)
-                    index = self._natives[batch.first] = FrameIndex(batch.first, *columns)
-                found.append(index)
-        return found
+        return [self._native(batch) for batch in self._batches if batch.first < high and batch.first + len(batch) > low]
 
-    def _index(self, batch: FrameTable) -> SessionIndex | None:
-        """Return the sessions of a batch, as soon as it pays to know them."""
-        asked = self._asked[batch.first] = self._asked.get(batch.first, 0) + 1
-        if asked >= _OFTEN and batch.first not in self._indexes:
-            self._indexes[batch.first] = SessionIndex(batch)
-        return self._indexes.get(batch.first)
-
-    def before(self, number: int, most: int, bus: int, bits: int, mask: int) -> Iterator[int]:
-        """Yield the same of the `most` frames before one, the last one first."""
-        lowest, block = max(number - most, 0), _BLOCK
-        for batch in reversed(self._batches):
-            start = batch.first
-            if start + len(batch) <= lowest:
-                break
-            low, high = max(lowest - start, 0), min(number - start, len(batch))
-            index = self._index(batch) if mask == SESSION and high > 0 else None
-            if index is not None:
-                yield from (start + row for row in index.before(low, high, bus, bits))
-                continue
-            while high > low:
-                begin = max(high - block, low)
-                same = (batch.id[begin:high] & mask == bits) & (batch.bus[begin:high] == bus)
-                yield from (start + begin + np.flatnonzero(same)[::-1]).tolist()
-                high, block = begin, 4 * block
+    def _native(self, batch: FrameTable) -> FrameIndex:
+        """Return a batch as the core has it."""
+        index = self._natives.get(batch.first)
+        if index is None:
+            offsets, data = batch.raw
+            columns = batch.t, batch.bus, batch.id, batch.flags, offsets, np.frombuffer(data, np.uint8)
+            index = self._natives[batch.first] = FrameIndex(batch.first, *columns)
+        return index
 
     def lines(self, wanted: Iterable[int], buses: Sequence[str]) -> tuple[str, ...]:
         """Return frames as `candump -l` writes them, without those that are gone, the first `MOST_LINES`."""
         found: list[str] = []
-        for number in wanted:
-            at = bisect_right(self._firsts, number) - 1
-            cells = (self._cells[at] or self._opened(at)) if at >= 0 else None
-            if cells is not None and number - self._firsts[at] < cells.rows:
-                found.append(cells.text(number - self._firsts[at], buses))
-                if len(found) == MOST_LINES:
+        for at, numbers in groupby(wanted, lambda number: bisect_right(self._firsts, number) - 1):
+            if at >= 0:
+                found += self._native(self._batches[at]).lines([*numbers], buses)
+                if len(found) >= MOST_LINES:
                     break
-        return tuple(found)
+        return tuple(found[:MOST_LINES])

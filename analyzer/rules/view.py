@@ -12,14 +12,13 @@ import numpy as np
 from analyzer.facts.dialects import Dialects
 from analyzer.facts.identifiers import NOBODY, who
 from analyzer.facts.names import type_name
-from analyzer.rules.joint.losses import JointLosses
+from analyzer.rules.joint.losses import JointLossSearch
 from analyzer.rules.load import bit_times, split
 from analyzer.rules.recent import Recent
 from analyzer.tables import EVENT_ROWS, FRAMES, KINDS, SETTLED, TRANSFERS, empty
 from dissectors.kit import (
     NO_TIME,
     SECOND,
-    SESSION,
     DecodedTable,
     EventTable,
     FrameTable,
@@ -34,12 +33,12 @@ from dissectors.kit.view import Settled
 from dissectors.records import replace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from analyzer._native import FrameIndex
     from analyzer.decode.engine import Batch
     from dissectors import Registry
-    from dissectors.kit import Array, JointLoss, Kept, Seconds, Values
+    from dissectors.kit import Array, JointLosses, Kept, Seconds, Values
     from dissectors.schema import Message
 
 GAP = SECOND  # without a frame of any interface
@@ -72,7 +71,7 @@ class Past:
         self._ends: list[int] = []  # of gaps
         self._hiding: list[int] = []  # when the first of a gap and those behind it began that hide something
         self.resolution = SECOND
-        self._joint = JointLosses()
+        self._joint = JointLossSearch()
         self._latest: Array = np.empty(0, np.int64)
         self._names: dict[int, str] = {}
 
@@ -188,7 +187,7 @@ class BatchView:
         self._tables: dict[str, DecodedTable] = {}
         self.before = past.last
         self.cut_in = past.cut_in
-        self.joint_losses: Sequence[JointLoss] = ()  # what is known now of frames that several senders lack at once
+        self.joint_losses: JointLosses | None = None  # what is known now of frames that several senders lack at once
 
     def __deepcopy__(self, _memo: object) -> Self:
         """Share it: rules that are copied have seen this batch."""
@@ -287,13 +286,9 @@ class BatchView:
         """Return a frame of the recent past."""
         return self._past.recent.frame(number)
 
-    def numbers_between(self, low: int, high: int, bus: int, bits: int, mask: int = SESSION) -> list[int]:
-        """Return frames of the recent past, from `low` to before `high`, by the bits of their identifiers."""
-        return self._past.recent.numbers(low, high, bus, bits, mask)
-
-    def numbers_before(self, number: int, most: int, bus: int, bits: int, mask: int = SESSION) -> Iterator[int]:
-        """Yield the same of the `most` frames before one, the last one first."""
-        return self._past.recent.before(number, most, bus, bits, mask)
+    def numbers_between(self, low: int, high: int, bus: int, session: int) -> list[int]:
+        """Return frames of a session of the recent past, from `low` to before `high`."""
+        return self._past.recent.numbers(low, high, bus, session)
 
     def indexes(self, low: int, high: int) -> Sequence[FrameIndex]:
         """Return batches of the recent past with frames from `low` to before `high`, by session, for the core."""

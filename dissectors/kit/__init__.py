@@ -26,14 +26,14 @@ from dissectors.kit.running import RunningTime
 from dissectors.kit.series import Latest, Previous, set_back
 from dissectors.kit.starts import Starts
 from dissectors.kit.tables import DecodedTable, EventTable, FrameTable, TransferTable
-from dissectors.kit.view import SESSION, JointLoss, Kept, Second, Seconds, View
+from dissectors.kit.view import SESSION, JointLoss, JointLosses, Kept, Second, Seconds, View
 from dissectors.times import MICROSECOND, MILLISECOND, NO_TIME, SECOND
 
 __all__ = [
     "MICROSECOND", "MILLISECOND", "NODES", "NO_TIME", "SECOND", "SESSION", "Array", "Break", "BusTimes", "Conformance",
-    "DecodedTable", "EventTable", "Exercise", "Feed", "FrameTable", "JointLoss", "Kept", "Latest", "Measures",
-    "Occurrence", "Occurrences", "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "RunningTime", "Second",
-    "Seconds", "Severity", "Starts", "TransferTable", "Types", "Values", "View", "Worst", "breach", "by_key", "changes",
-    "count_below", "doubtful", "frames_of", "groups", "last_set", "rows_by_bus", "rule", "rules_of", "sender",
-    "set_back", "sound", "times_by_bus", "usable",
+    "DecodedTable", "EventTable", "Exercise", "Feed", "FrameTable", "JointLoss", "JointLosses", "Kept", "Latest",
+    "Measures", "Occurrence", "Occurrences", "PacedReports", "PageKeys", "Pauses", "Previous", "Rule", "RunningTime",
+    "Second", "Seconds", "Severity", "Starts", "TransferTable", "Types", "Values", "View", "Worst", "breach", "by_key",
+    "changes", "count_below", "doubtful", "frames_of", "groups", "last_set", "rows_by_bus", "rule", "rules_of",
+    "sender", "set_back", "sound", "times_by_bus", "usable",
 ]  # fmt: skip

@@ -57,7 +57,8 @@ class Occurrences:
     `worst` maps names to which of a row's numbers is worst, and these: then a run of breaches is told as an episode,
     whose text may name `worst_NAME` beside the values at its onset, and how long it `lasted`. `rises` marks rows that a
     sender's report without the breach went before. `doubtful` marks rows that show nothing if their node is
-    `TURNED`, as turns out. `each_named` says that lists mark all frames of a row, not its first one alone.
+    `TURNED`, as turns out. `each_named` says that lists mark all frames of a row, not its first one alone. `lines` are
+    asked like `frames`, of a rule that holds rows back: evidence as `View.lines` gave it when it was still there.
     """
 
     rule: str
@@ -73,7 +74,9 @@ class Occurrences:
     dialects: Mapping[str, Severity | None] = field(default_factory=dict)
     drops: bool = False
     since: Array | None = None
+    until: Array | None = None
     worst: Mapping[str, tuple[Worst, Array]] = field(default_factory=dict)
     rises: Array | None = None
     doubtful: Array | None = None
     each_named: bool = False
+    lines: Callable[[int], tuple[str, ...]] | None = None

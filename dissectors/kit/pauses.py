@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _MOST = 1024  # of a bus, the latest
 _FEW = 16
+_AT_ONCE = 1 << 16  # of questions and silences that are compared together
 
 
 class _Silences(NamedTuple):
@@ -100,17 +101,21 @@ class Pauses:
             return float(sum(known.parts(range(low, high), start, stop, spare)))
         return known.sum(slice(low, high), start, stop, spare)
 
-    def last_for(self, least: int, bus: int, start: int, stop: int, spare: int) -> bool:
-        """Return whether silences between two times, each without the first `spare` ns, have at least so many ns."""
-        known = self._both(bus)
-        low, high = known.between(start, stop)
-        few = max(low, high - _FEW)
-        missing = float(least)
-        for part in known.parts(range(high - 1, few - 1, -1), start, stop, spare):
-            missing -= part
-            if missing <= 0:
-                return True
-        return missing <= 0 or (few > low and known.sum(slice(low, few), start, stop, spare) >= missing)
+    def last_for(self, least: Array, bus: int, start: Array, stop: Array, spare: Array) -> Array:
+        """Return whether silences between two times, each without the first `spare` ns, have at least so many ns.
+
+        A row of all five is a question.
+        """
+        begins, ends = self._both(bus).columns
+        found = np.zeros(len(least), bool)
+        size = max(_AT_ONCE // max(len(begins), 1), 1)
+        for at in range(0, len(least), size):
+            some = slice(at, at + size)
+            parts = np.minimum(ends, stop[some, None])
+            parts -= np.maximum(begins, start[some, None])
+            parts -= spare[some, None]
+            found[some] = np.maximum(parts, 0, out=parts).sum(axis=1) >= least[some]
+        return found
 
     def _both(self, bus: int) -> _Silences:
         if bus not in self._columns:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dissectors.kit.order import by_key
 from dissectors.kit.rows import usable
 from dissectors.times import NO_TIME, SECOND
 
@@ -31,13 +32,23 @@ class Starts:
         if status is None:
             return
         rows = np.flatnonzero(usable(status) & (status.t != NO_TIME))
-        columns = (column[rows].tolist() for column in (status.bus, status.src, status.t, status["uptime_sec"]))
-        for bus, node, t, uptime in zip(*columns, strict=True):
-            who = bus, node
-            if uptime < self._uptimes.get(who, 0):
-                self.add(t - uptime * SECOND, bus, node, t)
-            if who in self._uptimes or len(self._uptimes) < _MOST:
-                self._uptimes[who] = uptime
+        t, uptime = status.t[rows], status["uptime_sec"][rows].astype(np.int64)
+        bus, node = status.bus[rows].astype(np.int64), status.src[rows].astype(np.int64)
+        order, first = by_key(bus << 8 | node)
+        if not len(order):
+            return
+        ordered, of = uptime[order], list(zip(bus[order[first]].tolist(), node[order[first]].tolist(), strict=True))
+        before = np.roll(ordered, 1)
+        before[first] = [self._uptimes.get(who, 0) for who in of]
+        ends, fell = np.append(first[1:], len(order)), ordered < before
+        for k in np.argsort(order[first], kind="stable").tolist():
+            if of[k] in self._uptimes or len(self._uptimes) < _MOST:
+                self._uptimes[of[k]] = ordered.item(ends.item(k) - 1)
+            else:
+                fell[first[k] : ends[k]] = False
+        for row in np.sort(order[fell]).tolist():
+            at = t.item(row)
+            self.add(at - uptime.item(row) * SECOND, bus.item(row), node.item(row), at)
 
     def add(self, t: int, bus: int, node: int = _EVERY_NODE, told: int | None = None) -> None:
         """Note that a node, or every one of a bus, began something new."""

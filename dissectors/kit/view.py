@@ -95,6 +95,28 @@ class JointLoss(NamedTuple):
     place: int = 0
 
 
+class JointLosses(NamedTuple):
+    """Such places in columns, as `JointLoss` has them; `number` and `behind` are the two frames."""
+
+    bus: Array
+    since: Array
+    until: Array
+    number: Array
+    behind: Array
+    senders: Array
+    reach: Array
+    place: Array
+
+    def take(self, rows: Array) -> JointLosses:
+        """Return some of them."""
+        return JointLosses(*(column[rows] for column in self))
+
+    def each(self) -> Iterator[JointLoss]:
+        """Return them one by one."""
+        for bus, since, until, number, behind, *more in zip(*(column.tolist() for column in self), strict=True):
+            yield JointLoss(bus, since, until, (number, behind), *more)
+
+
 class View(Protocol):
     """All that a rule sees: one batch, the capture so far, and the settings."""
 
@@ -115,7 +137,7 @@ class View(Protocol):
         """Frames and bits by interface and second, counted from the first frame of the capture."""
 
     @property
-    def joint_losses(self) -> Sequence[JointLoss]:
+    def joint_losses(self) -> JointLosses | None:
         """Where several senders lack frames at the same time, of a few seconds ago: what is settled with this batch."""
 
     @property
@@ -191,11 +213,8 @@ class View(Protocol):
     def frame(self, number: int) -> Kept | None:
         """Return a frame of the recent past, None if it is gone."""
 
-    def numbers_between(self, low: int, high: int, bus: int, bits: int, mask: int = SESSION) -> Sequence[int]:
-        """Return frames of the recent past, from `low` to before `high`, by the bits of their identifiers."""
-
-    def numbers_before(self, number: int, most: int, bus: int, bits: int, mask: int = SESSION) -> Iterator[int]:
-        """Yield the same of the `most` frames before one, the last one first."""
+    def numbers_between(self, low: int, high: int, bus: int, session: int) -> Sequence[int]:
+        """Return frames of a session, `SESSION` of identifiers, of the recent past: from `low` to before `high`."""
 
     def indexes(self, low: int, high: int) -> Sequence[Any]:
         """Return batches of the recent past with frames from `low` to before `high`, by session, for the core."""

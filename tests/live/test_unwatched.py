@@ -7,6 +7,7 @@ import sys
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from kit.command import LIMIT, wait_until
 from kit.reports import START, change
@@ -23,7 +24,7 @@ from analyzer.rules import drops, events
 from analyzer.rules.drops import Drops
 from analyzer.rules.events import EventTimes
 from analyzer.sinks.atomic import TargetError
-from dissectors.kit import JointLoss
+from dissectors.kit import JointLosses
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -186,7 +187,7 @@ def test_losses_that_go_on_for_a_week_are_forgotten(monkeypatch: pytest.MonkeyPa
     told, inferred = EventTimes(), Drops(1, 1)
     for t in range(0, 100_000, 10):
         told.add(0, t)
-        inferred.add([JointLoss(bus=0, since=t, until=t + 1, reach=1, senders=3, frames=())])
+        inferred.add(JointLosses(*(np.array([cell]) for cell in (0, t, t + 1, 0, 1, 3, 1, 0))))
     assert 100 <= len(told._times[0]) <= 110
     assert told.near(0, 99_000, 99_000)
     assert not told.near(0, 90_000, 98_000)

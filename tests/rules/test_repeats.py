@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +10,8 @@ import pyarrow as pa
 import pytest
 from kit.judged import registry
 
-from analyzer.rules.bus.sessions import Session
 from analyzer.rules.joint.alike import identities
-from analyzer.rules.joint.lacks import Lack
+from analyzer.rules.joint.lack_rows import LackRows
 from analyzer.rules.joint.repeats import Repeats
 from analyzer.rules.view import GAP, Past
 from analyzer.tables import FRAMES
@@ -74,11 +72,12 @@ def came_once(frames: list[Sent], number: int) -> bool:
     return like.count(frames[number].tail) == 1 and len(ids) == len(like) <= FEW and breaks <= 1
 
 
-def lacks(numbers: list[int]) -> list[Lack]:
-    return [
-        Lack(Session(0, number, number), (number, number), 0, k * APART, (0, 1), 0, 0)
-        for k, number in enumerate(numbers)
-    ]
+def lacks(numbers: list[int]) -> LackRows:
+    """One of a session of its own at each frame."""
+    at, each = np.array(numbers, np.int64), np.arange(len(numbers))
+    none = LackRows.none()._asdict()
+    rows = LackRows(**{name: np.zeros(len(at), column.dtype) for name, column in none.items()})
+    return rows._replace(session=at, node=at, number=at, behind=at, until=each * APART, left=np.full(len(at), -1))
 
 
 @pytest.mark.sampled(4)
@@ -89,8 +88,8 @@ def test_frames_that_came_once_before_are_found(seed: int, at_once: int) -> None
     for first in range(0, len(frames), 70):
         known.feed(table(frames[first : first + 70], first))
     asked = lacks(list(range(len(frames))))
-    parts = [asked[k : k + at_once] for k in range(0, len(asked), at_once)]
-    found = {one.frames[0] for part in parts for one in compress(part, known.among(part))}
+    parts = [asked.take(np.arange(len(frames))[k : k + at_once]) for k in range(0, len(frames), at_once)]
+    found = {number for part in parts for number in part.number[known.among(part)].tolist()}
     assert found == {number for number in range(len(frames)) if came_once(frames, number)} != set()
 
 

@@ -2,17 +2,19 @@
 //! right, or which are missing. Rules give it words, and judge.
 //!
 //! An answer by CRC is wrong once in 65536 attempts, so attempts are few. [`index`] finds the frames of a session,
-//! [`neighbours`] what is around a transfer, [`proofs`], [`tail_bits`] and [`losses`] are the causes, [`questions`] what
-//! rules ask.
+//! [`neighbours`] what is around a transfer, [`proofs`], [`tail_bits`], [`losses`] and [`misnumbered`] are the
+//! causes, [`questions`] what rules ask; [`starts`] shows how a session counted.
 #![forbid(unsafe_code)]
 
 use crate::wire::crc;
 
 pub mod index;
 pub mod losses;
+pub mod misnumbered;
 pub mod neighbours;
 pub mod proofs;
 pub mod questions;
+pub mod starts;
 pub mod tail_bits;
 
 const START: u8 = 0x80;

@@ -3,11 +3,11 @@
 //! Read in the order in which the data flows: [`candump`] (with [`line`], [`stamp`], [`simd`]) and the other
 //! [`reader`]s -> [`frames`], [`events`] -> [`wire`] -> [`slot`] -> [`session`], [`short`], [`accept`],
 //! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`],
-//! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`joint`] where several senders
-//! lack some, [`load`] how long a frame takes, [`motor`] how an ESC compares with its own past, [`rows`] writes the text
-//! of views, by templates. None of them knows Python or does I/O, but for `receive`, which empties a socket of Linux;
-//! `python` is the only file that knows Python, `simd`, `receive/system` and `python/buffer` are the only ones with
-//! `unsafe`.
+//! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] what is left of them,
+//! [`joint`] where several senders lack some, [`load`] how long a frame takes, [`motor`] how an ESC compares with its own
+//! past, [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them knows Python or
+//! does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python, `simd`,
+//! `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
 pub mod accept;
 pub mod binary;
@@ -23,6 +23,7 @@ pub mod diagnosis;
 pub mod dronecan_log;
 pub mod ending;
 pub mod events;
+pub mod evidence;
 pub mod frame_batch;
 pub mod frames;
 pub mod groups;
@@ -33,6 +34,7 @@ pub mod load;
 pub mod mcap;
 pub mod merge;
 pub mod motor;
+pub mod orphans;
 pub mod packets;
 pub mod pcap;
 pub mod pcapng;

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from analyzer.facts.node_status import NODE_STATUS
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, groups
 from dissectors.records import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dissectors.kit import View
+    from dissectors.kit import Array, DecodedTable, View
 
 RESTARTS = ("uavcan.protocol.RestartNode.Request", "uavcan.protocol.file.BeginFirmwareUpdate.Request")
 ASKED = 10 * SECOND  # how long a restart may take that somebody asked for
@@ -84,7 +84,7 @@ class Uptimes(Rule):
         table = view.table(NODE_STATUS)
         if table is None:
             return
-        rows = np.flatnonzero(table.trusted)
+        rows = self._doubted(table, np.flatnonzero(table.trusted))
         columns = (column[rows].tolist() for column in (table.bus, table.src, table.t, table["uptime_sec"]))
         for row, bus, src, t, uptime in zip(rows.tolist(), *columns, strict=True):
             node, here = (bus, src), _Uptime(t, uptime)
@@ -95,6 +95,18 @@ class Uptimes(Rule):
                 yield from self._doubtful(node, here, place)
             else:
                 self._last[node] = here
+
+    def _doubted(self, table: DecodedTable, rows: Array) -> Array:
+        """Return rows of nodes whose uptime falls, or that are in doubt; note the last uptime of all others."""
+        uptime, looked_at = table["uptime_sec"], np.ones(len(rows), bool)
+        for key, mine in groups(table.bus[rows].astype(np.int64) << 8 | table.src[rows]):
+            node, own = (key >> 8, key & 0xFF), rows[mine]
+            said, last = uptime[own].astype(np.int64), self._last.get(node)
+            calm = bool((said[1:] >= said[:-1]).all()) and (last is None or said.item(0) >= last.seconds)
+            if calm and node not in self._two and node not in self._doubts:
+                self._last[node] = _Uptime(table.t.item(own.item(-1)), said.item(-1))
+                looked_at[mine] = False
+        return rows[looked_at]
 
     def finish(self, _view: View) -> Iterator[Occurrence]:
         """Yield restarts shortly before the end."""

@@ -21,6 +21,7 @@ _SERVICE, _ASKS = 1 << 16, 1 << 7
 _KEY_BITS = 17
 _KEY = (1 << _KEY_BITS) - 1
 _NODE = 0x7F
+CODE_BITS = 24  # below the bus
 _MESSAGE, _REQUEST, _RESPONSE = (KINDS.index(name) for name in ("message", "request", "response"))
 
 
@@ -30,6 +31,11 @@ class Session(NamedTuple):
     bus: int
     node: int
     type_id: int
+
+    @property
+    def code(self) -> int:
+        """Return it as one number."""
+        return self.bus << CODE_BITS | self.node << _KEY_BITS | self.type_id
 
     @property
     def of_responses(self) -> bool:

@@ -38,22 +38,22 @@ class Inferred(Rule):
         yield from self._places(view)
 
     def _places(self, view: View) -> Iterator[Occurrences]:
-        around = self._around(view)
-        found = [
-            one
-            for one in view.joint_losses
-            if not self._told or not self._told.near(one.bus, one.since - around, one.until + around)
-        ]
-        if not found:
+        found = view.joint_losses
+        if found is None or not len(found.bus):
             return
-        t, bus, frame = np.array([(one.since, one.bus, one.place) for one in found], np.int64).T
-        nobody = np.full(len(found), NOBODY)
-        yield Occurrences(
-            rule="CAP-006", t=t, bus=bus, node=nobody, type=nobody, frame=frame,
-            values=lambda k: {"senders": found[k].senders},
-            frames=lambda k: tuple(dict.fromkeys((found[k].place, *found[k].frames))),
-            drops=False, each_named=True,
-        )  # fmt: skip
+        if self._told:
+            around = self._around(view)
+            said = [self._told.near(one.bus, one.since - around, one.until + around) for one in found.each()]
+            found = found.take(np.flatnonzero(~np.array(said, bool)))
+        nobody = np.full(len(found.bus), NOBODY)
+        places = np.stack((found.place, found.number, found.behind), axis=1)
+        if len(nobody):
+            yield Occurrences(
+                rule="CAP-006", t=found.since, bus=found.bus, node=nobody, type=nobody, frame=found.place,
+                values=lambda k: {"senders": found.senders.item(k)},
+                frames=lambda k: tuple(dict.fromkeys(places[k].tolist())),
+                drops=False, each_named=True,
+            )  # fmt: skip
 
     def _around(self, view: View) -> int:
         return round(view.number("CAP-004", "around_s") * SECOND)

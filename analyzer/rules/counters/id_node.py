@@ -127,21 +127,23 @@ class IdNode:
         """Return the step up to which none can show a cause, nor is anything told but what stays as it is."""
         window, steps, k = self.window, self.window.steps, self._at
         end = window.next_looked_at(k, len(steps.t))
-        if end - k < _FEW:
+        if end - k < _FEW or steps.place.item(k) not in self.senders:
             return k
         end = sent.until_silence(self, k, min(end, window.next_changed(self.held, k, end)))
         if end - k < _FEW:
             return k
-        for place, rows in window.sessions(k, end):
-            if place not in self.senders:
-                end = min(end, int(rows[0]))
+        sessions = window.sessions(k, end)
+        end = min(end, *(int(rows[0]) if place not in self.senders else end for place, rows in sessions))
         if end - k < _FEW:
             return k
-        for place, rows in window.sessions(k, end):
-            last = steps.last[rows]
-            shown = self.senders.shows(place, steps.code.item(rows[0]), int(last.max()), view, sent.frames)
-            if shown is not None:
-                end = min(end, int(rows[np.argmax(last >= shown)]))
+        until = end
+        for place, every in sessions:
+            rows = every[: every.searchsorted(until)]
+            if len(rows):
+                last = steps.last[rows]
+                shown = self.senders.shows(place, steps.code.item(rows[0]), int(last.max()), view)
+                if shown is not None:
+                    end = min(end, int(rows[np.argmax(last >= shown)]))
         return end
 
     def _explained_until(self) -> int:
@@ -170,8 +172,8 @@ class IdNode:
             rows = rows[1:]
 
     def _hold_all(self, begin: int, end: int, sent: SentMessages) -> None:
-        window, steps = self.window, self.window.steps
-        self.wraps.end(place for place, rows in window.sessions(begin, end) if (steps.rule[rows] != IS_COPY).any())
+        steps = self.window.steps
+        self.wraps.end(np.unique(steps.place[begin:end][steps.rule[begin:end] != IS_COPY]).tolist())
         self.held += range(begin, end)
         sent.begin_latest(self, begin, end)
         limit = int(steps.t[begin:end].max()) - LONGEST
@@ -198,14 +200,13 @@ class IdNode:
         if quiet > EXPIRY:
             self.cause = None
         self.last = max(self.last, t)
-        window.settle(k, k + 1)
-        if window.at_zero(k, k + 1):
+        if window.settle_one(k):
             self.anew.add(self.window.zero(k))
         sent.run(self, row)
         one = window.steps.step(k)
         self._at = k + 1
         if self.cause is not None and self.cause.rule == SHARED_ID:
-            self._see_others(one, view, sent)
+            self._see_others(one, view)
         if self.cause is None:
             yield from self._hold(k, one, view, sent)
         elif not explained(self.cause, window.steps, k, k + 1)[0]:
@@ -218,10 +219,10 @@ class IdNode:
             yield self._again(self.cause, k)
         self._at = k
 
-    def _see_others(self, one: IdStep, view: View, sent: SentMessages) -> None:
+    def _see_others(self, one: IdStep, view: View) -> None:
         """Give up several devices as the cause where only one has counted for long."""
         before = self.senders.seen
-        shared = self.senders.shared(one, view, sent.frames)
+        shared = self.senders.shared(one, view)
         if one.t - self.senders.seen > EXPIRY:
             self.cause = None
             self.senders.clear()
@@ -247,7 +248,7 @@ class IdNode:
         """Hold a step back, unless the cause shows with it."""
         self.held.append(k)
         wraps = self._wraps(one)
-        self.cause = cause = self._shares(one, k, sent) or self._are_several(one, view, sent) or wraps
+        self.cause = cause = self._shares(one, k, sent) or self._are_several(one, view) or wraps
         if cause is not None:
             yield cause
             self.next = one.t + EVERY
@@ -324,8 +325,8 @@ class IdNode:
         values = {**one.values, "cause": WRAPPING.format(one.before)}
         return Occurrence(RESTARTED, steps.t.item(first), self.bus, self.node, "", frames, values)
 
-    def _are_several(self, one: IdStep, view: View, sent: SentMessages) -> Occurrence | None:
-        shared = self.senders.shared(one, view, sent.frames)
+    def _are_several(self, one: IdStep, view: View) -> Occurrence | None:
+        shared = self.senders.shared(one, view)
         if shared is None:
             return None
         self.senders.seen = one.t

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from analyzer.rules.counters.misnumbered import meant, meant_before
+from analyzer.rules.counters.misnumbered import meant
 from analyzer.rules.resumed import all_resumed
 from analyzer.tables import KINDS, TRANSFER_ANOMALIES, TRANSFER_IDS
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND
@@ -173,17 +173,16 @@ def id_steps(view: View, rows: Array, orphans: OrphanFrames) -> IdSteps:
     transfer_id = t.transfer_id[rows].astype(np.int64)
     before = (transfer_id - t.step[rows]) % TRANSFER_IDS
     lead = t.lead[rows]
-    for k in orphans.possible(place, since, keep).tolist():
-        found = _as_meant(view, int(rows[k]), orphans, (int(place[k]), int(since[k])))
-        transfer_id[k], before[k] = found
+    some = np.flatnonzero(keep)
+    asked = place[some], since[some], at[some], lead[some], t.code[rows[some]]
+    transfer_id[some], before[some] = _as_meant(view, orphans, asked, (transfer_id[some], before[some]))
     expected = (before + 1) % TRANSFER_IDS
     keep &= transfer_id != expected
     keep &= ~late | ((transfer_id != 0) & (transfer_id != before))
     astray = np.zeros(len(rows), bool)
-    for k in orphans.possible(place, since, keep & ((rule == IS_GAP) | (rule == IS_RESTART))).tolist():
-        first, lost = int(expected[k]), int(transfer_id[k] - expected[k]) % TRANSFER_IDS
-        missing = ((first + n) % TRANSFER_IDS for n in range(lost))
-        astray[k] = orphans.hold(int(place[k]), int(since[k]), int(lead[k]), missing)
+    may = np.flatnonzero(keep & ((rule == IS_GAP) | (rule == IS_RESTART)))
+    first, lost = expected[may], (transfer_id - expected)[may] % TRANSFER_IDS
+    astray[may] = orphans.cover(place[may], since[may], lead[may], first, lost)
     starts = np.zeros(256, np.int64)
     for one, start in view.starts.items():
         starts[one] = start
@@ -197,15 +196,16 @@ def id_steps(view: View, rows: Array, orphans: OrphanFrames) -> IdSteps:
     return steps.take(np.flatnonzero(keep))
 
 
-def _as_meant(view: View, row: int, orphans: OrphanFrames, since: tuple[int, int]) -> tuple[int, int]:
-    """Return the transfer ID of a row and that of the one before, with those put right that a first frame has wrong.
+def _as_meant(
+    view: View, orphans: OrphanFrames, steps: tuple[Array, ...], ids: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return transfer IDs and those of the transfers before, with those put right that a first frame has wrong.
 
-    Only where frames came astray since that one, whose place and time are given.
+    Only where frames came astray since that one. `steps` are their sessions, the times of the transfers before, their
+    own times, first frames and types.
     """
-    t, (place, past) = view.transfers, since
-    transfer_id, code, lead = int(t.transfer_id[row]), int(t.code[row]), t.lead.item(row)
-    before = (transfer_id - int(t.step[row])) % TRANSFER_IDS
-    own = meant(view, lead, code) if orphans.came(place, int(t.t[row]), lead, behind=True) else None
-    earlier = meant_before(view, lead, code) if orphans.came(place, past, lead) else None
-    right = transfer_id if own is None else own, before if earlier is None else earlier
-    return (transfer_id, before) if right[0] == right[1] else right
+    place, since, at, lead, code = steps
+    own, earlier = orphans.behind(place, at, lead), orphans.before(place, since, lead)
+    right = [np.where(one < 0, wire, one) for one, wire in zip(meant(view, lead, code, own, earlier), ids, strict=True)]
+    odd = right[0] != right[1]
+    return np.where(odd, right[0], ids[0]), np.where(odd, right[1], ids[1])

@@ -48,7 +48,6 @@ class StepWindow:
         order, begins = by_key(self._which.astype(np.int64))
         ends = np.append(begins[1:], size)
         self._of_place = [order[begin:end] for begin, end in zip(begins.tolist(), ends.tolist(), strict=True)]
-        self._lists = [rows.tolist() for rows in self._of_place]
         self.past = self._shifted(order, 1)
         self._step = (steps.transfer_id - steps.before) % TRANSFER_IDS
         self._as_before = self._skips_alike()
@@ -182,6 +181,16 @@ class StepWindow:
         rule = self.steps.rule[begin:end]
         rule[self._as_before[begin:end]] = IS_GAP
 
+    def settle_one(self, k: int) -> bool:
+        """Do so with one; return whether it may be a restart."""
+        if self._as_before[k]:
+            self.steps.rule[k] = IS_GAP
+        return self._is_zero(k)
+
+    def _is_zero(self, k: int) -> bool:
+        rule = self.steps.rule.item(k)
+        return rule == IS_RESTART or (rule == IS_REPEATED and not self.steps.transfer_id.item(k))
+
     def at_zero(self, begin: int, end: int) -> list[int]:
         """Return the steps that may be restarts."""
         rule, transfer_id = self.steps.rule[begin:end], self.steps.transfer_id[begin:end]
@@ -193,13 +202,12 @@ class StepWindow:
         """Return the sessions of some steps, and which these are of each."""
         if len(self._places) == 1:
             return [(self._places[0], np.arange(begin, end))]
-        found = []
-        for place, rows, listed in zip(self._places, self._of_place, self._lists, strict=True):
-            low = bisect_left(listed, begin)
-            high = bisect_left(listed, end, low)
-            if low < high:
-                found.append((place, rows[low:high]))
-        return found
+        which = self._which[begin:end]
+        order, first = by_key(which)
+        ends = np.append(first[1:], len(order)).tolist()
+        each = zip(which[order[first]].tolist(), first.tolist(), ends, strict=True)
+        order += begin
+        return [(self._places[one], order[low:high]) for one, low, high in each]
 
     def latest(self) -> dict[int, tuple[int, int]]:
         """Return what the next batch needs to know of the latest steps."""
@@ -213,9 +221,7 @@ class StepWindow:
 
     def zeros(self, rows: Iterable[int]) -> list[tuple[int, AtZero]]:
         """Return of some steps those that may be restarts."""
-        rule, transfer_id = self.steps.rule, self.steps.transfer_id
-        zero = (k for k in rows if rule[k] == IS_RESTART or (rule[k] == IS_REPEATED and not transfer_id[k]))
-        return [(k, self.zero(k)) for k in zero]
+        return [(k, self.zero(k)) for k in rows if self._is_zero(k)]
 
     def zero(self, k: int) -> AtZero:
         """Return a step to 0."""

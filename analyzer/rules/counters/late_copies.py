@@ -35,7 +35,7 @@ def _time_before(one: IdStep, view: View) -> int:
     first, session = one.frames[0], wanted[-1]
     if session is None:
         return NO_TIME
-    for number in view.numbers_before(first, LOOK, session.bus, session.id & SESSION):
+    for number in reversed(view.numbers_between(first - LOOK, first, session.bus, session.id & SESSION)):
         like, kept = wanted[-1], view.frame(number)
         if like is None or kept is None:
             return NO_TIME

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from analyzer.rules.counters.begun_anew import BegunAnew
     from analyzer.rules.counters.id_patterns import EarlyWraps
     from analyzer.rules.counters.id_window import StepWindow
-    from analyzer.rules.counters.session_starts import LatestFrames
     from dissectors.kit import Array, TransferTable
 
 
@@ -44,11 +43,10 @@ class Follower(Protocol):
 class SentMessages:
     """The messages of a node in a batch, walked through while a shared counter may show.
 
-    `uptimes` are those in its NodeStatus by the row of the transfer, `frames` the latest of all nodes.
+    `uptimes` are those in its NodeStatus by the row of the transfer.
     """
 
-    def __init__(self, transfers: TransferTable, uptimes: Sequence[tuple[int, int]], frames: LatestFrames) -> None:
-        self.frames = frames
+    def __init__(self, transfers: TransferTable, uptimes: Sequence[tuple[int, int]]) -> None:
         self._t = transfers
         self._rows: list[int] | None = None
         self._breaks: list[int] = []  # places of messages that do not count on

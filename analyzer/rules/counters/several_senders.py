@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analyzer.rules.counters.id_steps import IdStep
-    from analyzer.rules.counters.session_starts import LatestFrames
     from dissectors.kit import View
 
 
@@ -69,14 +68,14 @@ class SeveralSenders:
         """Return whether a session is followed."""
         return place in self._followed
 
-    def shows(self, place: int, code: int, number: int, view: View, latest: LatestFrames) -> int | None:
+    def shows(self, place: int, code: int, number: int, view: View) -> int | None:
         """Take the starts of a session that is followed, up to a frame.
 
         Return the first start with which several senders show, None if they do not.
         """
         followed = self._followed[place]
         least, type_ = int(view.number("BUS-010", "min_transfers")), view.type_name(code)
-        for start in followed.starts.until(number, view, latest):
+        for start in followed.starts.until(number, view):
             if _counts(start, view):
                 took_over = followed.add(start)
                 if followed.shared(type_, least) is not None:
@@ -84,7 +83,7 @@ class SeveralSenders:
                     return start.number
         return None
 
-    def shared(self, one: IdStep, view: View, latest: LatestFrames) -> Shared | None:
+    def shared(self, one: IdStep, view: View) -> Shared | None:
         """Return what shows several senders in a session, up to an odd step of it; None if one is enough."""
         followed = self._followed.get(one.place)
         if followed is None:
@@ -96,7 +95,7 @@ class SeveralSenders:
             if one.rule != COPIED and _counts(start, view):
                 followed.add(start)
         least, type_ = int(view.number("BUS-010", "min_transfers")), view.type_name(one.code)
-        for start in followed.starts.until(one.frames[-1], view, latest):
+        for start in followed.starts.until(one.frames[-1], view):
             if _counts(start, view) and followed.add(start) and followed.shared(type_, least) is not None:
                 self.seen = start.t
         return followed.shared(type_, least)

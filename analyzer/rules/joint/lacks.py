@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from analyzer.rules.bus.sessions import MOST_SESSIONS, bus_frames, first_transfers
+from analyzer.rules.joint.lack_rows import LackRows, LatestLack, compared
 from analyzer.rules.joint.times import FEW, LONGEST, SETTLED, WIDEST, WINDOW
 from analyzer.tables import ERROR, STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE
-from dissectors.kit import MILLISECOND, NO_TIME
-from dissectors.records import dataclass
+from dissectors.kit import NO_TIME
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from analyzer.rules.bus.sessions import BusFrames, Session
     from dissectors.kit import Array, FrameTable, View
@@ -24,34 +24,12 @@ _MOST_UNKNOWN = 32  # frames that did not, of a session that may become known
 _REACH = SETTLED + LONGEST + WIDEST  # what is missing before may not be joint with what is missing now
 _NEVER = np.iinfo(np.int64).max
 _HABIT = 4  # one of so many requests may have an odd ID; of tools that count otherwise more have
-_SWAPPED = 100 * MILLISECOND  # within which a frame that was overtaken is still to come
 _FOLLOWS = TAIL_START | TAIL_TOGGLE | TAIL_ID  # whether a frame is the last one is not known before
 _TAILS = np.arange(256)
 # What the tail byte behind each one should have of `_FOLLOWS`.
 _WANTED = np.where(
     _TAILS & TAIL_END != 0, TAIL_START | (_TAILS + 1) & TAIL_ID, _TAILS & TAIL_ID | ~_TAILS & TAIL_TOGGLE
 ).astype(np.uint8)
-
-
-@dataclass(slots=True, eq=False)
-class Lack:
-    """Frames of a session are missing between two of its frames: their numbers, times and places on the bus.
-
-    A place counts the frames of the bus that have a sender and a time. `tail` is what the second frame has in its tail
-    byte, `wanted` what it should have, `window` how far joint ones are apart at most, in ns, `left` the frame at which
-    the session left off where it goes on now. `void` says that nothing is missing: frames only came in another order.
-    """
-
-    session: Session
-    frames: tuple[int, int]
-    since: int
-    until: int
-    places: tuple[int, int]
-    tail: int
-    wanted: int
-    window: int = WINDOW
-    left: int | None = None
-    void: bool = False
 
 
 class _Frames(NamedTuple):
@@ -90,21 +68,25 @@ class Lacks:
 
     def __init__(self) -> None:
         self._last: dict[Session, _Last] = {}
-        self._latest: dict[Session, Lack] = {}
+        self._latest: dict[int, LatestLack] = {}  # by the codes of sessions
         self._heard: dict[int, int] = {}  # frames by bus
         self._since: dict[int, int] = {}  # its first frame
         self._senders: dict[int, set[int]] = {}  # the nodes that were heard
         self._complete: dict[Session, int] = {}  # transfers of those that are not known yet
         self._known: dict[Session, int] = {}  # when each one became known
+        self._since_known: dict[int, int] = {}  # the same by codes of sessions
         self.nodes: dict[int, dict[int, int]] = {}  # by bus: when each node that sends messages became known
 
-    def feed(self, view: View) -> list[Lack]:
-        """Add a batch; return what is missing, in the order of the frames behind it."""
+    def feed(self, view: View) -> tuple[LackRows, Array]:
+        """Add a batch; return what is missing, in the order of the frames behind it.
+
+        What was missing before is void now where the frame behind it is one of those that are returned, too.
+        """
         frames = view.frames
         if not self._all_known(frames) or not view.transfers.src.all():
             self._prove(view)
         errors = bool((frames.flags & ERROR).any())
-        found: list[Lack] = []
+        found: list[LackRows] = []
         for bus, ours in bus_frames(frames).items():
             base = self._heard.get(bus, 0)
             if not base:
@@ -127,15 +109,16 @@ class Lacks:
                     end = _frames(frames, ours, slice(ours.first[k + 1] - 1, ours.first[k + 1]), base)
                     place = _Last(*(int(column[0]) for column in end))
                     self._last[session] = place._replace(odd=last.odd, begun=last.begun + begun[k])
-            found += self._follow(frames, ours, followed, base)
-        found.sort(key=lambda one: one.places[1])
-        for one in found:
-            self._compare(one)
-        return found
+            found.append(self._follow(frames, ours, followed, base))
+        rows = LackRows.joined(found)
+        return compared(rows.take(np.argsort(rows.place_behind, kind="stable")), self._latest)
 
-    def known(self, one: Lack, within: int) -> bool:
-        """Return whether the session was known to be DroneCAN's up to a time after that."""
-        return self._known.get(one.session, one.until + within + 1) <= one.until + within
+    def known(self, lacks: LackRows, within: int) -> Array:
+        """Return whether the sessions were known to be DroneCAN's up to a time after each."""
+        each, which = np.unique(lacks.session, return_inverse=True)
+        known = np.array([self._since_known.get(code, _NEVER) for code in each.tolist()], np.int64)
+        found: Array = known[which] <= lacks.until + within
+        return found
 
     def _all_known(self, frames: FrameTable) -> bool:
         """Return whether every session that was heard is known: then transfers prove nothing new."""
@@ -154,16 +137,16 @@ class Lacks:
             if count < _KNOWN_BY:
                 self._complete[session] = count
                 continue
-            self._known[session] = at = int(t.t_end[row])
+            self._known[session] = self._since_known[session.code] = at = int(t.t_end[row])
             if not session.of_service:
                 nodes = self.nodes.setdefault(session.bus, {})
                 nodes[session.node] = min(nodes.get(session.node, at), at)
 
-    def _follow(self, frames: FrameTable, ours: BusFrames, some: Sequence[int], base: int) -> Iterator[Lack]:
+    def _follow(self, frames: FrameTable, ours: BusFrames, some: Sequence[int], base: int) -> LackRows:
         """Look at each frame of some sessions of a bus; `base` are the frames of the bus before the batch."""
         which, own = _of_sessions(frames, ours, some, base)
         if not len(own.tail):
-            return
+            return LackRows.none()
         first = np.flatnonzero(np.diff(which, prepend=-1))
         at = which[first].tolist()
         sessions = [ours.sessions[some[one]] for one in at]
@@ -196,16 +179,18 @@ class Lacks:
         before = [np.roll(column, 1) for column in own[1:]]
         for column, part in zip(before, zip(*(last[1:4] for last in lasts), strict=True), strict=True):
             column[first] = part
-        said = group, own.number, own.t, own.place, own.tail & _FOLLOWS, wanted
-        parts = [column[rows] for column in (*before, *said)]
-        each = np.maximum(own.t[rows] - self._since[sessions[0].bus], 0) // own.place[rows]
-        parts.append(np.clip(FEW * each, WINDOW, WIDEST))
-        listed = (column.tolist() for column in parts)
-        for past, number, place, one, behind, t, at_, tail_, due, window in zip(*listed, strict=True):
-            yield Lack(sessions[one], (number, behind), past, t, (place, at_), tail_, due, window)
+        past, number, place = (column[rows] for column in before)
+        mine = _Frames(*(column[rows] for column in own))
+        each = np.maximum(mine.t - self._since[sessions[0].bus], 0) // mine.place
+        window = np.clip(FEW * each, WINDOW, WIDEST)
+        code, node = np.array([(session.code, session.node) for session in sessions], np.int64)[group[rows]].T
+        behind = ((mine.tail & _FOLLOWS).astype(np.int64), wanted[rows].astype(np.int64))
+        none, void = np.full(len(rows), -1), np.zeros(len(rows), bool)
+        found = LackRows(code, node, number, mine.number, past, mine.t, place, mine.place, *behind, window, none, void)
         ends = np.append(first[1:], len(which)) - 1
         columns = (column[ends].tolist() for column in (*own, count, begins))
         self._last.update(zip(sessions, map(_Last._make, zip(*columns, strict=True)), strict=True))
+        return found
 
     def _near_end(self, rows: Array, group: Array, sessions: Sequence[Session], own: _Wanted, end: int) -> Array:
         """Leave out of what the only sender of a bus lacks what no later one can lack together with it.
@@ -228,24 +213,12 @@ class Lacks:
         keep[:-1] |= keep[1:]
         for low, high in zip(first.tolist(), np.append(first[1:], len(rows)).tolist(), strict=True):
             session = sessions[which[low]]
-            past = self._latest.get(session)
+            past = self._latest.get(session.code)
             if again[low : high - 1].any() or (past is not None and (past.void or past.wanted == tail[low])):
                 keep[low:high] = True
             elif not keep[low:high].all():
-                self._latest.pop(session, None)
+                self._latest.pop(session.code, None)
         return rows[keep]
-
-    def _compare(self, one: Lack) -> None:
-        """Take back what was missing if it comes now, and so what is odd about the frames around it."""
-        past = self._latest.get(one.session)
-        self._latest[one.session] = one
-        if past is None:
-            return
-        one.left = past.frames[1] if one.tail == past.wanted else None
-        if not past.void and one.tail == past.wanted and one.until - past.until <= _SWAPPED:
-            past.void = one.void = True
-        elif past.void and past.frames[1] == one.frames[0]:
-            one.void = True
 
 
 def _frames(frames: FrameTable, ours: BusFrames, mine: Array | slice, base: int) -> _Frames:

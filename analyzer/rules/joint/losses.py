@@ -7,25 +7,25 @@ are joint where such stretches of enough senders meet, or where they follow each
 
 from __future__ import annotations
 
-from itertools import chain, compress
-from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from analyzer._native import joint
 from analyzer.decode.sent import cells
+from analyzer.rules.bus.sessions import CODE_BITS
+from analyzer.rules.joint.lack_rows import LackRows
 from analyzer.rules.joint.lacks import Lacks
 from analyzer.rules.joint.repeats import Repeats
 from analyzer.rules.joint.silences import Silences
 from analyzer.rules.joint.strain import Strain
 from analyzer.rules.joint.times import LONGEST, SETTLED, WIDEST, WINDOW
-from dissectors.kit import MILLISECOND, NO_TIME, JointLoss
+from analyzer.tables import distinct
+from dissectors.kit import MILLISECOND, NO_TIME, JointLosses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer.rules.joint.lacks import Lack
     from dissectors.kit import Array, View
 
 ENOUGH = 3  # senders, or all if there are only two
@@ -34,21 +34,11 @@ NEARBY = 32 * MILLISECOND  # so far apart are stretches that meet
 _MOST = 1 << 17  # that are waited for
 
 
-class _Waiting:
+class _Waiting(NamedTuple):
     """The lacks of one bus, and which of them have been told."""
 
-    def __init__(self) -> None:
-        self.lacks: list[Lack] = []
-        self.told: Array = np.zeros(0, bool)
-
-    def column(self, name: str) -> Array:
-        """Return an attribute of all of them."""
-        return np.fromiter(map(attrgetter(name), self.lacks), np.int64, len(self.lacks))
-
-    def keep(self, which: Array) -> None:
-        """Forget all others."""
-        self.lacks = list(compress(self.lacks, which.tolist()))
-        self.told = self.told[which]
+    lacks: LackRows
+    told: Array
 
 
 class _Joint(NamedTuple):
@@ -60,7 +50,7 @@ class _Joint(NamedTuple):
     until: Array
 
 
-class JointLosses:
+class JointLossSearch:
     """Collects what each sender lacks, and tells what is joint once nothing more can be known of it."""
 
     def __init__(self) -> None:
@@ -70,71 +60,85 @@ class JointLosses:
         self._repeats = Repeats()
         self._open: dict[int, _Waiting] = {}
 
-    def feed(self, view: View, bits: Array) -> list[JointLoss]:
+    def feed(self, view: View, bits: Array) -> JointLosses:
         """Add a batch; return what is settled now."""
         self._silences.feed(view)
         self._repeats.feed(view.frames)
-        for one in self._lacks.feed(view):
-            waiting = self._open.setdefault(one.session.bus, _Waiting()).lacks
-            if self._silences.shorten(one) <= LONGEST and len(waiting) < _MOST:
-                waiting.append(one)
+        self._wait(*self._lacks.feed(view))
         self._strain.feed(view, bits)
-        found = self._settle(view, view.end - SETTLED) if view.end != NO_TIME else []
-        since = (int(waiting.column("since").min(initial=view.end)) for waiting in self._open.values())
+        found = self._settle(view, view.end - SETTLED) if view.end != NO_TIME else _joined([])
+        since = (int(waiting.lacks.since.min(initial=view.end)) for waiting in self._open.values())
         self._strain.forget(min(*since, view.end, view.end - SETTLED) - LONGEST)
         return found
 
-    def finish(self, view: View) -> list[JointLoss]:
+    def finish(self, view: View) -> JointLosses:
         """Return the rest."""
         return self._settle(view, None)
 
-    def _settle(self, view: View, now: int | None) -> list[JointLoss]:
-        found: list[JointLoss] = []
-        for bus, waiting in self._open.items():
-            told, until = np.zeros(len(waiting.lacks), bool), waiting.column("until")
-            told[: len(waiting.told)] = waiting.told
-            due = ~told if now is None else ~told & (until <= now)
-            waiting.told = told | due
+    def _wait(self, new: LackRows, gone: Array) -> None:
+        """Add what is missing; `gone` are frames behind which nothing is missing after all."""
+        buses = new.session >> CODE_BITS
+        for bus, waiting in self._open.items() if len(gone) else ():
+            lacks = waiting.lacks
+            self._open[bus] = waiting._replace(lacks=lacks._replace(void=lacks.void | np.isin(lacks.behind, gone)))
+        for bus in distinct(buses):
+            ours = new.take(np.flatnonzero(buses == bus))
+            since, took = self._silences.shorten(bus, ours.since, ours.until)
+            ours = ours._replace(since=since).take(np.flatnonzero(took <= LONGEST))
+            waiting = self._open.get(bus, _Waiting(LackRows.none(), np.zeros(0, bool)))
+            ours = ours.take(np.arange(min(len(ours.since), max(_MOST - len(waiting.told), 0))))
+            told = np.append(waiting.told, np.zeros(len(ours.since), bool))
+            self._open[bus] = _Waiting(LackRows.joined([waiting.lacks, ours]), told)
+
+    def _settle(self, view: View, now: int | None) -> JointLosses:
+        found: list[JointLosses] = []
+        for bus, (lacks, before) in self._open.items():
+            until = lacks.until
+            due = ~before if now is None else ~before & (until <= now)
             if not due.any():
                 continue
-            found += self._told(view, bus, waiting.lacks, due)
+            told = before | due
+            found += self._told(view, bus, lacks, due)
             if now is not None:
-                waiting.keep(until > now - SETTLED)
-        return found
+                late = np.flatnonzero(until > now - SETTLED)
+                self._open[bus] = _Waiting(lacks.take(late), told[late])
+        return _joined(found)
 
-    def _told(self, view: View, bus: int, lacks: Sequence[Lack], due: Array) -> Iterator[JointLoss]:
+    def _told(self, view: View, bus: int, lacks: LackRows, due: Array) -> Iterator[JointLosses]:
         """Yield what is joint of those that are due."""
-        known = [not one.void and self._lacks.known(one, WIDEST) for one in lacks]
-        lacks, due = list(compress(lacks, known)), due[known]
-        columns = _columns(lacks)
-        joint = self._joint(bus, columns, np.arange(len(lacks)))
-        again = self._repeats.among([lacks[k] for k in joint.which.tolist()])
+        known = np.flatnonzero(~lacks.void & self._lacks.known(lacks, WIDEST))
+        lacks, due = lacks.take(known), due[known]
+        joint = self._joint(bus, lacks, np.arange(len(known)))
+        again = self._repeats.among(lacks.take(joint.which))
         if again.any():
-            joint = self._joint(bus, columns, np.delete(np.arange(len(lacks)), joint.which[again]))
+            joint = self._joint(bus, lacks, np.delete(np.arange(len(known)), joint.which[again]))
         good = due[joint.which]
         good[good] = ~self._strain.on(bus, joint.since[good], joint.until[good], view.bit_rate)
-        begun: dict[int, int] = {}
-        for which in joint.which.tolist() if good.any() else ():
-            one = lacks[which]
-            begun[one.since] = max(one.frames[0], begun.get(one.since, 0))
-        for which, senders, since, until in zip(*(column[good].tolist() for column in joint), strict=True):
-            one = lacks[which]
-            place = begun.get(since, one.frames[0])
-            yield JointLoss(bus, since, until, one.frames, senders, one.window - WINDOW, place)
+        if not good.any():
+            return
+        every = lacks.take(joint.which)
+        begun, at = np.unique(every.since, return_inverse=True)
+        latest = np.zeros(len(begun), np.int64)
+        np.maximum.at(latest, at, every.number)
+        some, since = every.take(good), joint.since[good]
+        place = np.minimum(np.searchsorted(begun, since), len(begun) - 1)
+        yield JointLosses(
+            np.full(len(since), bus), since, joint.until[good], some.number, some.behind, joint.senders[good],
+            some.window - WINDOW, np.where(begun[place] == since, latest[place], some.number),
+        )  # fmt: skip
 
-    def _joint(self, bus: int, columns: Array, some: Array) -> _Joint:
-        """Return those that are joint among some of the rows of `columns`."""
-        *given, node = columns[:, some]
-        found = joint((*given, node.astype(np.uint8)), APART, NEARBY)
+    def _joint(self, bus: int, lacks: LackRows, some: Array) -> _Joint:
+        """Return those that are joint among some rows."""
+        ours = lacks.take(some)
+        given = ours.since, ours.until, ours.place, ours.place_behind, ours.window
+        found = joint((*given, ours.node.astype(np.uint8)), APART, NEARBY)
         of, near, since, until = (cells(column, np.int64) for column in found)
         known = np.sort(np.fromiter(self._lacks.nodes.get(bus, {}).values(), np.int64))
-        _, end, _, _, window = given
-        senders = np.searchsorted(known, (end + window)[of], "right")
+        senders = np.searchsorted(known, (ours.until + ours.window)[of], "right")
         enough = near >= np.clip(senders, 2, ENOUGH)
         return _Joint(some[of[enough]], near[enough], since[enough], until[enough])
 
 
-def _columns(lacks: Sequence[Lack]) -> Array:
-    """Return since when, until when, places, window and node of each."""
-    rows = ((one.since, one.until, *one.places, one.window, one.session.node) for one in lacks)
-    return np.fromiter(chain.from_iterable(rows), np.int64, 6 * len(lacks)).reshape(-1, 6).T.copy()
+def _joined(parts: Sequence[JointLosses]) -> JointLosses:
+    none = JointLosses._make([np.empty(0, np.int64)] * len(JointLosses._fields))
+    return JointLosses(*map(np.concatenate, zip(none, *parts, strict=True)))

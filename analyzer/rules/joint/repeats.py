@@ -12,10 +12,7 @@ from analyzer.tables import TAIL_ID, TRANSFER_IDS
 from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from analyzer.rules.bus.sessions import Session
-    from analyzer.rules.joint.lacks import Lack
+    from analyzer.rules.joint.lack_rows import LackRows
     from dissectors.kit import Array, FrameTable
 
 LOOK = 1 << 15  # frames before one among which it may have been before
@@ -48,26 +45,24 @@ class Repeats:
         gone = np.searchsorted(self._known, self._batches[0].first)
         self._known, self._kinds = self._known[gone:], self._kinds[gone:]
 
-    def among(self, lacks: Sequence[Lack]) -> Array:
+    def among(self, lacks: LackRows) -> Array:
         """Return a mask of those where nothing is missing: frames came again or went on behind those.
 
         Bytes that come by themselves each time an ID comes round show that only beside others. One session is enough
         if no other one shows new bytes.
         """
-        found = np.zeros(len(lacks), bool)
+        found = np.zeros(len(lacks.until), bool)
         kind, behind = self._of(lacks)
         if not kind.any():
             return found
-        until = np.fromiter((one.until for one in lacks), np.int64, len(lacks))
-        ids: dict[Session, int] = {}
-        session = np.fromiter((ids.setdefault(one.session, len(ids)) for one in lacks), np.int64, len(lacks))
+        until = lacks.until
         order = np.argsort(until, kind="stable")
         times = until[order]
         old = np.flatnonzero(kind != _NEW)
         first = np.searchsorted(times, until[old] - _NEAR)
         last = np.searchsorted(times, until[old] + _NEAR, "right")
         once = np.flatnonzero(kind[order] == _ONCE)
-        of = session[order][once]
+        of = lacks.session[order][once]
         other = np.maximum.accumulate(np.where(np.diff(of, prepend=-1) != 0, np.arange(len(of)), 0))
         begin, end = np.searchsorted(once, first), np.searchsorted(once, last)
         fresh = np.append(0, np.cumsum(behind[order] == _NEW))
@@ -76,10 +71,10 @@ class Repeats:
         found[old[some]] = several | (fresh[first[some]] == fresh[last[some]])
         return found
 
-    def _of(self, lacks: Sequence[Lack]) -> tuple[Array, Array]:
+    def _of(self, lacks: LackRows) -> tuple[Array, Array]:
         """Return what each lack is by the frames around it, and what the frame behind it is."""
-        parts = (number for one in lacks for number in (*one.frames, one.frames[1] if one.left is None else one.left))
-        numbers = np.fromiter(parts, np.int64, 3 * len(lacks))
+        left = np.where(lacks.left < 0, lacks.behind, lacks.left)
+        numbers = np.stack((lacks.number, lacks.behind, left), axis=1).ravel()
         self._search(np.unique(numbers))
         kinds = self._kinds[np.searchsorted(self._known, numbers)].reshape(-1, 3)
         return kinds.max(axis=1), kinds[:, 1]

@@ -11,8 +11,7 @@ from analyzer.rules.joint.times import LONGEST
 from dissectors.kit import times_by_bus
 
 if TYPE_CHECKING:
-    from analyzer.rules.joint.lacks import Lack
-    from dissectors.kit import View
+    from dissectors.kit import Array, View
 
 _MOST = 256  # of a bus, the latest
 
@@ -37,14 +36,18 @@ class Silences:
                 known.append((int(whole[k]), int(whole[k + 1])))
                 del known[:-_MOST]
 
-    def shorten(self, one: Lack) -> int:
-        """Let what is missing begin with the last silence; return how long the bus was not silent meanwhile."""
-        took = one.until - one.since
-        if took <= LONGEST:
-            return took if took >= 0 else LONGEST + 1
-        known = self._known.get(one.session.bus, [])
-        at = bisect_left(known, one.until, key=lambda silence: silence[1] + 1) - 1
-        if at < 0 or known[at][0] < one.since:
-            return took
-        one.since = known[at][0]
-        return one.until - known[at][1]
+    def shorten(self, bus: int, since: Array, until: Array) -> tuple[Array, Array]:
+        """Let what is missing on a bus begin with the last silence.
+
+        Return when each begins, and how long the bus was not silent meanwhile: too long for what ends before it begins.
+        """
+        took = until - since
+        took[took < 0] = LONGEST + 1
+        known = self._known.get(bus, [])
+        begins = since.copy()
+        for k in np.flatnonzero(until - since > LONGEST).tolist() if known else ():
+            end = until.item(k)
+            at = bisect_left(known, end, key=lambda silence: silence[1] + 1) - 1
+            if at >= 0 and known[at][0] >= since[k]:
+                begins[k], took[k] = known[at][0], end - known[at][1]
+        return begins, took

@@ -29,9 +29,9 @@ def united(found: Iterable[Occurrences | Occurrence], keyed: Container[str]) -> 
         elif one.key is not None or one.rule in keyed:
             order.append([one])
         elif len(one.t):
-            said = one.rule, one.severity, (*one.dialects.items(),), one.drops, one.since is None, one.rises is None
+            missing = one.since is None, one.until is None, one.rises is None, one.lines is None
             kinds = (*((name, kind) for name, (kind, _) in one.worst.items()),)
-            what = (*said, kinds)
+            what = one.rule, one.severity, (*one.dialects.items(),), one.drops, missing, kinds
             if what not in alike:
                 order.append(alike.setdefault(what, []))
             alike[what].append(one)
@@ -61,6 +61,11 @@ def _joined(parts: Sequence[Occurrences]) -> Occurrences:
         at = which.item(k)
         return parts[at].frames(k - begins[at])
 
+    def lines(k: int) -> tuple[str, ...]:
+        at = which.item(k)
+        kept = parts[at].lines
+        return kept(k - begins[at]) if kept is not None else ()
+
     doubtful = None
     if any(one.doubtful is not None for one in parts):
         none = (np.zeros(len(one.t), bool) for one in parts)
@@ -68,7 +73,8 @@ def _joined(parts: Sequence[Occurrences]) -> Occurrences:
         doubtful = np.concatenate(masks)
     return replace(
         first, t=column("t"), bus=column("bus"), node=column("node"), type=column("type"), frame=column("frame"),
-        values=values, frames=frames, since=optional("since"), rises=optional("rises"), doubtful=doubtful,
+        values=values, frames=frames, since=optional("since"), until=optional("until"), rises=optional("rises"),
+        doubtful=doubtful, lines=None if first.lines is None else lines,
         worst={
             name: (kind, np.concatenate([one.worst[name][1] for one in parts]))
             for name, (kind, _) in first.worst.items()

@@ -11,7 +11,7 @@ from analyzer.rules.diagnosis.budgets import senders_of
 from analyzer.rules.diagnosis.search import FrameLists
 from analyzer.rules.frames.malformed import Form
 from analyzer.tables import FD, VERDICTS
-from dissectors.kit import Occurrence, Occurrences
+from dissectors.kit import Occurrences
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -98,20 +98,13 @@ class LooseFrames(NamedTuple):
         """Return what is said of one of them."""
         return Form(*(column.item(k) for column in (self.id, self.flags, self.tail, self.size)))
 
-    def breach(self, k: int, rule: str, view: View, values: Values, severity: Severity | None = None) -> Occurrence:
-        """Return one of which lines are kept as a breach of a rule."""
-        node, type_ = self.node.item(k), view.type_name(self.code.item(k))
-        return Occurrence(
-            rule, self.t.item(k), self.bus.item(k), None if node < 0 else node, type_, (self.number.item(k),), values,
-            severity=severity, lines=self.lines[k],
-        )  # fmt: skip
-
     def breaches(
         self, rule: str, values: Callable[[int], Values], *, severity: Severity | None = None, drops: bool = False
     ) -> Occurrences:
-        """Return them as breaches of a rule; `values` are those of a row."""
-        number = self.number
+        """Return them, whose lines are kept or not, as breaches of a rule; `values` are those of a row."""
+        number, lines = self.number, self.lines
         return Occurrences(
             rule=rule, t=self.t, bus=self.bus, node=self.node, type=self.code, frame=number, values=values,
             frames=lambda k: (number.item(k),), key=np.zeros(len(number), np.int64), severity=severity, drops=drops,
+            lines=lines.item if all(lines.tolist()) else None,
         )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -118,14 +119,16 @@ class _Told(NamedTuple):
             severity=self.severity(k), drops=True, lines=lines or _lines(view, frames),
         )  # fmt: skip
 
-    def occurrences(self, rows: Sequence[int]) -> Iterator[Occurrences]:
-        """Yield some together."""
+    def occurrences(self, rows: Sequence[int], lines: Sequence[tuple[str, ...]] = ()) -> Iterator[Occurrences]:
+        """Yield some together; `lines` are those of all if their frames may be gone."""
         ids: dict[str, int] = {}
         every = np.array(rows, np.int64)
         key = np.array([ids.setdefault(self.what[k], len(ids)) for k in rows], np.int64)
         early = self.early[every]
         for noted in dict.fromkeys(early.tolist()):
-            yield self._alike(every[early == noted], key[early == noted])
+            some = np.flatnonzero(early == noted)
+            found = self._alike(every[some], key[some])
+            yield replace(found, lines=partial(_kept, lines, some)) if lines else found
 
     def _alike(self, rows: Array, key: Array) -> Occurrences:
         """Return some of one severity."""
@@ -202,29 +205,33 @@ class MissingStart:
             yield from held
 
     def told(self, view: View, together: list[Occurrences]) -> Iterator[Occurrence]:
-        """Tell of remainders that were closed: those whose lines are kept are yielded, others told `together`."""
+        """Tell of remainders that were closed `together`, and yield those that were held back before."""
         if not self._closed:
             return
         closed, self._closed = _Remainders.of(self._closed), []
         told = self._searched(view, closed)
         rows: list[int] = []
+        kept: dict[int, tuple[str, ...]] = {}
         columns = told.what, closed.session.tolist(), told.early.tolist(), closed.sizes.tolist(), closed.lines
         for k, (what, key, early, size, lines) in enumerate(zip(*columns, strict=True)):
             if not what or (early and view.cut_in and self._first(*closed.first(k))):
                 continue
-            held_back, kind = early and self._excused < MOST_EARLY, (key, what)
-            if held_back:
+            kind = key, what
+            if early and self._excused < MOST_EARLY:
                 self._excused += 1
                 self._early_ones.setdefault(kind, []).append(told.occurrence(view, k))
-            elif lines or size > MOST_LINES or kind in self._early_ones:
-                held = self._early_ones.pop(kind, [])
-                self._excused -= len(held)
-                # What goes on is no moment in which the sender was busy.
-                yield from (replace(one, severity=None) for one in held) if len(held) >= _HABIT else held
-                yield told.occurrence(view, k)
+                continue
+            goes_on = kind in self._early_ones
+            held = self._early_ones.pop(kind, ())
+            self._excused -= len(held)
+            # What goes on is no moment in which the sender was busy.
+            yield from (replace(one, severity=None) for one in held) if len(held) >= _HABIT else held
+            if lines or size > MOST_LINES or goes_on:
+                kept[k] = lines or _lines(view, closed.frames(k))
             else:
                 rows.append(k)
         together += told.occurrences(rows)
+        together += told.occurrences([*kept], [*kept.values()])
 
     def _searched(self, view: View, closed: _Remainders) -> _Told:
         """Return what is missing of each; nothing of one whose frames belong to a transfer that says so itself."""
@@ -268,6 +275,11 @@ class MissingStart:
         started = np.array([view.starts.get(one, when) for one, when in zip(bus.tolist(), last, strict=True)], np.int64)
         since = np.maximum(np.maximum(started, heard), all_resumed(view, t))
         return np.where(t == NO_TIME, number <= lead, t - since <= TIMEOUT)
+
+
+def _kept(lines: Sequence[tuple[str, ...]], rows: Array, k: int) -> tuple[str, ...]:
+    row: int = rows.item(k)
+    return lines[row]
 
 
 def _lines(view: View, frames: Iterable[int]) -> tuple[str, ...]:

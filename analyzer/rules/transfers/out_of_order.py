@@ -117,7 +117,7 @@ class OutOfOrder:
 
 def preceding(view: View, number: int, bus: int, session: int, most: int = NEAR) -> Iterator[tuple[int, Kept]]:
     """Yield earlier frames of a session, the last one first."""
-    for earlier in view.numbers_before(number, most, bus, session):
+    for earlier in reversed(view.numbers_between(number - most, number, bus, session)):
         other = view.frame(earlier)
         if other is not None and other.data:
             yield earlier, other

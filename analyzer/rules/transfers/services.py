@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from analyzer.facts.identifiers import NOBODY
 from analyzer.rules.bus.heard import HeardNodes
 from analyzer.tables import EXTENDED, KINDS, STATUSES, distinct
-from dissectors.kit import NO_TIME, SECOND, Occurrence, Rule, by_key
+from dissectors.kit import NO_TIME, SECOND, Occurrence, Occurrences, Rule, by_key
 from dissectors.records import dataclass, field, replace
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class _Part(NamedTuple):
     t_end: int
     bus: int
     node: int
-    type: str
+    code: int
     priority: int
     transfer_id: int
     whole: bool
@@ -54,8 +55,15 @@ class _Call:
     """A request, its first response, and whether its silence was reported; a damaged one needs no answer."""
 
     request: _Part
+    server: int
     response: _Part | None = None
     missed: bool = False
+
+    @property
+    def waits(self) -> bool:
+        """Return whether its silence may be reported."""
+        one = self.request
+        return one.whole and self.response is None and not self.missed and one.t_end != NO_TIME
 
 
 @dataclass(slots=True)
@@ -86,8 +94,9 @@ class Services(Rule):
         self._held: set[_Link] = set()
         self._nodes = HeardNodes(_GONE)
         self._now = NO_TIME
+        self._missed: list[_Call] = []  # with this batch
 
-    def feed(self, view: View) -> Iterator[Occurrence]:
+    def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield calls of this batch, and those whose time is over."""
         self._note_held(view)
         self._nodes.feed(view.frames)
@@ -105,8 +114,7 @@ class Services(Rule):
             self._now, (kind, at, end, bus, code, priority, transfer_id, status) = latest, cells
             frames = tuple(t.frames(row))
             part = _Part(
-                frames, kind, at, end, bus, src, view.type_name(code), priority, transfer_id, status in _WHOLE,
-                view.lines(frames),
+                frames, kind, at, end, bus, src, code, priority, transfer_id, status in _WHOLE, view.lines(frames),
             )  # fmt: skip
             client, server = (src, dst) if kind == REQUEST else (dst, src)
             link = (bus, type_id, client, server)
@@ -123,11 +131,13 @@ class Services(Rule):
         self._now = int(now[-1])
         for link, talk in self._talks.items():
             yield from self._release(talk, link, view)
+        yield from self._unanswered()
 
-    def finish(self, view: View) -> Iterator[Occurrence]:
+    def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what the end of the capture leaves open."""
         for talk in self._talks.values():
             yield from self._settled(talk, view)
+        yield from self._unanswered()
 
     def _note_held(self, view: View) -> None:
         """Note links with frames that look like a response, whether or not that is out yet."""
@@ -146,25 +156,24 @@ class Services(Rule):
         until = self._now - LATE
         while talk.waiting and talk.waiting[0].t < until:
             yield from self._next(talk, talk.waiting.pop(0), view)
-        for key, call in list(talk.calls.items()):
-            yield from self._judged(talk, call, until, view)
-            if until - call.request.t > OPEN:
-                del talk.calls[key]
+        for call in talk.calls.values():
+            self._judge(call, until, view)
+        talk.calls = {key: call for key, call in talk.calls.items() if until - call.request.t <= OPEN}
 
     def _settled(self, talk: _Talk, view: View) -> Iterator[Occurrence]:
         """Yield all that waits, and what is still open at the end."""
         for part in talk.waiting:
             yield from self._next(talk, part, view)
         for call in talk.calls.values():
-            yield from self._judged(talk, call, view.end, view)
+            self._judge(call, view.end, view)
 
     def _next(self, talk: _Talk, part: _Part, view: View) -> Iterator[Occurrence]:
         """Take the next transfer in the order of the capture."""
         call = talk.calls.get(part.transfer_id)
         if part.kind == REQUEST:
             if call is not None:
-                yield from self._judged(talk, call, part.t, view)
-            talk.calls[part.transfer_id] = _Call(part)
+                self._judge(call, part.t, view)
+            talk.calls[part.transfer_id] = _Call(part, talk.server)
         elif part.whole:
             yield from self._answer(talk, call, part, view)
 
@@ -174,33 +183,48 @@ class Services(Rule):
             early = part.t == NO_TIME or part.t - begun < OPEN
             if early and view.cut_in:
                 return
-            stray = _about("TRF-021", part, {"transfer_id": part.transfer_id, "dst": talk.client})
+            stray = _about(view, "TRF-021", part, {"transfer_id": part.transfer_id, "dst": talk.client})
             yield replace(stray, severity="note" if early else None, drops=True, since=part.t - OPEN)
             return
         request = call.request
         timed = NO_TIME not in (part.t_end, request.t_end)
         delay = part.t_end - request.t_end if timed else 0
         if call.response is None:
-            yield from self._judged(talk, call, part.t_end, view)
+            self._judge(call, part.t_end, view)
             call.response = part
             if delay > SLOW:
-                yield _about("TRF-023", part, {"seconds": delay / SECOND}, request)
+                yield _about(view, "TRF-023", part, {"seconds": delay / SECOND}, request)
         else:
-            yield _about("TRF-024", part, {"transfer_id": part.transfer_id}, call.response)
+            yield _about(view, "TRF-024", part, {"transfer_id": part.transfer_id}, call.response)
         if part.priority != request.priority:
             values = {"expected": request.priority, "priority": part.priority}
-            yield _about("TRF-025", part, values, request)
+            yield _about(view, "TRF-025", part, values, request)
 
-    def _judged(self, talk: _Talk, call: _Call, now: int, view: View) -> Iterator[Occurrence]:
-        """Report a call once that `now` has waited too long; its answer may have come in a gap."""
+    def _judge(self, call: _Call, now: int, view: View) -> None:
+        """Note a call once that `now` has waited too long; its answer may have come in a gap."""
+        if not call.waits or now == NO_TIME:
+            return
         request = call.request
-        if request.whole and call.response is None and not call.missed and NO_TIME not in (now, request.t_end):
-            call.missed = now - request.t_end > ANSWER
+        call.missed = now - request.t_end > ANSWER
+        if call.missed:
             until = request.t_end + ANSWER
-            gone = self._nodes.silent(request.bus, talk.server, until, view.end)
-            if call.missed and not gone and not view.paused(request.t_end, until):
-                silent = _about("TRF-022", request, {"dst": talk.server, "limit_s": ANSWER / SECOND})
-                yield replace(silent, drops=True, until=until)
+            gone = self._nodes.silent(request.bus, call.server, until, view.end)
+            if not gone and not view.paused(request.t_end, until):
+                self._missed.append(call)
+
+    def _unanswered(self) -> Iterator[Occurrences]:
+        """Report the calls that were noted."""
+        if not self._missed:
+            return
+        missed, self._missed = self._missed, []
+        parts = [call.request for call in missed]
+        cells = [(one.t, one.bus, one.node or NOBODY, one.code, one.frames[0], one.t_end + ANSWER) for one in parts]
+        t, bus, node, code, frame, until = np.array(cells, np.int64).T
+        yield Occurrences(
+            rule="TRF-022", t=t, bus=bus, node=node, type=code, frame=frame,
+            values=lambda k: {"dst": missed[k].server, "limit_s": ANSWER / SECOND},
+            frames=lambda k: parts[k].frames, drops=True, until=until, each_named=True, lines=lambda k: parts[k].lines,
+        )  # fmt: skip
 
 
 def _first_heard(who: Array) -> list[tuple[int, int]]:
@@ -210,9 +234,10 @@ def _first_heard(who: Array) -> list[tuple[int, int]]:
     return sorted(zip(rows.tolist(), who[rows].tolist(), strict=True), reverse=True)
 
 
-def _about(rule: str, part: _Part, values: Values, other: _Part | None = None) -> Occurrence:
+def _about(view: View, rule: str, part: _Part, values: Values, other: _Part | None = None) -> Occurrence:
     """Return one breach, with the transfer it is compared with behind it."""
     frames, lines = part.frames, part.lines
     if other is not None:
         frames, lines = (*frames, *other.frames), (*lines, *other.lines)
-    return Occurrence(rule, part.t, part.bus, part.node or None, part.type, frames, values, lines=lines)
+    type_ = view.type_name(part.code)
+    return Occurrence(rule, part.t, part.bus, part.node or None, type_, frames, values, lines=lines)

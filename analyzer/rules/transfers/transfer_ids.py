@@ -17,7 +17,6 @@ from analyzer.rules.counters.id_node import IdNode
 from analyzer.rules.counters.id_steps import LATE, id_steps, odd_rows
 from analyzer.rules.counters.orphan_frames import OrphanFrames
 from analyzer.rules.counters.sent_messages import SentMessages
-from analyzer.rules.counters.session_starts import LatestFrames
 from dissectors.kit import NO_TIME, Rule, groups
 
 if TYPE_CHECKING:
@@ -35,19 +34,17 @@ class TransferIds(Rule):
     def __init__(self) -> None:
         self._nodes: dict[tuple[int, int], IdNode] = {}
         self._orphans = OrphanFrames()
-        self._frames = LatestFrames()
 
     def feed(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield breaches that are explained, or that nothing explains."""
         self._orphans.feed(view)
-        self._frames.feed(view)
         t = view.transfers
         steps = _by_node(id_steps(view, odd_rows(t), self._orphans), t)
         uptimes = _uptimes(view)
         others = (key for key, node in self._nodes.items() if node.shared is not None)
         for key in dict.fromkeys((*steps, *uptimes, *others)):
             node = self._nodes.setdefault(key, IdNode(*key))
-            sent = SentMessages(t, uptimes.get(key, ()), self._frames)
+            sent = SentMessages(t, uptimes.get(key, ()))
             if key in steps:
                 yield from node.feed(steps[key], view, sent)
             sent.run(node, len(t))

@@ -67,7 +67,7 @@ class UnassignedFrames(Rule):
         ready = [self._corrected(view)]
         if self._follow(view):
             ready.append(self._let_go(self._certain(self._held.frames.session)))
-        yield from self._report(view, _Held.joined(ready))
+        yield from self._report(_Held.joined(ready))
         yield from self._new(view)
         yield from self._out_of_order.feed(view)
 
@@ -84,15 +84,15 @@ class UnassignedFrames(Rule):
         frames = LooseFrames.of(view, rows, session)
         new = _Held(frames, _kinds(view, frames, f.anomaly[rows]))
         certain = self._certain(session)
-        yield from self._report(view, new.take(certain))
+        yield from self._report(new.take(certain))
         self._held = _Held.joined((self._held, new.take(~certain)))
         over = len(self._held.kinds) - MOST_HELD
         if over > 0:
-            yield from self._report(view, self._let_go(np.arange(len(self._held.kinds)) < over))
+            yield from self._report(self._let_go(np.arange(len(self._held.kinds)) < over))
 
     def finish(self, view: View) -> Iterator[Occurrences | Occurrence]:
         """Yield what nobody has called foreign."""
-        yield from self._report(view, self._held)
+        yield from self._report(self._held)
         yield from self._out_of_order.finish(view)
 
     def _follow(self, view: View) -> bool:
@@ -142,15 +142,13 @@ class UnassignedFrames(Rule):
         for k in np.flatnonzero(~lines.astype(bool)).tolist():
             lines[k] = view.lines((numbers.item(k),))
 
-    def _report(self, view: View, held: _Held) -> Iterator[Occurrences | Occurrence]:
+    def _report(self, held: _Held) -> Iterator[Occurrences]:
         frames = held.frames
         if not len(frames.number):
             return
         gone = frames.lines.astype(bool)
-        for row in np.flatnonzero(gone).tolist():
-            for kind in (kind for k, kind in enumerate(_KINDS) if held.kinds.item(row) >> k & 1):
-                yield frames.breach(row, kind.rule, view, kind.values(frames.form(row)), kind.severity)
-        each = [(kind, np.flatnonzero(~gone & (held.kinds >> k & 1 == 1))) for k, kind in enumerate(_KINDS)]
+        of_kind = [(kind, held.kinds >> k & 1 == 1) for k, kind in enumerate(_KINDS)]
+        each = [(kind, np.flatnonzero(mask & now)) for kind, mask in of_kind for now in (~gone, gone)]
         for kind, rows in sorted((one for one in each if len(one[1])), key=lambda one: one[1].item(0)):
             some = frames.take(rows)
             yield some.breaches(kind.rule, partial(_values_of, kind, some), severity=kind.severity)

@@ -3,8 +3,10 @@
 
 use std::collections::HashMap;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use super::Part;
+use crate::evidence::Frame;
 
 /// Bits of an identifier that tell sessions apart: all but the priority.
 pub const SESSION: u32 = 0xFF_FFFF;
@@ -24,10 +26,16 @@ pub struct Columns {
     pub data: Vec<u8>,
 }
 
-/// These, and their rows in the order of sessions.
+/// These, and their rows in the order of sessions, once somebody asks.
 #[derive(Debug)]
 pub struct Index {
     columns: Columns,
+    sessions: OnceLock<Sessions>,
+}
+
+/// Rows in the order of sessions, and where each of these stands.
+#[derive(Debug)]
+struct Sessions {
     order: Vec<u32>,
     places: HashMap<u32, Range<u32>>,
 }
@@ -47,36 +55,49 @@ impl Index {
         if !same || !whole || u32::try_from(rows).is_err() {
             return None;
         }
-        let mut places: HashMap<u32, Range<u32>> = HashMap::new();
-        let key = |row: usize| key(columns.bus[row], columns.id[row]);
-        for row in 0..rows {
-            places.entry(key(row)).or_insert(0..0).end += 1;
-        }
-        let mut begin = 0;
-        for place in places.values_mut() {
-            let count = place.end;
-            *place = begin..begin;
-            begin += count;
-        }
-        let mut order = vec![0; rows];
-        for row in 0..rows {
-            if let Some(place) = places.get_mut(&key(row)) {
-                order[place.end as usize] = row as u32;
-                place.end += 1;
-            }
-        }
-        Some(Index { columns, order, places })
+        Some(Index {
+            columns,
+            sessions: OnceLock::new(),
+        })
     }
 
-    fn range(&self) -> Range<u64> {
+    /// The cells of a frame as a line of candump has them; None for one that is not there.
+    pub fn frame<'a>(&'a self, number: u64, buses: &'a [String]) -> Option<Frame<'a>> {
+        let row = usize::try_from(number.checked_sub(self.columns.first)?).ok()?;
+        let columns = &self.columns;
+        Some(Frame {
+            t: *columns.t.get(row)?,
+            bus: buses.get(usize::from(columns.bus[row]))?,
+            id: columns.id[row],
+            flags: columns.flags[row],
+            data: &columns.data[columns.offsets[row] as usize..columns.offsets[row + 1] as usize],
+        })
+    }
+
+    /// The numbers of its frames.
+    pub fn range(&self) -> Range<u64> {
         self.columns.first..self.columns.first + self.columns.t.len() as u64
     }
 
     /// Rows of a session, in order.
     fn rows(&self, key: u32) -> &[u32] {
-        self.places
-            .get(&key)
-            .map_or(&[], |place| &self.order[place.start as usize..place.end as usize])
+        let sessions = self.sessions.get_or_init(|| Sessions::of(&self.columns));
+        let place = sessions.places.get(&key);
+        place.map_or(&[], |place| &sessions.order[place.start as usize..place.end as usize])
+    }
+
+    /// The data frames of a session from a number on.
+    pub fn since(&self, key: u32, number: u64) -> impl Iterator<Item = Part<'_>> {
+        let rows = self.between(key, &(number..u64::MAX)).iter().map(|&row| row as usize);
+        rows.filter(|&row| self.is_plain(row)).filter_map(|row| self.part(row))
+    }
+
+    /// Rows of a session with numbers in a range, whatever they are.
+    pub fn between(&self, key: u32, range: &Range<u64>) -> &[u32] {
+        let rows = self.rows(key);
+        let begin = rows.partition_point(|&row| self.columns.first + u64::from(row) < range.start);
+        let end = rows.partition_point(|&row| self.columns.first + u64::from(row) < range.end);
+        &rows[begin..end.max(begin)]
     }
 
     /// The frame in a row, None without a tail byte.
@@ -97,7 +118,47 @@ impl Index {
     }
 }
 
-fn key(bus: u8, id: u32) -> u32 {
+impl Sessions {
+    fn of(columns: &Columns) -> Self {
+        let rows = columns.t.len();
+        let mut groups: HashMap<u32, u32> = HashMap::new();
+        let mut counts: Vec<u32> = vec![];
+        let mut group_of = Vec::with_capacity(rows);
+        let mut last = (0, None);
+        for row in 0..rows {
+            let key = key(columns.bus[row], columns.id[row]);
+            let group = match last {
+                (same, Some(group)) if same == key => group,
+                _ => *groups.entry(key).or_insert(counts.len() as u32),
+            };
+            last = (key, Some(group));
+            if group as usize == counts.len() {
+                counts.push(0);
+            }
+            counts[group as usize] += 1;
+            group_of.push(group);
+        }
+        let mut begin = 0;
+        let begins = counts.iter().map(|count| {
+            begin += count;
+            begin - count
+        });
+        let begins: Vec<u32> = begins.collect();
+        let mut order = vec![0; rows];
+        let mut ends = begins.clone();
+        for (row, &group) in (0..).zip(&group_of) {
+            let end = &mut ends[group as usize];
+            order[*end as usize] = row;
+            *end += 1;
+        }
+        let place = |(key, group)| (key, begins[group as usize]..ends[group as usize]);
+        let places = groups.into_iter().map(place).collect();
+        Sessions { order, places }
+    }
+}
+
+/// What the frames of a session have in common.
+pub fn key(bus: u8, id: u32) -> u32 {
     u32::from(bus) << 24 | id & SESSION
 }
 
@@ -130,15 +191,13 @@ impl<'a> Frames<'a> {
         let mut left = most;
         let within = |index: &&&Index| index.range().start < range.end && range.start < index.range().end;
         let mut add = |index: &'a Index| {
-            let rows = index.rows(key);
-            let begin = rows.partition_point(|&row| index.columns.first + u64::from(row) < range.start);
-            let end = rows.partition_point(|&row| index.columns.first + u64::from(row) < range.end);
-            let count = left.min(end - begin);
+            let rows = index.between(key, range);
+            let count = left.min(rows.len());
             left -= count;
             let some = if last {
-                &rows[end - count..end]
+                &rows[rows.len() - count..]
             } else {
-                &rows[begin..begin + count]
+                &rows[..count]
             };
             let plain = some.iter().map(|&row| row as usize).filter(|&row| index.is_plain(row));
             found.extend(plain.filter_map(|row| index.part(row)));

@@ -5,8 +5,10 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
-use crate::diagnosis::index::{Columns, Frames, Index};
+use crate::diagnosis::index::{key, Columns, Frames, Index};
+use crate::diagnosis::misnumbered::{meant, meant_before};
 use crate::diagnosis::questions::{ask, Found, Question};
+use crate::diagnosis::starts::{Latest, Starts};
 use crate::diagnosis::Known;
 
 /// Questions in the order of their numbers.
@@ -54,9 +56,71 @@ impl FrameIndex {
             .ok_or_else(|| PyValueError::new_err("columns that do not fit together"))
     }
 
+    /// Some frames as `candump -l` writes them, without those that are not there; `buses` are names.
+    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    fn lines(&self, numbers: Vec<u64>, buses: Vec<String>) -> Vec<String> {
+        let frames = numbers.iter().filter_map(|&number| self.0.frame(number, &buses));
+        frames.map(|frame| frame.line()).collect()
+    }
+
+    /// The numbers of the frames of a session from `low` to before `high`.
+    fn numbers(&self, low: u64, high: u64, bus: u8, session: u32) -> Vec<u64> {
+        let rows = self.0.between(key(bus, session), &(low..high));
+        rows.iter().map(|&row| self.0.range().start + u64::from(row)).collect()
+    }
+
     /// Shares it: it never changes.
     fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
         slf
+    }
+}
+
+/// Number, time, the ID before, its own, the time of that one, and whether it may only begin that one again.
+type Odd = (u64, i64, u8, u8, i64, bool);
+
+/// The starts of transfers in a session whose ID does not follow that of the one before.
+#[pyclass]
+#[derive(Clone)]
+pub struct SessionStarts(Starts);
+
+#[pymethods]
+impl SessionStarts {
+    /// Begins behind a frame that is a start with an ID, at a time; `data` is its data field.
+    #[new]
+    fn new(bus: u8, session: u32, number: u64, id: u8, t: i64, data: &[u8]) -> PyResult<Self> {
+        let Some((&tail, body)) = data.split_last() else {
+            return Err(PyValueError::new_err("a start without a tail byte"));
+        };
+        let latest = Latest {
+            id,
+            t,
+            tail,
+            body: body.to_vec(),
+            ended: tail & 0x40 != 0,
+        };
+        Ok(SessionStarts(Starts::new(key(bus, session), number + 1, latest)))
+    }
+
+    /// The first frame that was not read yet.
+    #[getter]
+    fn unread(&self) -> u64 {
+        self.0.next()
+    }
+
+    /// Reads what is new in a batch.
+    fn read(&mut self, index: &Bound<'_, FrameIndex>) {
+        self.0.read(&index.get().0);
+    }
+
+    /// The next one up to a frame.
+    fn next(&mut self, number: u64) -> Option<Odd> {
+        let one = self.0.pop(number)?;
+        Some((one.number, one.t, one.before, one.id, one.since, one.again))
+    }
+
+    /// Another one that grows apart from this.
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
     }
 }
 
@@ -125,6 +189,56 @@ pub fn diagnose<'py>(
         lists_of(py, found.iter().map(|one| &one.cause.numbers[..]))?,
         lists_of(py, found.iter().map(|one| &one.evidence[..]))?,
     ))
+}
+
+/// First frames of transfers: their numbers, their types, and whether the ID of that, or of the one before, is asked for.
+#[derive(FromPyObject)]
+pub struct Firsts {
+    #[pyo3(item(0))]
+    numbers: PyBuffer<u64>,
+    #[pyo3(item(1))]
+    types: PyBuffer<u32>,
+    #[pyo3(item(2))]
+    own: PyBuffer<u8>,
+    #[pyo3(item(3))]
+    before: PyBuffer<u8>,
+}
+
+/// The transfer IDs that were meant by first frames, and by those before them in their sessions: i8, -1 for what they say.
+///
+/// `types` are known start values of the CRC. An error if a type is not there, or columns do not fit together.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+pub fn misnumbered<'py>(
+    py: Python<'py>,
+    batches: Vec<Bound<'py, FrameIndex>>,
+    types: Vec<Vec<u16>>,
+    asked: Firsts,
+) -> PyResult<(Column<'py>, Column<'py>)> {
+    let known = |starts| Known { starts, size: None };
+    let types: Vec<Known> = types.into_iter().map(known).collect();
+    let batches: Vec<&Index> = batches.iter().map(|batch| &batch.get().0).collect();
+    let (numbers, which) = (asked.numbers.to_vec(py)?, asked.types.to_vec(py)?);
+    let (own, before) = (asked.own.to_vec(py)?, asked.before.to_vec(py)?);
+    let same = [which.len(), own.len(), before.len()] == [numbers.len(); 3];
+    let frames = Frames(&batches);
+    let found: Option<Vec<(i8, i8)>> = py.detach(|| {
+        let rows = numbers.iter().zip(&which).zip(own.iter().zip(&before));
+        let answer = |((&number, &which), (&own, &before)): ((&u64, &u32), (&u8, &u8))| {
+            let known = types.get(which as usize)?;
+            let own = (own != 0).then(|| meant(frames, number, known)).flatten();
+            let before = (before != 0).then(|| meant_before(frames, number, known)).flatten();
+            let cell = |id: Option<u8>| id.map_or(-1, |id| id as i8);
+            Some((cell(own), cell(before)))
+        };
+        rows.map(answer).collect()
+    });
+    let found = found.filter(|_| same);
+    let (own, before): (Vec<i8>, Vec<i8>) = found
+        .ok_or_else(|| PyValueError::new_err("questions that do not fit together"))?
+        .into_iter()
+        .unzip();
+    Ok((Cells::own(py, own)?, Cells::own(py, before)?))
 }
 
 /// Where each list begins, and one more, i64; and all of their numbers, u64.

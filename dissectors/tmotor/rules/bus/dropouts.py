@@ -76,13 +76,8 @@ class Dropouts(Rule):
         self._note_rates(view)
         self._malformed.feed(view, least)
         table = view.table("ESCStatus")
-        for unit, rows in units(view).items():
-            if table is None or (unit not in self._heard and len(self._heard) >= MOST_UNITS):
-                continue
-            if unit not in self._heard:
-                periods, fewest = (view.number("BUS-025", name) for name in ("periods", "min_reports"))
-                self._heard[unit] = _Heard(PacedReports(least, periods, int(fewest)))
-            self._breaks(view, unit, table, rows)
+        if table is not None:
+            self._breaks(view, table, least)
         yield from self._judge(view, view.end)
 
     def finish(self, view: View) -> Iterable[Occurrences | Occurrence]:
@@ -94,14 +89,27 @@ class Dropouts(Rule):
                     self._doubts.append(_Doubt(unit, found, heard.evidence))
         yield from self._judge(view, None)
 
-    def _breaks(self, view: View, unit: ReportingEsc, table: DecodedTable, rows: Array) -> None:
-        heard = self._heard[unit]
-        for found in heard.pace.feed(table.t[rows], self._malformed.lost(unit, table.row[rows])):
-            row = int(rows[found.at]) if found.at >= 0 else -1
-            evidence = heard.evidence if row < 0 else _evidence(view, table, row)
-            if len(self._doubts) < MOST_UNITS:
-                self._doubts.append(_Doubt(unit, found, evidence))
-        heard.evidence = _evidence(view, table, int(rows[-1]))
+    def _breaks(self, view: View, table: DecodedTable, least: int) -> None:
+        """Note times without reports of each ESC."""
+        reports: dict[ReportingEsc, Array] = {}
+        for unit, rows in units(view).items():
+            if unit not in self._heard and len(self._heard) < MOST_UNITS:
+                periods, fewest = (view.number("BUS-025", name) for name in ("periods", "min_reports"))
+                self._heard[unit] = _Heard(PacedReports(least, periods, int(fewest)))
+            if unit in self._heard:
+                reports[unit] = rows
+        paces = [self._heard[unit].pace for unit in reports]
+        times = [table.t[rows] for rows in reports.values()]
+        lost = [self._malformed.lost(unit, table.row[rows]) for unit, rows in reports.items()]
+        breaks = PacedReports.feed_all(paces, times, lost)
+        for (unit, rows), some in zip(reports.items(), breaks, strict=True):
+            heard = self._heard[unit]
+            for found in some:
+                row = int(rows[found.at]) if found.at >= 0 else -1
+                evidence = heard.evidence if row < 0 else _evidence(view, table, row)
+                if len(self._doubts) < MOST_UNITS:
+                    self._doubts.append(_Doubt(unit, found, evidence))
+            heard.evidence = _evidence(view, table, int(rows[-1]))
 
     def _note_rates(self, view: View) -> None:
         """Note new report rates."""

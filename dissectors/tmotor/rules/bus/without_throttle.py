@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from functools import cached_property, partial
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,13 +11,14 @@ import numpy as np
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Pauses, Rule, breach
 from dissectors.records import dataclass, field, replace
 from dissectors.tmotor.rules.joined.driven import DrivenUnits, PwmPriority
-from dissectors.tmotor.rules.joined.hold import STILL, Hold, Sample, Samples
+from dissectors.tmotor.rules.joined.hold import STILL, Hold, Samples
 from dissectors.tmotor.rules.joined.joins import FULL_THROTTLE, MOST_UNITS, NO_CHANNEL, ReportingEsc, commands, fresh
 from dissectors.tmotor.rules.joined.speed_reports import SpeedReporters
+from dissectors.tmotor.rules.joined.throttle_losses import RECENT, Losses, ToldLosses, opened, told_later
 from dissectors.tmotor.rules.joined.valid_throttle import LastThrottle, ValidThrottle
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
 
     from dissectors.kit import Array, Occurrence, Occurrences, Values, View
     from dissectors.tmotor.rules.joined.joins import Commands
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 _COAST_DOWN, _FOLDS = 5, (7, 8)  # operating modes that turn without throttle
 _TAIL = 150 * MILLISECOND  # reports that are kept beyond the timeout, to see what was before a loss
-_CLOSE = 64  # reports before a loss among which the last one with throttle is, mostly
-_RECENT = 6  # reports that show how often an ESC reports; a bus is silent if it misses two of them
 _HALF = 0.5  # of its speed: without drive a propeller is slower by then; of its current: wind draws none
 # A PWM width stands for so much throttle, in us: UAV, spraying drone (4.4.1 explanation 5).
 _WIDTHS, _RANGE = (1040.0, 1050.0), 900.0
@@ -105,7 +103,10 @@ class WithoutThrottle(Rule):
         """Yield losses that last to the end."""
         del view
         for track in self._tracks.values():
-            yield from self._close(track, 1 << 62, "to the end of the recording")
+            hold = track.hold
+            if hold is not None and not isinstance(hold.place, int | None) and not hold.rests:
+                course = hold.course("to the end of the recording", _taken(track.pwm(hold.since, 1 << 62)))
+                yield told_later(hold, hold.place, course)
 
     def _at(self, bus: int, channel: int, number: Array, now: Mapping[int, Commands]) -> LastThrottle:
         return self._throttles.get(bus, ValidThrottle()).at(now.get(bus), channel, number)
@@ -146,62 +147,44 @@ class WithoutThrottle(Rule):
         track, sent = self._tracks[unit], now.get(unit.bus)
         new = Samples(some.t, some.rpm, some.pct, some.current)
         whole = new if track.tail is None else track.tail.joined(new)
-        known = len(whole.t) - len(new.t)
         told = np.logical_or.accumulate(np.concatenate(([track.tells], new.pct > 0)))[1:]
         steady = self._throttles.get(unit.bus, ValidThrottle()).steady
         if track.hold is not None or not steady(sent, unit.index, int(some.t[-1]), self._timeout):
             throttle = self._at(unit.bus, unit.index, some.number, now)
-            motor = _Motor(self, view, unit, some, throttle, told, now)
             lost = (throttle.t != NO_TIME) & ~fresh(some.t, throttle.t, self._timeout)
-            edges = np.flatnonzero((lost[1:] != lost[:-1]) | (throttle.t[1:] != throttle.t[:-1])) + 1
-            looked = lost.any() or track.hold is not None
-            each = whole.each() if looked else []
-            for first, stop in pairwise([0, *edges.tolist(), len(lost)]) if looked else ():
-                since = throttle.t.item(first)
-                if track.hold is not None and (not lost[first] or since != track.hold.since):
-                    yield from self._close(track, some.number.item(first), "until throttle came back")
-                if not lost[first]:
-                    continue
-                if track.hold is None:
-                    place = partial(
-                        breach, view, some.table, some.rows.item(first), "BUS-017", {"channel": unit.index + 1},
-                        drops=True, since=since,
-                    )  # fmt: skip
-                    track.hold = _opened(whole.t, each, known + first, since, place)
-                    if not self.heard(unit.bus, track.hold, each[known + first].t, self._timeout + 1):
-                        track.hold.place = None
-                track.hold.feed(each[known + first : known + stop])
-                if track.hold.still != NO_TIME:
-                    yield from self._tell(track, some.number.item(stop - 1), "")
-                motor.turns_on(track, first, stop)
-            yield from motor.found()
-        if track.hold is not None and track.hold.place is not None:
-            found = track.hold.place()
-            if not found.lines:  # told with a later batch, if at all
-                track.hold.place = partial(replace, found, lines=view.lines(found.frames))
+            if lost.any() or track.hold is not None:
+                losses = Losses(self._pauses or Pauses(self._timeout), unit.bus, whole.t, lost, throttle.t, track.hold)
+                motor = _Motor(self, view, unit, some, throttle, told, now, losses)
+                yield from self._lose(track, motor, losses, whole)
         track.tells = bool(told[-1])
         recent = whole.t >= int(whole.t[-1]) - self._timeout - _TAIL
-        recent[-_RECENT:] = True
+        recent[-RECENT:] = True
         track.tail = Samples(*(column[recent].copy() for column in whole))
 
-    def _close(self, track: _Track, number: int, end: str) -> Iterator[Occurrence]:
-        """End a loss, and tell what is not told."""
-        yield from self._tell(track, number, end)
-        track.hold = None
-
-    def _tell(self, track: _Track, number: int, end: str) -> Iterator[Occurrence]:
-        """Tell a loss, if it is not told yet and there was something to hold."""
-        hold = track.hold
-        if hold is not None and hold.place is not None:
-            place, hold.place = hold.place, None
-            if not hold.rests:
-                found, course = place(), hold.course(end, _taken(track.pwm(hold.since, number)))
-                yield replace(found, values={**found.values, "course": course}, until=max(hold.last.t, found.t))
-
-    def heard(self, bus: int, hold: Hold, t: int, least: int) -> bool:
-        """Return whether a loss has lasted so many ns without the time in which nobody was heard."""
-        spare = t - hold.since - least
-        return spare >= 0 and not (self._pauses and self._pauses.last_for(spare + 1, bus, hold.since, t, hold.spare))
+    def _lose(self, track: _Track, motor: _Motor, losses: Losses, whole: Samples) -> Iterator[Occurrences | Occurrence]:
+        """Follow the losses of an ESC; `whole` are its reports, and those before them."""
+        told = ToldLosses(motor.view, motor.unit, motor.some)
+        each, known = whole.each(), len(whole.t) - len(losses.lost)
+        number = motor.some.number
+        for first, stop, since, spare, heard in losses.stretches(self._timeout + 1):
+            if track.hold is not None and (not losses.lost[first] or since != track.hold.since):
+                taken = _taken(track.pwm(track.hold.since, number.item(first)))
+                yield from told.tell(track.hold, partial(track.hold.course, "until throttle came back", taken))
+                track.hold = None
+            if not losses.lost[first]:
+                continue
+            if track.hold is None:
+                track.hold = opened(whole.t, each, known + first, since, spare)
+                track.hold.place = first if heard else None
+            track.hold.feed(each[known + first : known + stop])
+            if track.hold.still != NO_TIME and track.hold.place is not None:
+                course = track.hold.course("", _taken(track.pwm(since, number.item(stop - 1))))
+                yield from told.tell(track.hold, partial(str, course))
+            motor.turns_on(track, first, stop)
+        yield from motor.found()
+        yield from told.occurrences()
+        if track.hold is not None and isinstance(track.hold.place, int):
+            track.hold.place = told.kept(track.hold.place, track.hold.since)
 
     def excused(self, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, Commands]) -> Array:
         """Return a mask of reports of an ESC that something else drives, or that folds or coasts down."""
@@ -231,25 +214,31 @@ class _Motor:
 
     def __init__(
         self, rule: WithoutThrottle, view: View, unit: ReportingEsc, some: SpeedReports, throttle: LastThrottle,
-        told: Array, now: Mapping[int, Commands],
+        told: Array, now: Mapping[int, Commands], losses: Losses,
     ) -> None:  # fmt: skip
-        self._rule, self._view, self._unit, self._some = rule, view, unit, some
-        self._throttle, self._told, self._now = throttle, told, now
+        self.view, self.unit, self.some = view, unit, some
+        self._rule, self._throttle, self._told, self._now, self._losses = rule, throttle, told, now, losses
         self._alone: list[int] = []
         self._doubtful: list[int] = []
         self._still = round(view.number("BUS-038", "still_s") * SECOND)
 
     @cached_property
     def _rpm(self) -> Array:
-        return np.abs(self._some.rpm)
+        return np.abs(self.some.rpm)
 
     @cached_property
     def _late(self) -> list[int]:
         """Reports behind the time in which an ESC may hold, of a motor that turns, and nothing excuses it."""
-        fast = self._rpm > self._view.number("BUS-038", "turning_rpm")
-        turns = fast & ~self._rule.excused(self._unit, self._some, self._now)
-        late: list[int] = np.flatnonzero(turns & (self._some.t - self._throttle.t >= self._still)).tolist()
+        fast = self._rpm > self.view.number("BUS-038", "turning_rpm")
+        turns = fast & self._losses.lost & ~self._rule.excused(self.unit, self.some, self._now)
+        late: list[int] = np.flatnonzero(turns & (self.some.t - self._throttle.t >= self._still)).tolist()
         return late
+
+    @cached_property
+    def _lasted(self) -> dict[int, bool]:
+        """Whether the loss has lasted as long by each of these."""
+        lasted = self._losses.lasted(np.array(self._late, np.int64), self._still)
+        return dict(zip(self._late, lasted.tolist(), strict=True))
 
     @cached_property
     def _negative(self) -> Array:
@@ -259,7 +248,7 @@ class _Motor:
 
     def turns_on(self, track: _Track, first: int, stop: int) -> None:
         """Look at some reports of a loss."""
-        hold, some = track.hold, self._some
+        hold, some = track.hold, self.some
         if hold is None or some.t.item(stop - 1) - hold.since < self._still:
             return
         late = self._late[bisect_left(self._late, first) : bisect_left(self._late, stop)]
@@ -267,18 +256,16 @@ class _Motor:
         for k in late:
             fast = speed > STILL and self._rpm.item(k) >= _HALF * speed
             draws = fast and (not self._told[k] or abs(some.current.item(k)) >= max(1.0, _HALF * amperes))
-            if not (some.pct.item(k) > 0 or draws or self._negative[k]) or not self._lasted(hold, some.t.item(k)):
+            if not (some.pct.item(k) > 0 or draws or self._negative[k]):
+                continue
+            hold.over = hold.over or self._lasted[k]
+            if not hold.over:
                 continue
             taken, lost = track.pwm(hold.since, some.number.item(k)), bool(some.lost[k])
             if taken is None or (lost and not taken.sure):  # what PWM drives has not lost its throttle
                 self._alone.append(k)
             elif not taken.sure:
                 self._doubtful.append(k)
-
-    def _lasted(self, hold: Hold, t: int) -> bool:
-        """Return whether a loss is that long, silence of the bus left out."""
-        hold.over = hold.over or self._rule.heard(self._unit.bus, hold, t, self._still)
-        return hold.over
 
     def found(self) -> Iterator[Occurrences]:
         """Yield what was found."""
@@ -288,7 +275,7 @@ class _Motor:
             yield replace(self._said(self._doubtful), severity="warning")
 
     def _said(self, at: list[int]) -> Occurrences:
-        some, throttle, channel = self._some, self._throttle, self._unit.index + 1
+        some, throttle, channel = self.some, self._throttle, self.unit.index + 1
         rows = some.rows[at]
         place = dict(zip(rows.tolist(), at, strict=True))
 
@@ -301,24 +288,10 @@ class _Motor:
                 "why": why, "seconds": (int(some.t[k]) - int(throttle.t[k])) / SECOND,
             }  # fmt: skip
 
-        return self._view.among_rows(
+        return self.view.among_rows(
             "BUS-038", some.table, rows, values, drops=True, since=throttle.t[at],
             worst={"rpm": ("strongest", some.rpm[at])}, rises=np.zeros(len(at), bool),
         )  # fmt: skip
-
-
-def _opened(t: Array, each: Sequence[Sample], at: int, since: int, place: Callable[[], Occurrence]) -> Hold:
-    """Return a loss that begins with the report `at`; those since the last throttle belong to it."""
-    base = next((k for k in range(at - 1, max(at - _CLOSE, 0) - 1, -1) if each[k].t <= since), -1)
-    if base < 0:
-        before = np.flatnonzero(t[:at] <= since)
-        base = before.item(-1) if len(before) else 0
-    last = [one.t for one in each[max(at - _RECENT, 0) : at]]
-    apart = sorted(after - one for one, after in pairwise(last))
-    spare = 2 * int((apart[len(apart) // 2] + apart[(len(apart) - 1) // 2]) / 2) if apart else 0
-    hold = Hold(since, each[base], spare, place)
-    hold.feed(each[base + 1 : at])
-    return hold
 
 
 def _taken(one: _Takeover | None) -> str:

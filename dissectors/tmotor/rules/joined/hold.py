@@ -10,7 +10,7 @@ from dissectors.kit import MILLISECOND, NO_TIME, SECOND
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from dissectors.kit import Array, Occurrence
 
@@ -52,13 +52,14 @@ class Hold:
     `since` is the time of the last valid throttle, `base` the last report before. A silence of the bus that is longer
     than `spare` is none of the ESC's. What it had is `gone` with the first report of zero throttle (at a lower speed if
     it tells no throttle), `had` is the time of the report before; `still` is when it stands. `place` says
-    where it is told, once; None: it is told, or is not worth that.
+    where it is told, once: at a report of this batch, or as what it was in its own; None: it is told, or is not worth
+    that.
     """
 
     since: int
     base: Sample
     spare: int
-    place: Callable[[], Occurrence] | None
+    place: int | Occurrence | None = None
     had: int = NO_TIME
     gone: int = NO_TIME
     still: int = NO_TIME

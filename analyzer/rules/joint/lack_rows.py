@@ -1,0 +1,116 @@
+"""Where frames of senders are missing, in columns: a bus full of faults has very many such places."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from dissectors.kit import MILLISECOND, by_key
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dissectors.kit import Array
+
+_SWAPPED = 100 * MILLISECOND  # within which a frame that was overtaken is still to come
+
+
+class LackRows(NamedTuple):
+    """Frames of a session are missing between two of its frames, a row each: their numbers, times and places.
+
+    `session` is a `Session.code`. A place counts the frames of the bus that have a sender and a time. `tail` is what
+    the second frame has in its tail byte, `wanted` what it should have, `window` how far joint ones are apart at most,
+    in ns, `left` the frame at which the session left off where it goes on now, or -1. `void` says that nothing is
+    missing: frames only came in another order.
+    """
+
+    session: Array
+    node: Array
+    number: Array
+    behind: Array
+    since: Array
+    until: Array
+    place: Array
+    place_behind: Array
+    tail: Array
+    wanted: Array
+    window: Array
+    left: Array
+    void: Array
+
+    @classmethod
+    def none(cls) -> LackRows:
+        """Return no rows."""
+        return cls._make(np.empty(0, bool if name == "void" else np.int64) for name in cls._fields)
+
+    @classmethod
+    def joined(cls, parts: Sequence[LackRows]) -> LackRows:
+        """Return several, one after the other."""
+        return parts[0] if len(parts) == 1 else cls(*map(np.concatenate, zip(cls.none(), *parts, strict=True)))
+
+    def take(self, rows: Array) -> LackRows:
+        """Return some of them."""
+        return LackRows(*(column[rows] for column in self))
+
+
+class LatestLack(NamedTuple):
+    """The latest one of a session: its second frame, and what of it decides about the next one."""
+
+    behind: int
+    until: int
+    wanted: int
+    void: bool
+
+
+_NONE = LatestLack(-1, 0, -1, void=False)
+
+
+def compared(new: LackRows, latest: dict[int, LatestLack]) -> tuple[LackRows, Array]:
+    """Take back what was missing if it comes now, and so what is odd about the frames around it.
+
+    Return the rows, and the second frames of those from before that are void now, too. `latest` are those of each
+    session, and become the last ones of these.
+    """
+    if not len(new.session):
+        return new, new.behind
+    order, first = by_key(new.session)
+    of = new.take(order)
+    each = of.session[first].tolist()
+    before = np.array([latest.get(session, _NONE) for session in each], np.int64).T
+    past = [np.roll(column, 1) for column in (of.behind, of.until, of.wanted)]
+    for column, known in zip(past, before[:3], strict=True):
+        column[first] = known
+    behind, until, wanted = past
+    returns = of.tail == wanted
+    swaps = returns & (of.until - until <= _SWAPPED)
+    goes_on = behind == of.number
+    was = before[3].astype(bool)
+    void = _in_turn(swaps, goes_on, first, was)
+    back = first[swaps[first] & ~was]
+    gone = behind[back]
+    also = np.append(swaps[1:], False)
+    also[first[1:] - 1] = False
+    last = np.append(first[1:], len(order)) - 1
+    columns = (column[last].tolist() for column in (of.behind, of.until, of.wanted, void))
+    latest.update(zip(each, map(LatestLack._make, zip(*columns, strict=True)), strict=True))
+    left, found = np.empty_like(behind), np.empty(len(order), bool)
+    left[order], found[order] = np.where(returns, behind, -1), void | also
+    return new._replace(left=left, void=found), gone
+
+
+def _in_turn(swaps: Array, goes_on: Array, first: Array, was: Array) -> Array:
+    """Return which are void, by what the one before each is: one that swaps if that is not, one that goes on if it is.
+
+    `first` is where sessions begin, and `was` says so of the ones before these.
+    """
+    turns = swaps & ~goes_on
+    settled = swaps == goes_on  # one way or the other
+    value = swaps & goes_on
+    settled[first] = True
+    value[first] = np.where(was, goes_on[first], swaps[first])
+    turns[first] = False
+    at = np.maximum.accumulate(np.where(settled, np.arange(len(swaps)), 0))
+    count = np.cumsum(turns)
+    found: Array = value[at] ^ ((count - count[at]) % 2 != 0)
+    return found
