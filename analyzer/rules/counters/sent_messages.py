@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections import deque
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -40,13 +40,22 @@ class Follower(Protocol):
         """Give up looking for a cause of what is held."""
 
 
+class Uptime(NamedTuple):
+    """An uptime that a node states: the row of the transfer, its time, seconds, its transfer ID."""
+
+    row: int
+    t: int
+    seconds: int
+    transfer_id: int
+
+
 class SentMessages:
     """The messages of a node in a batch, walked through while a shared counter may show.
 
-    `uptimes` are those in its NodeStatus by the row of the transfer.
+    `uptimes` are those in its NodeStatus.
     """
 
-    def __init__(self, transfers: TransferTable, uptimes: Sequence[tuple[int, int]]) -> None:
+    def __init__(self, transfers: TransferTable, uptimes: Sequence[Uptime]) -> None:
         self._t = transfers
         self._rows: list[int] | None = None
         self._breaks: list[int] = []  # places of messages that do not count on
@@ -55,25 +64,24 @@ class SentMessages:
 
     def tell(self, node: Follower, row: int) -> None:
         """Tell the uptimes before a row."""
-        while self._uptimes and self._uptimes[0][0] < row:
-            at, uptime = self._uptimes.popleft()
-            t = int(self._t.t[at])
+        while self._uptimes and self._uptimes[0].row < row:
+            _, t, uptime, transfer_id = self._uptimes.popleft()
             if node.held and t - node.last > LATE:
                 node.calm()
             node.wraps.status(t, uptime)
-            node.anew.uptimes.add(t, uptime, int(self._t.transfer_id[at]))
+            node.anew.uptimes.add(t, uptime, transfer_id)
 
     def until_silence(self, node: Follower, begin: int, end: int) -> int:
         """Return the step up to which no uptime is told long after a step."""
         steps = node.window.steps
         last = node.last
         k = begin
-        for at, _ in self._uptimes:
+        for at, t, _, _ in self._uptimes:
             behind = k + int(np.searchsorted(steps.row[k:end], at))
             if behind >= end:
                 break
             last = max(last, int(steps.t[k:behind].max(initial=last)))
-            if int(self._t.t[at]) - last > LATE:
+            if t - last > LATE:
                 return behind
             k = behind
         return end

@@ -16,7 +16,7 @@ from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.counters.id_node import IdNode
 from analyzer.rules.counters.id_steps import LATE, id_steps, odd_rows
 from analyzer.rules.counters.orphan_frames import OrphanFrames
-from analyzer.rules.counters.sent_messages import SentMessages
+from analyzer.rules.counters.sent_messages import SentMessages, Uptime
 from dissectors.kit import NO_TIME, Rule, groups
 
 if TYPE_CHECKING:
@@ -71,15 +71,17 @@ def _by_node(steps: IdSteps, t: TransferTable) -> dict[tuple[int, int], IdSteps]
     return {(key >> 8, key & 0xFF): steps.take(rows).compact() for key, rows in each}
 
 
-def _uptimes(view: View) -> dict[tuple[int, int], list[tuple[int, int]]]:
+def _uptimes(view: View) -> dict[tuple[int, int], list[Uptime]]:
     """Return what every node says, by the row of the transfer."""
-    found: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    found: dict[tuple[int, int], list[Uptime]] = {}
+    t = view.transfers
     table = view.table(NODE_STATUS)
     if table is not None:
         rows = np.flatnonzero(table.trusted)
         node = table.bus[rows].astype(np.int64) << 8 | table.src[rows]
         each = [(int(mine[0]), key, rows[mine]) for key, mine in groups(node)]
         for _, key, mine in sorted(each, key=lambda one: one[0]):
-            said = zip(table.row[mine].tolist(), table["uptime_sec"][mine].tolist(), strict=True)
-            found[key >> 8, key & 0xFF] = list(said)
+            row = table.row[mine]
+            columns = row, t.t[row], table["uptime_sec"][mine], t.transfer_id[row]
+            found[key >> 8, key & 0xFF] = [*map(Uptime._make, zip(*(one.tolist() for one in columns), strict=True))]
     return found
