@@ -110,7 +110,7 @@ class Capture:
 
     @property
     def request(self) -> Request:
-        """What was asked for when it was opened."""
+        """The request with which it was opened."""
         return self._run.request
 
     @property

@@ -58,7 +58,7 @@ class HappenedTables:
 
     @property
     def autopilot(self) -> Mapping[str, Any] | None:
-        """What became of the autopilot's log, after the tables."""
+        """The fate of the autopilot's log, after the tables."""
         return next((found for one in self._finders.values() if (found := getattr(one, "autopilot", None))), None)
 
     def rows(self, name: str, extent: Extent | None = None) -> pa.RecordBatch:

@@ -117,7 +117,7 @@ class RunStatistics:
 
     @property
     def autopilot(self) -> Mapping[str, Any] | None:
-        """What became of the autopilot's log, after `tables`."""
+        """The fate of the autopilot's log, after `tables`."""
         return next((one.autopilot for one in self._all if one.autopilot is not None), None)
 
     def _end(self) -> StatEnd:

@@ -36,7 +36,7 @@ class DumpFrame:
 
 
 class Lit(NamedTuple):
-    """What is lit: bytes as places of a frame and a byte in it; bits of the payload; hexadecimal digits of the id."""
+    """Lit parts: bytes as places of a frame and a byte in it; bits of the payload; hexadecimal digits of the id."""
 
     bytes: frozenset[tuple[int, int]] = frozenset()
     bits: frozenset[int] = frozenset()

@@ -45,7 +45,7 @@ class Shown(NamedTuple):
 
 
 class BrowserView:
-    """What is looked at.
+    """The state of the browser: the rows that are looked at.
 
     Args:
         supply: decodes and judges.
@@ -103,7 +103,7 @@ class BrowserView:
 
     @property
     def order(self) -> SortedRows | None:
-        """What rows are sorted by, None for the order of the capture."""
+        """The field that rows are sorted by, None for the order of the capture."""
         return self.rows if isinstance(self.rows, SortedRows) else None
 
     @staticmethod

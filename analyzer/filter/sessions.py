@@ -1,4 +1,4 @@
-"""What a filter says of all transfers of a session at once: of one type, from one node to another."""
+"""Filters asked of all transfers of a session at once: of one type, from one node to another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each ESC was like in each flight, in numbers that can be compared between flights, vehicles and firmware."""
+"""The health of each ESC in each flight, in numbers that can be compared between flights, vehicles and firmware."""
 
 from __future__ import annotations
 

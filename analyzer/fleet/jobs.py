@@ -1,4 +1,4 @@
-"""What a fleet run is asked for: settings that decide the results, and one job a capture."""
+"""The request of a fleet run: settings that decide the results, and one job a capture."""
 
 from __future__ import annotations
 
@@ -79,6 +79,6 @@ class Job:
 
     @property
     def key(self) -> str:
-        """What is the same for the same bytes, version and settings."""
+        """A text that is the same for the same bytes, version and settings."""
         named = f"{self.url}\0{self.etag}\0{self.version}\0{self.settings}"
         return hashlib.sha256(named.encode("utf-8", "surrogateescape")).hexdigest()[:32]

@@ -1,4 +1,4 @@
-"""What a worker on this machine does before its first capture: its process is all ours."""
+"""Prepare a worker on this machine before its first capture: its process is all ours."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Store:
 
     @property
     def local(self) -> bool:
-        """Whether it is a folder."""
+        """True if it is a folder."""
         return "://" not in self.place
 
     def table(self, name: str) -> str:

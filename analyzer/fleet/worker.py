@@ -1,4 +1,4 @@
-"""What a worker does: judge each capture in one pass, and hand the rows back."""
+"""The work of a worker: judge each capture in one pass, and hand the rows back."""
 
 from __future__ import annotations
 

@@ -84,17 +84,17 @@ class EventFinder:
 
     @property
     def autopilot(self) -> dict[str, Any] | None:
-        """What became of the autopilot's log, after `finish`, as `Alignment.plain` has it; None without a log."""
+        """The fate of the autopilot's log, after `finish`, as `Alignment.plain` has it; None without a log."""
         return None if self._told is None else self._told.plain()
 
     @property
     def side(self) -> AutopilotSide | None:
-        """What the autopilot's log measured in the time of the capture, after `finish`; None if that is not known."""
+        """Measurements of the autopilot's log in the time of the capture, after `finish`; None if that is not known."""
         return None if self._told is None else self._told.side
 
     @property
     def notes(self) -> list[str]:
-        """What is to be said of the autopilot's log, after `finish`."""
+        """Remarks on the autopilot's log, after `finish`."""
         return [] if self._told is None else self._told.notes
 
     @property

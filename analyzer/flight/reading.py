@@ -1,4 +1,4 @@
-"""What everything in flights is found from: the clock of a capture, its commands and the reports of its ESCs."""
+"""The reading that all finders share: the clock of a capture, its commands and the reports of its ESCs."""
 
 from __future__ import annotations
 

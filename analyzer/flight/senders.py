@@ -1,4 +1,4 @@
-"""Who sends what, and what of it did not come: broken transfers and missing IDs of each node, by second."""
+"""Losses of senders: broken transfers and missing IDs of each node, by second."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ Node = tuple[int, int]  # bus, node
 
 
 class Told(NamedTuple):
-    """What a node told from a recorded time on."""
+    """A statement of a node, from a recorded time on."""
 
     ran: int
     text: str

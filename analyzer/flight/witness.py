@@ -82,12 +82,12 @@ class Witness:
 
     @property
     def autopilot(self) -> dict[str, Any] | None:
-        """What became of the autopilot's log, after `events`; None without one."""
+        """The fate of the autopilot's log, after `events`; None without one."""
         return self._finder.autopilot
 
     @property
     def side(self) -> AutopilotSide | None:
-        """What the autopilot's log measured in the time of the capture, after `events`; None if that is not known."""
+        """Measurements of the autopilot's log in the time of the capture, after `events`; None if that is not known."""
         return self._finder.side
 
     @property
@@ -107,5 +107,5 @@ class Witness:
 
     @property
     def paces(self) -> list[SenderPace]:
-        """Who sends what, and how evenly."""
+        """The pace of each sender and type."""
         return self._finder.silences.paces()

@@ -28,7 +28,7 @@ _TENTH = 100_000_000  # ns
 
 @dataclass(frozen=True, slots=True)
 class Happened:
-    """What triage says of a flight, and the command that says more, empty if nothing was wrong."""
+    """The words of triage on a flight, and the command that says more, empty if nothing was wrong."""
 
     text: str
     command: str

@@ -195,7 +195,7 @@ class NodeUse:
 
 @dataclass(frozen=True, slots=True)
 class TriageSummary:
-    """What broke first in the last flight of a capture, between `t_ns` and `t_end_ns`, and how well it is supported.
+    """The first cause in the last flight of a capture, between `t_ns` and `t_end_ns`, and how well it is supported.
 
     `kind` is a page of `explain`; `none` is nothing wrong seen, `unknown` cannot tell. `end` is how that flight ended.
     """
@@ -215,7 +215,7 @@ class TriageSummary:
 
     @property
     def told(self) -> bool:
-        """Whether it tells a cause."""
+        """True if it tells a cause."""
         return bool(self.support)
 
 

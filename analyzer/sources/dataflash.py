@@ -1,4 +1,4 @@
-"""What an ArduPilot autopilot wrote into its dataflash log: chosen records, a column a field."""
+"""The dataflash log of an ArduPilot autopilot: chosen records, a column a field."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class LogTable:
 
 @dataclass(frozen=True, slots=True)
 class AutopilotLog:
-    """What was read of a log: tables by name, of the names asked for; one that has no records is not among them.
+    """Tables of a log by name, of the names asked for; one that has no records is not among them.
 
     `records` are its sound records of any name, `unreadable` the places that were passed over, `damage` is why it could
     not be read to its end, `left` how many records were not kept. `given` is how long after the first frame of a

@@ -1,4 +1,4 @@
-"""What a vehicle sends, who sends it, and the world in which that happens."""
+"""The traffic of a vehicle, its senders, and the world in which that happens."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happened in stored batches: flights, events, what broke first; and statistics of them."""
+"""Events of stored batches: flights, events, what broke first; and statistics of them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Happened(NamedTuple):
-    """What is found: first and last time of each flight, what is to be read at frames (from 0), and tabs by name."""
+    """First and last time of each flight, what is to be read at frames (from 0), and tabs by name."""
 
     flights: Sequence[tuple[int, int]]
     places: dict[int, str]

@@ -1,4 +1,4 @@
-"""Whether captures are still what they were when they were read."""
+"""Check that captures are still as they were when they were read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tabs of the browser show, as lines with the place that each leads to."""
+"""The tabs of the browser, as lines with the place that each leads to."""
 
 from __future__ import annotations
 

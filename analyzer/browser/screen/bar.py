@@ -51,7 +51,7 @@ class Bar(Input):
         """Nothing is to be done."""
 
     class Offered(Message):
-        """What may be completed, in a line."""
+        """The completions on offer, in a line."""
 
         def __init__(self, text: str) -> None:
             super().__init__()

@@ -1,4 +1,4 @@
-"""What is kept, and what is handed on: marks, comments, files, the clipboard, the picture."""
+"""Keep marks, and hand on rows: marks, comments, files, the clipboard, the picture."""
 
 from __future__ import annotations
 

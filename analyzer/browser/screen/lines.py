@@ -48,7 +48,7 @@ class Lines(Widget):
 
     @property
     def text(self) -> str:
-        """What is drawn, for tests."""
+        """The drawn text, for tests."""
         return "\n".join("".join(text for text, _ in line) for line in self._drawn)
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class MenuEntry(NamedTuple):
-    """What can be done: the keys that do the same, the words, and the action."""
+    """An action on offer: the keys that do the same, the words, and the action."""
 
     keys: str
     words: str

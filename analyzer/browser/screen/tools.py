@@ -1,4 +1,4 @@
-"""What the browser asks of other commands."""
+"""Other commands, run for the browser."""
 
 from __future__ import annotations
 

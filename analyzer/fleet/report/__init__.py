@@ -1,1 +1,1 @@
-"""What a store says of the fleet: what fails, odd ESCs, firmware, what got worse, which captures to open."""
+"""The report on a fleet, from its store: what fails, odd ESCs, firmware, what got worse, which captures to open."""

@@ -11,7 +11,7 @@ SCHEMA = "tailbyte.fleet/1"
 
 @dataclass(frozen=True, slots=True)
 class FleetHead:
-    """What there is. Duplicates, unreadable and unavailable captures are in no rate."""
+    """The size of a fleet. Duplicates, unreadable and unavailable captures are in no rate."""
 
     store: str
     captures: int
@@ -110,7 +110,7 @@ class Worse:
 
 @dataclass(frozen=True, slots=True)
 class SinceThen:
-    """What got worse since a day, and for each rule the growth that would have been seen: a factor, None for none."""
+    """Rules that got worse since a day, and for each the growth that would have been seen: a factor, None for none."""
 
     day: str
     hours_before: float

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Quantity(NamedTuple):
-    """What is compared: a difference in units, or a `share` of the others' value; `least` is what matters to people."""
+    """Compared: a difference in units, or a `share` of the others' value; `least` is what matters to people."""
 
     column: str
     what: str

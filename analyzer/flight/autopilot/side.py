@@ -1,4 +1,4 @@
-"""What an autopilot's own log measured in the time of a capture: its outputs, the reports it got, its battery."""
+"""Measurements of an autopilot's own log in the time of a capture: its outputs, the reports it got, its battery."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the bus carried and what the autopilot put out: throttles by time, to be compared with each other."""
+"""Commands of the bus and outputs of the autopilot: throttles by time, to be compared with each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an autopilot's log says happened: messages, errors, events, modes, arming, low batteries."""
+"""Happenings that an autopilot's log tells of: messages, errors, events, modes, arming, low batteries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each motor was commanded before a report."""
+"""The commands of each motor before a report."""
 
 from __future__ import annotations
 

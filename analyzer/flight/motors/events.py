@@ -65,7 +65,7 @@ class _Memory:
 
     @property
     def driven_faster(self) -> bool:
-        """Whether it just turns faster, with no more current than a propeller takes for that: it was learned slower."""
+        """True if it just turns faster, with no more current than a propeller takes for that: it was learned slower."""
         speed, currents = float(np.median(self.speed)), [share for share in self.current if isfinite(share)]
         return speed > 1 + _FASTER and bool(currents) and 1 <= float(np.median(currents)) <= speed**_LAW
 

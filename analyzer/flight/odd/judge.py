@@ -1,4 +1,4 @@
-"""Who is the odd one: each against its own past first, then against the others of its group."""
+"""The odd ones: each against its own past first, then against the others of its group."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class ComparedEsc:
 
 @dataclass(frozen=True, slots=True)
 class OddReport:
-    """Who is odd, the farthest first; `facts` of whole groups; what was compared, and in how many ways."""
+    """The odd ones, the farthest first; `facts` of whole groups; what was compared, and in how many ways."""
 
     odd: Sequence[OddEsc]
     facts: Sequence[str]

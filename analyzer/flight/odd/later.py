@@ -28,7 +28,7 @@ class OddLater:
 
     @cached_property
     def report(self) -> OddReport:
-        """Who is odd, and what was compared."""
+        """The odd ones, and the compared quantities."""
         return self._find()
 
     @property

@@ -1,4 +1,4 @@
-"""What is said of the odd ones."""
+"""Words for the odd ones."""
 
 from __future__ import annotations
 

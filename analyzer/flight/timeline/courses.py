@@ -40,7 +40,7 @@ class Stay(NamedTuple):
 
 @dataclass(slots=True)
 class DeviceCourse:
-    """What one device reported in a table: `QUANTITIES`, and its modes. `ch` as people count, None if it has none.
+    """The reports of one device in a table: `QUANTITIES`, and its modes. `ch` as people count, None if it has none.
 
     `esc` says that it is the table in which an ESC tells its speed.
     """
@@ -56,7 +56,7 @@ class DeviceCourse:
 
 @dataclass(slots=True)
 class CommandCourse:
-    """What one sender commanded, a row a channel, the first of which is called `first`."""
+    """The course of one sender's commands, a row a channel, the first of which is called `first`."""
 
     bus: int
     node: int
@@ -130,7 +130,7 @@ class Courses(ReportEvents):
 
 
 class _Words(NamedTuple):
-    """What modes are called, and of which trouble they are a sign, by `part=code`."""
+    """Names of modes, and the trouble they are a sign of, by `part=code`."""
 
     texts: Mapping[float, str]
     part: str

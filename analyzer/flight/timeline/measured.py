@@ -1,4 +1,4 @@
-"""What devices measured, and were commanded, at the moments of events: where marks stand on their lines."""
+"""Measurements and commands of devices at the moments of events: where marks stand on their lines."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _LATE = 4  # usual distances between values, beyond which none came
 
 @dataclass(frozen=True, slots=True)
 class StrandSpan:
-    """What is drawn of an axis: from `start` to `end`."""
+    """The drawn span of an axis: from `start` to `end`."""
 
     axis: Axis
     start: int

@@ -45,7 +45,7 @@ class TimeLine:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """What is drawn: courses, events, flights, the one that is judged, and where it began, if that is known.
+    """The content of a drawing: courses, events, flights, the one that is judged, and where it began, if that is known.
 
     `first` and `last` are the recorded times of the first and the last frame.
     """

@@ -46,7 +46,7 @@ class Excursion:
 
 
 class Case:
-    """What is known of one flight. All times are recorded ones, in nanoseconds.
+    """The knowledge of one flight. All times are recorded ones, in nanoseconds.
 
     Args:
         witness: after the last batch.
@@ -75,7 +75,7 @@ class Case:
 
     @property
     def measured(self) -> bool:
-        """Whether every ESC tells what its motor is held against its past by."""
+        """True if every ESC tells what its motor is held against its past by."""
         return all({"rpm", "voltage", "current"} <= set(one.ranges) for one in self.escs)
 
     def volts(self) -> tuple[float, float]:
@@ -99,7 +99,7 @@ class Case:
 
     @property
     def commanded(self) -> bool:
-        """Whether commands are recorded in the flight."""
+        """True if commands are recorded in the flight."""
         return self.pulse.count(self.start, self.stop) > 0
 
     def bitless(self) -> list[int | None]:

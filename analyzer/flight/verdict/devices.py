@@ -1,4 +1,4 @@
-"""What is told of a device that is no ESC: its uptime, its own words, what it sends no more, and its supply."""
+"""Troubles of a device that is no ESC: its uptime, its own words, what it sends no more, and its supply."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one ESC alone shows: it fails, its load is gone, its wire or its power is."""
+"""Troubles of one ESC alone: it fails, its load is gone, its wire or its power is."""
 
 from __future__ import annotations
 

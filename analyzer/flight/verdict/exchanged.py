@@ -1,4 +1,4 @@
-"""What is otherwise than in the flight before, or than with all others: hardware, software, turning, index."""
+"""Differences from the flight before, or from all others: hardware, software, turning, index."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was looked for and not found, in numbers: commands that stop, sag, a broken bus, a hole in the recording."""
+"""Exclusions, in numbers: commands that stop, sag, a broken bus, a hole in the recording."""
 
 from __future__ import annotations
 

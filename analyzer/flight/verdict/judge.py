@@ -46,7 +46,7 @@ _ORDINARY = frozenset({"mode", "join", "arming", "parameter", "save"})
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What broke first in one flight, what came after it, and what was over before; `began` is a recorded time."""
+    """Verdicts on one flight, what came after the first, and what was over before; `began` is a recorded time."""
 
     verdicts: Sequence[Verdict]
     primary: Sequence[FlightEvent]

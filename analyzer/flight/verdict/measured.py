@@ -1,4 +1,4 @@
-"""What an autopilot's log measured says of a verdict: that it was written on, what it put out, what it heard."""
+"""Evidence from measurements of an autopilot's log: that it was written on, what it put out, what it heard."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _THE_VEHICLE = "power of the vehicle: the autopilot's log ends then, too; or bot
 
 @dataclass(slots=True)
 class Opinion:
-    """What is added to a verdict; `dropped` are the labels of notes that no longer hold."""
+    """An addition to a verdict; `dropped` are the labels of notes that no longer hold."""
 
     reasons: list[str] = field(default_factory=list)
     against: list[str] = field(default_factory=list)

@@ -41,7 +41,7 @@ class Verdict:
 
     @property
     def told(self) -> bool:
-        """Whether it tells a cause."""
+        """True if it tells a cause."""
         return self.kind not in {"none", "unknown"}
 
 
@@ -55,7 +55,7 @@ class Excluded:
 
 @dataclass(frozen=True, slots=True)
 class Triage:
-    """What happened in a capture: the verdicts on one flight, the first of them is what broke first.
+    """The triage of a capture: the verdicts on one flight, the first of them is what broke first.
 
     `judged` is why nothing could be judged, empty if it could, and `empty` that nothing of DroneCAN, or no time, is in
     it at all. `primary` are the events that began it, `after` consequences, `earlier` what was over before. `said` is
@@ -103,7 +103,7 @@ class Triage:
 
     @property
     def facts(self) -> Sequence[str]:
-        """What whole groups of them have in common."""
+        """Facts that whole groups of them have in common."""
         return () if self.odds is None else self.odds.report.facts
 
     @property

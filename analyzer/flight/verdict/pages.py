@@ -21,7 +21,7 @@ LABELS = {"speaks": "For it", "against": "Against", "near": "Near", "next": "Nex
 
 @dataclass(frozen=True, slots=True)
 class VerdictPage:
-    """What a kind of verdict means: what speaks for it, against it, what looks like it, what to do next."""
+    """The page of a kind of verdict: what speaks for it, against it, what looks like it, what to do next."""
 
     title: str
     means: str

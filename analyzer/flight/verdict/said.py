@@ -1,4 +1,4 @@
-"""What an autopilot's own words speak for and against, by the entries of `said.toml`."""
+"""Evidence from an autopilot's own words, by the entries of `said.toml`."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Trouble:
 
     @property
     def stands(self) -> bool:
-        """Whether a rotor does not turn, though it should."""
+        """True if a rotor does not turn, though it should."""
         return any(one.kind == "motor" and one.values["speed_share"] < _STANDS for one in self.events)
 
 

@@ -1,4 +1,4 @@
-"""What befalls the vehicle as a whole: other nodes, its commands, its bus, its thrust."""
+"""Troubles of the vehicle as a whole: other nodes, its commands, its bus, its thrust."""
 
 from __future__ import annotations
 

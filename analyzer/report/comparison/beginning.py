@@ -1,4 +1,4 @@
-"""Whether one capture is the beginning of another: frame by frame the same, and cut short."""
+"""Find out if one capture is the beginning of another: frame by frame the same, and cut short."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ _Scale = tuple[float, float]  # lower and upper end
 
 @dataclass(frozen=True, slots=True)
 class _Sheet:
-    """What all lanes of a time line share: `tops` are the upper ends of the scales."""
+    """The common sheet of all lanes of a time line: `tops` are the upper ends of the scales."""
 
     line: TimeLine
     span: Span

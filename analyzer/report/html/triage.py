@@ -1,4 +1,4 @@
-"""What happened, as the first section of a page: the verdict and why, time lines, flights, and their events."""
+"""Triage as the first section of a page: the verdict and why, time lines, flights, and their events."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What happened, for people and for programs: the screen, Markdown, JSON, a page."""
+"""Triage for people and for programs: the screen, Markdown, JSON, a page."""

@@ -1,4 +1,4 @@
-"""What happened, as one HTML file in the look of the report: no network, no script, everything escaped."""
+"""Triage as one HTML file in the look of the report: no network, no script, everything escaped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happened, for programs: one JSON object, as `schema.json` describes it."""
+"""Triage for programs: one JSON object, as `schema.json` describes it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happened, as Markdown: for comments, tickets and job summaries."""
+"""Triage as Markdown: for comments, tickets and job summaries."""
 
 from __future__ import annotations
 

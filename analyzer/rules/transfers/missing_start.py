@@ -93,7 +93,7 @@ class _Remainders(NamedTuple):
 
 
 class _Told(NamedTuple):
-    """What is missing of remainders, what makes it more exact, and whether a busy sender explains it."""
+    """The missing part of remainders, what makes it more exact, and whether a busy sender explains it."""
 
     of: _Remainders
     what: Sequence[str]

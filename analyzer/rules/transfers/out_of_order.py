@@ -36,7 +36,7 @@ _WHY = {  # of a frame with another transfer ID inside a transfer
 
 
 class _Found(NamedTuple):
-    """What the search found of a frame: a row of answers."""
+    """The answers of the search on a frame: a row of answers."""
 
     answers: Answers
     row: int

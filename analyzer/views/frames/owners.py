@@ -1,4 +1,4 @@
-"""What frames have from their transfers: texts, for each frame until the last one is given."""
+"""Texts that frames have from their transfers: texts, for each frame until the last one is given."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
 //! The readers of binary formats: small captures made by hand, and the laws that hold for any bytes.
 
+mod comments;
 mod dataflash;
 mod dronecan;
 mod interfaces;

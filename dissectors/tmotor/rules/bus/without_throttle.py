@@ -236,7 +236,7 @@ class _Motor:
 
     @cached_property
     def _lasted(self) -> dict[int, bool]:
-        """Whether the loss has lasted as long by each of these."""
+        """A mask of those by which the loss has lasted as long."""
         lasted = self._losses.lasted(np.array(self._late, np.int64), self._still)
         return dict(zip(self._late, lasted.tolist(), strict=True))
 

@@ -1,4 +1,4 @@
-"""What the ground does: rotors stall, the wire tears, the voltage breaks down, somebody disarms."""
+"""The work of the ground: rotors stall, the wire tears, the voltage breaks down, somebody disarms."""
 
 from __future__ import annotations
 
