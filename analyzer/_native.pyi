@@ -9,6 +9,7 @@ __all__ = [
     "Cells",
     "Counters",
     "Decoder",
+    "EscRows",
     "Fingerprint",
     "FrameBatch",
     "FrameIndex",
@@ -34,6 +35,7 @@ __all__ = [
     "crc32",
     "diagnose",
     "frame_bits",
+    "grouped",
     "joint",
     "message_records",
     "misnumbered",
@@ -235,18 +237,19 @@ def diagnose(
 def misnumbered(
     batches: list[FrameIndex], types: list[list[int]], asked: tuple[Any, Any, Any, Any]
 ) -> tuple[Cells, Cells]: ...
+def grouped(keys: Any) -> tuple[Cells, Cells]: ...
 def joint(given: tuple[Any, Any, Any, Any, Any, Any], apart: int, nearby: int) -> tuple[Cells, Cells, Cells, Cells]: ...
+
+_Off: TypeAlias = tuple[Cells, Cells, tuple[Cells, Cells, Cells]]
+
+@final
+class EscRows:
+    def some_whole(self, start: int, stop: int) -> bool: ...
 
 @final
 class MotorSums:
     def __new__(cls, limits: Mapping[str, float]) -> MotorSums: ...
-    def feed(
-        self,
-        reports: tuple[Any, Any, Any, Any],
-        temperature: Any,
-        commanded: tuple[Any, Any, Any, Any],
-        came: tuple[Any, Any, Any, int, int],
-    ) -> None: ...
+    def feed(self, reports: EscRows, start: int, stop: int, begin: int, width: int) -> None: ...
     def halve(self) -> None: ...
     def sums(self) -> tuple[Cells, Cells, Cells, Cells, Cells]: ...
 
@@ -261,9 +264,7 @@ class OrphanIndex:
 @final
 class MotorWatch:
     def __new__(cls, limits: Mapping[str, float]) -> MotorWatch: ...
-    def feed(
-        self, reports: tuple[Any, Any, Any, Any], commanded: tuple[Any, Any, Any, Any]
-    ) -> tuple[Cells, Cells, tuple[Cells, Cells, Cells], list[int]]: ...
+    def feed(self, reports: EscRows, start: int, stop: int) -> tuple[Cells | None, _Off | None, list[int]]: ...
 
 @final
 class SupplyLine:
@@ -273,9 +274,12 @@ class SupplyLine:
 class RecentOrders:
     def __new__(cls, window_ns: int, most: int) -> RecentOrders: ...
     def feed(self, place: tuple[int, int], ran: Any, frame_end: Any, percent: Any) -> None: ...
-    def before(
-        self, devices: Sequence[tuple[int, int, int, int]], ran: Any, frame: Any
-    ) -> tuple[Cells, Cells, Cells, Cells]: ...
+    def rows(
+        self,
+        devices: Sequence[tuple[int, int, int, int]],
+        values: tuple[Any, ...],
+        came: tuple[Any, Any, Any, Any],
+    ) -> EscRows: ...
 
 def frame_bits(id: bytes, flags: bytes, offsets: bytes, data: bytes) -> bytes: ...  # noqa: A002
 def crc32(data: bytes, value: int = 0, start: int = 0, end: int = ...) -> int: ...

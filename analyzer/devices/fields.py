@@ -118,11 +118,10 @@ def _number(
     enum = found.note.enum if found.note is not None else found.part.enum if found.part is not None else {}
     if enum and pa.types.is_integer(array.type):
         return Column(name, values, has, "enum", found.unit, found.texts)
-    special = [raw for raw in found.texts if found.note is not None]
-    if special and not enum:
+    special = [raw for raw in found.texts if found.note is not None] if not enum else []
+    if any((values == raw).any() for raw in special):
         plain = ~np.isin(values, special)
-        if not plain.all():
-            has = plain if has is None else has & plain
+        has = plain if has is None else has & plain
     return Column(name, values, has, "number", found.unit, {})
 
 

@@ -38,8 +38,12 @@ def keyed(table: pa.RecordBatch, who: Who) -> tuple[pa.RecordBatch, Array]:
     if column.null_count:
         has = valid(column)
         table, key, column = table.filter(pa.array(has)), key[has], column.filter(pa.array(has))
-    number = np.clip(np.nan_to_num(numbers(column)), 0, _MOST_NUMBER).astype(np.int64)
-    return table, key << NUMBER_BITS | number
+    number = numbers(column)
+    if pa.types.is_floating(column.type):
+        number = np.nan_to_num(number)
+    if len(number) and (number.min() < 0 or number.max() > _MOST_NUMBER):
+        number = np.clip(number, 0, _MOST_NUMBER)
+    return table, key << NUMBER_BITS | number.astype(np.int64)
 
 
 def pieces(table: pa.RecordBatch, who: Who) -> Iterator[tuple[pa.RecordBatch, int, int, int]]:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.grouped import grouped
 from analyzer.tables import EXTENDED, FD, REMOTE, STATUSES, VERDICTS, counted
-from dissectors.kit import by_key
 from dissectors.kit.cells import numbers, valid
 from dissectors.records import dataclass, field
 from dissectors.times import SECOND
@@ -127,7 +127,7 @@ class Talks:
         names = ("bus", "src", "variant", "kind", "type_id")
         bus, src, variant, kind, type_id = (numbers(transfers.column(name)).astype(np.int64) for name in names)
         code = bus << 40 | src << 32 | variant << 24 | kind << 16 | type_id
-        order, begins = by_key(code)
+        order, begins = grouped(code)
         codes, count = code[order[begins]], np.diff(begins, append=len(code))
         whole = np.isin(np.arange(len(STATUSES)), _WHOLE)
         bad = np.add.reduceat(~whole[numbers(transfers.column("status"))[order]], begins, dtype=np.int64)

@@ -42,9 +42,12 @@ class ToldChannels:
         column = table.column(CHANNEL)
         if not pa.types.is_floating(column.type) and not pa.types.is_integer(column.type):
             return
-        rows = valid(column) & (numbers(column) >= 0) & (numbers(column) <= _MOST)
-        bus, node, told = (numbers(table.column(name))[rows].astype(np.int64) for name in ("bus", "src", CHANNEL))
-        for code in distinct(bus << 16 | node << 8 | told):
+        told = numbers(column)
+        if column.null_count or told.min(initial=0) < 0 or not told.max(initial=0) <= _MOST:
+            rows = valid(column) & (told >= 0) & (told <= _MOST)
+            table, told = table.filter(pa.array(rows)), told[rows]
+        bus, node = (numbers(table.column(name)).astype(np.uint32) for name in ("bus", "src"))
+        for code in distinct(bus << 16 | node << 8 | told.astype(np.uint32)):
             of = self._told.setdefault((code >> 16, code >> 8 & 0xFF), set())
             if len(of) < 2:
                 of.add(code & 0xFF)

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analyzer.facts.traffic import times
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.tables import TRANSFER_ANOMALIES
-from dissectors.kit.cells import numbers
+from dissectors.kit.cells import numbers, valid
+from dissectors.kit.order import steps
 from dissectors.records import dataclass, field
 from dissectors.times import NO_TIME
 
@@ -51,7 +51,7 @@ class Places:
     `ANEW` where its sender began again. Columns of some rows are made when somebody asks for them, most never are.
     """
 
-    __slots__ = ("_columns", "_made", "_rows")
+    __slots__ = ("_columns", "_ends", "_made", "_pace", "_rows")
 
     def __init__(
         self, t: Array, ran: Array, frame: Array, frame_end: Array, step: Array, rows: Array | None = None
@@ -60,6 +60,8 @@ class Places:
         self._columns = t, ran, frame, frame_end, step
         self._rows = rows
         self._made: list[Array | None] = [None] * len(self._columns)
+        self._ends: dict[int, Spot] = {}
+        self._pace: tuple[int, int] | None = None
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -90,6 +92,19 @@ class Places:
         """Steps of the transfer ID."""
         return self._column(4)
 
+    @property
+    def pace(self) -> tuple[int, int]:
+        """The least and the most recorded time from one to the next, 0 of a single one."""
+        if self._pace is None:
+            apart = np.diff(self.ran)
+            self._pace = (int(apart.min()), int(apart.max())) if len(apart) else (0, 0)
+        return self._pace
+
+    @property
+    def newest(self) -> int:
+        """The latest recorded time; there has to be one."""
+        return self.at(-1).ran if self.pace[0] >= 0 else int(self.ran.max())
+
     def take(self, rows: Array | slice) -> Places:
         """Return some of them: places, or a mask."""
         if self._rows is not None:
@@ -113,7 +128,14 @@ class Places:
         return Places(own, own if ran is t else np.array(ran[rows]), *(np.array(one[rows]) for one in others))
 
     def at(self, row: int) -> Spot:
-        """Return one of them."""
+        """Return one of them; the first and the last one are asked for by everybody."""
+        if -1 <= row <= 0:
+            if (known := self._ends.get(row)) is None:
+                known = self._ends[row] = self._spot(row)
+            return known
+        return self._spot(row)
+
+    def _spot(self, row: int) -> Spot:
         place = row if self._rows is None else self._rows[row]
         return Spot(*[column.item(place) for column in self._columns])
 
@@ -152,28 +174,32 @@ class RecordedClock:
 
     def feed(self, batch: Batch) -> None:
         """Take the frames of the next batch, then the places of its transfers."""
-        t, timed = times(batch.frames)
-        rows = None if timed.all() else np.flatnonzero(timed)
-        if rows is not None:
+        column = batch.frames.column("t")
+        t, rows = numbers(column), None
+        if column.null_count:
+            rows = np.flatnonzero(valid(column))
             t = t[rows]
         if len(t):
             self._note(t, rows, batch.first_frame)
         self._base = batch.first_transfer
         column = batch.transfers.column("frame")
-        frames, ends = numbers(column.values), np.asarray(column.offsets)
+        frames, ends = numbers(column.values).view(np.int64), np.asarray(column.offsets).astype(np.intp)
         places = (ends[:-1], ends[1:] - 1) if len(column) else (slice(0), slice(0))
-        first, last = (frames[place].astype(np.int64) for place in places)
-        start, has = times(batch.transfers)
+        first, last = (frames[place] for place in places)
+        began = batch.transfers.column("t")
+        start = np.where(valid(began), numbers(began), NO_TIME) if began.null_count else numbers(began)
         step = numbers(batch.transfers.column("step")).astype(np.int64)
-        step[numbers(batch.transfers.column("anomaly")) & _RESTARTED != 0] = ANEW
-        self._transfers = self._placed(start if has.all() else np.where(has, start, NO_TIME), first, last, step)
+        anew = numbers(batch.transfers.column("anomaly")) & _RESTARTED != 0
+        if anew.any():
+            step[anew] = ANEW
+        self._transfers = self._placed(start, first, last, step)
 
     def _note(self, t: Array, rows: Array | None, base: int) -> None:
         """Take times, and the rows that have them, None for all."""
         before = int(t[0]) if self.last is None else self.last
         if self._first is None:
             self._first = before
-        apart = np.diff(t, prepend=before)
+        apart = steps(t, before)
         far, back = lasting("hole"), -lasting("clock_back")
         odd = apart.max() > far or apart.min() < back
         for k in np.flatnonzero((apart > far) | (apart < back)).tolist() if odd else ():
@@ -233,7 +259,7 @@ class RecordedClock:
 
     def of(self, table: pa.RecordBatch) -> Places:
         """Return the places of the rows of a message table of the batch."""
-        return self._transfers.take(numbers(table.column("transfer")).astype(np.int64) - self._base)
+        return self._transfers.take(numbers(table.column("transfer")).view(np.int64) - self._base)
 
     def shifted(self, t: Array, frame: Array) -> Places:
         """Return the places of what else has a time, and the frame that it is at."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,21 +50,27 @@ class EscExtent:
         """Return which way it turned last, up to a recorded time; None if it did not turn."""
         return next((way for ran, way in reversed(self.ways) if ran <= until), None)
 
-    def turn(self, rpm: Array, ran: Array) -> None:
-        """Take speeds of a motor that turns, negative for backwards, and when it was."""
-        way = rpm > 0
+    def goes_on(self, low: float, high: float, idle: float) -> bool:
+        """Return whether speeds between these say nothing new: it stands, or turns the way that it did."""
+        if low >= -idle and high <= idle:
+            return True
+        return bool(self.ways) and (low > idle if self.ways[-1][1] else high < -idle)
+
+    def turn(self, rpm: Array, ran: Array, idle: float) -> None:
+        """Take speeds, negative for backwards, and when it was."""
+        fast = np.flatnonzero(np.abs(rpm) > idle)
+        if not len(fast):
+            return
+        way, ran = rpm[fast] > 0, ran[fast]
         last = not way[0] if not self.ways else self.ways[-1][1]
         for k in np.flatnonzero(np.diff(way, prepend=last)).tolist():
             if len(self.ways) < MOST_WAYS:
                 self.ways.append((int(ran[k]), bool(way[k])))
 
-    def note(self, name: str, values: Array) -> None:
-        """Take what was measured."""
-        good = values if np.isfinite(values).all() else values[np.isfinite(values)]
-        if len(good):
-            low, high = float(good.min()), float(good.max())
-            known = self.ranges.get(name, (low, high))
-            self.ranges[name] = min(known[0], low), max(known[1], high)
+    def note(self, name: str, low: float, high: float) -> None:
+        """Take the least and the most that was measured."""
+        known = self.ranges.get(name, (low, high))
+        self.ranges[name] = min(known[0], low), max(known[1], high)
 
 
 class EscExtents(ReportEvents):
@@ -83,20 +90,25 @@ class EscExtents(ReportEvents):
         for plot in self._plots:
             if (table := self._reader.table(plot, batch)) is None:
                 continue
-            columns = {name: table.numbers(column) for name in QUANTITIES if (column := getattr(plot.esc, name))}
-            for key, rows, at in table.devices:
+            columns = {name: column for name in QUANTITIES if (column := getattr(plot.esc, name))}
+            idle = idle_rpm(plot)
+            for place, (key, rows, at) in enumerate(table.devices):
                 one = self._of(plot, key, at.at(0).ran)
                 if one is None:
                     continue
                 one.count += len(at)
                 one.last = at.at(-1).ran
-                for name, values in columns.items():
-                    one.note(name, values[rows])
-                if "rpm" in columns:
-                    rpm = columns["rpm"][rows]
-                    fast = np.flatnonzero(np.abs(rpm) > idle_rpm(plot))
-                    if len(fast):
-                        one.turn(rpm[fast], at.ran[fast])
+                for name, column in columns.items():
+                    low, high = (extreme[place] for extreme in table.extremes(column))
+                    if name == "rpm" and not one.goes_on(low, high, idle):
+                        one.turn(table.numbers(column)[rows], at.ran, idle)
+                    if not (isfinite(low) and isfinite(high)):
+                        good = table.numbers(column)[rows]
+                        good = good[np.isfinite(good)]
+                        if not len(good):
+                            continue
+                        low, high = float(good.min()), float(good.max())
+                    one.note(name, low, high)
                 if not one.modes:
                     one.modes = any(_tells(states, table.table, table.order[rows]) for states in plot.states)
 

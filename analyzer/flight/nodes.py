@@ -64,9 +64,10 @@ class NodeEvents:
     def _note_transfers(self, batch: Batch) -> None:
         """Note who joins, and whose transfer IDs begin anew."""
         at = self._clock.transfers
-        bus, src = (numbers(batch.transfers.column(name)).astype(np.int64) for name in ("bus", "src"))
+        bus, src = (numbers(batch.transfers.column(name)).astype(np.uint16) for name in ("bus", "src"))
         timed = np.flatnonzero((src > 0) & (at.t != NO_TIME))
-        node = (bus << 8 | src)[timed]
+        node = bus << 8 | src
+        node = node if len(timed) == len(node) else node[timed]
         start = self._clock.start or 0
         for code in distinct(node):
             if not self._seen[code]:
@@ -74,7 +75,8 @@ class NodeEvents:
                 spot = at.at(int(timed[np.flatnonzero(node == code)[0]]))
                 if spot.ran - start > lasting("join"):
                     self._tell("join", "is heard for the first time", None, spot, code)
-        for row in timed[at.step[timed] == ANEW].tolist():
+        anew = np.flatnonzero(at.step == ANEW)
+        for row in anew[(src[anew] > 0) & (at.t[anew] != NO_TIME)].tolist():
             self._anew[int(bus[row]) << 8 | int(src[row])] = int(at.ran[row])
 
     def _note_uptimes(self, table: pa.RecordBatch) -> None:

@@ -50,7 +50,9 @@ class ParameterEvents(ReportEvents):
         super().__init__(order)
         self._told = [plot for plot in self._plots if plot.parameters and not commands(order.registry, plot.table)]
         self._known: dict[tuple[object, ...], _Known] = {}
-        self._settings: dict[str, tuple[list[str], list[str]]] = {}  # columns of a table, and those that are settings
+        self._settings: dict[
+            str, tuple[list[str], list[_About]]
+        ] = {}  # columns of a table, and those that are settings
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -69,22 +71,15 @@ class ParameterEvents(ReportEvents):
         of, names = self._registry.definition(plot.table), table.schema.names
         known = self._settings.get(plot.table)
         if known is None or known[0] != names:
-            own = [name for name in names if name not in leave and is_setting(of, table, name)]
+            own = [_About.of(of, name, names) for name in names if name not in leave and is_setting(of, table, name)]
             known = self._settings[plot.table] = names, own
-        for name in known[1]:
-            for column in fields.column(of, table, name):
-                about = meaning(of, name)
-                owner = name.rpartition(".")[0]
-                special = about.note.special if about.note is not None else {}
-                raw, unsaid = column.values, np.zeros(len(table), bool)
-                if special:
-                    unsaid |= np.isin(numbers(table.column(name)), list(special))
-                if owner in table.schema.names and (note := meaning(of, owner).note) is not None and note.special:
-                    unsaid |= np.isin(numbers(table.column(owner)), list(note.special))
-                has = ~unsaid if column.has is None else column.has & ~unsaid
+        for one in known[1]:
+            for column in fields.column(of, table, one.name):
+                has = np.ones(len(table), bool) if column.has is None else column.has
+                for word, special in one.unsaid:
+                    has = has & ~np.isin(numbers(table.column(word)), special)
                 unit = "" if column.unit in ("", "unspecified") else f" {column.unit}"
-                in_hex = about.note is not None and about.note.hex
-                yield _Setting(name, raw, has, about.texts, unit, in_hex)
+                yield _Setting(one.name, column.values, has, one.texts, unit, one.in_hex)
 
     def _note_sets(self, plot: Plot, table: pa.RecordBatch) -> None:
         """Take commands that set parameters; those that change nothing are questions."""
@@ -165,6 +160,23 @@ class ParameterEvents(ReportEvents):
         clause: str,
     ) -> None:  # fmt: skip
         self._add(FlightEvent("parameter", text, before, here, None, *who, None, type_, clause, values))
+
+
+class _About(NamedTuple):
+    """A column that is a setting: `unsaid` are words and their values that say that there is none."""
+
+    name: str
+    texts: Mapping[float, str]
+    in_hex: bool
+    unsaid: Sequence[tuple[str, Sequence[float]]]
+
+    @classmethod
+    def of(cls, of: Any, name: str, names: Sequence[str]) -> _About:
+        """Return what is said of a column of a table with these `names`."""
+        about, owner = meaning(of, name), name.rpartition(".")[0]
+        notes = [(name, about.note), (owner, meaning(of, owner).note if owner in names else None)]
+        unsaid = [(word, list(note.special)) for word, note in notes if note is not None and note.special]
+        return cls(name, about.texts, about.note is not None and about.note.hex, unsaid)
 
 
 class _Setting(NamedTuple):

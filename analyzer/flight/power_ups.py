@@ -55,7 +55,11 @@ class PowerUpEvents(ReportEvents):
             return
         identity = numbers(table.column(plot.identity))[read.order] if plot.identity in table.schema.names else None
         counts, has = counter.values[read.order], None if counter.has is None else counter.has[read.order]
-        for key, places, _ in read.devices:
+        plain = has is None and identity is None
+        for key, places, at in read.devices:
+            if plain:
+                self._count(plot, (plot.table, key, None), counts[places], at)
+                continue
             rows = np.arange(places.start, places.stop)
             rows = rows if has is None else rows[has[places]]
             pieces = [(None, rows)] if identity is None else _by_value(identity, rows)

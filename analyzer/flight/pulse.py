@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dissectors.kit.order import changes, steps
 from dissectors.times import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class CommandPulse:
                 continue
             self._grow(int(step[good].max()) + 1)
             self.channels = max(self.channels, len(some.columns))
-            pause = np.diff(ran, prepend=ran[0] if self._last is None else self._last)
+            pause = steps(ran, ran[0] if self._last is None else self._last)
             self._last = int(ran[-1])
             mean = some.columns.mean(axis=0)
             if np.isnan(mean).any():
@@ -55,7 +56,7 @@ class CommandPulse:
                 order = order[good[order]]
             values = (step, some.highest - some.lowest, mean, _MOST_PERCENT - some.lowest, pause)
             step, spread, mean, room, pause = values if order is None else tuple(one[order] for one in values)
-            starts = np.flatnonzero(np.diff(step, prepend=step[0] - 1))
+            starts = changes(step, step[0] - 1)
             at, count = step[starts], np.diff(np.append(starts, len(step)))
             for kept, new in ((self._spread, spread), (self._mean, mean), (self._room, room)):
                 high = np.ceil(np.clip(np.maximum.reduceat(new, starts), 0, _MOST_PERCENT)).astype(np.uint8)

@@ -31,17 +31,21 @@ _VOLTAGE, _CURRENT = "voltage", "current"
 
 @dataclass(slots=True)
 class _Recent:
-    """The reports of a device that a later one is compared with; NaN is a current that it does not tell."""
+    """The reports of a device that a later one is compared with; NaN is a current that it does not tell.
+
+    `newest` is the latest of their times, `highest` the highest of their voltages.
+    """
 
     at: Places
     voltage: Array
     current: Array
+    newest: int
+    highest: float
 
     def followed_by(self, at: Places, voltage: Array, current: Array) -> _Recent:
         """Return these, and others behind them."""
-        return _Recent(
-            self.at.followed_by(at), np.concatenate((self.voltage, voltage)), np.concatenate((self.current, current))
-        )
+        both = np.concatenate((self.voltage, voltage)), np.concatenate((self.current, current))
+        return _recent(self.at.followed_by(at), *both)
 
 
 @dataclass(slots=True)
@@ -105,7 +109,8 @@ class SagEvents(ReportEvents):
         for plot in self._plots:
             if (table := self._reader.table(plot, batch)) is None:
                 continue
-            volts, amperes = (table.numbers(_measured(plot, name)) for name in (_VOLTAGE, _CURRENT))
+            columns = [_measured(plot, name) for name in (_VOLTAGE, _CURRENT)]
+            volts, amperes = (table.numbers(name) for name in columns)
             good = np.isfinite(volts)
             whole = bool(good.all())
             for key, rows, at in table.devices:
@@ -123,12 +128,12 @@ class SagEvents(ReportEvents):
         known = self._recent.get((plot.table, key))
         if known is None and len(self._recent) >= MOST_DEVICES:
             return
-        highest = volts.max() if known is None else max(volts.max(), known.voltage.max())
+        highest = volts.max() if known is None else max(volts.max(), known.highest)
         line = self._lines.setdefault((plot.table, key), _native.SupplyLine())
         expected = cells(line.feed(volts, amperes), np.float64)
         low, fall = np.zeros(len(volts), bool), None
         if volts.min() < highest * _share("sag_percent"):
-            fall = _Fall(_Recent(at, volts, amperes) if known is None else known.followed_by(at, volts, amperes), at)
+            fall = _Fall(_recent(at, volts, amperes) if known is None else known.followed_by(at, volts, amperes), at)
             low = volts < fall.before * _share("sag_percent")
         for part in self._spells.feed((plot.table, key), low, at):
             if fall is not None and part.stop > part.start:
@@ -165,13 +170,18 @@ def _worse(one: _Sag, new: _Sag) -> _Sag:
 
 def _kept(known: _Recent | None, at: Places, voltage: Array, current: Array) -> _Recent:
     """Return the reports that later ones are compared with."""
-    oldest = at.ran.max() - lasting("sag")
-    if known is not None and known.at.ran.max() >= oldest:
+    newest = at.newest
+    if known is not None and known.newest >= newest - lasting("sag"):
         every = known.followed_by(at, voltage, current)
-        at, voltage, current = every.at, every.voltage, every.current
-        oldest = at.ran.max() - lasting("sag")
-    first = max(len(at) - MOST_RECENT, int(np.argmax(at.ran >= oldest)))
-    return _Recent(at.take(slice(first, None)).settled(), voltage[first:].copy(), current[first:].copy())
+        at, voltage, current, newest = every.at, every.voltage, every.current, every.newest
+    oldest = newest - lasting("sag")
+    begin = np.searchsorted(at.ran, oldest) if at.pace[0] >= 0 else np.argmax(at.ran >= oldest)
+    first = max(len(at) - MOST_RECENT, int(begin))
+    return _recent(at.take(slice(first, None)).settled(), voltage[first:].copy(), current[first:].copy())
+
+
+def _recent(at: Places, voltage: Array, current: Array) -> _Recent:
+    return _Recent(at, voltage, current, at.newest, float(voltage.max()))
 
 
 def _share(name: str) -> float:

@@ -7,17 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.grouped import grouped
 from analyzer.flight.clock import ANEW
 from analyzer.flight.log import FlightEvent
+from analyzer.flight.robust import of_few
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.tables import KINDS
 from dissectors.kit.cells import numbers
-from dissectors.kit.order import groups
+from dissectors.kit.order import steps
 from dissectors.records import dataclass, field
 from dissectors.times import MILLISECOND, NO_TIME, SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable, Collection, Iterator
 
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import Places, RecordedClock, Spot
@@ -55,6 +57,12 @@ class _Session:
     pauses: list[FlightEvent] = field(default_factory=list)  # in a row
     holes: int = 0
 
+    def goes_on(self, first: int, least: int, most: int) -> bool:
+        """Return whether transfers come as ever: from the first on with at least and at most so much between them."""
+        if not self.limit or self.last is None or least < 0:
+            return False
+        return most <= self.limit and 0 <= first - self.last.ran <= self.limit
+
 
 class SilenceEvents:
     """Adds up batches; bound: `MOST_SESSIONS`.
@@ -79,11 +87,22 @@ class SilenceEvents:
         rows = np.flatnonzero((kind == _MESSAGE) & (src > 0) & (self._clock.transfers.t != NO_TIME))
         if not len(rows):
             return
-        bus, type_id = (numbers(transfers.column(name))[rows].astype(np.int64) for name in ("bus", "type_id"))
-        at = self._clock.transfers.take(rows)
+        bus, type_id = (numbers(transfers.column(name)).astype(np.uint32) for name in ("bus", "type_id"))
+        every = bus << 24 | type_id << 8 | src
+        keys, at = (every[rows], self._clock.transfers.take(rows)) if len(rows) < len(every) else (
+            every, self._clock.transfers
+        )  # fmt: skip
         behind = self._clock.holes_before(at.frame) if self._clock.holes else None
-        for key, places in groups(bus << 24 | type_id << 8 | src[rows]):
+        order, begins = grouped(keys)
+        ran = at.ran[order]
+        paces = _paces(ran, begins)
+        for (start, stop), pace in zip(pairwise([*begins.tolist(), len(order)]), paces, strict=True):
+            key, places = int(keys[order[start]]), order[start:stop]
             session = self._sessions.get(key)
+            if session is not None and behind is None and session.goes_on(int(ran[start]), *pace):
+                self._calm(session)
+                session.last = at.at(int(places[-1]))
+                continue
             if session is None:
                 if len(self._sessions) >= MOST_SESSIONS:
                     continue
@@ -130,12 +149,12 @@ class SilenceEvents:
     def _take(self, session: _Session, at: Places) -> None:
         ran = at.ran
         start = ran[0] if session.last is None else session.last.ran
-        gaps = _gaps(ran, start)
+        gaps = steps(ran, start)
         if gaps.min() < 0:  # a torn transfer is told only when the next one with its ID comes
             at = at.take(ran >= np.maximum(np.maximum.accumulate(ran), start))
             if not len(at):
                 return
-            gaps = _gaps(at.ran, start)
+            gaps = steps(at.ran, start)
         if session.last is None:
             session.first = int(at.ran[0])
         k = 1 if session.last is None else 0
@@ -163,7 +182,7 @@ class SilenceEvents:
         some = gaps[k : k + wanted - len(session.learned)].tolist()
         session.learned += some
         if len(session.learned) >= wanted:
-            usual = int(np.median(session.learned))
+            usual = int(of_few(session.learned))
             if usual > 0 and max(session.learned) <= threshold("usual_spread") * usual:
                 session.usual = usual
                 session.limit = max(int(threshold("silence_factor") * usual), lasting("silence"))
@@ -209,12 +228,11 @@ class SilenceEvents:
         )  # fmt: skip
 
 
-def _gaps(ran: Array, start: int) -> Array:
-    """Return how far each is behind the one before, the first behind `start`."""
-    gaps = np.empty_like(ran)
-    gaps[0] = ran[0] - start
-    np.subtract(ran[1:], ran[:-1], out=gaps[1:])
-    return gaps
+def _paces(ran: Array, begins: Array) -> Iterator[tuple[int, int]]:
+    """Return the least and the most time from one to the next of each group, 0 of a single one."""
+    apart = steps(ran, 0)
+    apart[begins] = np.where(np.diff(begins, append=len(ran)) > 1, apart[np.minimum(begins + 1, len(ran) - 1)], 0)
+    return zip(np.minimum.reduceat(apart, begins).tolist(), np.maximum.reduceat(apart, begins).tolist(), strict=True)
 
 
 def _span(ns: int) -> str:

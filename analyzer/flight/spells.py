@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from dissectors.kit.order import changes
+from dissectors.kit.order import changes, steps
 from dissectors.records import dataclass
 
 if TYPE_CHECKING:
@@ -80,10 +80,19 @@ class Spells:
         if state.spell is None and not on.any():
             state.last = at.at(-1)
             return
+        if torn is None and state.spell is not None and on.all() and not self._late(state, at):
+            state.spell.last = state.last = at.at(-1)
+            yield SpellPart(state.spell, 0, len(on), over=False)
+            return
+        yield from self._parts(key, state, on, at, torn)
+
+    def _parts(
+        self, key: Hashable, state: _State, on: Array, at: Places, torn: Array | None
+    ) -> Iterator[SpellPart]:  # fmt: skip
         late = np.zeros(len(on), bool) if torn is None else torn
         if self._patience:
             before = at.ran[0] if state.last is None else state.last.ran
-            late = late | (np.diff(at.ran, prepend=before) > self._patience)
+            late = late | (steps(at.ran, before) > self._patience)
         start = 0
         for k in np.union1d(changes(on, state.spell is not None), np.flatnonzero(late)).tolist():
             last = at.at(k - 1) if k else state.last
@@ -99,6 +108,14 @@ class Spells:
         if state.spell is not None:
             state.spell.last = state.last
             yield SpellPart(state.spell, start, len(on), over=False)
+
+    def _late(self, state: _State, at: Places) -> bool:
+        """Return whether any of some rows came too late to go on with what was."""
+        if not self._patience:
+            return False
+        return at.pace[1] > self._patience or (
+            state.last is not None and at.at(0).ran - state.last.ran > self._patience
+        )
 
     def open(self, key: Hashable) -> bool:
         """Return whether a spell of a key is not over."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -90,9 +91,17 @@ class _Mode:
     `same` is what all rows say, mostly for the whole of a flight; None if they do not.
     """
 
-    def __init__(self, name: str, values: Array, has: Array | None) -> None:
-        self.name, self.values, self.has = name, values, has
-        self.same = int(values[0]) if has is None and values.min() == values.max() else None
+    def __init__(self, name: str, column: pa.Array, good: Array | None, order: Array) -> None:
+        self.name, self._column, self._order = name, numbers(column), order
+        self.has = _with(column, good, order)
+        one = self.has is None and self._column.min() == self._column.max()
+        self.same = int(self._column[0]) if one else None
+
+    @cached_property
+    def values(self) -> Array:
+        """Its values, a row each."""
+        values: Array = self._column[self._order]
+        return values
 
 
 class StateEvents(ReportEvents):
@@ -130,10 +139,7 @@ class StateEvents(ReportEvents):
             told = {flag.name for flag in flags if table.column(flag.name).true_count}
             word = table.column(states.column)
             known = _with(word, good, read.order)
-            codes = [
-                _Mode(name, numbers(column)[read.order], _with(column, good, read.order))
-                for name, column in ((name, table.column(name)) for name in modes)
-            ]
+            codes = [_Mode(name, table.column(name), good, read.order) for name in modes]
             for key, part, at in read.devices:
                 some = _Report(plot, of, table, key, read.order[part], at)
                 if flags:
@@ -180,12 +186,13 @@ class StateEvents(ReportEvents):
         ))  # fmt: skip
 
     def _feed_mode(self, mode: _Mode, rows: slice, some: _Report, signs: Mapping[str, str]) -> None:
-        name, values = mode.name, mode.values[rows]
+        name = mode.name
         word = some.key, f"{some.plot.table}.{name}"
         before = self._modes.get(word)
         if before is not None and before[0] == mode.same:
             self._modes[word] = before[0], some.at.at(-1)
             return
+        values = mode.values[rows]
         if mode.has is not None:
             values, some = values[mode.has[rows]], some.only(mode.has[rows])
         if not len(values) or (before is None and len(self._modes) >= MOST_DEVICES):

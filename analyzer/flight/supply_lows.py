@@ -8,6 +8,7 @@ import numpy as np
 
 from analyzer.devices.rows import split
 from analyzer.flight.reports import ReportEvents
+from dissectors.kit.order import changes
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class SupplyLows(ReportEvents):
         if not len(ran):
             return
         steps = (ran - (self._clock.start or 0)) // STEP
-        starts = np.flatnonzero(np.diff(steps, prepend=steps[0] - 1))
+        starts = changes(steps, steps[0] - 1)
         for step, lowest in zip(steps[starts].tolist(), np.minimum.reduceat(volts, starts).tolist(), strict=True):
             if step in lows or len(lows) < MOST_STEPS:
                 lows[step] = min(lows.get(step, np.inf), lowest)

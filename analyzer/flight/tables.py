@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.decode.grouped import grouped
 from analyzer.devices import fields
 from analyzer.devices.rows import keyed, usable
-from dissectors.kit.order import by_key
 from dissectors.times import NO_TIME
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class ReportTable:
         self, plot: Plot, of: Message | Packet | None, table: pa.RecordBatch, device: Array, at: Places
     ) -> None:
         self.plot, self.of, self.table = plot, of, table
-        order, begins = by_key(device)
+        order, begins = grouped(device)
         keys, self._ends = device[order[begins]], [*begins.tolist(), len(device)]
         self._keys: list[int] = keys.tolist()
         timed = at.t[order] != NO_TIME
@@ -50,6 +50,7 @@ class ReportTable:
             order, self._ends = order[timed], left[self._ends].tolist()
         self.order, self.at = order, at.take(order).settled()
         self._numbers: dict[str, Array] = {}
+        self._extremes: dict[str, tuple[list[float], list[float]]] = {}
 
     @cached_property
     def devices(self) -> list[tuple[int, slice, Places]]:
@@ -70,6 +71,15 @@ class ReportTable:
         known = self._numbers.get(name)
         if known is None:
             known = self._numbers[name] = self._read(name)
+        return known
+
+    def extremes(self, name: str) -> tuple[list[float], list[float]]:
+        """Return the lowest and the highest number of a column for each of `devices`, NaN where none says one."""
+        known = self._extremes.get(name)
+        if known is None:
+            values, starts = self.numbers(name), [rows.start for _, rows, _ in self.devices]
+            lows, highs = (extreme.reduceat(values, starts).tolist() for extreme in (np.fmin, np.fmax))
+            known = self._extremes[name] = lows, highs
         return known
 
     def _read(self, name: str) -> Array:

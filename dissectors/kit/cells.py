@@ -49,7 +49,9 @@ def holds_text(array: pa.Array, text: str) -> Array:
     ends = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
     letters = np.frombuffer(text.encode(), np.uint8)
     rows: Array
-    if data is not None and not array.null_count and (np.diff(ends) == len(letters)).all():  # mostly all say the same
+    if data is not None and not array.null_count and (ends[1:] - ends[:-1] == len(letters)).all():
+        if data[int(ends[0]) : int(ends[-1])].to_pybytes() == text.encode() * len(array):  # mostly all say the same
+            return np.ones(len(array), bool)
         rows = (np.frombuffer(data, np.uint8)[ends[0] : ends[-1]].reshape(len(array), -1) == letters).all(axis=1)
         return rows
     rows = (np.diff(ends) == len(letters)) & valid(array)

@@ -60,6 +60,14 @@ def changes(values: Array, before: float) -> Array:
     return np.flatnonzero(differs)
 
 
+def steps(values: Array, before: float) -> Array:
+    """Return how far each value is from the one in front, which is `before` for the first."""
+    found = np.empty_like(values)
+    found[:1] = values[:1] - before
+    np.subtract(values[1:], values[:-1], out=found[1:])
+    return found
+
+
 def count_below(marks: Array, numbers: Array) -> Array:
     """Return how many marks are below each number; both are in order."""
     if len(marks) >= len(numbers):

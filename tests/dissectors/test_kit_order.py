@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.kit import by_key, changes, count_below, groups, last_set
+from dissectors.kit.order import steps
 
 
 @given(st.lists(st.integers(0, 3) | st.integers(0, 1 << 40)))
@@ -29,6 +30,12 @@ def test_places_in_the_order_of_keys(keys: list[int]) -> None:
 def test_changes(kind: type, values: list[int], before: int) -> None:
     expected = [k for k, one in enumerate(values) if one != [before, *values][k]]
     assert changes(np.array(values, kind), before).tolist() == expected
+
+
+@given(st.lists(st.integers(-9, 9)), st.integers(-9, 9))
+def test_steps(values: list[int], before: int) -> None:
+    expected = [one - [before, *values][k] for k, one in enumerate(values)]
+    assert steps(np.array(values, np.int64), before).tolist() == expected
 
 
 @given(st.lists(st.integers(0, 9)), st.lists(st.integers(0, 9)))

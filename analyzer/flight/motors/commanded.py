@@ -1,13 +1,12 @@
-"""The commands of each motor before a report."""
+"""The reports of motors, each with what was commanded before it, for the core."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analyzer import _native
-from analyzer.decode.sent import cells
 from analyzer.flight.thresholds import lasting
 
 if TYPE_CHECKING:
@@ -18,19 +17,6 @@ if TYPE_CHECKING:
     from dissectors.kit import Array
 
 MOST_RECENT = 4096  # commands within the window
-
-
-class CommandWindow(NamedTuple):
-    """The command before each report, within the window: least, most, mean and last, in %; NaN for none."""
-
-    least: Array
-    most: Array
-    mean: Array
-    last: Array
-
-    def take(self, rows: Array | slice) -> CommandWindow:
-        """Return that of some reports."""
-        return CommandWindow(*(one[rows] for one in self))
 
 
 class RecentOrders:
@@ -45,10 +31,11 @@ class RecentOrders:
             at, columns = some.at, np.ascontiguousarray(some.columns)
             self._native.feed((some.bus, some.plot.who.first), at.ran, at.frame_end, columns)
 
-    def before(self, devices: Sequence[tuple[int, int, slice]], at: Places) -> CommandWindow:
-        """Return the commands before reports: those of devices by bus, channel and rows; NaN if there are none.
+    def rows(self, devices: Sequence[tuple[int, int, slice]], values: Sequence[Array], at: Places) -> _native.EscRows:
+        """Return reports with what was commanded before each: those of devices by bus, channel and rows.
 
-        Commands count that were whole before a report began, however batches are cut.
+        Commands count that were whole before a report began, however batches are cut. `values` are speeds, V, A, degC,
+        and what ESCs say they are commanded, in %; NaN where they tell none.
         """
-        rows = [(bus, ch, mine.start, mine.stop) for bus, ch, mine in devices]
-        return CommandWindow(*(cells(column, np.float64) for column in self._native.before(rows, at.ran, at.frame)))
+        places = [(bus, ch, mine.start, mine.stop) for bus, ch, mine in devices]
+        return self._native.rows(places, tuple(values), (at.ran, at.t, at.step, at.frame))

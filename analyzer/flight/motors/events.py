@@ -5,12 +5,11 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.motors.watch import DRAWING, GIVEN, GOOD, LOADED, TURNING, MotorWatch
 from analyzer.flight.reports import ReportEvents
+from analyzer.flight.robust import of_few
 from analyzer.flight.spells import Spells
 from analyzer.flight.thresholds import lasting, threshold
 from dissectors.records import dataclass, field
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import Spot
-    from analyzer.flight.motors.reports import EscReader, EscReports
+    from analyzer.flight.motors.reports import EscReader
     from analyzer.flight.motors.watch import Compared
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.spells import Spell, SpellPart
@@ -66,8 +65,8 @@ class _Memory:
     @property
     def driven_faster(self) -> bool:
         """True if it just turns faster, with no more current than a propeller takes for that: it was learned slower."""
-        speed, currents = float(np.median(self.speed)), [share for share in self.current if isfinite(share)]
-        return speed > 1 + _FASTER and bool(currents) and 1 <= float(np.median(currents)) <= speed**_LAW
+        speed, currents = of_few(self.speed), [share for share in self.current if isfinite(share)]
+        return speed > 1 + _FASTER and bool(currents) and 1 <= of_few(currents) <= speed**_LAW
 
     def add(self, other: _Memory) -> None:
         """Take what follows."""
@@ -101,15 +100,15 @@ class MotorEvents(ReportEvents):
     def feed(self, _: Batch) -> None:
         """Add the next batch."""
         for plot, key, told in self._escs.now:
-            some = _whole(told) if plot.table in self._tables else None
-            if some is None:
+            if plot.table not in self._tables:
                 continue
             watch = self._watches.get((plot.table, key))
             if watch is None:
-                if len(self._watches) >= MOST_DEVICES:
+                whole = told.rows.some_whole(told.part.start, told.part.stop)
+                if not whole or len(self._watches) >= MOST_DEVICES:
                     continue
                 watch = self._watches[plot.table, key] = MotorWatch()
-            self._follow((plot.table, key), watch.feed(some))
+            self._follow((plot.table, key), watch.feed(told))
 
     def finish(self) -> None:
         """Tell what lasts to the end."""
@@ -166,14 +165,6 @@ class MotorEvents(ReportEvents):
         ))  # fmt: skip
 
 
-def _whole(some: EscReports) -> EscReports | None:
-    """Return the reports that have a speed, a voltage and commands before them."""
-    good = np.isfinite(some.speed) & (some.volts > 1) & np.isfinite(some.command.last)
-    if good.all():
-        return some
-    return some.take(good) if good.any() else None
-
-
 def _change(share: float) -> str:
     """Return a share of what was before as people say it."""
     if share >= _TIMES:
@@ -183,10 +174,10 @@ def _change(share: float) -> str:
 
 def _told(memory: _Memory) -> tuple[str, float, float, float]:
     """Return of what it is a sign, and the shares of speed, current and command that show it."""
-    speed = float(np.median(memory.speed))
+    speed = of_few(memory.speed)
     currents = [share for share in memory.current if isfinite(share)] or [1.0]
     given = [share for share in memory.reported if isfinite(share)]
-    middle, most, reported = float(np.median(currents)), max(currents), float(np.median(given)) if given else np.nan
+    middle, most, reported = of_few(currents), max(currents), of_few(given)
     if reported < threshold("motor_given"):
         return UNDRIVEN, speed, middle, reported
     if speed >= (1 + threshold("motor_slow")) / 2:

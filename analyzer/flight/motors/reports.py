@@ -4,43 +4,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from analyzer.devices.rows import split
-from analyzer.flight.motors.commanded import CommandWindow, RecentOrders
+from analyzer.flight.motors.commanded import RecentOrders
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from analyzer import _native
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import Places
     from analyzer.flight.orders import CommandReader
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.tables import ReportTable
-    from dissectors.kit import Array
     from dissectors.picture import Plot
 
 
 class EscReports(NamedTuple):
-    """Speed without its sign in rpm, V, A, degC, and what the ESC says it is commanded, in %; NaN where it tells none.
+    """The reports of one device: its `part` of the `rows` of a table, as the core has them, and their places."""
 
-    `command` is NaN where nothing was commanded before.
-    """
-
-    speed: Array
-    volts: Array
-    current: Array
-    temperature: Array
-    reported: Array
-    command: CommandWindow
+    rows: _native.EscRows
+    part: slice
     at: Places
-
-    def take(self, rows: Array | slice) -> EscReports:
-        """Return some of them."""
-        speed, volts, current, temperature, reported = (one[rows] for one in self[:5])
-        return EscReports(
-            speed, volts, current, temperature, reported, self.command.take(rows), self.at.take(rows)
-        )  # fmt: skip
 
 
 class EscReader:
@@ -68,19 +52,14 @@ class EscReader:
         ]
 
     def _read(self, table: ReportTable) -> Iterator[tuple[int, EscReports]]:
-        esc = table.plot.esc
-        names = esc.rpm, esc.voltage, esc.current, esc.temperature, esc.reported
-        speed, volts, current, temperature, reported = (table.numbers(name) for name in names)
-        speed = np.abs(speed)
-        who, ordered = table.plot.who, []
-        for key, rows, _ in table.devices if who.column else ():
+        esc, who, ordered = table.plot.esc, table.plot.who, []
+        for key, part, _ in table.devices if who.column else ():
             bus, _, number = split(key)
-            ordered.append((bus, number + who.first, rows))
-        command = self.orders.before(ordered, table.at)
-        for key, rows, at in table.devices:
-            yield key, EscReports(
-                speed[rows], volts[rows], current[rows], temperature[rows], reported[rows], command.take(rows), at
-            )  # fmt: skip
+            ordered.append((bus, number + who.first, part))
+        names = esc.rpm, esc.voltage, esc.current, esc.temperature, esc.reported
+        rows = self.orders.rows(ordered, [table.numbers(name) for name in names], table.at)
+        for key, part, at in table.devices:
+            yield key, EscReports(rows, part, at)
 
 
 def channel(plot: Plot, key: int) -> int | None:

@@ -24,10 +24,11 @@ if TYPE_CHECKING:
 # others than the first also tell while commands change.
 WAYS = 5
 GOOD, TURNING, GIVEN, LOADED, DRAWING = range(WAYS)
+_NONE = np.zeros(0)
 
 
 class Compared(NamedTuple):
-    """Reports against the past: `off` are those that differ.
+    """Reports against the past: `off` are those that differ; of others there are no further columns if none does.
 
     `speed` and `current` are shares of what they were at such a command, `reported` of what is commanded. `well` are
     the rows of the last reports before each that were well, a column each way, -1 where that is `earlier`.
@@ -57,13 +58,17 @@ class MotorWatch:
         self._well: list[Spot | None] = [None] * WAYS  # the last reports that were so
 
     def feed(self, some: EscReports) -> Compared:
-        """Compare the next reports, in any pieces; all have a speed, a voltage and commands before them."""
-        at, columns = some.at, (some.speed, some.volts, some.current, some.reported)
-        off, well, shares, last = self._native.feed(columns, some.command)
+        """Compare the next reports, in any pieces; those without a speed, a voltage or commands do not count."""
+        kept, off, last = self._native.feed(some.rows, some.part.start, some.part.stop)
+        at = some.at if kept is None else some.at.take(cells(kept, np.int64))
+        earlier, spots = self._well, {row: at.at(row) for row in set(last) if row >= 0}
+        self._well = [spots.get(row, known) for row, known in zip(last, earlier, strict=True)]
+        if off is None:
+            return Compared(np.zeros(len(at), bool), _NONE, earlier, _NONE, _NONE, _NONE, at)
+        differs, well, shares = off
         speed, current, reported = (cells(column, np.float64) for column in shares)
-        before, earlier = cells(well, np.int64).reshape(-1, WAYS), self._well
-        self._well = [at.at(row) if row >= 0 else known for row, known in zip(last, earlier, strict=True)]
-        return Compared(cells(off, np.uint8).view(bool), before, earlier, speed, current, reported, at)
+        before = cells(well, np.int64).reshape(-1, WAYS)
+        return Compared(cells(differs, np.uint8).view(bool), before, earlier, speed, current, reported, at)
 
 
 @cache

@@ -39,8 +39,7 @@ class EscCells:
     def feed(self, some: EscReports, start: int, width: int) -> None:
         """Add the next reports, in slots of `width` ns from `start` on."""
         self._read = None
-        at, columns = some.at, (some.speed, some.volts, some.current, some.reported)
-        self._native.feed(columns, some.temperature, some.command, (at.ran, at.t, at.step, start, width))
+        self._native.feed(some.rows, some.part.start, some.part.stop, start, width)
 
     def halve(self) -> None:
         """Make one slot of two."""

@@ -5,7 +5,7 @@
 //! [`ending`] -> [`trust`] -> [`reassembly`] -> [`transfers`] -> [`pipeline`]; [`groups`], [`plan`], [`bits`],
 //! [`unpack`] -> [`decoder`], [`packets`]; [`diagnosis`] is what broken transfers lack, [`orphans`] what is left of them,
 //! [`joint`] where several senders lack some, [`load`] how long a frame takes, [`motor`] how an ESC compares with its own
-//! past, [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them knows Python or
+//! past, [`grouped`] puts rows by key, [`rows`] writes the text of views, by templates, [`evidence`] frames of findings. None of them knows Python or
 //! does I/O, but for `receive`, which empties a socket of Linux; `python` is the only file that knows Python, `simd`,
 //! `receive/system` and `python/buffer` are the only ones with `unsafe`.
 
@@ -26,6 +26,7 @@ pub mod events;
 pub mod evidence;
 pub mod frame_batch;
 pub mod frames;
+pub mod grouped;
 pub mod groups;
 pub mod joint;
 pub mod line;

@@ -20,6 +20,9 @@ pub use supply::SupplyLine;
 /// A current as a share of what it was at that speed, between which a report is as it should be.
 const GOOD: (f64, f64) = (0.85, 1.2);
 
+/// A supply that says nothing, in V.
+const NO_SUPPLY: f64 = 1.0;
+
 /// The numbers that decide, as `thresholds.toml` names and explains them; commands in %, shares of what was before.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
@@ -50,7 +53,30 @@ pub struct Reports<'a> {
     pub commanded: [&'a [f64]; 4],
 }
 
+/// Some reports: speed, volts, current, reported; and what was commanded before each.
+#[derive(Debug)]
+pub struct Picked {
+    pub reports: [Vec<f64>; 4],
+    pub commanded: [Vec<f64>; 4],
+}
+
 impl Reports<'_> {
+    /// Whether a report has a speed, a voltage and commands before it.
+    pub fn is_whole(&self, row: usize) -> bool {
+        let [.., last] = self.commanded;
+        self.speed[row].is_finite() && self.volts[row] > NO_SUPPLY && last[row].is_finite()
+    }
+
+    /// Some of them.
+    #[must_use]
+    pub fn pick(&self, rows: &[usize]) -> Picked {
+        let some = |column: &[f64]| rows.iter().map(|&row| column[row]).collect();
+        Picked {
+            reports: [self.speed, self.volts, self.current, self.reported].map(some),
+            commanded: self.commanded.map(some),
+        }
+    }
+
     fn fit(&self) -> bool {
         let long = self.speed.len();
         let columns = [self.volts, self.current, self.reported];
@@ -134,8 +160,8 @@ impl Watch {
         Watch {
             limits,
             past: Past::new(limits.learned),
-            ratios: Recent::new(limits.many as usize, f64::NAN),
-            volts: Recent::new(limits.many as usize, f64::NEG_INFINITY),
+            ratios: Recent::new(limits.many as usize, f64::NAN, limits.worn),
+            volts: Recent::new(limits.many as usize, f64::NEG_INFINITY, 0.0),
         }
     }
 
@@ -172,7 +198,7 @@ impl Watch {
             self.ratios.push(ratio); // a motor that slows down takes less
         }
         let worn = self.limits.worn * f64::from(self.limits.many);
-        let off = beside.behind || beside.ahead || self.ratios.sum().is_some_and(|sum| sum < worn);
+        let off = beside.behind || beside.ahead || self.ratios.less(worn);
         let good = ratio > GOOD.0 && ratio < GOOD.1;
         let steady = ordered.highest - ordered.lowest <= self.limits.steady_percent;
         let driven = ordered.lowest > self.limits.steady_percent && speed > 0.0;

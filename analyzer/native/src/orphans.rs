@@ -72,3 +72,62 @@ impl Orphans {
         self.ids(stretch).fold(0_u32, |bits, id| bits | 1 << (id & ID)) & wanted == wanted
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Frame, Orphans, Stretch, FRAMES, NO_TIME, SESSIONS};
+    use std::ops::Range;
+
+    fn orphans(frames: impl IntoIterator<Item = (i64, i64, u8)>) -> Orphans {
+        let mut found = Orphans::default();
+        for (number, t, id) in frames {
+            found.add(1, Frame { number, t, id });
+        }
+        found
+    }
+
+    fn stretch(session: i64, since: i64, numbers: Range<i64>) -> Stretch {
+        Stretch {
+            session,
+            since,
+            numbers,
+        }
+    }
+
+    #[test]
+    fn a_stretch_has_frames_of_its_session_and_numbers_since_its_time() {
+        let found = orphans([(10, 100, 3), (20, 200, 4)]);
+        assert!(found.any(&stretch(1, 100, 10..11)));
+        assert!(!found.any(&stretch(2, 100, 10..11)), "another session");
+        assert!(
+            !found.any(&stretch(1, 101, 10..20)),
+            "too early, and before the other one"
+        );
+        assert!(!found.any(&stretch(1, 201, 0..99)), "nothing is as new");
+        assert!(!found.any(&stretch(1, NO_TIME, 0..99)), "no time to count from");
+    }
+
+    #[test]
+    fn every_one_of_some_transfer_ids_has_to_be_there() {
+        let found = orphans([(10, 100, 30), (11, 100, 31), (12, 100, 0), (40, 100, 1)]);
+        assert!(found.all(&stretch(1, 0, 10..20), 30, 3), "IDs begin again at 0");
+        assert!(!found.all(&stretch(1, 0, 10..20), 30, 4), "the last one came later");
+        assert!(found.all(&stretch(1, 0, 10..50), 30, 4));
+        assert!(found.all(&stretch(1, 0, 10..20), 5, 0), "none is asked for");
+        assert!(!found.all(&stretch(1, 0, 10..50), 0, 99), "no more IDs than there are");
+    }
+
+    #[test]
+    fn a_session_keeps_its_latest_frames_and_no_others_come_beyond_the_bound() {
+        let most = FRAMES as i64;
+        let mut found = orphans((0..=most).map(|number| (number, number, 0)));
+        assert!(!found.any(&stretch(1, 0, 0..1)));
+        assert!(found.any(&stretch(1, 0, 1..2)));
+        let frame = Frame { number: 5, t: 5, id: 0 };
+        for session in 2..=SESSIONS as i64 + 1 {
+            found.add(session, frame);
+        }
+        assert!(found.any(&stretch(SESSIONS as i64, 0, 5..6)));
+        assert!(!found.any(&stretch(SESSIONS as i64 + 1, 0, 5..6)));
+    }
+}

@@ -19,6 +19,7 @@ mod buffer;
 mod decoder;
 mod diagnosis;
 mod group;
+mod grouped;
 mod joint;
 mod load;
 mod log_records;
@@ -205,6 +206,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<write::Writer>()?;
     m.add_class::<diagnosis::FrameIndex>()?;
     m.add_class::<diagnosis::SessionStarts>()?;
+    m.add_class::<motor::EscRows>()?;
     m.add_class::<motor::MotorSums>()?;
     m.add_class::<motor::MotorWatch>()?;
     m.add_class::<motor::RecentOrders>()?;
@@ -212,6 +214,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<orphans::OrphanIndex>()?;
     m.add_function(wrap_pyfunction!(diagnosis::diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(diagnosis::misnumbered, m)?)?;
+    m.add_function(wrap_pyfunction!(grouped::rows, m)?)?;
     m.add_function(wrap_pyfunction!(joint::joint, m)?)?;
     m.add_function(wrap_pyfunction!(load::frame_bits, m)?)?;
     m.add_function(wrap_pyfunction!(mcap::crc32, m)?)?;

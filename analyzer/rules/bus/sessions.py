@@ -8,8 +8,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from analyzer.decode.grouped import grouped
 from analyzer.tables import EXTENDED, KINDS, REMOTE, TAIL_END, TAIL_START
-from dissectors.kit import by_key, times_by_bus
+from dissectors.kit import times_by_bus
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Container, Iterator, Mapping, Sequence
@@ -72,7 +73,7 @@ class BusFrames:
     def __init__(self, times: BusTimes, frames: FrameTable, rows: Array | None) -> None:
         identifier = frames.id if rows is None else frames.id[rows]
         codes = (identifier & _NODE) << _KEY_BITS | identifier >> 7 & _KEY
-        self.place, first = by_key(codes)
+        self.place, first = grouped(codes)
         self.row = self.place if rows is None else rows[self.place]
         self.tail = frames.tail[self.row]
         self.times, self.forward = frames.t, times.steady
@@ -204,7 +205,7 @@ def first_transfers(
         asked = type_id << 9 | (kind == _REQUEST) * np.uint32(_ASKS << 1) | t.dst[rows].astype(np.uint32) << 1 | 1
         key = np.where(kind == _MESSAGE, key, asked)
     codes = (t.bus[rows].astype(np.uint32) << 7 | t.src[rows] & _NODE) << _KEY_BITS | key
-    order, first = by_key(codes)
+    order, first = grouped(codes)
     places = first[:, None] + np.arange(most)
     some = order[places[places < np.append(first[1:], len(order))[:, None]]]
     some.sort()

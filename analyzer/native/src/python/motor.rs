@@ -1,13 +1,14 @@
 //! Motors against their own past, for Python.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use pyo3::buffer::PyBuffer;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::buffer::Cells;
-use crate::motor::{self, CommandLog, Limits, Reports, SumLimits, Sums, Times, Watch, WELL};
+use crate::motor::{self, CommandLog, Limits, Picked, Reports, SumLimits, Sums, Times, Watch, WELL};
 
 type Column<'py> = Bound<'py, Cells>;
 
@@ -42,19 +43,61 @@ pub struct Given {
     sag_begun: f64,
 }
 
-/// Reports by column: speed, volts, current, reported.
-type Reported = (PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>);
-/// What was commanded before each: the lowest, the highest, the mean and the last.
-type Commanded = (PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>);
-
-/// Which reports are off, the last ones before each that were well, each in so many ways, shares of speed, current and
-/// command; the last ones that were well.
-type Compared<'py> = (
-    Column<'py>,
-    Column<'py>,
-    (Column<'py>, Column<'py>, Column<'py>),
-    [i64; WELL],
+/// Reports by column, NaN where they say nothing: speed, volts, current, temperature, reported.
+type Reported = (
+    PyBuffer<f64>,
+    PyBuffer<f64>,
+    PyBuffer<f64>,
+    PyBuffer<f64>,
+    PyBuffer<f64>,
 );
+/// When they came: times while it was recorded, times, steps of transfer IDs, first frames.
+type Came = (PyBuffer<i64>, PyBuffer<i64>, PyBuffer<i64>, PyBuffer<i64>);
+/// Which reports are off, the last ones before each that were well, each in so many ways, shares of speed, current and
+/// command.
+type Off<'py> = (Column<'py>, Column<'py>, (Column<'py>, Column<'py>, Column<'py>));
+/// The rows that count, None for all; what is off, None for nothing; the last ones of them that were well.
+type Compared<'py> = (Option<Column<'py>>, Option<Off<'py>>, [i64; WELL]);
+
+/// The reports of a table, one device after the other, with what was commanded before each of them.
+#[pyclass(frozen)]
+pub struct EscRows {
+    speed: Vec<f64>,
+    volts: Vec<f64>,
+    current: Vec<f64>,
+    temperature: Vec<f64>,
+    reported: Vec<f64>,
+    commanded: [Vec<f64>; 4],
+    ran: Vec<i64>,
+    t: Vec<i64>,
+    step: Vec<i64>,
+}
+
+impl EscRows {
+    fn reports(&self, rows: Range<usize>) -> Option<Reports<'_>> {
+        let part = |column: &'_ Vec<f64>| column.get(rows.clone()).is_some();
+        let columns = [&self.speed, &self.volts, &self.current, &self.reported];
+        if !columns.into_iter().chain(&self.commanded).all(part) {
+            return None;
+        }
+        Some(Reports {
+            speed: &self.speed[rows.clone()],
+            volts: &self.volts[rows.clone()],
+            current: &self.current[rows.clone()],
+            reported: &self.reported[rows.clone()],
+            commanded: self.commanded.each_ref().map(|column| &column[rows.clone()]),
+        })
+    }
+}
+
+#[pymethods]
+impl EscRows {
+    /// Whether any of some rows has a speed, a voltage and commands before it.
+    fn some_whole(&self, start: usize, stop: usize) -> PyResult<bool> {
+        let reports = self.reports(start..stop).ok_or_else(unfit)?;
+        Ok((0..stop - start).any(|row| reports.is_whole(row)))
+    }
+}
 
 /// Follows one ESC.
 #[pyclass]
@@ -82,22 +125,44 @@ impl MotorWatch {
         }))
     }
 
-    /// Takes the next reports, all of them with commands before them.
-    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-    fn feed<'py>(&mut self, py: Python<'py>, reports: Reported, commanded: Commanded) -> PyResult<Compared<'py>> {
-        let own = Owned::of(py, &reports, &commanded)?;
-        let found = py.detach(|| self.0.feed(&own.reports())).ok_or_else(unfit)?;
+    /// Takes the next reports; those that have no speed, voltage or commands before them do not count.
+    fn feed<'py>(
+        &mut self,
+        py: Python<'py>,
+        reports: &Bound<'py, EscRows>,
+        start: usize,
+        stop: usize,
+    ) -> PyResult<Compared<'py>> {
+        let reports = reports.get().reports(start..stop).ok_or_else(unfit)?;
+        let kept: Vec<usize> = (0..stop - start).filter(|&row| reports.is_whole(row)).collect();
+        let whole = kept.len() == stop - start;
+        let found = py.detach(|| {
+            if whole {
+                return self.0.feed(&reports);
+            }
+            let Picked { reports, commanded } = reports.pick(&kept);
+            let [speed, volts, current, reported] = &reports;
+            self.0.feed(&Reports {
+                speed,
+                volts,
+                current,
+                reported,
+                commanded: commanded.each_ref().map(Vec::as_slice),
+            })
+        });
+        let found = found.ok_or_else(unfit)?;
+        let kept = (!whole).then(|| Cells::own(py, kept.iter().map(|&row| row as i64).collect()));
+        if found.off.iter().all(|&off| off == 0) {
+            return Ok((kept.transpose()?, None, found.well));
+        }
         let shares = (
             Cells::own(py, found.speed)?,
             Cells::own(py, found.current)?,
             Cells::own(py, found.reported)?,
         );
-        Ok((
-            Cells::own(py, found.off)?,
-            Cells::own(py, found.before.into_flattened())?,
-            shares,
-            found.well,
-        ))
+        let before = Cells::own(py, found.before.into_flattened())?;
+        let off = (Cells::own(py, found.off)?, before, shares);
+        Ok((kept.transpose()?, Some(off), found.well))
     }
 }
 
@@ -120,8 +185,6 @@ pub struct GivenSums {
     late_periods: f64,
 }
 
-/// When reports came: times while it was recorded, times, steps of transfer IDs; the first slot, and ns of each.
-type Came = (PyBuffer<i64>, PyBuffer<i64>, PyBuffer<i64>, i64, i64);
 /// Numbers and sums by kind, slot and bin; both by slot; counts by slot; times of the first report of each slot.
 type Summed<'py> = (Column<'py>, Column<'py>, Column<'py>, Column<'py>, Column<'py>);
 
@@ -145,25 +208,26 @@ impl MotorSums {
         }))
     }
 
-    /// Takes the next reports.
-    #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
+    /// Takes the next reports, in slots of `width` ns from `begin` on.
+    #[pyo3(signature = (reports, start, stop, begin, width))]
     fn feed(
         &mut self,
         py: Python<'_>,
-        reports: Reported,
-        temperature: PyBuffer<f64>,
-        commanded: Commanded,
-        came: Came,
+        reports: &Bound<'_, EscRows>,
+        start: usize,
+        stop: usize,
+        begin: i64,
+        width: i64,
     ) -> PyResult<()> {
-        let temperature = temperature.to_vec(py)?;
-        let (ran, t, step) = (came.0.to_vec(py)?, came.1.to_vec(py)?, came.2.to_vec(py)?);
+        let all = reports.get();
+        let reports = all.reports(start..stop).ok_or_else(unfit)?;
         let times = Times {
-            ran: &ran,
-            t: &t,
-            step: &step,
+            ran: &all.ran[start..stop],
+            t: &all.t[start..stop],
+            step: &all.step[start..stop],
         };
-        let own = Owned::of(py, &reports, &commanded)?;
-        py.detach(|| self.0.feed(&own.reports(), &temperature, &times, came.3, came.4))
+        let temperature = &all.temperature[start..stop];
+        py.detach(|| self.0.feed(&reports, temperature, &times, begin, width))
             .ok_or_else(unfit)
     }
 
@@ -182,35 +246,6 @@ impl MotorSums {
             Cells::own(py, sums.counted.as_flattened().to_vec())?,
             Cells::own(py, sums.first.as_flattened().to_vec())?,
         ))
-    }
-}
-
-/// Columns of reports, taken over from Python.
-struct Owned([Vec<f64>; 8]);
-
-impl Owned {
-    fn of(py: Python<'_>, reports: &Reported, commanded: &Commanded) -> PyResult<Self> {
-        Ok(Owned([
-            reports.0.to_vec(py)?,
-            reports.1.to_vec(py)?,
-            reports.2.to_vec(py)?,
-            reports.3.to_vec(py)?,
-            commanded.0.to_vec(py)?,
-            commanded.1.to_vec(py)?,
-            commanded.2.to_vec(py)?,
-            commanded.3.to_vec(py)?,
-        ]))
-    }
-
-    fn reports(&self) -> Reports<'_> {
-        let [speed, volts, current, reported, commanded @ ..] = &self.0;
-        Reports {
-            speed,
-            volts,
-            current,
-            reported,
-            commanded: commanded.each_ref().map(Vec::as_slice),
-        }
     }
 }
 
@@ -275,23 +310,42 @@ impl RecentOrders {
         log.feed(first, &ran, &frame_end, &percent).ok_or_else(unfit)
     }
 
-    /// The command before each report, by times and first frames: lowest, highest, mean and last, in %; NaN for none.
+    /// The reports of devices, which stand in their order, with what was commanded before each; nothing before others.
     #[allow(clippy::needless_pass_by_value)] // arguments from Python arrive by value
-    fn before<'py>(
-        &self,
-        py: Python<'py>,
-        devices: Vec<Device>,
-        ran: PyBuffer<i64>,
-        frame: PyBuffer<i64>,
-    ) -> PyResult<(Column<'py>, Column<'py>, Column<'py>, Column<'py>)> {
-        let (ran, frame) = (ran.to_vec(py)?, frame.to_vec(py)?);
-        let [lowest, highest, mean, last] = py.detach(|| self.found(&devices, &ran, &frame)).ok_or_else(unfit)?;
-        Ok((
-            Cells::own(py, lowest)?,
-            Cells::own(py, highest)?,
-            Cells::own(py, mean)?,
-            Cells::own(py, last)?,
-        ))
+    fn rows(&self, py: Python<'_>, devices: Vec<Device>, values: Reported, came: Came) -> PyResult<EscRows> {
+        let (ran, frame) = (came.0.to_vec(py)?, came.3.to_vec(py)?);
+        let mut speed = values.0.to_vec(py)?;
+        let (volts, current, temperature) = (values.1.to_vec(py)?, values.2.to_vec(py)?, values.3.to_vec(py)?);
+        let (reported, t, step) = (values.4.to_vec(py)?, came.1.to_vec(py)?, came.2.to_vec(py)?);
+        let long = [
+            volts.len(),
+            current.len(),
+            temperature.len(),
+            reported.len(),
+            t.len(),
+            step.len(),
+            ran.len(),
+        ];
+        if long != [speed.len(); 7] || frame.len() != speed.len() {
+            return Err(unfit());
+        }
+        let commanded = py.detach(|| {
+            for speed in &mut speed {
+                *speed = speed.abs();
+            }
+            self.found(&devices, &ran, &frame)
+        });
+        Ok(EscRows {
+            speed,
+            volts,
+            current,
+            temperature,
+            reported,
+            commanded: commanded.ok_or_else(unfit)?,
+            ran,
+            t,
+            step,
+        })
     }
 }
 

@@ -318,3 +318,23 @@ fn a_line_of_a_supply_tells_what_its_current_explains() {
     );
     assert!(pieces.feed(&volts, &[]).is_none());
 }
+
+#[test]
+fn reports_that_are_whole_have_speed_voltage_and_commands() {
+    let (nan, some) = (f64::NAN, [9.0, 9.0, 9.0, 9.0, 9.0]);
+    let last = [9.0, 9.0, 9.0, nan, 9.0];
+    let reports = Reports {
+        speed: &[9.0, nan, 9.0, 9.0, 7.0],
+        volts: &[9.0, 9.0, 1.0, 9.0, 8.0],
+        current: &[nan; 5],
+        reported: &[1.0, 2.0, 3.0, 4.0, 5.0],
+        commanded: [&some, &some, &some, &last],
+    };
+    let whole: Vec<usize> = (0..5).filter(|&row| reports.is_whole(row)).collect();
+    assert_eq!(whole, [0, 4]);
+    let picked = reports.pick(&whole);
+    assert_eq!(picked.reports[0], [9.0, 7.0]);
+    assert_eq!(picked.reports[1], [9.0, 8.0]);
+    assert_eq!(picked.reports[3], [1.0, 5.0]);
+    assert_eq!(picked.commanded, [[9.0; 2]; 4]);
+}
