@@ -27,13 +27,27 @@ class Meaning:
     source: str = ""
 
 
+_MOST_KNOWN = 1 << 12
+_NOTHING = Meaning()
+_known: dict[tuple[int, str], tuple[Message | Packet, Meaning]] = {}  # with what it is of, whose number stays its own
+
+
 def meaning(of: Message | Packet | None, column: str) -> Meaning:
     """Return the meaning of `field`, `field.part`, `field.member` or a derived column.
 
     An empty one if nothing is said.
     """
     if of is None:
-        return Meaning()
+        return _NOTHING
+    key = id(of), column
+    if (known := _known.get(key)) is None:
+        if len(_known) >= _MOST_KNOWN:
+            _known.clear()
+        known = _known[key] = of, _found(of, column)
+    return known[1]
+
+
+def _found(of: Message | Packet, column: str) -> Meaning:
     note = of.notes.get(column)
     if note is not None:
         texts: dict[float, str] = {raw: text for table in (note.enum, note.special) for raw, text in table.items()}

@@ -100,11 +100,6 @@ class Places:
             self._pace = (int(apart.min()), int(apart.max())) if len(apart) else (0, 0)
         return self._pace
 
-    @property
-    def newest(self) -> int:
-        """The latest recorded time; there has to be one."""
-        return self.at(-1).ran if self.pace[0] >= 0 else int(self.ran.max())
-
     def take(self, rows: Array | slice) -> Places:
         """Return some of them: places, or a mask."""
         if self._rows is not None:
@@ -136,8 +131,9 @@ class Places:
         return self._spot(row)
 
     def _spot(self, row: int) -> Spot:
-        place = row if self._rows is None else self._rows[row]
-        return Spot(*[column.item(place) for column in self._columns])
+        place = row if self._rows is None else self._rows.item(row)
+        t, ran, frame, frame_end, step = self._columns
+        return Spot(t.item(place), ran.item(place), frame.item(place), frame_end.item(place), step.item(place))
 
     def _column(self, number: int) -> Array:
         if self._rows is None:

@@ -170,18 +170,17 @@ def _worse(one: _Sag, new: _Sag) -> _Sag:
 
 def _kept(known: _Recent | None, at: Places, voltage: Array, current: Array) -> _Recent:
     """Return the reports that later ones are compared with."""
-    newest = at.newest
+    newest = int(at.ran.max())
     if known is not None and known.newest >= newest - lasting("sag"):
         every = known.followed_by(at, voltage, current)
         at, voltage, current, newest = every.at, every.voltage, every.current, every.newest
     oldest = newest - lasting("sag")
-    begin = np.searchsorted(at.ran, oldest) if at.pace[0] >= 0 else np.argmax(at.ran >= oldest)
-    first = max(len(at) - MOST_RECENT, int(begin))
+    first = max(len(at) - MOST_RECENT, int(np.argmax(at.ran >= oldest)))
     return _recent(at.take(slice(first, None)).settled(), voltage[first:].copy(), current[first:].copy())
 
 
 def _recent(at: Places, voltage: Array, current: Array) -> _Recent:
-    return _Recent(at, voltage, current, at.newest, float(voltage.max()))
+    return _Recent(at, voltage, current, int(at.ran.max()), float(voltage.max()))
 
 
 def _share(name: str) -> float:

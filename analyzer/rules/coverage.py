@@ -70,7 +70,8 @@ class Tracker:
                 self._types[name] = self._types.get(name, 0) + count
             for column, field_ in self._columns.get(name, ()):
                 if column in table:
-                    self._count(field_, table[column][table.trusted & table.has(column)])
+                    good = table.trusted & table.has(column)
+                    self._count(field_, table[column] if good.all() else table[column][good])
 
     def finish(self) -> Seen:
         """Return everything so far."""
@@ -83,7 +84,8 @@ class Tracker:
 
     def _count(self, name: str, values: Any) -> None:
         counts = self._values[name]
-        for raw in counts:
+        one = len(values) > 0 and values.min() == values.max()  # mostly all say the same
+        for raw in (raw for raw in counts if not one or raw == values[0]):
             counts[raw] += int(np.count_nonzero(values == raw))
 
     def _enums(self) -> Iterator[tuple[str, str, str, Mapping[float, str]]]:

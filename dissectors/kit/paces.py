@@ -243,12 +243,15 @@ class _Reports:
 
     def _long(self) -> tuple[Array, Array]:
         """Return what may be breaks, and whether each is too short to be one behind many reports at a pace."""
-        took, of = np.diff(self.t, append=self.t[-1]), self._of
+        numbers, took = self._senders[0], np.diff(self.t, append=self.t[-1])
+        took[self.stop - 1] = 0
+        if not (took > numbers.least).any():  # mostly nobody pauses
+            return np.zeros(0, np.int64), np.zeros(0, bool)
+        of = self._of
         gone = np.diff(self.lost, append=self.lost[-1])
         gone[self.stop - 1] = 0
         single = took / (1 + gone)  # from one report to the next, lost or not
         single[self.stop - 1] = np.inf
-        numbers = self._senders[0]
         usual = np.array([one.usual for one in self._senders])
         shortest = np.minimum.reduceat(single, self.start)
         floor = np.maximum(numbers.least, numbers.periods * np.where(usual > 0, np.minimum(shortest, usual), shortest))

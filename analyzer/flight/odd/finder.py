@@ -40,7 +40,7 @@ class OddFinder:
                     continue
                 device = self._devices[plot.table, key] = EscCells(plot, key)
             start = self._clock.start or 0
-            while some.at.newest - start >= SLOTS * self._width:
+            while int(some.at.ran.max()) - start >= SLOTS * self._width:
                 self._width *= 2
                 for one in self._devices.values():
                     one.halve()

@@ -72,7 +72,8 @@ class VehicleExercise:
 
     def _note_commands(self, view: View) -> None:
         for bus, sent in commands(view).items():
-            if "negative throttle" not in self._words and ((sent.cmd < 0) & (sent.cmd != NO_CHANNEL)).any():
+            below = "negative throttle" not in self._words and bool(sent.cmd.min(initial=0) < 0)
+            if below and ((sent.cmd < 0) & (sent.cmd != NO_CHANNEL)).any():
                 self._words |= {"negative throttle", "bad throttle"}
             last = self._commanded.get(bus, int(sent.t[0]))
             if "bad throttle" not in self._words and (np.diff(sent.t, prepend=last) > 100 * MILLISECOND).any():

@@ -76,6 +76,8 @@ class InForce(NamedTuple):
 
 _units: WeakKeyDictionary[View, Mapping[ReportingEsc, Array]] = WeakKeyDictionary()
 _commands: WeakKeyDictionary[View, Mapping[int, Commands]] = WeakKeyDictionary()
+# What was in force at rows, which are kept with it, so that their number stays their own.
+_forced: WeakKeyDictionary[View, dict[tuple[object, ...], tuple[Array, InForce]]] = WeakKeyDictionary()
 
 
 def units(view: View) -> Mapping[ReportingEsc, Array]:
@@ -152,7 +154,12 @@ class LastCommands:
         """Return the command in force at each row; an ESC without a channel has `NO_CHANNEL`."""
         t, channels = self._last.get(bus, (NO_TIME, np.empty(0, np.int16)))
         before = int(channels[index]) if index < len(channels) else NO_CHANNEL
-        return in_force(commands(view).get(bus), (t, before), index, table, rows)
+        if len(rows) == 1:
+            return in_force(commands(view).get(bus), (t, before), index, table, rows)
+        known, key = _forced.setdefault(view, {}), (bus, t, before, index, table, id(rows))
+        if key not in known:
+            known[key] = rows, in_force(commands(view).get(bus), (t, before), index, table, rows)
+        return known[key][1]
 
 
 class FirstReports:
@@ -197,11 +204,12 @@ def _throttles(view: View, table: DecodedTable, rows: Array) -> Iterator[tuple[i
     for bus in np.flatnonzero(np.bincount(buses)).tolist():
         mine = rows[buses == bus]
         count = counts[mine]
-        most = int(count.max())
-        places = offsets[mine][None, :] + np.arange(most)[:, None]
-        if int(count.min()) == most:
-            cmd = values[places] if most else np.empty((0, len(mine)), np.int16)
+        most, begin, behind = int(count.max()), int(mine[0]), int(mine[-1]) + 1
+        if int(count.min()) == most and behind - begin == len(mine):  # mostly all are equally long
+            block = values[offsets[begin] : offsets[behind]].reshape(len(mine), most)
+            cmd = np.ascontiguousarray(block.T, np.int16)
         else:
+            places = offsets[mine][None, :] + np.arange(most)[:, None]
             inside = np.arange(most)[:, None] < count
             cmd = np.where(inside, values[np.where(inside, places, 0)], NO_CHANNEL).astype(np.int16)
         number = table["transfer"][mine].astype(np.int64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from dissectors.kit import changes
 from dissectors.tmotor.rules.joined.joins import MOST_UNITS, ReportingEsc, commands, end, units
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from dissectors.kit import Array, DecodedTable, View
 
 COMMANDS = -1  # in place of a node: the throttle on a bus
@@ -21,6 +24,34 @@ class Changes(NamedTuple):
     number: Array
     t: Array
     turning: Array
+
+
+class _Told(NamedTuple):
+    """Rows of a unit, or of commands of a bus: which are `on`, and the places of those that differ from the last."""
+
+    unit: ReportingEsc
+    table: DecodedTable
+    rows: Array
+    on: Array
+    changed: Array
+
+
+_known: WeakKeyDictionary[View, list[_Told]] = WeakKeyDictionary()
+
+
+def _told(view: View) -> list[_Told]:
+    """Return what a batch tells of motors; several rules ask."""
+    if view not in _known:
+        _known[view] = [_Told(unit, table, rows, on, changes(on, on[0])) for unit, table, rows, on in _states(view)]
+    return _known[view]
+
+
+def _states(view: View) -> Iterator[tuple[ReportingEsc, DecodedTable, Array, Array]]:
+    table = view.table("ESCStatus")
+    if table is not None:
+        yield from ((unit, table, rows, table["rpm"][rows] != 0) for unit, rows in units(view).items())
+    for bus, sent in commands(view).items():
+        yield ReportingEsc(bus, COMMANDS, 0), sent.table, sent.rows, np.any(sent.cmd > 0, axis=0)
 
 
 class Motion:
@@ -41,26 +72,21 @@ class Motion:
     def feed(self, view: View) -> dict[int, Changes]:
         """Add the next batch; return its changes by bus."""
         steps: dict[int, list[tuple[Array, Array, Array]]] = {}
-        table = view.table("ESCStatus")
-        if table is not None:
-            for unit, rows in units(view).items():
-                self._note(view, steps, unit, (table, rows), table["rpm"][rows] != 0)
-        for bus, sent in commands(view).items():
-            on: Array = np.any(sent.cmd > 0, axis=0)
-            self._note(view, steps, ReportingEsc(bus, COMMANDS, 0), (sent.table, sent.rows), on)
+        for told in _told(view):
+            self._note(view, steps, told)
         return {bus: self._changes(bus, parts) for bus, parts in steps.items()}
 
     def _note(
-        self, view: View, steps: dict[int, list[tuple[Array, Array, Array]]], unit: ReportingEsc,
-        where: tuple[DecodedTable, Array], on: Array,
+        self, view: View, steps: dict[int, list[tuple[Array, Array, Array]]], told: _Told
     ) -> None:  # fmt: skip
+        unit, table, every, on, changed = told
         if unit not in self._on and len(self._on) >= MOST_UNITS:
             return
         self._turning.setdefault(unit.bus, 0)
-        at = changes(on, self._on.get(unit, False))
+        at = changed if self._on.get(unit, False) == on[0] else np.append(0, changed)
         self._on[unit] = bool(on[-1])
         if len(at):
-            table, rows = where[0], where[1][at]
+            rows = every[at]
             step = np.where(on[at], 1, -1)
             number = table["transfer"][rows].astype(np.int64)
             steps.setdefault(unit.bus, []).append((number, end(view, table, rows), step))

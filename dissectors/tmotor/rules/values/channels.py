@@ -68,9 +68,14 @@ class ChannelCount(Rule):
         if self._first[bus] != NO_TIME:
             settled = t - self._first[bus] >= window
         spoken = np.bincount(indexes, minlength=_INDEXES)
+        final = np.zeros(len(spoken), np.int64)
+        final[indexes] = np.arange(len(indexes))  # of each index the last one
         for index in np.flatnonzero((spoken > 0) | (self._last[bus] != NO_TIME))[::-1].tolist():
             latest = last = self._last[bus, index]
             todo = np.flatnonzero(highest < 0)
+            if not len(todo):
+                self._last[bus, index] = at[final[index]] if spoken[index] else last
+                continue
             if reports is not None and spoken[index]:
                 here = indexes == index
                 times = np.append(last, at[here])
