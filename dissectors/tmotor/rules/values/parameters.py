@@ -110,9 +110,10 @@ class Lifetime(Rule):
         table = view.table("ParamGet")
         if table is None:
             return
+        devices = list(zip(table.bus.tolist(), table["esc_uuid"].tolist(), strict=True))
+        counts = list(zip(*(table[name].tolist() for name in _COUNTERS), strict=True))
         for row in np.flatnonzero(usable(table)).tolist():
-            device = int(table.bus[row]), int(table["esc_uuid"][row])
-            now = {name: int(table[name][row]) for name in _COUNTERS}
+            device, now = devices[row], dict(zip(_COUNTERS, counts[row], strict=True))
             before = self._before.get(device, now)
             if device in self._before or len(self._before) < _MOST_DEVICES:
                 self._before[device] = now
