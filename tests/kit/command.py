@@ -86,19 +86,21 @@ class Reader:
         end = time.monotonic() + LIMIT
         while text not in self.got:
             assert self._selector.select(max(0.0, end - time.monotonic())), f"no {text!r} in {self.got!r}"
-            more = os.read(self._descriptor, 65536)
+            more = self._read()
             assert more, f"ended without {text!r}: {self.got!r}"
             self.got += more
         return self.got
 
+    def _read(self) -> bytes:
+        try:
+            return os.read(self._descriptor, 65536)
+        except OSError:  # how a terminal says that nobody writes any more
+            return b""
+
     def rest(self) -> bytes:
         """Everything up to the end."""
         while self._selector.select(LIMIT):
-            try:
-                more = os.read(self._descriptor, 65536)
-            except OSError:  # how a terminal says that nobody writes any more
-                break
-            if not more:
+            if not (more := self._read()):
                 break
             self.got += more
         self._selector.close()
