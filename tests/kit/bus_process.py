@@ -43,8 +43,10 @@ def _fly(path: str) -> None:
 
 
 if __name__ == "__main__":
+    from analyzer.app.start import alone
     from analyzer.cli import main
 
+    alone()  # but for what flies, as a command is
     sys.modules["asammdf"] = None  # type: ignore[assignment]  # python-can imports it where it can, and a second of others
     import can.interfaces.virtual  # noqa: F401 - before two threads import it at once
 
