@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analyzer.flight.extents import EscExtent
+from analyzer.flight.supply.extents import EscExtent
 
 IDLE = 100.0
 SPEEDS = st.sampled_from([0.0, 99.0, 100.0, 101.0, 900.0, -99.0, -101.0, -900.0, np.nan])
