@@ -165,6 +165,9 @@ class RecordedClock:
         self._arrays: tuple[Array, Array] | None = None  # both, until something comes to them
         self._first: int | None = None
         self._count = 0
+        self._hole_frames = np.zeros(0, np.int64)
+        self._hole, self._slow = lasting("hole"), lasting("slow_hole")
+        self._fewest, self._factor = threshold("hole_frames"), threshold("hole_factor")
         self._transfers = Places(*(np.zeros(0, np.int64),) * 5)
         self._base = 0
 
@@ -196,7 +199,7 @@ class RecordedClock:
         if self._first is None:
             self._first = before
         apart = steps(t, before)
-        far, back = lasting("hole"), -lasting("clock_back")
+        far, back = self._hole, -lasting("clock_back")
         odd = apart.max() > far or apart.min() < back
         for k in np.flatnonzero((apart > far) | (apart < back)).tolist() if odd else ():
             frame = base + (k if rows is None else int(rows[k]))
@@ -212,15 +215,14 @@ class RecordedClock:
         self.last = int(t[-1])
         self._trim()
 
-    @staticmethod
-    def _usual(count: int, ran: int) -> int:
+    def _usual(self, count: int, ran: int) -> int:
         """Return how long nothing may come after so many frames in so much time."""
-        slow = lasting("slow_hole")
-        if count < threshold("hole_frames"):
+        slow = self._slow
+        if count < self._fewest:
             return slow
         mean = ran / count
-        far = threshold("hole_factor") * mean
-        return int(max(lasting("hole"), far) if far < slow else max(slow, far / 10))
+        far = self._factor * mean
+        return int(max(self._hole, far) if far < slow else max(slow, far / 10))
 
     def _trim(self) -> None:
         """Forget where shifts began that no transfer can ask for any more."""
@@ -267,5 +269,7 @@ class RecordedClock:
 
     def holes_before(self, frame: Array) -> Array:
         """Return how many of the kept holes end at or before each frame."""
-        found: Array = np.searchsorted(np.array([hole.frame for hole in self.holes], np.int64), frame, "right")
+        if len(self._hole_frames) < len(self.holes):
+            self._hole_frames = np.array([hole.frame for hole in self.holes], np.int64)
+        found: Array = np.searchsorted(self._hole_frames, frame, "right")
         return found

@@ -41,25 +41,28 @@ class CommandPulse:
         for some in self._commands.now:
             ran = some.at.ran
             step = (ran - (self._clock.start or 0)) // STEP
-            good = (step >= 0) & (step < MOST_STEPS)
-            if not good.any():
+            good = None if step.min() >= 0 and step.max() < MOST_STEPS else (step >= 0) & (step < MOST_STEPS)
+            if good is not None and not good.any():
                 continue
-            self._grow(int(step[good].max()) + 1)
+            self._grow(int(step.max() if good is None else step[good].max()) + 1)
             self.channels = max(self.channels, len(some.columns))
             pause = steps(ran, ran[0] if self._last is None else self._last)
             self._last = int(ran[-1])
             mean = some.columns.mean(axis=0)
             if np.isnan(mean).any():
                 mean = np.nanmean(some.columns, axis=0)
-            order = None if (step[1:] >= step[:-1]).all() and good.all() else np.argsort(step, kind="stable")
-            if order is not None:
-                order = order[good[order]]
-            values = (step, some.highest - some.lowest, mean, _MOST_PERCENT - some.lowest, pause)
-            step, spread, mean, room, pause = values if order is None else tuple(one[order] for one in values)
+            values = [step, some.highest - some.lowest, mean, some.lowest, pause]
+            if good is not None or pause[1:].min(initial=0) < 0:
+                order = np.argsort(step, kind="stable")
+                order = order if good is None else order[good[order]]
+                values = [one[order] for one in values]
+            step, spread, mean, lowest, pause = values
             starts = changes(step, step[0] - 1)
             at, count = step[starts], np.diff(np.append(starts, len(step)))
-            for kept, new in ((self._spread, spread), (self._mean, mean), (self._room, room)):
-                high = np.ceil(np.clip(np.maximum.reduceat(new, starts), 0, _MOST_PERCENT)).astype(np.uint8)
+            most = (np.maximum.reduceat(one, starts) for one in (spread, mean))
+            room = _MOST_PERCENT - np.minimum.reduceat(lowest, starts)
+            for kept, new in zip((self._spread, self._mean, self._room), (*most, room), strict=True):
+                high = np.ceil(np.clip(new, 0, _MOST_PERCENT)).astype(np.uint8)
                 kept[at] = np.maximum(kept[at], high)
             longest = np.clip(np.maximum.reduceat(pause, starts) // MILLISECOND, 0, 65535).astype(np.uint16)
             self._pause[at] = np.maximum(self._pause[at], longest)
