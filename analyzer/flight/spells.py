@@ -12,7 +12,7 @@ from dissectors.records import dataclass
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
 
-    from analyzer.flight.clock import Places, Spot
+    from analyzer.flight.clock import RowPlaces, Spot
     from dissectors.kit import Array
 
 MOST_KEYS = 1 << 14
@@ -62,7 +62,7 @@ class Spells:
         self._states: dict[Hashable, _State] = {}
 
     def feed(
-        self, key: Hashable, on: Array, at: Places, torn: Array | None = None, last: Spot | None = None
+        self, key: Hashable, on: Array, at: RowPlaces, torn: Array | None = None, last: Spot | None = None
     ) -> Iterator[SpellPart]:
         """Take the next rows of a key, those `on` for which it holds; yield the parts of spells among them.
 
@@ -87,7 +87,7 @@ class Spells:
         yield from self._parts(key, state, on, at, torn)
 
     def _parts(
-        self, key: Hashable, state: _State, on: Array, at: Places, torn: Array | None
+        self, key: Hashable, state: _State, on: Array, at: RowPlaces, torn: Array | None
     ) -> Iterator[SpellPart]:  # fmt: skip
         late = np.zeros(len(on), bool) if torn is None else torn
         if self._patience:
@@ -109,7 +109,7 @@ class Spells:
             state.spell.last = state.last
             yield SpellPart(state.spell, start, len(on), over=False)
 
-    def _late(self, state: _State, at: Places) -> bool:
+    def _late(self, state: _State, at: RowPlaces) -> bool:
         """Return whether any of some rows came too late to go on with what was."""
         if not self._patience:
             return False

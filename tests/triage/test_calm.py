@@ -10,7 +10,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analyzer.flight.clock import Places
+from analyzer.flight.clock import RowPlaces
 from analyzer.flight.robust import of_few
 from analyzer.flight.silences import _paces
 from analyzer.flight.spells import Spells
@@ -18,10 +18,10 @@ from analyzer.flight.spells import Spells
 NUMBERS = st.integers(-5, 5) | st.floats(allow_nan=True, allow_infinity=True, width=32)
 
 
-def _places(ran: list[int]) -> Places:
+def _places(ran: list[int]) -> RowPlaces:
     times = np.array(ran, np.int64)
     frames = np.arange(len(times))
-    return Places(times, times, frames, frames, np.ones(len(times), np.int64))
+    return RowPlaces(times, times, frames, frames, np.ones(len(times), np.int64))
 
 
 def _told(on: list[bool], ran: list[int], cut: int, patience: int) -> list[tuple[object, ...]]:

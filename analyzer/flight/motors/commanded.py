@@ -12,7 +12,7 @@ from analyzer.flight.thresholds import lasting
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.flight.clock import Places
+    from analyzer.flight.clock import RowPlaces
     from analyzer.flight.orders import Commands
     from dissectors.kit import Array
 
@@ -31,7 +31,9 @@ class RecentOrders:
             at, columns = some.at, np.ascontiguousarray(some.columns)
             self._native.feed((some.bus, some.plot.who.first), at.ran, at.frame_end, columns)
 
-    def rows(self, devices: Sequence[tuple[int, int, slice]], values: Sequence[Array], at: Places) -> _native.EscRows:
+    def rows(
+        self, devices: Sequence[tuple[int, int, slice]], values: Sequence[Array], at: RowPlaces
+    ) -> _native.EscRows:
         """Return reports with what was commanded before each: those of devices by bus, channel and rows.
 
         Commands count that were whole before a report began, however batches are cut. `values` are speeds, V, A, degC,

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from analyzer import _native
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places
+    from analyzer.flight.clock import RowPlaces
     from analyzer.flight.orders import CommandReader
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.tables import ReportTable
@@ -24,7 +24,7 @@ class EscReports(NamedTuple):
 
     rows: _native.EscRows
     part: slice
-    at: Places
+    at: RowPlaces
 
 
 class EscReader:

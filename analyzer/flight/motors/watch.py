@@ -14,7 +14,7 @@ from analyzer.flight.thresholds import threshold
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from analyzer.flight.clock import Places, Spot
+    from analyzer.flight.clock import RowPlaces, Spot
     from analyzer.flight.motors.reports import EscReports
     from dissectors.kit import Array
 
@@ -27,7 +27,7 @@ GOOD, TURNING, GIVEN, LOADED, DRAWING = range(WAYS)
 _NONE = np.zeros(0)
 
 
-class Compared(NamedTuple):
+class ComparedReports(NamedTuple):
     """Reports against the past: `off` are those that differ; of others there are no further columns if none does.
 
     `speed` and `current` are shares of what they were at such a command, `reported` of what is commanded. `well` are
@@ -40,7 +40,7 @@ class Compared(NamedTuple):
     speed: Array
     current: Array
     reported: Array
-    at: Places
+    at: RowPlaces
 
     def before(self, row: int) -> list[Spot | None]:
         """Return the last reports before one that were well, each way."""
@@ -57,18 +57,18 @@ class MotorWatch:
         self._native = _native.MotorWatch(_limits())
         self._well: list[Spot | None] = [None] * WAYS  # the last reports that were so
 
-    def feed(self, some: EscReports) -> Compared:
+    def feed(self, some: EscReports) -> ComparedReports:
         """Compare the next reports, in any pieces; those without a speed, a voltage or commands do not count."""
         kept, off, last = self._native.feed(some.rows, some.part.start, some.part.stop)
         at = some.at if kept is None else some.at.take(cells(kept, np.int64))
         earlier, spots = self._well, {row: at.at(row) for row in set(last) if row >= 0}
         self._well = [spots.get(row, known) for row, known in zip(last, earlier, strict=True)]
         if off is None:
-            return Compared(np.zeros(len(at), bool), _NONE, earlier, _NONE, _NONE, _NONE, at)
+            return ComparedReports(np.zeros(len(at), bool), _NONE, earlier, _NONE, _NONE, _NONE, at)
         differs, well, shares = off
         speed, current, reported = (cells(column, np.float64) for column in shares)
         before = cells(well, np.int64).reshape(-1, WAYS)
-        return Compared(cells(differs, np.uint8).view(bool), before, earlier, speed, current, reported, at)
+        return ComparedReports(cells(differs, np.uint8).view(bool), before, earlier, speed, current, reported, at)
 
 
 @cache

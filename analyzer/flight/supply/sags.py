@@ -18,7 +18,7 @@ from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places
+    from analyzer.flight.clock import RowPlaces
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.spells import Spell, SpellPart
     from dissectors.kit import Array
@@ -36,13 +36,13 @@ class _Recent:
     `newest` is the latest of their times, `highest` the highest of their voltages.
     """
 
-    at: Places
+    at: RowPlaces
     voltage: Array
     current: Array
     newest: int
     highest: float
 
-    def followed_by(self, at: Places, voltage: Array, current: Array) -> _Recent:
+    def followed_by(self, at: RowPlaces, voltage: Array, current: Array) -> _Recent:
         """Return these, and others behind them."""
         both = np.concatenate((self.voltage, voltage)), np.concatenate((self.current, current))
         return _recent(self.at.followed_by(at), *both)
@@ -62,7 +62,7 @@ class _Sag:
 class _Fall:
     """Reports among which a voltage fell: `every` with those before them, the last ones `at` their places."""
 
-    def __init__(self, every: _Recent, at: Places) -> None:
+    def __init__(self, every: _Recent, at: RowPlaces) -> None:
         self._every, self._first = every, len(every.voltage) - len(at)
         since = np.searchsorted(np.maximum.accumulate(every.at.ran), at.ran - lasting("sag"))
         self._then = np.minimum(since, np.arange(self._first, len(every.voltage)))
@@ -124,7 +124,7 @@ class SagEvents(ReportEvents):
         for spell in self._spells.finish():
             self._tell(spell)
 
-    def _judge(self, plot: Plot, key: int, volts: Array, amperes: Array, at: Places) -> None:
+    def _judge(self, plot: Plot, key: int, volts: Array, amperes: Array, at: RowPlaces) -> None:
         known = self._recent.get((plot.table, key))
         if known is None and len(self._recent) >= MOST_DEVICES:
             return
@@ -168,7 +168,7 @@ def _worse(one: _Sag, new: _Sag) -> _Sag:
     return _Sag(high.before, deep.least, high.current_before, deep.current, deep.expected)
 
 
-def _kept(known: _Recent | None, at: Places, voltage: Array, current: Array) -> _Recent:
+def _kept(known: _Recent | None, at: RowPlaces, voltage: Array, current: Array) -> _Recent:
     """Return the reports that later ones are compared with."""
     newest = int(at.ran.max())
     if known is not None and known.newest >= newest - lasting("sag"):
@@ -179,7 +179,7 @@ def _kept(known: _Recent | None, at: Places, voltage: Array, current: Array) -> 
     return _recent(at.take(slice(first, None)).settled(), voltage[first:].copy(), current[first:].copy())
 
 
-def _recent(at: Places, voltage: Array, current: Array) -> _Recent:
+def _recent(at: RowPlaces, voltage: Array, current: Array) -> _Recent:
     return _Recent(at, voltage, current, int(at.ran.max()), float(voltage.max()))
 
 
