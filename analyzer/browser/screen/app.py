@@ -29,13 +29,14 @@ if TYPE_CHECKING:
 
 PERIOD = 0.2  # seconds between two looks at what is decoded
 _RARELY = 10  # looks until the files themselves are looked at
+_ANYWHERE = ("redraw",)  # what keys do on pages and in the line that is typed in, too
 
 
 class Browser(Offering):
     """Shows a view until the user quits."""
 
     BINDINGS: ClassVar[list[Binding]] = [  # type: ignore[assignment]  # Textual allows more kinds
-        *(Binding(one.keys, one.action, show=False) for one in EVERY),
+        *(Binding(one.keys, one.action, show=False, priority=one.action in _ANYWHERE) for one in EVERY),
         Binding("ctrl+c", "leave", priority=True),
     ]
     _seen: tuple[object, ...] = ()
@@ -120,7 +121,8 @@ class Browser(Offering):
         self.draw_lines()
 
     def on_resize(self) -> None:
-        """Share the room anew."""
+        """Share the room anew; what stands on the terminal is not known, even if it has the size of before again."""
+        self.action_redraw()
         self.call_after_refresh(self.share)
         self.call_after_refresh(self.draw_lines)
 
