@@ -140,3 +140,19 @@ def test_a_capture_that_grows_is_read_anew(tmp_path: Path) -> None:
             assert seen.app.reload
 
     asyncio.run(work())
+
+
+def test_where_no_row_matches_nothing_is_left_of_the_row_before() -> None:
+    async def work() -> None:
+        async with browser(FAULTS, judged=False) as seen:
+            app = seen.app
+            await seen.press("equals_sign")
+            await seen.type("ESCStatus.voltage > 50 kV")
+            await seen.until(lambda: app.view.rows.done)
+            app.look()
+            await seen.pilot.pause()
+            assert app.list.text.splitlines()[1].strip() == "no row matches ESCStatus.voltage > 50 kV"
+            assert app.details.text.strip() == "Details"
+            assert app.bytes.text.strip() == "Bytes  no frame"
+
+    asyncio.run(work())

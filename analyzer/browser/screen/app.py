@@ -103,18 +103,19 @@ class Browser(Offering):
             self.say(self.tools.said.pop(0))
         if self.following and len(view.rows):
             self.list.to(len(view.rows) - 1)
+        rows = len(view.rows), supply.named, getattr(view.rows, "done", True)
         seen = (
-            len(view.rows), supply.loaded, supply.doing, supply.named, len(supply.notes), round(supply.share, 2),
-            getattr(view.rows, "done", True), getattr(view.rows, "share", 1), supply.tab(self.tab), len(supply.flights),
+            rows, supply.loaded, supply.doing, len(supply.notes), round(supply.share, 2),
+            getattr(view.rows, "share", 1), supply.tab(self.tab), len(supply.flights),
         )  # fmt: skip
         if seen == self._seen:
             return
-        if self._seen and (seen[0] != self._seen[0] or seen[3] is not self._seen[3]):
+        if self._seen and rows != self._seen[0]:
             self.list.draw()
         self._seen = seen
         if view.anchor is None and len(view.rows):
             self.list.to(0)
-        if self.shown is None and view.current() is not None:
+        if view.current() != (None if self.shown is None else self.shown.row):  # a filter finds it by and by
             self.show_row()
         if self.tab != TABS[0]:
             self.show_tab()

@@ -187,8 +187,7 @@ class BrowserBase(App[None]):
 
     def light(self) -> None:
         """Light the bytes of the current detail."""
-        if self.shown is not None:
-            self.bytes.light(lit_by(self.details.line, self.shown.frames))
+        self.bytes.light(lit_by(self.details.line, () if self.shown is None else self.shown.frames))
 
     def action_tab(self, name: str) -> None:
         """Show a tab, or the three panes."""
