@@ -8,6 +8,7 @@ from analyzer.browser.chosen import AllRows, ChosenRows
 from analyzer.browser.colouring import RowColouring
 from analyzer.browser.details import DetailLine, detail_lines, event_lines, frame_lines, with_transfer_id
 from analyzer.browser.dump import DumpFrame, dump
+from analyzer.browser.elements import with_elements
 from analyzer.browser.listed import ListPages
 from analyzer.browser.sorted_rows import MOST_SORTED, SortedRows
 from analyzer.browser.store.cut import StoredFrames, cut_transfers
@@ -176,8 +177,11 @@ class BrowserView:
 
     # ---- a row in full
 
-    def shown(self, row: Row) -> Shown:
-        """Return a row in full, above all what somebody wrote about it and what happened there."""
+    def shown(self, row: Row, *, elements: bool = True) -> Shown:
+        """Return a row in full, above all what somebody wrote about it and what happened there.
+
+        `elements` says that those of arrays have lines of their own.
+        """
         shown = self._whole(row)
         said = []
         for place in self.places_of(row):
@@ -185,7 +189,8 @@ class BrowserView:
                 said.append(DetailLine(0, f"Comment: {escape(text)}"))
             if place in self.supply.places:
                 said.append(DetailLine(0, f"Event: {escape(self.supply.places[place])}"))
-        return shown._replace(lines=[*said, *map(self._labelled, shown.lines)])
+        lines = with_elements(shown.lines) if elements else shown.lines
+        return shown._replace(lines=[*said, *map(self._labelled, lines)])
 
     def _labelled(self, line: DetailLine) -> DetailLine:
         """Return a line with the label of the node that it names."""

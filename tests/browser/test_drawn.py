@@ -82,7 +82,7 @@ def test_every_step_of_a_walk(walk: str, size: tuple[int, int], drawing: type[Dr
 @pytest.mark.parametrize("over", ["", "question_mark", *slowly("space", "equals_sign", "2")])
 def test_a_terminal_that_somebody_has_cleared_is_drawn_anew(over: str, drawing: type[Drawn]) -> None:
     async def work() -> None:
-        async with browser(FAULTS, judged=False) as plain:
+        async with browser(FAULTS) as plain:
             seen = drawing(plain.app, plain.pilot)
             await seen.press(*filter(None, [over]))
             before = seen.screen

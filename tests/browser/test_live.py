@@ -143,9 +143,7 @@ def test_rows_of_before_are_chosen_when_a_finding_names_them(tmp_path: Path) -> 
     asyncio.run(work())
 
 
-def test_details_go_with_the_row_that_is_found_in_the_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_details_go_with_the_row_that_is_found_in_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The row one is at is looked at last: until then another one is the current one."""
     go_on, matching, bus = threading.Event(), chosen.matching_rows, Bus(tmp_path)
 

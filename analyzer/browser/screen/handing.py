@@ -168,7 +168,7 @@ class Handing(Searching):
         return "".join(texts).rstrip("\n")
 
     def _details(self, rows: list[Row]) -> str:
-        every = (self.view.shown(row).lines for row in rows)
+        every = (self.view.shown(row, elements=False).lines for row in rows)
         return "\n\n".join("\n".join(f"{'    ' * line.depth}{line.text}" for line in lines) for lines in every)
 
     def _frames(self, rows: list[Row]) -> str:
