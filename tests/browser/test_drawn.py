@@ -11,7 +11,7 @@ from kit.browsing import Seen, browser, capture
 from kit.emulated import EmulatedTerminal
 from textual._compositor import CompositorUpdate
 from textual.app import App
-from textual.events import Resize
+from textual.events import Key, Resize
 from textual.geometry import Size
 
 from analyzer.app.browse.session import BrowseOptions
@@ -107,5 +107,18 @@ def test_whatever_size_a_terminal_takes_it_is_drawn_anew(
             for width, height in sizes:
                 seen.app.post_message(Resize(Size(width, height), Size(width, height)))
             await seen.until(lambda: seen.app.size == sizes[-1] and drawing.terminal.screen == seen.screen)
+
+    asyncio.run(work())
+
+
+@pytest.mark.parametrize("page", ["question_mark", "space"])
+def test_keys_that_come_at_once_leave_a_page_once(page: str) -> None:
+    async def work() -> None:
+        async with browser(FAULTS, judged=False) as seen:
+            await seen.press(page)
+            for key in ("escape", "escape", "end", "2"):
+                seen.app.screen.post_message(Key(key, None))
+            await seen.until(lambda: seen.app.tab == "findings")
+            assert seen.app.view.number() == len(seen.app.view.rows) - 1
 
     asyncio.run(work())

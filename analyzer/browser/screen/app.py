@@ -96,6 +96,7 @@ class Browser(Offering):
         self.wait_for_walk()
         self.wait_for_order()
         self.wait_for_findings()
+        self.check_typed()
         self._looks += 1
         if self._looks % _RARELY == 0:
             self._look_around()

@@ -47,7 +47,7 @@ class BrowserBase(App[None]):
     CSS: ClassVar[str] = (
         "Screen { layout: vertical; overflow: hidden; } #top, #strip, #state, #bottom, #bar { height: 1; }"
         " #lower { overflow: hidden; } #bar { display: none; border: none; padding: 0 0 0 1; }"
-        " #bar { background: ansi_default; }"
+        " #bar { background: ansi_default; } #bar.good { color: ansi_green; } #bar.bad { color: ansi_red; }"
     )
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = False
     AUTO_FOCUS: ClassVar[str | None] = "#list"

@@ -179,7 +179,7 @@ class DetailPane(Pane, can_focus=True):
             seen.append(line)
         return seen
 
-    def on_click(self, event: events.Click) -> None:
+    def on_mouse_down(self, event: events.MouseDown) -> None:
         """Go to a line; once more folds it."""
         place = self._top + event.y - 1
         if 0 <= place < len(self._seen()) and event.y >= 1:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
-
-from textual.screen import ModalScreen
+from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.browser.screen.lines import Lines, padded
+from analyzer.browser.screen.page import Page
 from analyzer.browser.screen.styles import NAMED
 from analyzer.views.terminal import fit
 
@@ -14,7 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from textual import events
-    from textual.app import ComposeResult
 
     from analyzer.browser.screen.lines import Spans
 
@@ -27,29 +25,16 @@ class MenuEntry(NamedTuple):
     action: str
 
 
-class MenuPage(ModalScreen[str]):
+class MenuPage(Page):
     """Offers entries; ends with the action of the one that was chosen, empty for none."""
-
-    CSS: ClassVar[str] = "MenuPage { background: ansi_default; } #menu { height: 100%; }"
 
     def __init__(self, title: str, entries: Sequence[MenuEntry]) -> None:
         super().__init__()
         self._title, self._entries = title, entries
         self._at = self._top = 0
 
-    def compose(self) -> ComposeResult:
-        """Lay out one widget."""
-        yield Lines("menu")
-
-    def on_mount(self) -> None:
-        """Show the entries."""
-        self.call_after_refresh(self._draw)
-
-    def on_resize(self) -> None:
-        """Draw as large as it is now."""
-        self.call_after_refresh(self._draw)
-
-    def _draw(self) -> None:
+    def draw(self) -> None:
+        """Draw the entries that fit, the current one among them."""
         width, height = self.size
         room = max(1, height - 2)
         self._top = max(0, min(self._top, self._at, len(self._entries) - room), self._at - room + 1)
@@ -61,32 +46,22 @@ class MenuPage(ModalScreen[str]):
         shown += [((" ", NAMED[""]),)] * (height - 1 - len(shown))
         self.query_one(Lines).put([*shown, ((" up, down and enter, or a key or click; esc leaves", NAMED["dim"]),)])
 
-    def on_key(self, event: events.Key) -> None:
-        """Go to an entry, choose one, or leave."""
-        event.stop()
-        steps = {"up": -1, "down": 1, "pageup": -20, "pagedown": 20, "k": -1, "j": 1, "home": -999, "end": 999}
+    def move(self, by: int) -> None:
+        """Go to another entry."""
+        self._at = max(0, min(self._at + by, len(self._entries) - 1))
+        self.draw()
+
+    def pressed(self, event: events.Key) -> None:
+        """Choose an entry, or leave."""
         named = next((one for one in self._entries if one.keys == event.character), None)
         if named is not None:
-            self.dismiss(named.action)
-        elif event.key in steps:
-            self._at = max(0, min(self._at + steps[event.key], len(self._entries) - 1))
-            self._draw()
+            self.leave(named.action)
         elif event.key in ("enter", "space"):
-            self.dismiss(self._entries[self._at].action if self._entries else "")
+            self.leave(self._entries[self._at].action if self._entries else "")
         elif event.key in ("escape", "q", "left", "ctrl+c", "f10"):
-            self.dismiss("")
+            self.leave()
 
-    def on_click(self, event: events.Click) -> None:
+    def on_mouse_down(self, event: events.MouseDown) -> None:
         """Choose an entry; a click beside them leaves."""
         at = self._top + event.y - 1
-        self.dismiss(self._entries[at].action if event.y >= 1 and at < len(self._entries) else "")
-
-    def on_mouse_scroll_down(self, _: events.MouseScrollDown) -> None:
-        """Go on."""
-        self._at = min(self._at + 3, len(self._entries) - 1)
-        self._draw()
-
-    def on_mouse_scroll_up(self, _: events.MouseScrollUp) -> None:
-        """Go back."""
-        self._at = max(self._at - 3, 0)
-        self._draw()
+        self.leave(self._entries[at].action if event.y >= 1 and at < len(self._entries) else "")

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analyzer.browser.conditions import field_name
-from analyzer.browser.screen.gestures import FOLLOWS, Gestures
+from analyzer.browser.screen.asking import Asking
+from analyzer.browser.screen.gestures import FOLLOWS
 from analyzer.browser.screen.menu import MenuEntry, MenuPage
 from analyzer.browser.sorted_rows import SortedRows
 from analyzer.browser.supply import TABS
@@ -30,7 +31,7 @@ _COPIED = (
 _SORTS = {"src": "dronecan.src", "dst": "dronecan.dst", "type": "dronecan.type_id", "id": "dronecan.transfer_id"}
 
 
-class Offering(Gestures):
+class Offering(Asking):
     """Offers the gestures on what is selected, and sorts."""
 
     _unsorted: SortedRows | None = None  # what is being sorted
