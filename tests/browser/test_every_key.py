@@ -227,3 +227,27 @@ def test_rows_go_into_a_file_as_json(tmp_path: Path) -> None:
             assert len((tmp_path / "some rows.jsonl").read_text().splitlines()) == count
 
     asyncio.run(work())
+
+
+def test_a_terminal_of_ascii_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.__stdout__", SimpleNamespace(encoding="ANSI_X3.4-1968"))
+
+    async def work() -> None:
+        async with browser(FAULTS) as seen:
+            for keys in ((), ("g",), ("space",), ("escape",), ("2",), ("5",), ("question_mark",)):
+                await seen.press(*keys)
+                assert seen.screen.isascii(), keys
+                assert max(map(len, seen.screen.splitlines())) <= 80
+
+    asyncio.run(work())
+
+
+def test_a_type_is_no_field_to_sort_by() -> None:
+    async def work() -> None:
+        async with browser(FAULTS, judged=False) as seen:
+            await seen.press("space")
+            assert "apply as filter  ESCStatus" in seen.screen
+            assert "as a column" not in seen.screen
+            assert "sort by it" not in seen.screen
+
+    asyncio.run(work())

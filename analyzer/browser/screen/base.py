@@ -55,7 +55,7 @@ class BrowserBase(App[None]):
     def __init__(self, view: BrowserView, tools: Tools, start: str = "", *, plain: bool = False) -> None:
         super().__init__(ansi_color=True)
         self.theme = "ansi-dark"
-        self.view, self.tools = view, tools
+        self.view, self.tools, self.plain = view, tools, plain
         self.chord = ""
         self.tab = TABS[0]
         self.shown: Shown | None = None

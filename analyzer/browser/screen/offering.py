@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from analyzer.browser.conditions import field_name
@@ -29,6 +30,8 @@ _COPIED = (
 )  # fmt: skip
 # What is sorted by where the name of a column is clicked; the list as it was recorded for those of no field.
 _SORTS = {"src": "dronecan.src", "dst": "dronecan.dst", "type": "dronecan.type_id", "id": "dronecan.transfer_id"}
+
+_TYPE = re.compile(r"[A-Z]\w*")  # a name of no field
 
 
 class Offering(Asking):
@@ -75,7 +78,7 @@ class Offering(Asking):
         if new := self._selected_filter():
             for keys, words, action in _WAYS:
                 yield MenuEntry(keys, f"{words}  {new}" if keys in ("a", "p") else words, action)
-        if name := self._selected_name():
+        if (name := self._selected_name()) and not _TYPE.fullmatch(name):
             yield MenuEntry("i", f"as a column  {name}", "column(1)")
             yield MenuEntry("S", f"sort by it; again: the highest first, as recorded  {name}", "sort")
             yield MenuEntry("", f"statistic: how its values are spread  {name}", f"values('{name}')")
