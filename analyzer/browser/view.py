@@ -175,6 +175,13 @@ class BrowserView:
         span = f"frame.number in {{{first.place + 1}..{max([last.place, *self.places_of(last)]) + 1}}}"
         return f"({self.filter}) && {span}" if self.filter else span
 
+    def filter_of_all(self) -> str:
+        """Return a filter that selects what is displayed: of a bus what has come until now: recording goes on."""
+        if not self.supply.live or not len(self.store):
+            return self.filter
+        span = f"frame.number in {{{self.store.first + 1}..{self.store.frames}}}"
+        return f"({self.filter}) && {span}" if self.filter else span
+
     # ---- a row in full
 
     def shown(self, row: Row, *, elements: bool = True) -> Shown:

@@ -117,7 +117,7 @@ def test_keys_that_come_at_once_leave_a_page_once(page: str) -> None:
         async with browser(FAULTS, judged=False) as seen:
             await seen.press(page)
             for key in ("escape", "escape", "end", "2"):
-                seen.app.screen.post_message(Key(key, None))
+                seen.app.post_message(Key(key, None))
             await seen.until(lambda: seen.app.tab == "findings")
             assert seen.app.view.number() == len(seen.app.view.rows) - 1
 

@@ -198,7 +198,7 @@ def test_a_statistic_by_the_letter_of_decode_and_the_picture() -> None:
 def test_names_of_files_that_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tools = BrowserTools(SimpleNamespace(paths=("-x.log",), arguments=("--same-bus",), window=("--from", "3")))  # type: ignore[arg-type]
     asked: list[tuple[object, ...]] = []
-    monkeypatch.setattr(tools, "_start", lambda words, _, output: asked.append((words[0], words[-4:], output)))
+    monkeypatch.setattr(tools, "_start", lambda words, _done, _to, output: asked.append((words[0], words[-4:], output)))
     for name, command, output in (
         ("my rows.log", "convert", "/dev/null"), ("x.jsonl", "decode", str(tmp_path / "x.jsonl")),
         ("x.csv ESCStatus", "export", "/dev/null"), ("x.PCAPNG", "convert", "/dev/null"),

@@ -98,11 +98,17 @@ def test_tabs_filters_and_marks_of_a_bus(tmp_path: Path) -> None:
             seen = Seen(app, pilot)
             await seen.press("2")
             assert "CAN-005" in seen.screen
+            assert seen.screen.splitlines()[4].startswith((" note ", " warn ", " error"))
             await seen.press("a")
             assert app.view.filter.startswith('finding.rule == "')
             await seen.until(lambda: len(app.view.rows) > 0)
             await seen.press("escape", "right_square_bracket", "m")
             assert (tmp_path / "bench.log.marks.toml").exists()
+            wanted: list[str] = []
+            app.tools.write = lambda _, text: wanted.append(text) or "writing"
+            await seen.press("w")
+            await seen.type("part.log")
+            assert wanted == ["frame.number in {1..10220}"]
             for key, word in (("4", "flight 1"), ("3", "what happened"), ("5", "What broke first")):
                 await seen.press(key)
                 await seen.until(lambda: bus.supply.tab(app.tab) is not None)

@@ -43,10 +43,12 @@ def finding_lines(report: Report, start: int | None) -> list[TabLine]:
     """Return the findings, the worst first, each with its first frame."""
     if not report.findings:
         return [TabLine("nothing is found: every rule that could be judged has passed", "good")]
-    return [
-        TabLine(_finding(one, start), _STYLES[one.severity], _frame(one), one.first.t_ns, _rule_filter(one))
-        for one in report.findings
-    ]  # fmt: skip
+    return [finding_line(one, start) for one in report.findings]
+
+
+def finding_line(one: Finding, start: int | None) -> TabLine:
+    """Return a finding with its first frame."""
+    return TabLine(_finding(one, start), _STYLES[one.severity], _frame(one), one.first.t_ns, _rule_filter(one))
 
 
 def _finding(one: Finding, start: int | None) -> str:

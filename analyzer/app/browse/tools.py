@@ -19,6 +19,7 @@ _TABLE = re.compile(r"(.+\.(?:csv|parquet|arrow|feather))(?: +(\S+))?", re.IGNOR
 _LISTED = (".jsonl", ".json")
 _FRAMES = (".log", ".txt", ".candump", ".pcapng", ".mcap", ".gz", ".zst")
 _AROUND = "2s"
+_DAMAGED = 3  # the status of a command that met something damaged
 _MOST_COLUMNS, _MOST_FILTERS = 20, 100
 
 
@@ -50,7 +51,7 @@ class BrowserTools:
         else:
             known = " ".join((*_FRAMES[:5], ".csv", ".parquet", *_LISTED))
             raise ValueError(f"{target.name}: the name is to end in one of {known}")
-        self._start(words, f"written: {target}", str(target) if kind in _LISTED else os.devnull)
+        self._start(words, f"written: {target}", target, str(target) if kind in _LISTED else os.devnull)
         return f"writing {target} ..."
 
     def plot(self, frame: int) -> str:
@@ -85,8 +86,10 @@ class BrowserTools:
         safe = (f"./{path}" if path.startswith("-") else path for path in paths)
         return (*safe, *self._supply.arguments)
 
-    def _start(self, words: Sequence[str], done: str, output: str = os.devnull) -> None:
-        """Begin a command with its output in a file. Raises `ValueError` if that cannot be written."""
+    def _start(
+        self, words: Sequence[str], done: str, target: Path | None = None, output: str = os.devnull
+    ) -> None:  # fmt: skip
+        """Begin a command that makes a file, with its output in another one. Raises `ValueError` if that cannot be."""
         try:
             with open(output, "wb") as out:  # noqa: PTH123 - the name of no file, mostly
                 process = subprocess.Popen(  # noqa: S603 - ourselves
@@ -100,7 +103,10 @@ class BrowserTools:
             _, errors = process.communicate()
             lines = [line for line in errors.splitlines() if line.strip()]
             last = lines[-1] if lines else ""
-            self.said.append(done if process.returncode == 0 else last or f"it ended with {process.returncode}")
+            told = last or f"it ended with {process.returncode}"
+            if process.returncode == _DAMAGED and target is not None and target.exists():
+                told = f"{done}, but {told}"  # what could be read of it is written
+            self.said.append(done if process.returncode == 0 else told)
 
         threading.Thread(target=wait, name=words[0], daemon=True).start()
 

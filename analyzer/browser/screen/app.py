@@ -9,12 +9,10 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.binding import Binding
-from textual.events import Key
 
-from analyzer.browser.dump import line_at
 from analyzer.browser.screen.help import help_page
 from analyzer.browser.screen.keys import EVERY, hints
-from analyzer.browser.screen.offering import Offering
+from analyzer.browser.screen.pressing import Pressing
 from analyzer.browser.screen.thrift import DrawnLines
 from analyzer.browser.supply import TABS
 
@@ -32,7 +30,7 @@ _RARELY = 10  # looks until the files themselves are looked at
 _ANYWHERE = ("redraw",)  # what keys do on pages and in the line that is typed in, too
 
 
-class Browser(Offering):
+class Browser(Pressing):
     """Shows a view until the user quits."""
 
     BINDINGS: ClassVar[list[Binding]] = [  # type: ignore[assignment]  # Textual allows more kinds
@@ -133,8 +131,8 @@ class Browser(Offering):
         self.call_after_refresh(self.share)
 
     def on_packet_list_moved(self) -> None:
-        """Show the row that the list is at."""
-        self.show_row()
+        """Show the row that the list is at, once for several moves that came at once."""
+        self.settle()
 
     def on_detail_pane_selected(self) -> None:
         """Light what a detail speaks of."""
@@ -142,11 +140,7 @@ class Browser(Offering):
 
     def on_bytes_pane_selected(self) -> None:
         """Select the detail that speaks of a byte."""
-        if self.shown is None:
-            return
-        index = line_at(self.shown.lines, self.shown.frames, self.bytes.at)
-        if index is not None:
-            self.details.select(index)
+        self.select_by_byte()
 
     def on_strip_pane_went(self, event: StripPane.Went) -> None:
         """Go to a time."""
@@ -177,30 +171,11 @@ class Browser(Offering):
         """Show what keys mean."""
         self.push_screen(help_page())
 
-    def on_key(self) -> None:
-        """Forget what was said."""
-        if self.said:
-            self.said = ""
-            self.draw_lines()
-
     def _fatal_error(self) -> None:
         """End with a line in place of the traceback that Textual would print."""
         error = self._exception
         self.view.supply.notes.append(f"{type(error).__name__}: {error}: please report this as a bug")
         self._close_messages_no_wait()
-
-    async def on_event(self, event: events.Event) -> None:
-        """Take the second key of a chord before anybody else does."""
-        if isinstance(event, Key) and self.chord:
-            chord, self.chord = self.chord, ""
-            if chord in ("apply", "prepare"):
-                self.combine(chord, event.key)
-            else:
-                (self.copy if chord == "copy" else self.follow)(event.key)
-            event.prevent_default()
-            event.stop()
-            return
-        await super().on_event(event)
 
 
 def _has_terminal() -> bool:

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from analyzer.browser.screen.gestures import ASKS, Gestures
 from analyzer.browser.supply import TABS
 from analyzer.filter.compiled import compile_filter
 from analyzer.filter.errors import FilterError
-
-if TYPE_CHECKING:
-    from analyzer.browser.screen.bar import Bar
 
 
 class Asking(Gestures):
@@ -66,11 +61,7 @@ class Asking(Gestures):
         """Ask for a statistic."""
         self.ask("statistic")
 
-    def on_bar_offered(self, event: Bar.Offered) -> None:
-        """Show what may be completed."""
-        self.say(event.text, "dim")
-
-    def on_bar_left(self) -> None:
+    def leave_bar(self) -> None:
         """Go back to the panes."""
         self._unasked()
         self.say("")
@@ -79,7 +70,7 @@ class Asking(Gestures):
         self.bar.display, self.state.display = False, True
         self.set_focus(self.list if self.tab == TABS[0] else self.tabs)
 
-    def on_input_submitted(self) -> None:
+    def submit(self) -> None:
         """Do what was asked for."""
         purpose, text = self.bar.purpose, self.bar.value.strip()
         self.bar.keep(text)

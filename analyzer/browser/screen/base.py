@@ -9,7 +9,7 @@ from textual.containers import Container
 
 from analyzer.browser.chosen import ChosenRows
 from analyzer.browser.conditions import field_name
-from analyzer.browser.dump import lit_by
+from analyzer.browser.dump import line_at, lit_by
 from analyzer.browser.screen.bar import Bar
 from analyzer.browser.screen.bytes_pane import BytesPane
 from analyzer.browser.screen.detail_pane import DetailPane
@@ -142,6 +142,12 @@ class BrowserBase(App[None]):
         self.said, self.said_style = " ".join(text.split("\n")), style
         self.draw_lines()
 
+    def forget_said(self) -> None:
+        """Show the keys again."""
+        if self.said:
+            self.said = ""
+            self.draw_lines()
+
     def fail(self, text: str) -> None:
         """Say why something is not done."""
         self.say(text, "bad")
@@ -188,6 +194,13 @@ class BrowserBase(App[None]):
     def light(self) -> None:
         """Light the bytes of the current detail."""
         self.bytes.light(lit_by(self.details.line, () if self.shown is None else self.shown.frames))
+
+    def select_by_byte(self) -> None:
+        """Select the detail that speaks of the current byte."""
+        shown = self.shown
+        index = None if shown is None else line_at(shown.lines, shown.frames, self.bytes.at)
+        if index is not None:
+            self.details.select(index)
 
     def action_tab(self, name: str) -> None:
         """Show a tab, or the three panes."""

@@ -89,7 +89,7 @@ class Handing(Searching):
         """Write what is displayed to a file."""
         view = self.view
         try:
-            chosen = view.filter if view.begun is None else view.filter_of(view.selected())
+            chosen = view.filter_of_all() if view.begun is None else view.filter_of(view.selected())
             if view.begun is not None and not chosen:
                 self.fail("the selected rows have no frames")
             else:

@@ -6,7 +6,6 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from analyzer.browser.screen.keys import help_lines
-from analyzer.browser.screen.lines import Lines
 from analyzer.browser.screen.page import Page
 from analyzer.browser.screen.styles import NAMED
 from analyzer.views.terminal import fit
@@ -35,17 +34,16 @@ class TextPage(Page):
         self._title, self._rows = title, lines
         self._top = 0
 
-    def draw(self) -> None:
-        """Draw the lines that fit."""
-        width, height = self.size
+    def shown(self, width: int, height: int) -> list[Spans]:
+        """Return the lines that fit."""
         room = height - 2
         self._top = max(0, min(self._top, len(self._rows) - room))
         more = "up, down: more; " if len(self._rows) > room else ""
         foot = f" {more}any other key goes back"
         title = ((fit(f" {self._title}", width), NAMED["title"]),)
-        shown = [title, *self._rows[self._top : self._top + room]]
+        shown: list[Spans] = [title, *self._rows[self._top : self._top + room]]
         shown += [((" ", NAMED[""]),)] * (height - 1 - len(shown))
-        self.query_one(Lines).put([*shown, ((foot, NAMED["dim"]),)])
+        return [*shown, ((foot, NAMED["dim"]),)]
 
     def move(self, by: int) -> None:
         """Scroll."""

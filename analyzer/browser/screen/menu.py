@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from analyzer.browser.screen.lines import Lines, padded
+from analyzer.browser.screen.lines import padded
 from analyzer.browser.screen.page import Page
 from analyzer.browser.screen.styles import NAMED
 from analyzer.views.terminal import fit
@@ -32,10 +32,10 @@ class MenuPage(Page):
         super().__init__()
         self._title, self._entries = title, entries
         self._at = self._top = 0
+        self._keys = ""  # pressed so far, of an entry with several
 
-    def draw(self) -> None:
-        """Draw the entries that fit, the current one among them."""
-        width, height = self.size
+    def shown(self, width: int, height: int) -> list[Spans]:
+        """Return the entries that fit, the current one among them."""
         room = max(1, height - 2)
         self._top = max(0, min(self._top, self._at, len(self._entries) - room), self._at - room + 1)
         shown: list[Spans] = [((padded(fit(f" {self._title}", width), width), NAMED["title"]),)]
@@ -44,18 +44,30 @@ class MenuPage(Page):
             styles = ("focus", "focus") if k == self._at else ("bold", "")
             shown.append(((keys, NAMED[styles[0]]), (words, NAMED[styles[1]])))
         shown += [((" ", NAMED[""]),)] * (height - 1 - len(shown))
-        self.query_one(Lines).put([*shown, ((" up, down and enter, or a key or click; esc leaves", NAMED["dim"]),)])
+        return [*shown, ((" up, down and enter, or a key or click; esc leaves", NAMED["dim"]),)]
 
     def move(self, by: int) -> None:
         """Go to another entry."""
         self._at = max(0, min(self._at + by, len(self._entries) - 1))
         self.draw()
 
+    def take(self, event: events.Key) -> None:
+        """Go on with keys of an entry, also by letters that move otherwise."""
+        if self._keys and event.character is not None:
+            self.pressed(event)
+        else:
+            self._keys = ""
+            super().take(event)
+
     def pressed(self, event: events.Key) -> None:
         """Choose an entry, or leave."""
-        named = next((one for one in self._entries if one.keys == event.character), None)
-        if named is not None:
-            self.leave(named.action)
+        self._keys += event.character or ""
+        fitting = [one for one in self._entries if self._keys and one.keys.startswith(self._keys)]
+        if not fitting or fitting[0].keys == self._keys:
+            self._keys = ""
+        if fitting:
+            if not self._keys:
+                self.leave(fitting[0].action)
         elif event.key in ("enter", "space"):
             self.leave(self._entries[self._at].action if self._entries else "")
         elif event.key in ("escape", "q", "left", "ctrl+c", "f10"):
@@ -65,3 +77,5 @@ class MenuPage(Page):
         """Choose an entry; a click beside them leaves."""
         at = self._top + event.y - 1
         self.leave(self._entries[at].action if event.y >= 1 and at < len(self._entries) else "")
+        if self.chosen:
+            self.app.call_later(self.app.run_action, self.chosen)

@@ -1,28 +1,34 @@
-"""A page before the panes. It is left once: keys that come behind that are for whatever is there then."""
+"""A page before the panes."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
-from textual.events import Key
 from textual.screen import ModalScreen
 
 from analyzer.browser.screen.lines import Lines
 
 if TYPE_CHECKING:
     from textual.app import ComposeResult
+    from textual.events import Key
+
+    from analyzer.browser.screen.lines import Spans
 
 _STEPS = {"up": -1, "down": 1, "pageup": -20, "pagedown": 20, "k": -1, "j": 1, "home": -99_999, "end": 99_999}
 
 
-class Page(ModalScreen[str]):
-    """Lines over the whole terminal; ends with an action to be done, empty for none."""
+class Page(ModalScreen[None]):
+    """Lines over the whole terminal; `chosen` is the action that it ended with, empty for none."""
 
-    CSS = "Page { background: ansi_default; } #page { height: 100%; }"
+    CSS: ClassVar[str] = "Page { background: ansi_default; } #page { height: 100%; }"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._lines, self.chosen = Lines("page"), ""
 
     def compose(self) -> ComposeResult:
         """Lay out one widget."""
-        yield Lines("page")
+        yield self._lines
 
     def on_mount(self) -> None:
         """Show the lines."""
@@ -32,12 +38,9 @@ class Page(ModalScreen[str]):
         """Draw as large as it is now."""
         self.call_after_refresh(self.draw)
 
-    def on_key(self, event: Key) -> None:
+    def take(self, event: Key) -> None:
         """Move, or do what the key is for."""
-        event.stop()
-        if not self.is_current:
-            self.app.post_message(Key(event.key, event.character))
-        elif event.key in _STEPS:
+        if event.key in _STEPS:
             self.move(_STEPS[event.key])
         else:
             self.pressed(event)
@@ -51,12 +54,18 @@ class Page(ModalScreen[str]):
         self.move(-3)
 
     def leave(self, action: str = "") -> None:
-        """Go back to the panes."""
+        """Go back to the panes, once."""
         if self.is_current:
-            self.dismiss(action)
+            self.chosen = action
+            self.dismiss()
 
     def draw(self) -> None:
-        """Draw what is seen."""
+        """Draw what is seen, once it is known how much that may be."""
+        if self.size:
+            self._lines.put(self.shown(*self.size))
+
+    def shown(self, width: int, height: int) -> list[Spans]:
+        """Return the lines that fit."""
         raise NotImplementedError
 
     def move(self, by: int) -> None:
