@@ -11,7 +11,9 @@ import argparse
 import os
 import re
 import sys
+from contextlib import suppress
 
+from analyzer.app import streams
 from analyzer.cli import options, status
 
 NAME = "tailbyte view"
@@ -66,18 +68,20 @@ def run(args: argparse.Namespace) -> int:
         _check(args, registry)
     except (argparse.ArgumentTypeError, DsdlError, ProfileError, LookupError, OSError, ValueError) as error:
         return status.usage(error, NAME)
+    if "-" in names:
+        _keys_beside_pipe()
     if reason := _no_terminal():
         return status.usage(reason, NAME)
     asked = BrowseOptions(args.at, args.filter or "", args.time, tuple(args.fields), not args.no_marks)
     try:
-        code, notes = browse(request, asked, rules)
+        code, notes, failed = browse(request, asked, rules)
     except (LookupError, ValueError) as error:
         return status.usage(error, NAME)
     except (CaptureError, OSError) as error:
         return status.damaged(error, NAME)
     for note in notes:
-        status.damaged(note, "tailbyte")
-    return code if code > _SIGNAL else status.DAMAGED if code or notes else status.OK
+        streams.complain(note)
+    return code if code > _SIGNAL else status.DAMAGED if code or failed else status.OK
 
 
 def _bus(args: argparse.Namespace, names: list[str]) -> int:
@@ -114,6 +118,13 @@ def _check_place(text: str) -> None:
             Moment.parse(text)
         except ValueError as error:
             raise ValueError(f"--at: {error}") from None
+
+
+def _keys_beside_pipe() -> None:
+    """Take keys from the terminal itself where the capture comes in place of them."""
+    if sys.__stdin__ is not None and not sys.__stdin__.isatty():
+        with suppress(OSError):
+            sys.__stdin__ = open("/dev/tty", encoding="ascii")  # type: ignore[misc]  # noqa: PTH123, SIM115
 
 
 def _no_terminal() -> str:

@@ -39,6 +39,7 @@ class CaptureSupply:
 
     live, recorded = False, ""
     asking, revision = False, 0
+    failed = False  # something could not be read, decoded, stored or judged
 
     def __init__(self, request: Request, folder: Path) -> None:
         self.notes: list[str] = []
@@ -134,11 +135,12 @@ class CaptureSupply:
                     self._statistic(text)
         except Exception as error:  # noqa: BLE001 - the browser goes on with what there is, and says it
             self._note(f"{type(error).__name__}: {error}")
-            self.loaded, self.doing = True, ""
+            self.loaded, self.doing, self.failed = True, "", True
 
     def _decode(self) -> None:
         try:
             if self._run.request.flight is not None and not self._narrowed():
+                self.failed = True
                 return
             for batch in self._run.inside():
                 if len(batch.frames) or len(batch.transfers) or len(batch.events) or not self.store.segments:
@@ -148,6 +150,8 @@ class CaptureSupply:
                     return
         except (CaptureError, StoreFullError) as error:
             self._note(str(error))
+            self.failed = True
+        self.failed = self.failed or self._run.state in ("damaged", "refused")
 
     def _judging(self) -> Criteria:
         """Return what is judged by; filters may ask for its labels. Raises `ValueError` for a wrong vehicle file."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.app.browse.capture import CaptureSupply
 from analyzer.app.browse.tools import BrowserTools, kept_columns, kept_filters
@@ -40,8 +40,16 @@ class BrowseOptions:
     marks: bool = True
 
 
-def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]) -> tuple[int, list[str]]:
-    """Show captures until the user quits; return the return code of the display, and what was complained of.
+class Browsed(NamedTuple):
+    """The end of a session: the return code of the display, what was complained of, and whether anything failed."""
+
+    code: int
+    notes: Sequence[str]
+    failed: bool
+
+
+def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]) -> Browsed:
+    """Show captures until the user quits.
 
     Raises `FilterError`, `LookupError` or `ValueError` for options that make no sense, `CaptureError` for a capture
     that cannot be opened, `OSError` if there is no room for the store.
@@ -58,7 +66,7 @@ def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]
                 supply.stop()
                 supply.join()
         if not app.reload:
-            return app.return_code or 0, supply.notes
+            return Browsed(app.return_code or 0, supply.notes, supply.failed)
         row, pages = app.view.current(), app.view.pages
         options = replace(
             options, at="" if row is None else f"#{row.place + 1}", filter=app.view.filter, time=pages.mode,
