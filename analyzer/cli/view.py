@@ -37,11 +37,12 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="a column beside the usual ones; repeatable; default: those of the last time",
     )  # fmt: skip
     show.add_argument("--colours", "--colors", metavar="FILE", help="colour rules of rows, or `off`; default: yours")
+    show.add_argument("--follow", action="store_true", help="show at once what comes; wait at the end of a file")
     show.add_argument("--no-marks", action="store_true", help="neither read nor keep marks beside the capture")
     options.add_dialect(parser)
     options.add_filter(parser)
     options.add_window(parser)
-    parser.set_defaults(run=run, follow=False)
+    parser.set_defaults(run=run)
 
 
 _BUS = re.compile(r"v?can\d+|(?!\w:[\\\\/])\w{3,}:\S*")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import shutil
 import signal
 import struct
 import subprocess
@@ -78,3 +79,19 @@ def test_the_status_tells_of_damage_and_not_of_notes(name: str, expected: int, t
         os.write(keys, b"q")
         reader.until(b"\x1b[?1049l")
         assert process.wait(LIMIT) == expected
+
+
+@pytest.mark.parametrize("name", ["missing.log", "folder", "README.md", "empty.log"])
+def test_what_holds_nothing_is_refused_in_a_line(name: str, tmp_path: Path) -> None:
+    store, path = tmp_path / "store", tmp_path / name
+    for folder in (store, tmp_path / "folder"):
+        folder.mkdir()
+    shutil.copy(ROOT / "README.md", tmp_path)
+    (tmp_path / "empty.log").touch()
+    with viewed(store, str(path)) as (process, reader, _):
+        shown = reader.rest().decode()
+        assert process.wait(LIMIT) == 3
+        assert "\x1b[?1049h" not in shown
+        assert shown.startswith(f"tailbyte: {path}: ")
+        assert len(shown.splitlines()) == 1
+    assert list(store.iterdir()) == []

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from analyzer.browser.supply import Supply
     from analyzer.views.colours.rules import ColourRule
 
+_PATIENCE = 2.0  # seconds until captures are shown of which nothing has come so far
 _TURN = 0.001  # seconds until keys get their turn while threads decode and judge
 
 
@@ -61,6 +62,8 @@ def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]
             supply.start()
             try:
                 app = made(supply, options, rules)
+                if not supply.opens(_PATIENCE):
+                    return Browsed(0, supply.notes, failed=True)
                 app.run()
             finally:
                 supply.stop()

@@ -89,7 +89,7 @@ class BrowserBase(App[None]):
         """Draw the lines that are no panes."""
         view, width = self.view, self.size.width
         supply = view.supply
-        doing = supply.doing if supply.loaded else f"{supply.doing} {supply.share:.0%}"
+        doing = supply.doing if supply.loaded or supply.share in (0, 1) else f"{supply.doing} {supply.share:.0%}"
         if supply.live and not supply.loaded:
             doing = "live, following" if self.following else "live, held"
         counts = f"{view.store.count:,} frames"
