@@ -75,14 +75,15 @@ def run(args: argparse.Namespace) -> int:
         return status.usage(reason, NAME)
     asked = BrowseOptions(args.at, args.filter or "", args.time, tuple(args.fields), not args.no_marks)
     try:
-        code, notes, failed = browse(request, asked, rules)
+        code, notes, failed, refused = browse(request, asked, rules)
     except (LookupError, ValueError) as error:
         return status.usage(error, NAME)
     except (CaptureError, OSError) as error:
         return status.damaged(error, NAME)
     for note in notes:
         streams.complain(note)
-    return code if code > _SIGNAL else status.DAMAGED if code or failed else status.OK
+    ended = status.USAGE if refused else status.DAMAGED if code or failed else status.OK
+    return code if code > _SIGNAL else ended
 
 
 def _bus(args: argparse.Namespace, names: list[str]) -> int:

@@ -81,6 +81,14 @@ def test_the_status_tells_of_damage_and_not_of_notes(name: str, expected: int, t
         assert process.wait(LIMIT) == expected
 
 
+def test_a_flight_that_is_not_there_is_wrong_usage(tmp_path: Path) -> None:
+    with viewed(tmp_path, "--flight", "9", capture("hover.log")) as (process, reader, _):
+        shown = reader.rest().decode()
+        assert process.wait(LIMIT) == 2
+        assert "\x1b[?1049h" not in shown
+        assert len(shown.splitlines()) == 1
+
+
 @pytest.mark.parametrize("name", ["missing.log", "folder", "README.md", "empty.log"])
 def test_what_holds_nothing_is_refused_in_a_line(name: str, tmp_path: Path) -> None:
     store, path = tmp_path / "store", tmp_path / name

@@ -39,7 +39,7 @@ class CaptureSupply:
 
     live, recorded = False, ""
     asking, revision = False, 0
-    failed = False  # something could not be read, decoded, stored or judged
+    failed = refused = False  # something could not be read, decoded, stored or judged; it was not there to be asked for
 
     def __init__(self, request: Request, folder: Path) -> None:
         self.notes: list[str] = []
@@ -149,7 +149,7 @@ class CaptureSupply:
     def _decode(self) -> None:
         try:
             if self._run.request.flight is not None and not self._narrowed():
-                self.failed = True
+                self.failed = self.refused = True
                 return
             for batch in self._run.inside():
                 if len(batch.frames) or len(batch.transfers) or len(batch.events) or not self.store.segments:
@@ -161,7 +161,8 @@ class CaptureSupply:
         except (CaptureError, StoreFullError) as error:
             self._note(str(error))
             self.failed = True
-        self.failed = self.failed or self._run.state in ("damaged", "refused")
+        self.refused = self._run.state == "refused"
+        self.failed = self.failed or self.refused or self._run.state == "damaged"
 
     def _judging(self) -> Criteria:
         """Return what is judged by; filters may ask for its labels. Raises `ValueError` for a wrong vehicle file."""

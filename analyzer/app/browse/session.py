@@ -42,11 +42,12 @@ class BrowseOptions:
 
 
 class Browsed(NamedTuple):
-    """The end of a session: the return code of the display, what was complained of, and whether anything failed."""
+    """The end of a session: the return code of the display, what was complained of, what failed or was refused."""
 
     code: int
     notes: Sequence[str]
     failed: bool
+    refused: bool
 
 
 def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]) -> Browsed:
@@ -63,13 +64,14 @@ def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]
             try:
                 app = made(supply, options, rules)
                 if not supply.opens(_PATIENCE):
-                    return Browsed(0, supply.notes, failed=True)
+                    return Browsed(0, supply.notes, supply.failed, supply.refused)
                 app.run()
             finally:
                 supply.stop()
                 supply.join()
         if not app.reload:
-            return Browsed(app.return_code or 0, supply.notes, supply.failed)
+            return Browsed(app.return_code or 0, supply.notes, supply.failed, supply.refused)
+        request = replace(request, follow=False)  # what was followed is judged now
         row, pages = app.view.current(), app.view.pages
         options = replace(
             options, at="" if row is None else f"#{row.place + 1}", filter=app.view.filter, time=pages.mode,
