@@ -191,6 +191,8 @@ def test_a_statistic_by_the_letter_of_decode_and_the_picture() -> None:
             assert asked == [("plot", FAULTS, "--around", "5711+-2s")]
             await seen.press("z")
             assert seen.app.bar.purpose == "statistic"
+            await seen.press(*"va", "tab", *",ESCStatus.vol", "tab")
+            assert seen.app.bar.value == "values,ESCStatus.voltage"
 
     asyncio.run(work())
 

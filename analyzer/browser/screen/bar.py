@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 from textual.widgets import Input
 
+from analyzer.stats.catalogue import STATISTICS
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -60,10 +62,11 @@ class Bar(Input):
 
     def complete(self) -> str:
         """Complete the name in front of the cursor; return the names on offer in a line, empty for a single one."""
-        if self.purpose not in ("filter", "find"):
+        if self.purpose not in ("filter", "find", "statistic"):
             return ""
         before, behind = self.value[: self.cursor_position], self.value[self.cursor_position :]
-        text, fitting = completed(before, self._names())
+        first = self.purpose == "statistic" and "," not in before
+        text, fitting = completed(before, sorted(STATISTICS) if first else self._names())
         self.value = text + behind
         self.cursor_position = len(text)
         if len(fitting) == 1:
