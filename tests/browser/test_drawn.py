@@ -30,6 +30,9 @@ WALKS = {
 }
 
 
+PRESSES = 12
+
+
 def slowly(*values: object) -> list[object]:
     """Return parameters that are tried in the slow run."""
     return [pytest.param(one, marks=pytest.mark.slow) for one in values]
@@ -54,7 +57,7 @@ def drawing(monkeypatch: pytest.MonkeyPatch) -> type[Drawn]:
     def display(app: App[None], _: object, update: object) -> None:
         if isinstance(update, CompositorUpdate):
             text = update.render_segments(app.console)
-            Drawn.sent = len(text)
+            Drawn.sent += len(text)
             Drawn.terminal.feed(text)
 
     monkeypatch.setattr(App, "_display", display)
@@ -120,5 +123,21 @@ def test_keys_that_come_at_once_leave_a_page_once(page: str) -> None:
                 seen.app.post_message(Key(key, None))
             await seen.until(lambda: seen.app.tab == "findings")
             assert seen.app.view.number() == len(seen.app.view.rows) - 1
+
+    asyncio.run(work())
+
+
+def test_a_key_costs_few_bytes_and_waiting_none(drawing: type[Drawn]) -> None:
+    async def work() -> None:
+        async with browser(FAULTS) as seen:
+            drawing.sent = 0
+            for _ in range(PRESSES):
+                await seen.press("down")
+            assert 0 < drawing.sent < PRESSES * 1900  # a screen of letters alone has 1920
+            drawing.sent = 0
+            for _ in range(PRESSES):
+                seen.app.look()
+                await seen.pilot.pause()
+            assert drawing.sent == 0
 
     asyncio.run(work())
