@@ -122,6 +122,9 @@ def test_the_mouse_scrolls_and_clicks() -> None:
             line = app.bytes.text.splitlines()[2]
             await seen.pilot.click("#bytes", offset=(line.index("52"), 2))
             await seen.until(lambda: app.focused is app.bytes and app.details.line.name == "ESCStatus.voltage")
+            await seen.press("equals_sign")
+            await seen.pilot.click("#list", offset=(20, 2))
+            await seen.until(lambda: app.state.display and not app.bar.display)
             await seen.press("2")
             await seen.until(lambda: app.tabs.line is not None)
             await seen.pilot.click("#tab", offset=(10, 1))

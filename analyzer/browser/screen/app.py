@@ -127,7 +127,9 @@ class Browser(Pressing):
         self.call_after_refresh(self.draw_lines)
 
     def on_descendant_focus(self) -> None:
-        """Give the pane in use its room."""
+        """Give the pane in use its room; the line that was typed in goes when something else is clicked."""
+        if self.focused is not self.bar:
+            self.bar.display, self.state.display = False, True
         self.call_after_refresh(self.share)
 
     def on_packet_list_moved(self) -> None:
