@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 from kit.browsing import Seen, browser, capture
-from textual.events import Key
+from textual.events import Key, Paste
 from textual.keys import _character_to_key
 
 FAULTS = capture("mission-8-faults.log")
@@ -69,5 +69,16 @@ def test_letters_that_move_otherwise_end_an_entry_of_a_menu() -> None:
         async with browser(FAULTS, judged=False) as seen:
             await at_once(seen, " yj")
             assert seen.said.startswith(' copied: {"')
+
+    asyncio.run(work())
+
+
+def test_what_is_pasted_comes_before_the_key_behind_it() -> None:
+    async def work() -> None:
+        async with browser(FAULTS, judged=False) as seen:
+            await at_once(seen, "=")
+            seen.app.post_message(Paste("ESCStatus &&\n  ch == 3\n"))
+            await at_once(seen, "\r")
+            assert seen.app.view.filter == "ESCStatus && ch == 3"
 
     asyncio.run(work())

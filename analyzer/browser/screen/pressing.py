@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from textual.events import Key
+from textual.events import Key, Paste
 
 from analyzer.browser.screen.keys import EVERY
 from analyzer.browser.screen.offering import Offering
@@ -21,10 +21,12 @@ class Pressing(Offering):
     """The part of the browser that takes keys. Textual hands them on to widgets, where they overtake each other."""
 
     async def on_event(self, event: events.Event) -> None:
-        """Take keys as they come."""
+        """Take keys, and what is pasted, as they come."""
         if isinstance(event, Key) and not event.is_forwarded:
             self.app_focus = True
             await self._press(event)
+        elif isinstance(event, Paste) and self.focused is self.bar:
+            self.bar.replace(" ".join(event.text.split()), *self.bar.selection)
         else:
             await super().on_event(event)
 
