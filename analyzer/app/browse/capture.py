@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
@@ -137,6 +138,7 @@ class CaptureSupply:
             if self.store.segments and not self._stopped:
                 for step in (self._happened, self._judge):
                     step()
+                gc.freeze()  # rules and findings stay until the end
             self.doing = ""
             while not self._stopped:
                 if text := self._asked.get():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from typing import TYPE_CHECKING, NamedTuple
@@ -65,6 +66,7 @@ def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]
                 app = made(supply, options, rules)
                 if not supply.opens(_PATIENCE):
                     return Browsed(0, supply.notes, supply.failed, supply.refused)
+                gc.freeze()  # of what is there for good a collection costs as much as ten keys
                 app.run()
             finally:
                 supply.stop()
