@@ -192,8 +192,10 @@ def test_a_statistic_by_the_letter_of_decode_and_the_picture() -> None:
             await seen.type("5711")
             await seen.press("o")
             assert asked == [("plot", FAULTS, "--around", "5711+-2s")]
-            await seen.press("z")
-            assert seen.app.bar.purpose == "statistic"
+            for key, purpose in (("w", "write"), ("g", "go"), ("M", "comment"), ("slash", "find"), ("z", "statistic")):
+                await seen.press("escape", key)
+                assert seen.app.bar.purpose == purpose
+                assert not seen.said.rstrip().endswith("…")  # it fits into 80 columns
             await seen.press(*"va", "tab", *",ESCStatus.vol", "tab")
             assert seen.app.bar.value == "values,ESCStatus.voltage"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 from textual.widgets import Input
@@ -71,8 +72,12 @@ class Bar(Input):
         self.cursor_position = len(text)
         if len(fitting) == 1:
             return ""
-        more = f" ... {len(fitting)} in all" if len(fitting) > _MOST_SHOWN else ""
-        return "  ".join(fitting[:_MOST_SHOWN]) + more if fitting else "no name begins like that"
+        more = f" ... {len(fitting)} in all"
+        room = self.app.size.width - len(more) - 2
+        ends = accumulate(len(name) + 2 for name in fitting[:_MOST_SHOWN])
+        some = sum(end - 2 <= room for end in ends)
+        shown = "  ".join(fitting[:some]) + (more if some < len(fitting) else "")
+        return shown if fitting else "no name begins like that"
 
     def older(self, by: int) -> None:
         """Go through what was typed before."""

@@ -24,8 +24,8 @@ ASKS = {
     "find": "find text, bytes (0a ff), or = and a filter; tab completes",
     "filter": "a filter; tab completes, up: older ones, esc leaves",
     "comment": "a comment on this row; empty takes it off",
-    "write": "a file: .log .pcapng .mcap for frames, .jsonl for rows, .csv .parquet for tables",
-    "statistic": "talkers, nodes, services, periods, load, hierarchy, io[,100ms], values,FIELD",
+    "write": "a .log, .pcapng, .mcap, .jsonl, .csv or .parquet",
+    "statistic": "talkers, nodes, services, load, io,100ms, values,FIELD; tab: all",
 }
 
 
