@@ -43,7 +43,7 @@ def _fly(path: str) -> None:
 
 
 if __name__ == "__main__":
-    from analyzer.app.start import alone
+    from analyzer.app.process.start import alone
     from analyzer.cli import main
 
     alone()  # but for what flies, as a command is

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 from textual.binding import Binding
 
-from analyzer.browser.screen.help import help_page
 from analyzer.browser.screen.keys import EVERY, hints
+from analyzer.browser.screen.pages.help import help_page
 from analyzer.browser.screen.pressing import Pressing
 from analyzer.browser.screen.thrift import DrawnLines
 from analyzer.browser.supply import TABS

@@ -5,7 +5,7 @@ from __future__ import annotations
 from analyzer.browser.screen.gestures import ASKS, Gestures
 from analyzer.browser.supply import TABS
 from analyzer.filter.compiled import compile_filter
-from analyzer.filter.errors import FilterError
+from analyzer.filter.language.errors import FilterError
 
 
 class Asking(Gestures):

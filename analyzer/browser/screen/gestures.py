@@ -7,12 +7,12 @@ import re
 from analyzer.browser.conditions import combined, condition, field_name
 from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.screen.handing import Handing
-from analyzer.browser.screen.help import line_page, rule_page
+from analyzer.browser.screen.pages.help import line_page, rule_page
 from analyzer.browser.screen.styles import CONVERSATIONS
 from analyzer.browser.sorted_rows import SortedRows
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
-from analyzer.filter.errors import FilterError
+from analyzer.filter.language.errors import FilterError
 from analyzer.views.times import MODES
 
 FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}

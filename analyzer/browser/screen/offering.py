@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from analyzer.browser.conditions import field_name
 from analyzer.browser.screen.asking import Asking
 from analyzer.browser.screen.gestures import FOLLOWS
-from analyzer.browser.screen.menu import MenuEntry, MenuPage
+from analyzer.browser.screen.pages.menu import MenuEntry, MenuPage
 from analyzer.browser.sorted_rows import SortedRows
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
-from analyzer.filter.errors import FilterError
+from analyzer.filter.language.errors import FilterError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,7 +8,7 @@ from textual.events import Key, Paste
 
 from analyzer.browser.screen.keys import EVERY
 from analyzer.browser.screen.offering import Offering
-from analyzer.browser.screen.page import Page
+from analyzer.browser.screen.pages.page import Page
 
 if TYPE_CHECKING:
     from textual import events

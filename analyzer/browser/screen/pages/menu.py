@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.browser.screen.lines import padded
-from analyzer.browser.screen.page import Page
+from analyzer.browser.screen.pages.page import Page
 from analyzer.browser.screen.styles import NAMED
 from analyzer.views.terminal import fit
 

@@ -6,7 +6,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from analyzer.browser.screen.keys import help_lines
-from analyzer.browser.screen.page import Page
+from analyzer.browser.screen.pages.page import Page
 from analyzer.browser.screen.styles import NAMED
 from analyzer.views.terminal import fit
 
