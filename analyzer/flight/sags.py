@@ -1,4 +1,4 @@
-"""Supply voltages that fall faster than a pack is emptied."""
+"""Supply voltages that fall faster than a pack is emptied: at once, or in seconds in which no current explains it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from analyzer import _native
 from analyzer.decode.sent import cells
 from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
+from analyzer.flight.recent_supply import RecentSupply, Supply
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
 from analyzer.flight.thresholds import lasting, threshold
@@ -25,69 +26,57 @@ if TYPE_CHECKING:
     from dissectors.picture import Plot
 
 MOST_DEVICES = 1024
-MOST_RECENT = 4096  # reports of one device within the time in which a voltage may fall
 _VOLTAGE, _CURRENT = "voltage", "current"
 
 
 @dataclass(slots=True)
-class _Recent:
-    """The reports of a device that a later one is compared with; NaN is a current that it does not tell."""
-
-    at: Places
-    voltage: Array
-    current: Array
-
-    def followed_by(self, at: Places, voltage: Array, current: Array) -> _Recent:
-        """Return these, and others behind them."""
-        return _Recent(
-            self.at.followed_by(at), np.concatenate((self.voltage, voltage)), np.concatenate((self.current, current))
-        )
-
-
-@dataclass(slots=True)
 class _Sag:
-    """A voltage that fell, and the current with each of the two; what that current explains, NaN if that is unknown."""
+    """A voltage that fell: `before` and `least`, the current with each, and what that explains of the least one.
+
+    `slowly` says that it was seen in the course of seconds; NaN is what nobody knows.
+    """
 
     before: float
-    least: float
     current_before: float
+    least: float
     current: float
     expected: float
+    slowly: bool
 
 
 class _Fall:
-    """Reports among which a voltage fell: `every` with those before them, the last ones `at` their places."""
+    """Reports among which a voltage fell: `every` with those before them, the last ones `then` compared with which.
 
-    def __init__(self, every: _Recent, at: Places) -> None:
-        self._every, self._first = every, len(every.voltage) - len(at)
-        since = np.searchsorted(np.maximum.accumulate(every.at.ran), at.ran - lasting("sag"))
-        self._then = np.minimum(since, np.arange(self._first, len(every.voltage)))
+    `at_once` are those that are low within a moment.
+    """
 
-    @property
-    def before(self) -> Array:
-        """The voltage that each is compared with."""
-        return self._every.voltage[self._then]
+    def __init__(self, every: Supply, then: Array, at_once: Array) -> None:
+        self._every, self._then, self._at_once = every, then, at_once
+        self._first = len(every.voltage) - len(then)
 
-    def note(self, part: SpellPart, expected: Array) -> None:
-        """Let a spell know of its next part; what is `expected` of each report goes by its current."""
+    def note(self, part: SpellPart) -> None:
+        """Let a spell know of its next part."""
         every, rows = self._every, slice(part.start, part.stop)
-        high = int(self._then[rows][np.argmax(self.before[rows])])
-        deep = part.start + int(np.argmin(every.voltage[self._first :][rows]))
-        new = _Sag(*map(float, (
-            every.voltage[high], every.voltage[self._first + deep], every.current[high],
-            every.current[self._first + deep], expected[deep],
-        )))  # fmt: skip
+        before = every.voltage[self._then[rows]]
+        high = int(self._then[rows][np.argmax(before)])
+        deep = self._first + part.start + int(np.argmin(every.voltage[self._first :][rows]))
+        expected = float(_explained(every, np.array([high]), np.array([deep]))[0])
+        new = _Sag(*every.told(high), *every.told(deep), expected, not self._at_once[part.start])
         if part.spell.memory is not None:
             part.spell.memory = _worse(part.spell.memory, new)
             return
         part.spell.memory = new
-        good = np.flatnonzero(every.voltage[: self._first + part.start] >= new.before * _share("sag_begun_percent"))
+        then, now = int(self._then[part.start]), self._first + part.start
+        well = every.voltage[then]
+        if new.slowly:
+            well = _explained(every, np.full(now - then, then), np.arange(then, now))
+        good = np.flatnonzero(every.voltage[then:now] >= well * _share("sag_begun_percent"))
         if len(good):
-            part.spell.before = every.at.at(int(good[-1]))
+            part.spell.before = every.at.at(then + int(good[-1]))
 
 
 class SagEvents(ReportEvents):
-    """Adds up batches. Bounds: `MOST_DEVICES`, and `MOST_RECENT` reports of each."""
+    """Adds up batches. Bound: `MOST_DEVICES`, and that of `RecentSupply` of each."""
 
     @staticmethod
     def of_use(plot: Plot) -> bool:
@@ -96,7 +85,7 @@ class SagEvents(ReportEvents):
 
     def __init__(self, order: EventOrder) -> None:
         super().__init__(order)
-        self._recent: dict[tuple[str, int], _Recent] = {}
+        self._recent: dict[tuple[str, int], RecentSupply] = {}
         self._lines: dict[tuple[str, int], _native.SupplyLine] = {}
         self._spells = Spells(lasting("silent_motor"))
 
@@ -120,33 +109,35 @@ class SagEvents(ReportEvents):
             self._tell(spell)
 
     def _judge(self, plot: Plot, key: int, volts: Array, amperes: Array, at: Places) -> None:
-        known = self._recent.get((plot.table, key))
-        if known is None and len(self._recent) >= MOST_DEVICES:
-            return
-        highest = volts.max() if known is None else max(volts.max(), known.voltage.max())
+        recent = self._recent.get((plot.table, key))
+        if recent is None:
+            if len(self._recent) >= MOST_DEVICES:
+                return
+            recent = self._recent[plot.table, key] = RecentSupply()
         line = self._lines.setdefault((plot.table, key), _native.SupplyLine())
-        expected = cells(line.feed(volts, amperes), np.float64)
+        new = Supply(at, volts, amperes, cells(line.feed(volts, amperes), np.float64))
         low, fall = np.zeros(len(volts), bool), None
-        if volts.min() < highest * _share("sag_percent"):
-            fall = _Fall(_Recent(at, volts, amperes) if known is None else known.followed_by(at, volts, amperes), at)
-            low = volts < fall.before * _share("sag_percent")
+        if volts.min() < max(float(volts.max()), recent.highest) * _share("sink_percent"):
+            low, fall = _fallen(recent.followed_by(new), len(volts))
         for part in self._spells.feed((plot.table, key), low, at):
             if fall is not None and part.stop > part.start:
-                fall.note(part, expected)
+                fall.note(part)
             if part.over:
                 self._tell(part.spell)
-        self._recent[plot.table, key] = _kept(known, at, volts, amperes)
+        recent.keep(new)
 
     def _tell(self, spell: Spell) -> None:
         table, key = spell.key
         bus, node, _ = split(key)
         sag: _Sag = spell.memory
-        text = f"voltage falls from {sag.before:.1f} to {sag.least:.1f} V"
+        text = f"voltage {'sinks' if sag.slowly else 'falls'} from {sag.before:.1f} to {sag.least:.1f} V"
         if isfinite(sag.current_before) and isfinite(sag.current):
             text += f", current goes from {sag.current_before:.1f} to {sag.current:.1f} A"
-        more = {"current_then": sag.current, "expected_voltage": sag.expected}
-        values = {"voltage": sag.before, "worst_voltage": sag.least, "current": sag.current_before}
-        values = {name: round(value, 3) for name, value in (values | more).items()}
+        values = {
+            "voltage": sag.before, "worst_voltage": sag.least, "current": sag.current_before,
+            "current_then": sag.current, "expected_voltage": sag.expected,
+        }  # fmt: skip
+        values = {name: round(value, 3) for name, value in values.items()}
         self._add(FlightEvent(
             "sag", text, spell.before, spell.first, spell.after, bus, node, None, table, "", values
         ))  # fmt: skip
@@ -160,18 +151,31 @@ def _measured(plot: Plot, quantity: str) -> str:
 def _worse(one: _Sag, new: _Sag) -> _Sag:
     """Return the highest and the lowest voltage of both."""
     high, deep = (new if new.before > one.before else one), (new if new.least < one.least else one)
-    return _Sag(high.before, deep.least, high.current_before, deep.current, deep.expected)
+    return _Sag(high.before, high.current_before, deep.least, deep.current, deep.expected, one.slowly)
 
 
-def _kept(known: _Recent | None, at: Places, voltage: Array, current: Array) -> _Recent:
-    """Return the reports that later ones are compared with."""
-    oldest = at.ran.max() - lasting("sag")
-    if known is not None and known.at.ran.max() >= oldest:
-        every = known.followed_by(at, voltage, current)
-        at, voltage, current = every.at, every.voltage, every.current
-        oldest = at.ran.max() - lasting("sag")
-    first = max(len(at) - MOST_RECENT, int(np.argmax(at.ran >= oldest)))
-    return _Recent(at.take(slice(first, None)).settled(), voltage[first:].copy(), current[first:].copy())
+def _fallen(every: Supply, count: int) -> tuple[Array, _Fall]:
+    """Return which of the last reports are low: at once, or in seconds and not by their current."""
+    first = len(every.voltage) - count
+    rows, ran = np.arange(first, len(every.voltage)), np.maximum.accumulate(every.at.ran)
+    just, long = (np.minimum(np.searchsorted(ran, ran[first:] - lasting(name)), rows) for name in ("sag", "sink"))
+    volts, since = every.voltage[first:], every.voltage[long]
+    fell = volts < every.voltage[just] * _share("sag_percent")
+    explained = _explained(every, long, rows)
+    sank = (volts < since * _share("sink_percent")) & (volts < explained - since * (1 - _share("sink_percent")))
+    return fell | sank, _Fall(every, np.where(sank, long, just), fell)
+
+
+def _explained(every: Supply, then: Array, now: Array) -> Array:
+    """Return the voltages that currents explain, NaN where that is not known.
+
+    It is that of before, less what the line of the supply costs more now; without a line, a current that did not rise
+    costs nothing.
+    """
+    before, line = every.voltage[then], every.line[now]
+    found = np.where(np.isnan(every.line[then]), line, before + line - every.line[then])
+    same = every.current[now] <= every.current[then] * threshold("sink_current") + threshold("motor_least_a")
+    return np.where(np.isnan(found) & same, before, found)
 
 
 def _share(name: str) -> float:

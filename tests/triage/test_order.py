@@ -25,6 +25,17 @@ def test_a_motor_that_was_well_while_commands_changed_did_not_fail_before(story:
     assert any(one.kind == "motor" for one in found.after)
 
 
+def test_a_motor_that_was_commanded_down_did_not_turn_it_over() -> None:
+    """A motor that lifts less is commanded up: of this one a load is missed 1.6 s later, at a throttle seldom met."""
+    found = told(
+        "deaf-esc:tail=no:twin=yes:distract=yes:mute=no", seed=13000030, escs=8, rate=30
+    )  # fmt: skip
+    assert found.first.kind == "control"
+    assert any(one.kind == "motor" and one.ch == 5 for one in found.after)
+    assert "9 % apart at most until then, 40 % 0.04 s later, 85 % in the end" in said(found)
+    assert "without a fault bit" not in said(found)  # one was over before
+
+
 def test_slow_reports_behind_lost_control_are_no_order() -> None:
     found = told(
         "coaxial-failure:tail=no:twin=yes:distract=yes:mute=no", seed=1000490, escs=8, rate=10, stock=True

@@ -185,7 +185,14 @@ def _missed(lost: Excursion) -> Verdict:
 
 def _may_be_first(case: Case, lost: Excursion, one: Trouble) -> bool:
     """Return whether a trouble came before control was lost, or may have: reports are late by their period."""
-    return one.high <= lost.stop or one.low <= lost.start + case.period(one.bus, one.node)
+    if one.high <= lost.stop:
+        return True
+    return one.low <= lost.start + case.period(one.bus, one.node) and not _lowered(lost, one)
+
+
+def _lowered(lost: Excursion, one: Trouble) -> bool:
+    """Return whether a motor that lifts less was commanded down when control was lost: what fails is commanded up."""
+    return one.weak and one.ch in lost.event.lowered
 
 
 def _either(shown: Verdict, one: Trouble, since: int, spread: float) -> Verdict:
@@ -256,13 +263,16 @@ def _control(case: Case, lost: Excursion, found: list[Trouble]) -> Verdict:
     """Return that control was lost before anything else, or was never there."""
     event = lost.event
     took = max(0, event.first.ran - lost.start) / SECOND
-    reasons = [f"commands go from {case.calm_limit:.0f} % apart or less to {lost.most:.0f} % within {took:.2f} s"]
+    wide = min(threshold("spread_percent"), lost.most)
+    later_apart = f"{wide:.0f} % {took:.2f} s later, {lost.most:.0f} % in the end"
+    reasons = [f"commands {case.calm_limit:.0f} % apart at most until then, {later_apart}"]
     later = next((one for one in found if one.events), None)
     healthy = f"until {(later.high - lost.start) / SECOND:.1f} s later" if later is not None else "to the end"
     escs = len(case.esc_nodes)
-    without = "" if case.bitless() else "without a fault bit "
+    told = any(one.kind == "fault" and one.first.ran < lost.start for one in case.events)
+    without = "" if case.bitless() or told else "without a fault bit "
     reasons.append(f"{'all ' * (escs > 1)}{escs} ESCs obey {without}{healthy}" if escs else "no ESC reports")
-    t = (event.before or event.first).t
+    t = event.first.t - max(0, event.first.ran - lost.start)
     if lost.start - case.start <= lasting("tip"):
         esc = case.esc_of(int(event.values.get("highest_ch", 0)))
         took = max(0.1, (lost.start - case.start) / SECOND)
@@ -291,7 +301,7 @@ def _end(case: Case) -> Verdict:
         commands = "no commands recorded"
     over = any(one.kind in _SIGNS for one in case.events)
     lowest, highest = case.volts()
-    sunk = lowest < highest * (1 - threshold("sag_percent") / 100)
+    sunk = lowest < highest * (1 - threshold("sink_percent") / 100)
     wrong = f"{highest:.1f} V at first, {lowest:.1f} V at the lowest" if sunk else "nothing wrong until then"
     seen = f"{turning}{commands}, {'nothing wrong that lasted' if over else wrong}"
     if flight.end == "cut" and len(case.joint) >= threshold("joint_often"):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.trouble import made, together, within
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,7 +41,10 @@ def supply_troubles(case: Case) -> Iterator[Trouble]:
         return
     chs = tuple(sorted({one.ch for one in sags if one.ch is not None}))
     part = 0 < len(chs) < len(case.escs_by_channel)
-    title = f"the supply of {'channels ' + ' '.join(map(str, chs)) if part else 'all ESCs'} broke down"
+    first = sags[0]
+    took = first.first.ran - (first.before or first.first).ran
+    how = "sank" if took > lasting("sag") else "broke down"
+    title = f"the supply of {'channels ' + ' '.join(map(str, chs)) if part else 'all ESCs'} {how}"
     worst = min(sags, key=lambda one: one.values["worst_voltage"])
     high, low, expected = (worst.values[name] for name in ("voltage", "worst_voltage", "expected_voltage"))
     reasons = [f"{high:.1f} -> {low:.1f} V; its current explains {expected:.1f} V"]
@@ -50,6 +54,9 @@ def supply_troubles(case: Case) -> Iterator[Trouble]:
         reasons.append(f"the other {len(case.escs_by_channel) - len(chs)} ESCs keep their voltage")
     trouble = made("battery", title, sags, 0, reasons, whole=True)
     trouble.chs = chs
+    if how == "sank":
+        trouble.possible = True
+        trouble.against.append(f"it took {took / SECOND:.1f} s to be seen: a pack that is empty looks alike")
     yield trouble
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from analyzer.flight.motors.events import UNLOADED
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting
 from dissectors.records import dataclass, field
@@ -53,6 +54,12 @@ class Trouble:
     def stands(self) -> bool:
         """True if a rotor does not turn, though it should."""
         return any(one.kind == "motor" and one.values["speed_share"] < _STANDS for one in self.events)
+
+    @property
+    def weak(self) -> bool:
+        """True if its motor lifts less than it should."""
+        one = self.first
+        return one is not None and one.kind == "motor" and (one.sign == UNLOADED or one.values["speed_share"] < 1)
 
 
 def made(

@@ -1,0 +1,42 @@
+"""Supplies that sink in the course of seconds, and what is only a pack in use."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kit.simulated import simulation, text_of
+from kit.stories import crash_log, said, triaged
+
+from dissectors.tmotor.traffic.stories import supply
+
+if TYPE_CHECKING:
+    import pytest
+
+
+def sinking(monkeypatch: pytest.MonkeyPatch, fall: float) -> str:
+    """A vehicle of two packs, one of which loses so many volts a second."""
+    monkeypatch.setattr(supply, "_FALL", fall)
+    return crash_log.__wrapped__("two-packs:tail=no:twin=no", seed=2, rate=50)
+
+
+def test_a_pack_that_sinks_for_seconds_may_be_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = triaged(sinking(monkeypatch, 0.9))
+    assert (found.first.kind, found.first.chs, found.first.support) == ("battery", (2, 4), "possible")
+    assert found.first.title == "the supply of channels 2 4 sank"
+    assert "the other 2 ESCs keep their voltage" in said(found)
+    assert "a pack that is empty looks alike" in said(found)
+
+
+def test_one_that_breaks_down_within_a_moment_is_told_as_that() -> None:
+    made = simulation(6, scenario="two-packs:tail=no:distract=no", seed=1)
+    found = triaged(text_of(made, made.frames()))
+    assert (found.first.kind, found.first.support) == ("battery", "well supported")
+    assert "50.1 -> 40.4 V; its current explains 49.3 V" in said(found)
+
+
+def test_a_pack_in_use_is_no_cause_but_its_voltage_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = triaged(sinking(monkeypatch, 0.5))
+    assert found.first.kind == "unknown"
+    assert "50.2 V at first, 45.6 V at the lowest" in said(found)
+    assert "nothing wrong" not in said(found)
+    assert "does not" not in dict(found.first.notes)
