@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kit.simulated import simulation, text_of
-from kit.stories import crash_log, said, triaged
+from kit.simulated import changed, simulation, text_of
+from kit.stories import crash_log, excluded, said, triaged
 
 from dissectors.tmotor.traffic.stories import supply
 
 if TYPE_CHECKING:
+    from typing import Any
+
     import pytest
+
+    from dissectors.traffic import Sending
 
 
 def sinking(monkeypatch: pytest.MonkeyPatch, fall: float) -> str:
@@ -40,3 +44,21 @@ def test_a_pack_in_use_is_no_cause_but_its_voltage_is_told(monkeypatch: pytest.M
     assert "50.2 V at first, 45.6 V at the lowest" in said(found)
     assert "nothing wrong" not in said(found)
     assert "does not" not in dict(found.first.notes)
+
+
+def test_the_voltage_of_one_esc_alone_is_its_cable() -> None:
+    def sag(sending: Sending, _: int) -> dict[str, Any]:
+        bad = (sending.name, sending.node) == ("ESCStatus", 12) and sending.frames[0].t > 7_000_000_000
+        return {"voltage": 0.8 * sending.values["voltage"]} if bad else {}
+
+    found = triaged(changed.__wrapped__(sag))
+    assert (found.first.kind, found.first.ch) == ("wiring", 2)
+    assert "its supply broke down: its plug, its joint or its cable" in found.first.title
+    assert "the other 3 ESCs keep their voltage" in said(found)
+
+
+def test_a_pack_that_others_load_is_not_that_of_those_that_take_nothing() -> None:
+    """The vehicle tumbles: motors that stand report the low voltage that the others cause."""
+    found = triaged(crash_log("deaf-esc:tail=no:twin=yes:distract=yes:mute=yes", seed=21000396, escs=8, rate=50))
+    assert found.first.kind == "control"
+    assert excluded(found)["pack sag"] == "none before it"

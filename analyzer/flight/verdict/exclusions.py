@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.flight.thresholds import lasting
 from analyzer.flight.verdict.model import Excluded
+from analyzer.flight.verdict.supplies import unexplained
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -34,7 +35,7 @@ def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
         length = max((case.stop - case.start) / 1e9, 0.001)
         longest = case.pulse.longest(case.start, case.stop)
         yield Excluded("commands stopping", f"{count / length:.0f} Hz to the end, longest pause {longest} ms")
-    if verdict.kind != "battery" and (sag := _lowest(case)):
+    if verdict.kind != "battery" and (sag := _lowest(case, began)):
         yield Excluded("pack sag", sag)
     if verdict.kind == "device" and verdict.node is not None and verdict.bus is not None:
         yield from _wire(case, (verdict.bus, verdict.node))
@@ -64,10 +65,16 @@ def _wire(case: Case, node: Node) -> Iterator[Excluded]:
     yield Excluded(f"CAN wiring of node {node[1]}", f"no broken transfer, {ids}")
 
 
-def _lowest(case: Case) -> str:
+def _lowest(case: Case, began: int) -> str:
+    """Return how low voltages were before it began; empty if that excludes nothing."""
     sags = [one for one in case.events if one.kind == "sag" and (one.bus, one.node) in case.esc_nodes]
-    if sags:
-        one = min(sags, key=lambda one: one.values["worst_voltage"])
+    before = [one for one in sags if one.first.ran < began]
+    if sags and not before:
+        return "none before it"
+    if before:
+        one = min(before, key=lambda one: one.values["worst_voltage"])
+        if unexplained(one):
+            return ""
         expected = one.values.get("expected_voltage")
         low = one.values["worst_voltage"]
         if expected is None or not isfinite(expected):

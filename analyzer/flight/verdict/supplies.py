@@ -35,33 +35,44 @@ def supply_troubles(case: Case) -> Iterator[Trouble]:
             f"{len({(one.bus, one.node) for one in going_on})} other nodes go on",
         ], whole=True)  # fmt: skip
     sags = [
-        one for one in case.events if one.kind == "sag" and (one.bus, one.node) in case.esc_nodes and _unexplained(one)
+        one for one in case.events if one.kind == "sag" and (one.bus, one.node) in case.esc_nodes and unexplained(one)
     ]  # fmt: skip
     if not sags:
         return
     chs = tuple(sorted({one.ch for one in sags if one.ch is not None}))
-    part = 0 < len(chs) < len(case.escs_by_channel)
+    worst = min(sags, key=lambda one: one.values["worst_voltage"])
+    part = 0 < len(chs) < len(case.escs_by_channel) and _others_keep(case, chs, worst.values["worst_voltage"])
     first = sags[0]
     took = first.first.ran - (first.before or first.first).ran
     how = "sank" if took > lasting("sag") else "broke down"
-    title = f"the supply of {'channels ' + ' '.join(map(str, chs)) if part else 'all ESCs'} {how}"
-    worst = min(sags, key=lambda one: one.values["worst_voltage"])
     high, low, expected = (worst.values[name] for name in ("voltage", "worst_voltage", "expected_voltage"))
     reasons = [f"{high:.1f} -> {low:.1f} V; its current explains {expected:.1f} V"]
-    if part:
-        if len(chs) > 1:
-            reasons.append(f"channels {' '.join(map(str, chs))} share a supply: their voltages fall together")
-        reasons.append(f"the other {len(case.escs_by_channel) - len(chs)} ESCs keep their voltage")
-    trouble = made("battery", title, sags, 0, reasons, whole=True)
-    trouble.chs = chs
+    keeping = f"the other {len(case.escs_by_channel) - len(chs)} ESCs keep their voltage"
+    if part and len(chs) == 1:
+        trouble = made("wiring", f"its supply {how}: its plug, its joint or its cable", sags, 0, [*reasons, keeping])
+    elif part:
+        some = " ".join(map(str, chs))
+        reasons += [f"channels {some} share a supply: their voltages fall together", keeping]
+        trouble = made("battery", f"the supply of channels {some} {how}", sags, 0, reasons, whole=True)
+    else:
+        trouble = made("battery", f"the supply of all ESCs {how}", sags, 0, reasons, whole=True)
+    if trouble.kind == "battery":
+        trouble.chs = chs
     if how == "sank":
         trouble.possible = True
         trouble.against.append(f"it took {took / SECOND:.1f} s to be seen: a pack that is empty looks alike")
     yield trouble
 
 
-def _unexplained(one: FlightEvent) -> bool:
+def unexplained(one: FlightEvent) -> bool:
+    """Return whether a voltage fell below what its current explains."""
     expected = one.values.get("expected_voltage")
     if expected is None or not isfinite(expected):
         return False
     return one.values["worst_voltage"] < expected * (1 - threshold("unexplained_percent") / 100)
+
+
+def _others_keep(case: Case, chs: tuple[int, ...], worst: float) -> bool:
+    """Return whether no other ESC was ever nearly as low: a pack that one of them loads is low for all."""
+    lows = [one.ranges["voltage"][0] for one in case.escs if one.ch not in chs and "voltage" in one.ranges]
+    return bool(lows) and min(lows) * (1 - threshold("unexplained_percent") / 100) > worst
