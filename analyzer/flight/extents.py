@@ -8,20 +8,25 @@ import numpy as np
 
 from analyzer.devices.readings import holding
 from analyzer.devices.rows import split
+from analyzer.flight.motors.halves import supply_alone
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.thresholds import idle_rpm
-from dissectors.records import dataclass, field
+from dissectors.records import dataclass, field, replace
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
     from analyzer.flight.reports import EventOrder
+    from analyzer.flight.tables import ReportTable
     from dissectors.kit import Array
     from dissectors.picture import Plot, States
 
 MOST_DEVICES = 1024
 MOST_WAYS = 256  # changes of direction that are kept
+Ranges = dict[str, tuple[float, float]]  # the least and the most by quantity
 QUANTITIES = ("rpm", "voltage", "current", "temperature")
 
 
@@ -41,7 +46,7 @@ class EscExtent:
     first: int
     last: int
     count: int = 0
-    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    ranges: Ranges = field(default_factory=dict)
     ways: list[tuple[int, bool]] = field(default_factory=list)
     modes: bool = False
 
@@ -57,13 +62,14 @@ class EscExtent:
             if len(self.ways) < MOST_WAYS:
                 self.ways.append((int(ran[k]), bool(way[k])))
 
-    def note(self, name: str, values: Array) -> None:
-        """Take what was measured."""
-        good = values if np.isfinite(values).all() else values[np.isfinite(values)]
-        if len(good):
-            low, high = float(good.min()), float(good.max())
-            known = self.ranges.get(name, (low, high))
-            self.ranges[name] = min(known[0], low), max(known[1], high)
+
+def _note(ranges: Ranges, name: str, values: Array) -> None:
+    """Take what was measured."""
+    good = values if np.isfinite(values).all() else values[np.isfinite(values)]
+    if len(good):
+        low, high = float(good.min()), float(good.max())
+        known = ranges.get(name, (low, high))
+        ranges[name] = min(known[0], low), max(known[1], high)
 
 
 class EscExtents(ReportEvents):
@@ -71,12 +77,14 @@ class EscExtents(ReportEvents):
 
     def __init__(self, order: EventOrder) -> None:
         super().__init__(order)
+        self._channels = order.channels
         self._all: dict[tuple[str, int], EscExtent] = {}
+        self._supplies: dict[int, Ranges] = {}  # of ESCs that tell them in a message without speeds
 
     @staticmethod
     def of_use(plot: Plot) -> bool:
-        """Return whether it tells speeds."""
-        return bool(plot.esc.rpm)
+        """Return whether it tells speeds, or the supply of those who tell them otherwise."""
+        return bool(plot.esc.rpm) or supply_alone(plot)
 
     def feed(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -84,24 +92,41 @@ class EscExtents(ReportEvents):
             if (table := self._reader.table(plot, batch)) is None:
                 continue
             columns = {name: table.numbers(column) for name in QUANTITIES if (column := getattr(plot.esc, name))}
-            for key, rows, at in table.devices:
-                one = self._of(plot, key, at.at(0).ran)
-                if one is None:
-                    continue
-                one.count += len(at)
-                one.last = at.at(-1).ran
-                for name, values in columns.items():
-                    one.note(name, values[rows])
-                if "rpm" in columns:
-                    rpm = columns["rpm"][rows]
-                    fast = np.flatnonzero(np.abs(rpm) > idle_rpm(plot))
-                    if len(fast):
-                        one.turn(rpm[fast], at.ran[fast])
-                if not one.modes:
-                    one.modes = any(_tells(states, table.table, table.order[rows]) for states in plot.states)
+            if supply_alone(plot):
+                self._note_supplies(table, columns)
+            else:
+                self._note_escs(table, columns)
 
     def finish(self) -> None:
         """Take the end: everything is known."""
+
+    def _note_escs(self, table: ReportTable, columns: Mapping[str, Array]) -> None:
+        for key, rows, at in table.devices:
+            one = self._of(table.plot, key, at.at(0).ran)
+            if one is None:
+                continue
+            one.count += len(at)
+            one.last = at.at(-1).ran
+            for name, values in columns.items():
+                _note(one.ranges, name, values[rows])
+            rpm = columns["rpm"][rows]
+            fast = np.flatnonzero(np.abs(rpm) > idle_rpm(table.plot))
+            if len(fast):
+                one.turn(rpm[fast], at.ran[fast])
+            if not one.modes:
+                one.modes = any(_tells(states, table.table, table.order[rows]) for states in table.plot.states)
+
+    def _note_supplies(self, table: ReportTable, columns: Mapping[str, Array]) -> None:
+        for key, rows, _ in table.devices:
+            if key in self._supplies or len(self._supplies) < MOST_DEVICES:
+                mine = self._supplies.setdefault(key, {})
+                for name, values in columns.items():
+                    _note(mine, name, values[rows])
+
+    def _whole(self, key: tuple[str, int], one: EscExtent) -> EscExtent:
+        """Return an ESC with what it tells of itself elsewhere: its supply, and its channel if it has no number."""
+        ch = self._channels.of(one.bus, one.node) if one.ch is None else one.ch
+        return replace(one, ch=ch, ranges=self._supplies.get(key[1], {}) | one.ranges)
 
     def _of(self, plot: Plot, key: int, ran: int) -> EscExtent | None:
         known = self._all.get((plot.table, key))
@@ -114,7 +139,7 @@ class EscExtents(ReportEvents):
     @property
     def all(self) -> list[EscExtent]:
         """All of them, in the order in which they came."""
-        return list(self._all.values())
+        return [self._whole(key, one) for key, one in self._all.items()]
 
 
 def _tells(states: States, table: pa.RecordBatch, rows: Array) -> bool:

@@ -1,4 +1,7 @@
-"""Reports of ESCs, device by device, each with what it was commanded before; read once for all who look at them."""
+"""Reports of ESCs, device by device, each with what it was commanded before; read once for all who look at them.
+
+An ESC that has no number in its reports is commanded as the channel that it has told.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ import numpy as np
 
 from analyzer.devices.rows import split
 from analyzer.flight.motors.commanded import CommandWindow, RecentOrders
+from analyzer.flight.motors.halves import SupplyHalves, speeds_alone, supply_alone
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,34 +57,38 @@ class EscReader:
 
     def __init__(self, order: EventOrder, commands: CommandReader) -> None:
         self.now: list[tuple[Plot, int, EscReports]] = []
-        self.orders = RecentOrders()
-        self._reader, self._commands = order.reader, commands
+        self.orders, self._halves = RecentOrders(), SupplyHalves()
+        self._reader, self._commands, self._channels = order.reader, commands, order.channels
         self._plots = [plot for plot in order.plots if _tells(plot)]
 
     def feed(self, batch: Batch) -> None:
         """Take the next batch: `now` are its reports, with plot and key of the device that they are of."""
         self.orders.feed(self._commands.now)
-        self.now = [
-            (plot, key, some)
-            for plot in self._plots
-            if (table := self._reader.table(plot, batch)) is not None
-            for key, some in self._read(table)
-        ]
+        tables = [table for plot in self._plots if (table := self._reader.table(plot, batch)) is not None]
+        self._halves.feed([table for table in tables if supply_alone(table.plot)])
+        self.now = [(table.plot, key, some) for table in tables for key, some in self._read(table)]
+
+    def channel(self, plot: Plot, key: int) -> int | None:
+        """Return the channel of a device as people count them; of one without a number that which it has told."""
+        bus, node, _ = split(key)
+        return channel(plot, key) if plot.who.column else self._channels.of(bus, node)
 
     def _read(self, table: ReportTable) -> Iterator[tuple[int, EscReports]]:
         esc = table.plot.esc
         names = esc.rpm, esc.voltage, esc.current, esc.temperature, esc.reported
         speed, volts, current, temperature, reported = (table.numbers(name) for name in names)
         speed = np.abs(speed)
-        who, ordered = table.plot.who, []
-        for key, rows, _ in table.devices if who.column else ():
-            bus, _, number = split(key)
-            ordered.append((bus, number + who.first, rows))
+        ordered, half = [], speeds_alone(table.plot)
+        for key, rows, _ in table.devices:
+            ch = self.channel(table.plot, key)
+            if ch is not None:
+                ordered.append((split(key)[0], ch, rows))
         command = self.orders.before(ordered, table.at)
         for key, rows, at in table.devices:
-            yield key, EscReports(
-                speed[rows], volts[rows], current[rows], temperature[rows], reported[rows], command.take(rows), at
-            )  # fmt: skip
+            told = volts[rows], current[rows], temperature[rows]
+            if half:
+                told = tuple(self._halves.beside(key, at))
+            yield key, EscReports(speed[rows], *told, reported[rows], command.take(rows), at)
 
 
 def channel(plot: Plot, key: int) -> int | None:

@@ -106,10 +106,16 @@ def _own(case: Case, own: list[FlightEvent], warned: list[FlightEvent]) -> Troub
     reasons = [*(text(one) for one in warned[:1]), *(text(one) for one in own[:3])]
     if told or motor is None:
         return made("esc", "stopped driving its motor as it should", own, 2, reasons)
-    if motor.sign == UNDRIVEN and motor.values.get("reported_share", 0) >= threshold("limited_least"):
+    hotter, heat = _heat(case, own[0])
+    given = motor.values.get("reported_share")
+    limited = (
+        motor.values["speed_share"] >= threshold("limited_least") and hotter
+        if given is None
+        else (given >= threshold("limited_least"))
+    )
+    if motor.sign == UNDRIVEN and limited:
         found = made("esc", "limits itself: it gives less than is commanded", own, 2, reasons)
         found.possible = not warned
-        hotter, heat = _heat(case, own[0])
         (found.reasons if hotter else found.against).extend(heat)
         return found
     if motor.sign == UNDRIVEN:
