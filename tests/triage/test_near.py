@@ -7,7 +7,6 @@ from kit.stories import excluded, said, told, triaged, without
 
 import analyzer
 
-
 SUPPLY = 20051  # of ESCs that tell it apart from their speeds
 
 
