@@ -159,7 +159,9 @@ def _fallen(every: Supply, count: int) -> tuple[Array, _Fall]:
     first = len(every.voltage) - count
     rows, ran = np.arange(first, len(every.voltage)), np.maximum.accumulate(every.at.ran)
     just, long = (np.minimum(np.searchsorted(ran, ran[first:] - lasting(name)), rows) for name in ("sag", "sink"))
-    volts, since = every.voltage[first:], every.voltage[long]
+    # A motor that spins up has its current before its voltage: what lasted for a moment counts.
+    held = np.searchsorted(ran, np.maximum(ran[first:] - lasting("sink"), ran[0]) + lasting("sag"))
+    volts, since = every.voltage[first:], np.minimum(every.voltage[long], every.voltage[np.minimum(held, rows)])
     fell = volts < every.voltage[just] * _share("sag_percent")
     explained = _explained(every, long, rows)
     sank = (volts < since * _share("sink_percent")) & (volts < explained - since * (1 - _share("sink_percent")))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
 from kit.simulated import changed, simulation, text_of
 from kit.stories import crash_log, excluded, said, triaged
 
@@ -11,8 +12,6 @@ from dissectors.tmotor.traffic.stories import supply
 
 if TYPE_CHECKING:
     from typing import Any
-
-    import pytest
 
     from dissectors.traffic import Sending
 
@@ -57,8 +56,15 @@ def test_the_voltage_of_one_esc_alone_is_its_cable() -> None:
     assert "the other 3 ESCs keep their voltage" in said(found)
 
 
-def test_a_pack_that_others_load_is_not_that_of_those_that_take_nothing() -> None:
+@pytest.mark.parametrize(
+    ("story", "more"),
+    [
+        ("deaf-esc:tail=no:twin=yes:distract=yes:mute=yes", {"seed": 21000396, "escs": 8, "rate": 50}),
+        ("desync:tail=no:twin=yes:mute=no:recovers=yes", {"seed": 21000251, "escs": 6, "rate": 50}),
+    ],
+)
+def test_a_pack_that_others_load_is_not_that_of_those_that_take_nothing(story: str, more: dict[str, int]) -> None:
     """The vehicle tumbles: motors that stand report the low voltage that the others cause."""
-    found = triaged(crash_log("deaf-esc:tail=no:twin=yes:distract=yes:mute=yes", seed=21000396, escs=8, rate=50))
+    found = triaged(crash_log(story, **more))
     assert found.first.kind == "control"
     assert excluded(found)["pack sag"] == "none before it"

@@ -89,9 +89,11 @@ def _cut_off(case: Case, node: Node, own: list[FlightEvent]) -> Trouble | None:
     others = case.losses.missing(case.start, own[0].first.ran, case.esc_nodes - {node})
     if missing < threshold("cut_off_missing") or others:
         return None
-    return made("wiring", "lost contact again and again, and its motor with it: its plug or its wire", own, 2, [
+    found = made("wiring", "lost contact again and again, and its motor with it: its plug or its wire", own, 2, [
         text(own[0]), f"{missing} of its transfer IDs are missing, none of the other ESCs'",
     ])  # fmt: skip
+    found.begin(case.losses.since(node, own[0].first), case.period(*node))
+    return found
 
 
 def _own(case: Case, own: list[FlightEvent], warned: list[FlightEvent]) -> Trouble:
@@ -172,6 +174,8 @@ def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Trouble | None:
             kind = "esc"
     low, high = begin[0].first.ran - lasting("looked_back"), begin[-1].first.ran
     found = made(kind, title, sorted((*silent, *restarts), key=lambda one: one.first.ran), 3, reasons)
+    if kind == "wiring" and not restarts:
+        found.begin(case.losses.since(node, begin[0].first), case.period(*node))
     if others:
         missing = case.losses.missing(low, high, others)
         line = f"the others: {missing} transfer IDs missing in that time"

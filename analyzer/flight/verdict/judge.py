@@ -238,12 +238,8 @@ def _verdict(case: Case, one: Trouble) -> Verdict:
             )
         elif case.commanded and case.unrest(one.low) is None:
             reasons.append("commands were calm until then")
-    first = one.first
-    t, t_end, frame = (
-        (None, None, None) if first is None else ((first.before or first.first).t, first.first.t, first.first.frame)
-    )
     return Verdict(
-        one.kind, f"{_who(case, one)}{one.title}", support, one.bus, one.node, one.ch, one.chs, t, t_end, frame,
+        one.kind, f"{_who(case, one)}{one.title}", support, one.bus, one.node, one.ch, one.chs, *one.seen,
         tuple(reasons), tuple(against),
         (*one.notes, *([] if case.esc_nodes else [_NO_ESC]), *([_NO_BITS] if one.ch in case.bitless() else [])),
     )  # fmt: skip

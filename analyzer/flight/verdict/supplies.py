@@ -41,13 +41,16 @@ def supply_troubles(case: Case) -> Iterator[Trouble]:
         return
     chs = tuple(sorted({one.ch for one in sags if one.ch is not None}))
     worst = min(sags, key=lambda one: one.values["worst_voltage"])
-    part = 0 < len(chs) < len(case.escs_by_channel) and _others_keep(case, chs, worst.values["worst_voltage"])
+    count = len(case.escs_by_channel)
+    part = 0 < len(chs) < count and _others_keep(case, chs, worst.values["worst_voltage"])
+    if not part and 0 < len(chs) < threshold("nearly_all") * count:
+        return  # a pack that the others load
     first = sags[0]
     took = first.first.ran - (first.before or first.first).ran
     how = "sank" if took > lasting("sag") else "broke down"
     high, low, expected = (worst.values[name] for name in ("voltage", "worst_voltage", "expected_voltage"))
     reasons = [f"{high:.1f} -> {low:.1f} V; its current explains {expected:.1f} V"]
-    keeping = f"the other {len(case.escs_by_channel) - len(chs)} ESCs keep their voltage"
+    keeping = f"the other {count - len(chs)} ESCs keep their voltage"
     if part and len(chs) == 1:
         trouble = made("wiring", f"its supply {how}: its plug, its joint or its cable", sags, 0, [*reasons, keeping])
     elif part:
