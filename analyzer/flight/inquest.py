@@ -53,7 +53,7 @@ def inquest(
         odds=OddLater(find),
     )
     if not flights:
-        why = _unjudged(witness, start, frames)
+        why = _unjudged(witness, events, start, frames)
         empty = start is None or not witness.losses.transfers
         still = not empty and not any(one.kind not in _ORDINARY for one in events if one.source == "bus")
         looked = [] if empty else looked_at_rest(witness)
@@ -116,9 +116,10 @@ def _onset(events: Sequence[FlightEvent], verdict: Verdict) -> tuple[Spot, Spot]
     return None
 
 
-def _unjudged(witness: Witness, start: int | None, frames: int) -> str:
+def _unjudged(witness: Witness, events: Sequence[FlightEvent], start: int | None, frames: int) -> str:
     if not frames:
-        return "not judged: no CAN frame is in it"
+        errors = any(one.kind == "errors" for one in events)
+        return f"not judged: {'error frames, and no other' if errors else 'no CAN frame is in it'}"
     if start is None:
         return "not judged: the capture has no times"
     if not witness.losses.transfers:
@@ -130,4 +131,5 @@ def _unjudged(witness: Witness, start: int | None, frames: int) -> str:
         turned = any(one.ways for one in witness.escs)
         how = "motors turned for 0.3 s or less" if turned else "motors stopped"
         return f"not judged: {count}, {how}"
-    return "not judged: no ESC reports, nobody was armed"
+    back = "" if (witness.clock.last or 0) >= start else "; its times go backwards: are its lines in reverse order?"
+    return f"not judged: no ESC reports, nobody was armed{back}"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.flight.thresholds import threshold
 from dissectors.times import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class CommandPulse:
         self._pause = np.zeros(0, np.uint16)
         self._last: int | None = None
         self.channels = 0
+        self._driven: dict[int, int] = {}  # when each channel, as people count them, was driven last
 
     def feed(self) -> None:
         """Add the commands of the batch."""
@@ -45,6 +47,10 @@ class CommandPulse:
                 continue
             self._grow(int(step[good].max()) + 1)
             self.channels = max(self.channels, len(some.columns))
+            for place, column in enumerate(some.columns):
+                driven = np.flatnonzero(column > threshold("command_idle_percent"))
+                if len(driven):
+                    self._driven[place + some.plot.who.first] = int(ran[driven[-1]])
             pause = np.diff(ran, prepend=ran[0] if self._last is None else self._last)
             self._last = int(ran[-1])
             mean = some.columns.mean(axis=0)
@@ -82,6 +88,10 @@ class CommandPulse:
         low = _MOST_PERCENT - self._room[rows][some].astype(np.int64)
         found: Array = (self._mean[rows][some] - low) / apart[some]
         return found
+
+    def driven(self, since: int) -> set[int]:
+        """Return which channels, as people count them, were commanded more than nothing since a time."""
+        return {ch for ch, last in self._driven.items() if last >= since}
 
     def count(self, start: int, stop: int) -> int:
         """Return how many there were."""

@@ -9,7 +9,6 @@ import numpy as np
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
 from dissectors.records import dataclass
-from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -77,6 +76,17 @@ class Case:
     def measured(self) -> bool:
         """True if every ESC tells what its motor is held against its past by."""
         return all({"rpm", "voltage", "current"} <= set(one.ranges) for one in self.escs)
+
+    @property
+    def unheard(self) -> list[int]:
+        """The channels that are commanded, and that nobody reports as; who has no number may be any of them."""
+        silent = sorted(self.pulse.driven(self.start) - self.escs_by_channel)
+        nameless = {(one.bus, one.node) for one in self.escs if one.ch is None}
+        return silent if len(silent) > len(nameless) else []
+
+    def obeyed(self) -> list[str]:
+        """Return that every ESC did as it was commanded, if all that are commanded report, and none says otherwise."""
+        return [] if self.unheard or not self.esc_nodes else ["every ESC obeyed"]
 
     def volts(self) -> tuple[float, float]:
         """Return the lowest and the highest voltage that ESCs report, NaN if none does."""
@@ -245,9 +255,15 @@ class Case:
             }  # fmt: skip
             if len(together) >= threshold("joint_senders"):
                 found.append((low, high))
-        return found
+        return _merged(found)
 
 
-def seconds(ns: int) -> float:
-    """Return nanoseconds as seconds."""
-    return ns / SECOND
+def _merged(spans: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return times in order, of which those that overlap have become one."""
+    found: list[tuple[int, int]] = []
+    for low, high in sorted(spans):
+        if found and low <= found[-1][1]:
+            found[-1] = found[-1][0], max(high, found[-1][1])
+        else:
+            found.append((low, high))
+    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from analyzer.flight.holes import DISORDER
 from analyzer.flight.thresholds import lasting
 from analyzer.flight.verdict.model import Excluded
 from analyzer.flight.verdict.supplies import unexplained
@@ -83,7 +84,8 @@ def _lowest(case: Case, began: int) -> str:
     if any(one.kind == "sag" for one in case.events):
         return ""  # of a monitor, with no line of a current to hold it against
     lows = [one.ranges["voltage"] for one in case.escs if "voltage" in one.ranges]
-    own = [f"none; {min(low for low, _ in lows):.1f} V at the lowest"] if lows else []
+    when = " of all flights" if case.flight.number > 1 else ""
+    own = [f"none; {min(low for low, _ in lows):.1f} V at the lowest{when}"] if lows else []
     own += [
         f"{low:.1f} V at the lowest by node {node}{case.role(bus, node)}"
         for (bus, node), low in sorted(case.supply.lowest(case.start, case.stop).items())
@@ -95,6 +97,8 @@ def _lowest(case: Case, began: int) -> str:
 def looked_at(case: Case) -> Sequence[str]:
     """Return what was looked at, in numbers."""
     parts = _measured(case.escs)
+    if parts and case.flight.number > 1:
+        parts = [f"in all flights {', '.join(parts)}"]
     parts.insert(0, f"{(case.stop - case.start) / 1e9:.0f} s {'armed' if case.flight.by == 'arming' else 'turning'}")
     count = case.pulse.count(case.start, case.stop)
     if count:
@@ -138,6 +142,8 @@ def could_not_see(case: Case) -> list[tuple[str, str]]:
             "all ESCs" if len(silent) == len(case.escs_by_channel) else f"ESC {' '.join(f'ch{ch}' for ch in silent)}"
         )
         parts.append(f"fault bits: not told by these ESCs ({which})")
+    if case.esc_nodes and case.unheard:
+        parts.append(f"{' '.join(f'ch{ch}' for ch in case.unheard)}: commanded, and nobody reports as that")
     if case.esc_nodes and not case.commanded:
         parts.append("commands: none recorded")
     return [("unseen", "; ".join(parts))] if parts else []
@@ -148,7 +154,7 @@ def recorder_lines(case: Case) -> Sequence[tuple[str, str]]:
     lines = []
     for one in case.events:
         if one.kind == "clock":
-            lines.append(("Clock", f"{one.text}; one flight, no gap"))
+            lines.append(("Clock", one.text if one.sign == DISORDER else f"{one.text}; one flight, no gap"))
         elif one.kind == "loss":
             lines.append(("Recorder", one.text))
     if case.joint:

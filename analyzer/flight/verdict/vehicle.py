@@ -52,12 +52,17 @@ def command_troubles(case: Case) -> Iterator[Trouble]:
             reasons = [one.text]
             if felt:
                 reasons.append(f"{len({(o.bus, o.node) for o in felt})} ESCs say that they get no commands")
-            yield made("commands-lost", "the commands stopped", [one, *felt], 0, reasons)
+            found = made("commands-lost", "the commands stopped", [one, *felt], 0, reasons)
+            if one.after is None and case.stop - one.first.ran > lasting("coast"):
+                more = (case.stop - one.first.ran) / SECOND
+                found.against.append(f"motors turned for {more:.0f} s more, as if they got commands: not recorded?")
+                found.possible = True
+            yield found
         elif one.kind == "commands zero" and (share := _thrown(case, one)) is not None:
             before, usual = share
             yield made("commanded", "all motors were commanded to stop in the air", [one], 0, [
                 f"commands go from {before:.0f} % to 0 at once; {usual:.0f} % was usual in this flight",
-                "every ESC obeyed",
+                *case.obeyed(),
             ])  # fmt: skip
 
 
@@ -133,5 +138,5 @@ def thrust_troubles(case: Case) -> Iterator[Trouble]:
     lasted = high.sum() * STEP / SECOND
     yield Trouble("thrust", "all motors were at their limit", [], first, first + STEP, order=6, reasons=[
         f"commands of {float(np.median(mean[high])):.0f} % in the mean for {lasted:.1f} s, {apart:.0f} % apart at most",
-        "every ESC obeyed",
+        *case.obeyed(),
     ])  # fmt: skip

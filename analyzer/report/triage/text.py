@@ -76,7 +76,7 @@ class _Screen:
             armed = round((found.flight.last.ran - found.flight.first.ran) / SECOND)
             flights = f"{'last ' if count > 1 else ''}armed {armed} s (ArmingStatus)"
         elif found.flight is not None:
-            stopped = found.flight.end == "landed" and found.first.told  # whether that was a landing is another matter
+            stopped = found.flight.end == "landed" and found.first.kind != "none"  # that may have been no landing
             flights += f", {'last: ' if count > 1 else ''}{'motors stopped' if stopped else found.flight.end}"
         behind = f"  {self._words.span(found)}  {', '.join(map(escape, found.buses))}  {flights}"
         name = ", ".join(map(escape, found.captures))
