@@ -66,6 +66,15 @@ class LossesBySecond:
         """Return how many transfers of some nodes, or of all, were not whole in a time."""
         return self._sum(self._broken, start, stop, nodes)
 
+    def most_broken(self, start: int, stop: int) -> tuple[Node, int] | None:
+        """Return whose transfers were not whole most often in a time, and how many these are; None if all were."""
+        found: Counter[Node] = Counter()
+        base = self._clock.start or 0
+        for (node, second), count in self._broken.items():
+            if (start - base) // SECOND <= second <= (stop - base) // SECOND:
+                found[node] += count
+        return max(found.items(), key=lambda one: (one[1], one[0])) if found else None
+
     def missing(self, start: int, stop: int, nodes: Iterable[Node] | None = None) -> int:
         """Return how many transfer IDs of some nodes, or of all, were left out in a time."""
         return self._sum(self._missing, start, stop, nodes)

@@ -9,6 +9,7 @@ from analyzer.report.triage.text import render
 
 STALL = "motor-stall:tail=no:twin=no"
 AUTOPILOT = 10
+SHORT = 8  # digits of a frame's data
 
 
 def shifted(text: str, seconds: float) -> str:
@@ -93,3 +94,29 @@ def test_motors_that_stop_with_something_wrong_did_not_land() -> None:
     found = triaged(without(text, lambda node, _, __: node == AUTOPILOT))
     assert found.first.kind == "unknown"
     assert render(found).splitlines()[0].endswith("1 flight, motors stopped")
+
+
+def test_reports_that_are_broken_say_nothing() -> None:
+    """The first byte of each frame of one ESC's reports, that of the sum among them, is another one."""
+    text = crash_log("landing", seed=5)
+    rows = (line.partition(" 1F040A0C#") for line in text.splitlines(keepends=True))
+    torn = (before + sign + (f"FF{rest[2:]}" if len(rest) > SHORT else rest) for before, sign, rest in rows)
+    found = triaged("".join(torn))
+    assert found.first.kind == "none"
+    assert "broken transfers of " in said(found)
+
+
+def test_two_who_command_are_both_named() -> None:
+    text = crash_log("landing", seed=5)
+    other = "".join(
+        line.replace("060A#", "0609#", 1) for line in text.splitlines(keepends=True) if " 1F04060A#" in line
+    )
+    found = triaged("".join(sorted((text + other).splitlines(keepends=True), key=lambda line: line[1:20])))
+    assert any("Hz of nodes 9 and 10" in one for one in found.looked)
+
+
+def test_what_was_seen_without_a_flight_is_shown() -> None:
+    found = triaged(without(crash_log("gps-restart", seed=1), lambda node, _, __: node != 42))
+    assert found.judged == "not judged: no ESC reports, nobody was armed"
+    assert "restart" in {one.kind for one in found.earlier}
+    assert any(row.startswith("Seen ") for row in render(found).splitlines())

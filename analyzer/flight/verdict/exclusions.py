@@ -6,7 +6,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from analyzer.flight.holes import DISORDER
-from analyzer.flight.thresholds import lasting
+from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.model import Excluded
 from analyzer.flight.verdict.supplies import unexplained
 
@@ -102,7 +102,10 @@ def looked_at(case: Case) -> Sequence[str]:
     parts.insert(0, f"{(case.stop - case.start) / 1e9:.0f} s {'armed' if case.flight.by == 'arming' else 'turning'}")
     count = case.pulse.count(case.start, case.stop)
     if count:
-        parts.insert(min(2, len(parts)), f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz")
+        rate = f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz"
+        several = sorted(node for _, node in case.commanders())
+        rate += f" of nodes {' and '.join(map(str, several))}" if len(set(several)) > 1 else ""
+        parts.insert(min(2, len(parts)), rate)
     if case.esc_nodes:
         parts.append(f"{case.losses.missing(case.start, case.stop, case.esc_nodes)} transfer IDs of ESCs missing")
     parts.append(f"{case.losses.broken(case.start, case.border)} broken of {case.losses.transfers} transfers")
@@ -142,6 +145,9 @@ def could_not_see(case: Case) -> list[tuple[str, str]]:
             "all ESCs" if len(silent) == len(case.escs_by_channel) else f"ESC {' '.join(f'ch{ch}' for ch in silent)}"
         )
         parts.append(f"fault bits: not told by these ESCs ({which})")
+    worst = case.losses.most_broken(case.start, case.border)
+    if worst is not None and worst[1] >= threshold("broken_many"):
+        parts.append(f"{worst[1]} broken transfers of {case.name(worst[0])}: what they said")
     if case.esc_nodes and case.unheard:
         parts.append(f"{' '.join(f'ch{ch}' for ch in case.unheard)}: commanded, and nobody reports as that")
     if case.esc_nodes and not case.commanded:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _LABEL, _NAME = 11, 10
 LINES = 24
-_SAID, _AFTER, _EARLIER, _ODD = 4, 3, 2, 2
+_SAID, _AFTER, _EARLIER, _ODD, _SEEN = 4, 3, 2, 2, 6
 _STATS = "tailbyte stats odd"
 
 
@@ -121,7 +121,8 @@ class _Screen:
         yield from self._events("After it", self._found.after, _AFTER, "  (consequences: not used as causes)")
 
     def _earlier(self) -> Iterator[list[str]]:
-        yield from self._events("Earlier", self._found.earlier, _EARLIER, "")
+        label, most = ("Seen", _SEEN) if self._found.flight is None else ("Earlier", _EARLIER)
+        yield from self._events(label, self._found.earlier, most, "")
 
     def _odd(self) -> Iterator[list[str]]:
         """Yield which ESCs were odd before, and of a flight without a fault what groups of them have in common."""
