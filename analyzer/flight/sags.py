@@ -69,7 +69,7 @@ class _Fall:
         then, now = int(self._then[part.start]), self._first + part.start
         well = every.voltage[then]
         if new.slowly:
-            well = _explained(every, np.full(now - then, then), np.arange(then, now))
+            well = _explained(every, np.array([then]), np.array([now]))[0]
         good = np.flatnonzero(every.voltage[then:now] >= well * _share("sag_begun_percent"))
         if len(good):
             part.spell.before = every.at.at(then + int(good[-1]))
@@ -169,15 +169,13 @@ def _fallen(every: Supply, count: int) -> tuple[Array, _Fall]:
 
 
 def _explained(every: Supply, then: Array, now: Array) -> Array:
-    """Return the voltages that currents explain, NaN where that is not known.
+    """Return the voltages that currents explain: those of before, less what the line of the supply costs more now.
 
-    It is that of before, less what the line of the supply costs more now; without a line, a current that did not rise
-    costs nothing.
+    NaN is what no line is known for: a pack is loaded by other motors, too, so that one's current alone says nothing.
     """
-    before, line = every.voltage[then], every.line[now]
-    found = np.where(np.isnan(every.line[then]), line, before + line - every.line[then])
-    same = every.current[now] <= every.current[then] * threshold("sink_current") + threshold("motor_least_a")
-    return np.where(np.isnan(found) & same, before, found)
+    line = every.line[now]
+    found: Array = np.where(np.isnan(every.line[then]), line, every.voltage[then] + line - every.line[then])
+    return found
 
 
 def _share(name: str) -> float:

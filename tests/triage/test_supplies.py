@@ -68,3 +68,15 @@ def test_a_pack_that_others_load_is_not_that_of_those_that_take_nothing(story: s
     found = triaged(crash_log(story, **more))
     assert found.first.kind == "control"
     assert excluded(found)["pack sag"] == "none before it"
+
+
+def test_a_supply_that_a_stalled_motor_loads_is_not_the_cause() -> None:
+    """It tips over, rotors stall and draw what there is: the others say that their voltage is low."""
+    found = triaged(crash_log("swapped-esc:tail=yes:mute=no", seed=77))
+    assert found.first.kind == "setup"
+    assert "battery" not in {one.kind for one in found.verdicts}
+
+
+def test_one_vehicle_on_two_interfaces_has_its_escs_once() -> None:
+    found = triaged(crash_log("two-interfaces", seed=77))
+    assert any(one.startswith("4 ESCs on each of 2 interfaces, ") for one in found.looked)

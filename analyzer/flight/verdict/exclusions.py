@@ -122,9 +122,13 @@ def _measured(escs: Sequence[EscExtent]) -> list[str]:
     """Return how many ESCs reported how often, and between which voltages and temperatures."""
     parts = []
     if escs:
-        nodes = len({(one.bus, one.node) for one in escs})
+        places = {(one.bus, one.node) for one in escs}
+        buses, nodes = {bus for bus, _ in places}, {node for _, node in places}
+        twice = len(buses) > 1 and len(places) == len(buses) * len(nodes)  # as interfaces of one bus see them
+        count = len(nodes) if twice else len(places)
         reports = sum(one.count for one in escs)
-        parts.append(f"{nodes} ESC{'s' * (nodes != 1)}, {reports} report{'s' * (reports != 1)}")
+        on_each = f" on each of {len(buses)} interfaces" if twice else ""
+        parts.append(f"{count} ESC{'s' * (count != 1)}{on_each}, {reports} report{'s' * (reports != 1)}")
     for name, unit in (("voltage", "V"), ("temperature", "C")):
         ranges = [one.ranges[name] for one in escs if name in one.ranges]
         if ranges:

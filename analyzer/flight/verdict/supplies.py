@@ -39,6 +39,8 @@ def supply_troubles(case: Case) -> Iterator[Trouble]:
     ]  # fmt: skip
     if not sags:
         return
+    if any(one.first.ran <= sags[0].first.ran for one in case.events if _loads(one)):
+        return  # it is what they draw
     chs = tuple(sorted({one.ch for one in sags if one.ch is not None}))
     worst = min(sags, key=lambda one: one.values["worst_voltage"])
     count = len(case.escs_by_channel)
@@ -73,6 +75,11 @@ def unexplained(one: FlightEvent) -> bool:
     if expected is None or not isfinite(expected):
         return False
     return one.values["worst_voltage"] < expected * (1 - threshold("unexplained_percent") / 100)
+
+
+def _loads(one: FlightEvent) -> bool:
+    """Return whether a motor draws much more than it should: all that share its pack are low then."""
+    return one.kind == "motor" and one.values["current_share"] > threshold("motor_dragged")
 
 
 def _others_keep(case: Case, chs: tuple[int, ...], worst: float) -> bool:

@@ -52,7 +52,9 @@ def command_troubles(case: Case) -> Iterator[Trouble]:
             reasons = [one.text]
             if felt:
                 reasons.append(f"{len({(o.bus, o.node) for o in felt})} ESCs say that they get no commands")
-            found = made("commands-lost", "the commands stopped", [one, *felt], 0, reasons)
+            anew = _restarts(case, one)
+            reasons += [f"node {other.node}{case.role(other.bus, other.node)} {other.text}" for other in anew]
+            found = made("commands-lost", "the commands stopped", [one, *felt, *anew], 0, reasons)
             if one.after is None and case.stop - one.first.ran > lasting("coast"):
                 more = (case.stop - one.first.ran) / SECOND
                 found.against.append(f"motors turned for {more:.0f} s more, as if they got commands: not recorded?")
@@ -64,6 +66,16 @@ def command_troubles(case: Case) -> Iterator[Trouble]:
                 f"commands go from {before:.0f} % to 0 at once; {usual:.0f} % was usual in this flight",
                 *case.obeyed(),
             ])  # fmt: skip
+
+
+def _restarts(case: Case, one: FlightEvent) -> list[FlightEvent]:
+    """Return how who commands starts anew, of which one knows when it is back."""
+    until = (case.border if one.after is None else one.after.ran) + lasting("silence_after")
+    return [
+        other for other in case.events
+        if other.kind == "restart" and (other.bus, other.node) in case.commanders()
+        and one.first.ran <= other.first.ran <= until
+    ]  # fmt: skip
 
 
 def _felt(case: Case, one: FlightEvent) -> list[FlightEvent]:
