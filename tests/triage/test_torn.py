@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from random import Random
+
 import pytest
 from kit.stories import crash_log, said, told, triaged, without
 
@@ -120,3 +122,27 @@ def test_what_was_seen_without_a_flight_is_shown() -> None:
     assert found.judged == "not judged: no ESC reports, nobody was armed"
     assert "restart" in {one.kind for one in found.earlier}
     assert any(row.startswith("Seen ") for row in render(found).splitlines())
+
+
+def unevenly(text: str, often: int) -> str:
+    """Leave reports of ESCs in a tenth of the time alone: nobody can say how evenly they come."""
+    return without(text, lambda node, _, t: 11 <= node <= 18 and int(t * 10) % often > 0)
+
+
+def test_who_fell_silent_unnoticed_is_not_said_to_obey() -> None:
+    text = crash_log("esc-power:tail=yes:twin=no", seed=9)
+    assert triaged(text).first.kind == "wiring"
+    found = triaged(unevenly(text, 5))
+    assert found.first.kind == "unknown"
+    assert found.first.title == "cannot tell: control was lost, and ch3 reports nothing any more"
+
+
+@pytest.mark.parametrize("torn", ["lost frames", "few reports"])
+def test_a_recorder_that_loses_frames_hides_no_commands_that_stop_for_longer(torn: str) -> None:
+    text = crash_log("autopilot-reboot:tail=yes:twin=no", seed=77)
+    dice = Random(9)
+    lines = text.splitlines(keepends=True)
+    some = "".join(line for line in lines if dice.random() > 0.2) if torn == "lost frames" else unevenly(text, 5)
+    found = triaged(some)
+    assert found.first.kind == "commands-lost"
+    assert "ESCs say that they get no commands" in said(found)

@@ -46,8 +46,11 @@ def lost_control(case: Case, lost: Excursion, found: Sequence[Trouble]) -> Verdi
             "setup", _TIPPED, "possible", event.bus, node, ch, (), t, event.first.t, event.first.frame, tuple(reasons),
             ("no report says so; a broken airframe or sensor looks alike",),
         )  # fmt: skip
-    if case.unheard:
+    gone = [case.name(node) for node in case.gone(lost.stop)]
+    if case.unheard or gone:
         which = "no ESC reports" if not escs else f"{_channels(case.unheard)} commanded, and nobody reports as that"
+        if gone:
+            which = f"{' '.join(gone)} report{'s' * (len(gone) == 1)} nothing any more"
         return Verdict(
             "unknown", f"cannot tell: control was lost, and {which}", "possible", event.bus, None, None, (), t,
             event.first.t, event.first.frame, notes=(
