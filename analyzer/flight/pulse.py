@@ -11,7 +11,7 @@ from dissectors.times import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
     from analyzer.flight.clock import RecordedClock
-    from analyzer.flight.orders import CommandReader
+    from analyzer.flight.orders import CommandReader, Commands
     from dissectors.kit import Array
 
 STEP = 20 * MILLISECOND
@@ -47,10 +47,7 @@ class CommandPulse:
                 continue
             self._grow(int(step[good].max()) + 1)
             self.channels = max(self.channels, len(some.columns))
-            for place, column in enumerate(some.columns):
-                driven = np.flatnonzero(column > threshold("command_idle_percent"))
-                if len(driven):
-                    self._driven[place + some.plot.who.first] = int(ran[driven[-1]])
+            self._note_driven(some)
             pause = np.diff(ran, prepend=ran[0] if self._last is None else self._last)
             self._last = int(ran[-1])
             mean = some.columns.mean(axis=0)
@@ -69,6 +66,15 @@ class CommandPulse:
             longest = np.clip(np.maximum.reduceat(pause, starts) // MILLISECOND, 0, 65535).astype(np.uint16)
             self._pause[at] = np.maximum(self._pause[at], longest)
             self._count[at] += count.astype(np.uint16)
+
+    def _note_driven(self, some: Commands) -> None:
+        idle, ran = threshold("command_idle_percent"), some.at.ran
+        last = some.columns[:, -1] > idle  # mostly so in flight: then no other row is asked
+        for place, column in enumerate(some.columns):
+            if last[place]:
+                self._driven[place + some.plot.who.first] = int(ran[-1])
+            elif len(driven := np.flatnonzero(column > idle)):
+                self._driven[place + some.plot.who.first] = int(ran[driven[-1]])
 
     def spread(self, start: int, stop: int) -> Array:
         """Return how far apart they were in the steps of a time, in %; no step without a command."""

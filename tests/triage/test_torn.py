@@ -24,7 +24,7 @@ def test_the_bus_of_the_other_escs_was_not_recorded() -> None:
     text = without(crash_log(STALL, seed=4, escs=8, rate=50), lambda node, _, __: 15 <= node <= 18)
     found = triaged(text)
     assert found.first.kind == "unknown"
-    assert "ch5 ch6 ch7 ch8 are commanded, and nobody reports as that" in found.first.title
+    assert "ch5 ch6 ch7 ch8 are commanded, and nobody reports as these" in found.first.title
     assert "a motor, propeller or ESC that is not heard here" in said(found)
     assert [one.kind for one in found.primary] == ["spread"]
 

@@ -48,7 +48,7 @@ def lost_control(case: Case, lost: Excursion, found: Sequence[Trouble]) -> Verdi
         )  # fmt: skip
     gone = [case.name(node) for node in case.gone(lost.stop)]
     if case.unheard or gone:
-        which = "no ESC reports" if not escs else f"{_channels(case.unheard)} commanded, and nobody reports as that"
+        which = _commanded(case.unheard) if escs else "no ESC reports"
         if gone:
             which = f"{' '.join(gone)} report{'s' * (len(gone) == 1)} nothing any more"
         return Verdict(
@@ -65,6 +65,6 @@ def lost_control(case: Case, lost: Excursion, found: Sequence[Trouble]) -> Verdi
     )  # fmt: skip
 
 
-def _channels(chs: Sequence[int]) -> str:
-    names = " ".join(f"ch{ch}" for ch in chs)
-    return f"{names} {'is' if len(chs) == 1 else 'are'}"
+def _commanded(chs: Sequence[int]) -> str:
+    names, one = " ".join(f"ch{ch}" for ch in chs), len(chs) == 1
+    return f"{names} {'is' if one else 'are'} commanded, and nobody reports as {'that' if one else 'these'}"
