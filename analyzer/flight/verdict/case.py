@@ -13,10 +13,10 @@ from dissectors.records import dataclass
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from analyzer.flight.extents import EscExtent
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
     from analyzer.flight.silences import SenderPace
+    from analyzer.flight.supply.extents import EscExtent
     from analyzer.flight.witness import Witness
 
 _NEARLY_ALL = 98  # percent
