@@ -11,9 +11,9 @@ from analyzer import _native
 from analyzer.decode.sent import cells
 from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
-from analyzer.flight.recent_supply import RecentSupply, Supply
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
+from analyzer.flight.supply.recent_supply import RecentSupply, Supply
 from analyzer.flight.thresholds import lasting, threshold
 from dissectors.records import dataclass
 
