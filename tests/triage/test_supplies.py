@@ -61,13 +61,14 @@ def test_the_voltage_of_one_esc_alone_is_its_cable() -> None:
     [
         ("deaf-esc:tail=no:twin=yes:distract=yes:mute=yes", {"seed": 21000396, "escs": 8, "rate": 50}),
         ("desync:tail=no:twin=yes:mute=no:recovers=yes", {"seed": 21000251, "escs": 6, "rate": 50}),
+        ("autopilot-reboot:tail=yes:twin=yes:mute=no", {"seed": 25000468, "escs": 8, "rate": 30}),
     ],
 )
 def test_a_pack_that_others_load_is_not_that_of_those_that_take_nothing(story: str, more: dict[str, int]) -> None:
     """The vehicle tumbles: motors that stand report the low voltage that the others cause."""
     found = triaged(crash_log(story, **more))
     assert found.first.kind == "control"
-    assert excluded(found)["pack sag"] == "none before it"
+    assert excluded(found)["pack sag"].startswith("none")
 
 
 def test_a_supply_that_a_stalled_motor_loads_is_not_the_cause() -> None:

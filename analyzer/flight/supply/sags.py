@@ -165,6 +165,7 @@ def _fallen(every: Supply, count: int) -> tuple[Array, _Fall]:
     fell = volts < every.voltage[just] * _share("sag_percent")
     explained = _explained(every, long, rows)
     sank = (volts < since * _share("sink_percent")) & (volts < explained - since * (1 - _share("sink_percent")))
+    sank &= every.current[first:] >= threshold("motor_least_a")  # who takes nothing sees what the others take
     return fell | sank, _Fall(every, np.where(sank, long, just), fell)
 
 
