@@ -9,7 +9,7 @@ import numpy as np
 from analyzer.flight.thresholds import lasting
 
 if TYPE_CHECKING:
-    from analyzer.flight.clock import Places
+    from analyzer.flight.clock import RowPlaces
     from analyzer.flight.tables import ReportTable
     from dissectors.kit import Array
     from dissectors.picture import Plot
@@ -55,7 +55,7 @@ class SupplyHalves:
                     continue
                 self._now[key] = new if old is None else _Half(*map(np.concatenate, zip(old, new, strict=True)))
 
-    def beside(self, key: int, at: Places) -> Array:
+    def beside(self, key: int, at: RowPlaces) -> Array:
         """Return voltages, currents and temperatures, a row each, that were told just before reports of an ESC.
 
         Of what was whole before a report began the last one counts, if it is not too old, however batches are cut.

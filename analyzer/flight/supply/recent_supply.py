@@ -12,7 +12,7 @@ from dissectors.records import dataclass
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.flight.clock import Places
+    from analyzer.flight.clock import RowPlaces
     from dissectors.kit import Array
 
 MOST = 4096  # reports of one device within the time in which a voltage may fall
@@ -22,7 +22,7 @@ MOST = 4096  # reports of one device within the time in which a voltage may fall
 class Supply:
     """Reports of a supply: V, A and what the line of its current says, in V; NaN for what is not known."""
 
-    at: Places
+    at: RowPlaces
     voltage: Array
     current: Array
     line: Array

@@ -19,7 +19,7 @@ from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places
+    from analyzer.flight.clock import RowPlaces
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.spells import Spell, SpellPart
     from dissectors.kit import Array
@@ -108,7 +108,7 @@ class SagEvents(ReportEvents):
         for spell in self._spells.finish():
             self._tell(spell)
 
-    def _judge(self, plot: Plot, key: int, volts: Array, amperes: Array, at: Places) -> None:
+    def _judge(self, plot: Plot, key: int, volts: Array, amperes: Array, at: RowPlaces) -> None:
         recent = self._recent.get((plot.table, key))
         if recent is None:
             if len(self._recent) >= MOST_DEVICES:

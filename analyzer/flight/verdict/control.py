@@ -11,13 +11,13 @@ from dissectors.times import SECOND
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.flight.verdict.case import Case, Excursion
+    from analyzer.flight.verdict.case import Excursion, FlightCase
     from analyzer.flight.verdict.trouble import Trouble
 
 _TIPPED = "it tipped over at take-off, with every ESC obeying: a motor, propeller, index or setting is wrong"
 
 
-def lost_control(case: Case, lost: Excursion, found: Sequence[Trouble]) -> Verdict:
+def lost_control(case: FlightCase, lost: Excursion, found: Sequence[Trouble]) -> Verdict:
     """Return that control was lost before anything else, or was never there.
 
     An ESC that is commanded and reports nothing may have failed first: then nobody can tell.

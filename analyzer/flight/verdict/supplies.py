@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.flight.log import FlightEvent
-    from analyzer.flight.verdict.case import Case
+    from analyzer.flight.verdict.case import FlightCase
     from analyzer.flight.verdict.trouble import Trouble
 
 
-def supply_troubles(case: Case) -> Iterator[Trouble]:
+def supply_troubles(case: FlightCase) -> Iterator[Trouble]:
     """Yield a supply that fails: all ESCs away at once, or voltages that no current explains."""
     silent = [
         one for one in case.events if one.kind == "silence" and one.after is None and not case.in_joint_loss(one)
@@ -82,7 +82,7 @@ def _loads(one: FlightEvent) -> bool:
     return one.kind == "motor" and one.values["current_share"] > threshold("motor_dragged")
 
 
-def _others_keep(case: Case, chs: tuple[int, ...], worst: float) -> bool:
+def _others_keep(case: FlightCase, chs: tuple[int, ...], worst: float) -> bool:
     """Return whether no other ESC was ever nearly as low: a pack that one of them loads is low for all."""
     lows = [one.ranges["voltage"][0] for one in case.escs if one.ch not in chs and "voltage" in one.ranges]
     return bool(lows) and min(lows) * (1 - threshold("unexplained_percent") / 100) > worst
