@@ -137,7 +137,9 @@ class RunTriage:
         chosen = f" --flight {flight.number}" if flight is not None else ""
         if verdict.t_end is None or verdict.kind == "none":
             more = f"tailbyte plot {names}{chosen}" if verdict.told else f"tailbyte check {names}"
-            return [f"tailbyte events {names}", more]
+            before = [one.number for one in self.witness.flights()[:-1] if one.end != "landed"]
+            last = [f"tailbyte triage {names} --flight {before[-1]}"] if before else []
+            return [f"tailbyte events {names}", more, *last]
         at = f" --at {verdict.frame + 1}" if verdict.frame is not None else ""
         at += f" -Y 'node == {verdict.node}'" if verdict.kind == "device" else ""
         near, seen = "", chosen

@@ -25,10 +25,14 @@ ZERO, SATURATION, SPREAD = "commands zero", "saturation", "spread"
 
 @dataclass(slots=True)
 class _Peak:
-    """The most of a spell, and the channel that is commanded most where it begins; 0 if it is of one channel."""
+    """The most of a spell, and where it begins the channel that is commanded most, 0 if it is of one channel.
+
+    `lowered` are the channels below the mean then.
+    """
 
     most: float
     highest: int
+    lowered: tuple[int, ...]
 
 
 class CommandEvents:
@@ -93,8 +97,7 @@ class CommandEvents:
             if part.stop > part.start:
                 most = float(values[part.start : part.stop].max())
                 if part.spell.memory is None:
-                    highest = 0 if ch else int(np.nanargmax(some.columns[:, part.start])) + some.plot.who.first
-                    part.spell.memory = _Peak(most, highest)
+                    part.spell.memory = _Peak(most, 0, ()) if ch else _peak(most, some, part.start)
                 part.spell.memory.most = max(part.spell.memory.most, most)
             if part.over:
                 self._end(name, part.spell)
@@ -114,6 +117,14 @@ class CommandEvents:
         else:
             text = f"commands are {spell.memory.most:.0f} % apart"
             values = {"spread": spell.memory.most, "highest_ch": spell.memory.highest}
+        lowered = spell.memory.lowered if name == SPREAD else ()
         self._add(FlightEvent(
-            name, text, spell.before, spell.first, spell.after, bus, node, ch or None, table, "", values
+            name, text, spell.before, spell.first, spell.after, bus, node, ch or None, table, "", values,
+            lowered=lowered,
         ))  # fmt: skip
+
+
+def _peak(most: float, some: Commands, row: int) -> _Peak:
+    one, first = some.columns[:, row], some.plot.who.first
+    lowered = np.flatnonzero(one < np.nanmean(one)) + first
+    return _Peak(most, int(np.nanargmax(one)) + first, tuple(lowered.tolist()))

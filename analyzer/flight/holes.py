@@ -14,21 +14,25 @@ if TYPE_CHECKING:
 
     from analyzer.flight.clock import Hole, RecordedClock
 
+DISORDER = "disorder"
+
 
 def hole_events(clock: RecordedClock) -> Iterator[FlightEvent]:
     """Yield what each hole was, as far as that can be told."""
     for hole in clock.holes:
         place = clock.places_of(hole)
-        kind, text = _told(hole)
+        kind, text, sign = *_told(hole), DISORDER if _older(hole) else ""
         first = Spot(hole.t_end, place, hole.frame, hole.frame, 0)
         ordered, jumped, anew = hole.steps
         values = {"length_s": hole.length / SECOND, "ids_run_on": ordered, "ids_jump": jumped, "ids_anew": anew}
-        yield FlightEvent(kind, text, Spot(hole.t, place, hole.frame, hole.frame, 0), first, values=values)
+        yield FlightEvent(kind, text, Spot(hole.t, place, hole.frame, hole.frame, 0), first, values=values, sign=sign)
 
 
 def _told(hole: Hole) -> tuple[str, str]:
     """Return kind and text: senders whose IDs run on were not cut off."""
     seconds = f"{abs(hole.length) / SECOND:.3f} s"
+    if _older(hole):
+        return "clock", f"time goes back by {seconds}, and uptimes with it: an older part stands behind a newer one"
     if hole.length < 0:
         return "clock", f"the clock steps back by {seconds}"
     ordered, jumped, anew = hole.steps
@@ -44,6 +48,14 @@ def _told(hole: Hole) -> tuple[str, str]:
     elif 2 * jumped > senders:
         why = f": transfer IDs of {jumped} of {senders} senders jump, frames are missing"
     return "gap", f"no frame for {seconds}{why}"
+
+
+def _older(hole: Hole) -> bool:
+    """Return whether nodes grew younger as the time went back: that is no clock that was set."""
+    older = sorted(hole.uptimes)
+    if not older or hole.length > -lasting("clock_least"):
+        return False
+    return abs(older[len(older) // 2] - hole.length) <= max(lasting("restart"), -hole.length // 10)
 
 
 def _passed(hole: Hole) -> bool | None:

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from analyzer.flight.verdict.judge import Judgement
     from analyzer.flight.witness import Witness
 
-_ORDINARY = frozenset({"mode", "join", "arming", "message", "health"})  # of a vehicle that stands
+_USUAL = frozenset({"mode", "join", "arming", "parameter", "save"})  # of a vehicle that stands
+_ORDINARY = _USUAL | {"message", "health"}  # that alone are nothing wrong
 NOT_SEEN = ("attitude", "GPS", "pilot", "who decided a command")
 _SENT = {"attitude": "Solution", "GPS": "Fix"}  # how the types begin that tell it: ahrs.Solution, gnss.Fix
 
@@ -53,12 +54,15 @@ def inquest(
         odds=OddLater(find),
     )
     if not flights:
-        why = _unjudged(witness, start, frames)
+        why = _unjudged(witness, events, start, frames)
         empty = start is None or not witness.losses.transfers
-        still = not empty and not any(one.kind not in _ORDINARY for one in events if one.source == "bus")
+        seen = [one for one in events if one.source == "bus" and one.kind not in _USUAL]
         looked = [] if empty else looked_at_rest(witness)
+        still = not empty and all(one.kind in _ORDINARY for one in seen)
         verdict = Verdict("none" if still else "unknown", why, "possible", reasons=looked)
-        return made(None, [verdict], judged=why, empty=empty, looked=looked, commands=commands(verdict, None))
+        return made(
+            None, [verdict], earlier=seen, judged=why, empty=empty, looked=looked, commands=commands(verdict, None)
+        )  # fmt: skip
     flight = flights[-1]
     bus, words = ([one for one in events if (one.source == "bus") == told] for told in (True, False))
     border = max([witness.clock.ran or flight.last.ran, *(one.first.ran for one in bus)])
@@ -116,9 +120,10 @@ def _onset(events: Sequence[FlightEvent], verdict: Verdict) -> tuple[Spot, Spot]
     return None
 
 
-def _unjudged(witness: Witness, start: int | None, frames: int) -> str:
+def _unjudged(witness: Witness, events: Sequence[FlightEvent], start: int | None, frames: int) -> str:
     if not frames:
-        return "not judged: no CAN frame is in it"
+        errors = any(one.kind == "errors" for one in events)
+        return f"not judged: {'error frames, and no other' if errors else 'no CAN frame is in it'}"
     if start is None:
         return "not judged: the capture has no times"
     if not witness.losses.transfers:
@@ -130,4 +135,5 @@ def _unjudged(witness: Witness, start: int | None, frames: int) -> str:
         turned = any(one.ways for one in witness.escs)
         how = "motors turned for 0.3 s or less" if turned else "motors stopped"
         return f"not judged: {count}, {how}"
-    return "not judged: no ESC reports, nobody was armed"
+    back = "" if (witness.clock.last or 0) >= start else "; its times go backwards: are its lines in reverse order?"
+    return f"not judged: no ESC reports, nobody was armed{back}"

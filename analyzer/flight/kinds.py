@@ -20,7 +20,7 @@ KINDS = {
     "power-up": "a device's own counter says that it was powered up again",
     "arming": "the vehicle is armed or disarmed",
     "message": "a node says something in words (LogMessage)",
-    "sag": "a supply voltage falls faster than a pack is emptied",
+    "sag": "a supply voltage falls faster than a pack is emptied, at once or in seconds",
     "errors": "error frames, close together",
     "bus state": "the recorder's controller goes into another state",
     "loss": "the recorder says that it lost frames",

@@ -28,7 +28,8 @@ class FlightEvent:
     """An event: it happened between `before`, None if it was so from the start, and `first`; it is over at `after`.
 
     `kind` and `text` are words for people; `values` are numbers by name. A `ch` that nobody said is found out later.
-    `sign` is the trouble that it is a sign of, as far as a vendor says so.
+    `sign` is the trouble that it is a sign of, as far as a vendor says so. `lowered` are the channels that
+    are commanded less than the mean of all where commands went apart.
     `source` is who says so: the bus, or an autopilot's own log, of which nothing is at a frame.
     """
 
@@ -45,6 +46,7 @@ class FlightEvent:
     values: Mapping[str, float] = field(default_factory=dict)
     sign: str = ""
     source: str = "bus"
+    lowered: tuple[int, ...] = ()
 
 
 class EventLog:

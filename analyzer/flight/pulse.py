@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.flight.thresholds import threshold
 from dissectors.kit.order import changes, steps
 from dissectors.times import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
     from analyzer.flight.clock import RecordedClock
-    from analyzer.flight.orders import CommandReader
+    from analyzer.flight.orders import CommandReader, Commands
     from dissectors.kit import Array
 
 STEP = 20 * MILLISECOND
@@ -35,6 +36,7 @@ class CommandPulse:
         self._pause = np.zeros(0, np.uint16)
         self._last: int | None = None
         self.channels = 0
+        self._driven: dict[int, int] = {}  # when each channel, as people count them, was driven last
 
     def feed(self) -> None:
         """Add the commands of the batch."""
@@ -46,6 +48,7 @@ class CommandPulse:
                 continue
             self._grow(int(step.max() if good is None else step[good].max()) + 1)
             self.channels = max(self.channels, len(some.columns))
+            self._note_driven(some)
             pause = steps(ran, ran[0] if self._last is None else self._last)
             self._last = int(ran[-1])
             mean = some.columns.mean(axis=0)
@@ -68,6 +71,15 @@ class CommandPulse:
             self._pause[at] = np.maximum(self._pause[at], longest)
             self._count[at] += count.astype(np.uint16)
 
+    def _note_driven(self, some: Commands) -> None:
+        idle, ran = threshold("command_idle_percent"), some.at.ran
+        last = some.columns[:, -1] > idle  # mostly so in flight: then no other row is asked
+        for place, column in enumerate(some.columns):
+            if last[place]:
+                self._driven[place + some.plot.who.first] = int(ran[-1])
+            elif len(driven := np.flatnonzero(column > idle)):
+                self._driven[place + some.plot.who.first] = int(ran[driven[-1]])
+
     def spread(self, start: int, stop: int) -> Array:
         """Return how far apart they were in the steps of a time, in %; no step without a command."""
         rows = self._rows(start, stop)
@@ -86,6 +98,10 @@ class CommandPulse:
         low = _MOST_PERCENT - self._room[rows][some].astype(np.int64)
         found: Array = (self._mean[rows][some] - low) / apart[some]
         return found
+
+    def driven(self, since: int) -> set[int]:
+        """Return which channels, as people count them, were commanded more than nothing since a time."""
+        return {ch for ch, last in self._driven.items() if last >= since}
 
     def count(self, start: int, stop: int) -> int:
         """Return how many there were."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analyzer.flight.thresholds import lasting
 from analyzer.tables import STATUSES, TRANSFER_ANOMALIES
 from dissectors.kit.cells import numbers
 from dissectors.times import NO_TIME, SECOND
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import RecordedClock
+    from analyzer.flight.clock import RecordedClock, Spot
 
 MOST_ENTRIES = 1 << 18
 _GAP = 1 << TRANSFER_ANOMALIES.index("transfer id gap")
@@ -33,6 +34,7 @@ class LossesBySecond:
         self._broken: Counter[tuple[Node, int]] = Counter()
         self._missing: Counter[tuple[Node, int]] = Counter()
         self._repeated: Counter[tuple[Node, int]] = Counter()
+        self._jumped: dict[tuple[Node, int], Spot] = {}  # where the first ID of a second was left out
         self.transfers = 0
 
     def feed(self, batch: Batch) -> None:
@@ -56,15 +58,39 @@ class LossesBySecond:
             for k, (one, node, second) in enumerate(places):
                 key = (one, node), second
                 if key in kept or len(kept) < MOST_ENTRIES:
+                    if kept is self._missing and key not in kept:
+                        self._jumped[key] = at.at(int(rows[k]))
                     kept[key] += 1 if counts is None else int(counts[k]) % 32
 
     def broken(self, start: int, stop: int, nodes: Iterable[Node] | None = None) -> int:
         """Return how many transfers of some nodes, or of all, were not whole in a time."""
         return self._sum(self._broken, start, stop, nodes)
 
+    def most_broken(self, start: int, stop: int) -> tuple[Node, int] | None:
+        """Return whose transfers were not whole most often in a time, and how many these are; None if all were."""
+        found: Counter[Node] = Counter()
+        base = self._clock.start or 0
+        for (node, second), count in self._broken.items():
+            if (start - base) // SECOND <= second <= (stop - base) // SECOND:
+                found[node] += count
+        return max(found.items(), key=lambda one: (one[1], one[0])) if found else None
+
     def missing(self, start: int, stop: int, nodes: Iterable[Node] | None = None) -> int:
         """Return how many transfer IDs of some nodes, or of all, were left out in a time."""
         return self._sum(self._missing, start, stop, nodes)
+
+    def since(self, node: Node, until: Spot) -> Spot | None:
+        """Return since when IDs of a node alone are left out again and again, up to a time; None if they are not."""
+        last, pause = (until.ran - (self._clock.start or 0)) // SECOND, lasting("harmless") // SECOND
+        others = {second for other, second in self._missing if other != node}
+        found = None
+        for second in range(last, last - lasting("looked_back") // SECOND, -1):
+            spot = self._jumped.get((node, second))
+            if spot is not None and spot.ran <= until.ran and second not in others:
+                found, last = spot, second
+            elif last - second > pause:
+                break
+        return found
 
     def repeated(self, start: int, stop: int, nodes: Iterable[Node] | None = None) -> int:
         """Return how many transfers of some nodes, or of all, had the ID of the one before, and said something else."""

@@ -25,12 +25,22 @@ def test_a_motor_that_was_well_while_commands_changed_did_not_fail_before(story:
     assert any(one.kind == "motor" for one in found.after)
 
 
-def test_slow_reports_behind_lost_control_are_no_order() -> None:
+def test_a_motor_that_was_commanded_down_did_not_turn_it_over() -> None:
+    """A motor that lifts less is commanded up: of this one a load is missed 1.6 s later, at a throttle seldom met."""
     found = told(
-        "coaxial-failure:tail=no:twin=yes:distract=yes:mute=no", seed=1000490, escs=8, rate=10, stock=True
+        "deaf-esc:tail=no:twin=yes:distract=yes:mute=no", seed=13000030, escs=8, rate=30
     )  # fmt: skip
+    assert found.first.kind == "control"
+    assert any(one.kind == "motor" and one.ch == 5 for one in found.after)
+    assert "9 % apart at most until then, 40 % 0.04 s later, 85 % in the end" in said(found)
+    assert "without a fault bit" not in said(found)  # one was over before
+
+
+def test_slow_reports_behind_lost_control_are_no_order() -> None:
+    found = told("coaxial-failure:tail=no:twin=yes:distract=yes:mute=no", seed=1000409, escs=8, rate=10)
     assert found.first.kind == "unknown"
-    assert "seen: ESC ch4 (node 14): lost the load of its motor" in said(found)
+    assert "seen: ESC ch2 (node 12): lost the load of its motor" in said(found)
+    assert 2 not in next(one.lowered for one in found.events if one.kind == "spread")
 
 
 @pytest.mark.slow
@@ -76,3 +86,20 @@ def test_who_is_silent_behind_a_hole_of_the_recorder_is_so_outside_of_it() -> No
     found = told("blind-crash:tail=yes:distract=yes:mute=no", seed=11000700, escs=8, rate=10)
     assert (found.first.kind, found.first.ch) == ("wiring", 2)
     assert "stopped reporting" in found.first.title
+
+
+@pytest.mark.parametrize(
+    ("seed", "escs", "rate", "began"),
+    [
+        pytest.param(21000073, 6, 10, (8.467, 8.567), marks=pytest.mark.slow),  # commands that it misses, long behind
+        pytest.param(21000763, 4, 30, (9.092, 9.125)),  # it says itself that it gets none
+    ],
+)
+def test_a_plug_that_shakes_shows_first_in_its_transfer_ids(
+    seed: int, escs: int, rate: int, began: tuple[float, float]
+) -> None:
+    text = crash_log("esc-wire:tail=yes:twin=no:mute=no", seed=seed, escs=escs, rate=rate)
+    found = triaged(text)
+    assert found.first.kind == "wiring"
+    assert found.start is not None
+    assert tuple(round((t - found.start) / SECOND, 3) for t in (found.first.t, found.first.t_end) if t) == began

@@ -114,7 +114,7 @@ def test_the_story_of_an_esc_that_fails(registry: Registry) -> None:
     assert {one["node"] for one in events if one["t_end"] > key[0]["t_ns"] and one["kind"] != "parameter"} == {11}
 
 
-@pytest.mark.parametrize("name", ["hover-4", "hover", "fd", "recording-ends", "hobbywing", "reordering"])
+@pytest.mark.parametrize("name", ["hover-4", "hover", "fd", "recording-ends", "reordering"])
 def test_nothing_befalls_a_healthy_flight(name: str, told: Told) -> None:
     assert {one["kind"] for one in told((CAPTURES / f"{name}.log").read_bytes())[1]} <= {"mode", "parameter"}
 

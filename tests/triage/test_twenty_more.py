@@ -185,3 +185,10 @@ def test_3_with_ids_that_run_on_it_did_not_send() -> None:
     found = triaged(changed.__wrapped__(_Holes(sends=False)))
     assert found.first.kind in {"esc", "unknown"}
     assert "wire" not in found.first.title
+
+
+def test_15_an_autopilot_that_starts_anew_says_why_the_commands_stopped() -> None:
+    found = told("autopilot-reboot:tail=yes:twin=no", seed=77)
+    assert found.first.kind == "commands-lost"
+    assert "node 10 (autopilot) starts anew: uptime" in said(found)
+    assert not any(one.kind == "restart" for one in found.after)

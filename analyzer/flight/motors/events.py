@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
+from analyzer.flight.motors.halves import speeds_alone
+from analyzer.flight.motors.reports import channel
 from analyzer.flight.motors.watch import DRAWING, GIVEN, GOOD, LOADED, TURNING, MotorWatch
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.robust import of_few
@@ -94,8 +96,10 @@ class MotorEvents(ReportEvents):
 
     @staticmethod
     def of_use(plot: Plot) -> bool:
-        """Return whether it tells speeds, voltages and currents of numbered ESCs."""
-        return bool(plot.esc.rpm and plot.esc.voltage and plot.esc.current and plot.who.column)
+        """Return whether it tells speeds, voltages and currents, or another message of the same ESC tells the rest."""
+        return speeds_alone(plot) or bool(
+            plot.esc.rpm and plot.esc.voltage and plot.esc.current and plot.who.column
+        )  # fmt: skip
 
     def feed(self, _: Batch) -> None:
         """Add the next batch."""
@@ -145,7 +149,7 @@ class MotorEvents(ReportEvents):
         if (memory.count <= 1 and not memory.sure) or memory.driven_faster:
             return
         table, key = spell.key
-        bus, node, number = split(key)
+        bus, node, _ = split(key)
         plot = next(plot for plot in self._plots if plot.table == table)
         sign, speed, current, reported = _told(memory)
         well = [memory.well[way] for way in _contradicting(sign, speed, current, reported) if memory.well]
@@ -160,7 +164,7 @@ class MotorEvents(ReportEvents):
         if isfinite(reported):
             values["reported_share"] = round(reported, 3)
         self._add(FlightEvent(
-            "motor", text, before, spell.first, spell.after, bus, node, number + plot.who.first, table, "",
+            "motor", text, before, spell.first, spell.after, bus, node, channel(plot, key), table, "",
             values, sign,
         ))  # fmt: skip
 
@@ -184,7 +188,8 @@ def _told(memory: _Memory) -> tuple[str, float, float, float]:
         return (UNLOADED, speed, middle, reported) if middle < 1 else (DRAGGED, speed, most, reported)
     if most >= 1 / threshold("motor_once_slow"):
         return DRAGGED, speed, most, reported
-    return (UNDRIVEN if middle < threshold("motor_once_slow") else SLOW), speed, middle, reported
+    weak = middle < threshold("motor_once_slow") or speed >= middle > _STANDS
+    return (UNDRIVEN if weak else SLOW), speed, middle, reported
 
 
 def _contradicting(sign: str, speed: float, current: float, reported: float) -> Sequence[int]:

@@ -1,4 +1,7 @@
-"""Reports of ESCs, device by device, each with what it was commanded before; read once for all who look at them."""
+"""Reports of ESCs, device by device, each with what it was commanded before; read once for all who look at them.
+
+An ESC that has no number in its reports is commanded as the channel that it has told.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.devices.rows import split
 from analyzer.flight.motors.commanded import RecentOrders
+from analyzer.flight.motors.halves import SupplyHalves, speeds_alone, supply_alone
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,27 +41,31 @@ class EscReader:
 
     def __init__(self, order: EventOrder, commands: CommandReader) -> None:
         self.now: list[tuple[Plot, int, EscReports]] = []
-        self.orders = RecentOrders()
-        self._reader, self._commands = order.reader, commands
+        self.orders, self._halves = RecentOrders(), SupplyHalves()
+        self._reader, self._commands, self._channels = order.reader, commands, order.channels
         self._plots = [plot for plot in order.plots if _tells(plot)]
 
     def feed(self, batch: Batch) -> None:
         """Take the next batch: `now` are its reports, with plot and key of the device that they are of."""
         self.orders.feed(self._commands.now)
-        self.now = [
-            (plot, key, some)
-            for plot in self._plots
-            if (table := self._reader.table(plot, batch)) is not None
-            for key, some in self._read(table)
-        ]
+        tables = [table for plot in self._plots if (table := self._reader.table(plot, batch)) is not None]
+        self._halves.feed([table for table in tables if supply_alone(table.plot)])
+        self.now = [(table.plot, key, some) for table in tables for key, some in self._read(table)]
+
+    def channel(self, plot: Plot, key: int) -> int | None:
+        """Return the channel of a device as people count them; of one without a number that which it has told."""
+        bus, node, _ = split(key)
+        return channel(plot, key) if plot.who.column else self._channels.of(bus, node)
 
     def _read(self, table: ReportTable) -> Iterator[tuple[int, EscReports]]:
-        esc, who, ordered = table.plot.esc, table.plot.who, []
-        for key, part, _ in table.devices if who.column else ():
-            bus, _, number = split(key)
-            ordered.append((bus, number + who.first, part))
-        names = esc.rpm, esc.voltage, esc.current, esc.temperature, esc.reported
-        rows = self.orders.rows(ordered, [table.numbers(name) for name in names], table.at)
+        esc, ordered = table.plot.esc, []
+        for key, part, _ in table.devices:
+            ch = self.channel(table.plot, key)
+            if ch is not None:
+                ordered.append((split(key)[0], ch, part))
+        supply = esc.voltage, esc.current, esc.temperature
+        told = self._halves.beside(table) if speeds_alone(table.plot) else [table.numbers(name) for name in supply]
+        rows = self.orders.rows(ordered, [table.numbers(esc.rpm), *told, table.numbers(esc.reported)], table.at)
         for key, part, at in table.devices:
             yield key, EscReports(rows, part, at)
 

@@ -28,11 +28,12 @@ COUNTED = ("came", "lost", "late")
 class EscCells:
     """Takes the reports of one device, in order. Bound: `SLOTS` by `BINS` sums of each kind.
 
-    Kinds of `count` and `total` are the numbers of quantities.
+    Kinds of `count` and `total` are the numbers of quantities. `ch` is its channel as people count, None if unknown.
     """
 
     def __init__(self, plot: Plot, key: int) -> None:
         self.plot, self.key = plot, key
+        self.ch: int | None = None
         self._native = _native.MotorSums(_limits(plot))
         self._read: tuple[Array, ...] | None = None
 

@@ -48,4 +48,6 @@ class OddFinder:
 
     def found(self, flights: Sequence[Flight]) -> OddReport:
         """Return what is odd, after the last batch."""
+        for one in self._devices.values():
+            one.ch = self._reader.channel(one.plot, one.key)
         return judged(list(self._devices.values()), flights, self._width)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analyzer.devices.rows import split
-from analyzer.flight.motors.reports import channel
+from analyzer.flight.motors.halves import speeds_alone, supply_alone
 from analyzer.flight.odd.cells import NEVER
 from analyzer.flight.odd.course import courses
 from analyzer.flight.odd.layers import layers
@@ -101,7 +101,7 @@ def judged(devices: Sequence[EscCells], flights: Sequence[Flight], width: int) -
     comparisons = 0
     for group in _groups(devices):
         candidates: list[_Candidate] = []
-        told, chs = list(courses(group, width)), [channel(one.plot, one.key) for one in group]
+        told, chs = list(courses(group, width)), [one.ch for one in group]
         for course in told:
             least = course.quantity.layer / course.quantity.scale
             upper = layers(course.level, least, _tolerated(course.quantity), chs)
@@ -124,6 +124,8 @@ def _groups(devices: Sequence[EscCells]) -> Iterator[Sequence[EscCells]]:
     """Yield devices that report in the same type; of two interfaces that show the same ones each for itself."""
     fewest = threshold("odd_reports")
     some = [one for one in devices if one.numbers("came").sum() >= fewest]
+    halves = {one.key for one in some if speeds_alone(one.plot)}
+    some = [one for one in some if not (supply_alone(one.plot) and one.key in halves)]  # is told with its speeds
     for table in dict.fromkeys(one.plot.table for one in some):
         mine = sorted((one for one in some if one.plot.table == table), key=lambda one: one.key)
         nodes = [split(one.key)[1:] for one in mine]
@@ -233,7 +235,7 @@ def _told(
             ran, t = _begun(ran, t, width, flights)
         gist, text = odd_words(quantity, one.difference, None if one.slot is None else ran, flights)
         yield OddEsc(
-            bus, node, channel(device.plot, device.key), quantity.name, round(one.difference, 3), quantity.unit,
+            bus, node, device.ch, quantity.name, round(one.difference, 3), quantity.unit,
             round(one.z, 2), PEERS if one.slot is None else OWN_PAST, t, ran, gist, text,
         )  # fmt: skip
 
@@ -269,7 +271,7 @@ def _gap(course: QuantityCourse, upper: Array) -> float:
 
 
 def _names(group: Sequence[EscCells], which: Array) -> list[str]:
-    chs = [channel(one.plot, one.key) for one, mine in zip(group, which.tolist(), strict=True) if mine]
+    chs = [one.ch for one, mine in zip(group, which.tolist(), strict=True) if mine]
     nodes = [split(one.key)[1] for one, mine in zip(group, which.tolist(), strict=True) if mine]
     return [f"ch{ch}" if ch is not None else f"node {node}" for ch, node in zip(chs, nodes, strict=True)]
 
@@ -282,4 +284,4 @@ def _compared(group: Sequence[EscCells], told: Sequence[QuantityCourse]) -> Iter
             value = course.quantity.difference(float(course.level[place]))
             levels[course.quantity.key] = None if np.isnan(value) or len(group) < 2 else round(value, 3)
         reports = int(device.numbers("came").sum())
-        yield ComparedEsc(bus, node, channel(device.plot, device.key), reports, levels)
+        yield ComparedEsc(bus, node, device.ch, reports, levels)

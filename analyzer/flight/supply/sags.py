@@ -1,4 +1,4 @@
-"""Supply voltages that fall faster than a pack is emptied."""
+"""Supply voltages that fall faster than a pack is emptied: at once, or in seconds in which no current explains it."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from analyzer.devices.rows import split
 from analyzer.flight.log import FlightEvent
 from analyzer.flight.reports import ReportEvents
 from analyzer.flight.spells import Spells
+from analyzer.flight.supply.recent_supply import RecentSupply, Supply
 from analyzer.flight.thresholds import lasting, threshold
 from dissectors.records import dataclass
 
@@ -25,73 +26,57 @@ if TYPE_CHECKING:
     from dissectors.picture import Plot
 
 MOST_DEVICES = 1024
-MOST_RECENT = 4096  # reports of one device within the time in which a voltage may fall
 _VOLTAGE, _CURRENT = "voltage", "current"
 
 
 @dataclass(slots=True)
-class _Recent:
-    """The reports of a device that a later one is compared with; NaN is a current that it does not tell.
+class _Sag:
+    """A voltage that fell: `before` and `least`, the current with each, and what that explains of the least one.
 
-    `newest` is the latest of their times, `highest` the highest of their voltages.
+    `slowly` says that it was seen in the course of seconds; NaN is what nobody knows.
     """
 
-    at: RowPlaces
-    voltage: Array
-    current: Array
-    newest: int
-    highest: float
-
-    def followed_by(self, at: RowPlaces, voltage: Array, current: Array) -> _Recent:
-        """Return these, and others behind them."""
-        both = np.concatenate((self.voltage, voltage)), np.concatenate((self.current, current))
-        return _recent(self.at.followed_by(at), *both)
-
-
-@dataclass(slots=True)
-class _Sag:
-    """A voltage that fell, and the current with each of the two; what that current explains, NaN if that is unknown."""
-
     before: float
-    least: float
     current_before: float
+    least: float
     current: float
     expected: float
+    slowly: bool
 
 
 class _Fall:
-    """Reports among which a voltage fell: `every` with those before them, the last ones `at` their places."""
+    """Reports among which a voltage fell: `every` with those before them, the last ones `then` compared with which.
 
-    def __init__(self, every: _Recent, at: RowPlaces) -> None:
-        self._every, self._first = every, len(every.voltage) - len(at)
-        since = np.searchsorted(np.maximum.accumulate(every.at.ran), at.ran - lasting("sag"))
-        self._then = np.minimum(since, np.arange(self._first, len(every.voltage)))
+    `at_once` are those that are low within a moment.
+    """
 
-    @property
-    def before(self) -> Array:
-        """The voltage that each is compared with."""
-        return self._every.voltage[self._then]
+    def __init__(self, every: Supply, then: Array, at_once: Array) -> None:
+        self._every, self._then, self._at_once = every, then, at_once
+        self._first = len(every.voltage) - len(then)
 
-    def note(self, part: SpellPart, expected: Array) -> None:
-        """Let a spell know of its next part; what is `expected` of each report goes by its current."""
+    def note(self, part: SpellPart) -> None:
+        """Let a spell know of its next part."""
         every, rows = self._every, slice(part.start, part.stop)
-        high = int(self._then[rows][np.argmax(self.before[rows])])
-        deep = part.start + int(np.argmin(every.voltage[self._first :][rows]))
-        new = _Sag(*map(float, (
-            every.voltage[high], every.voltage[self._first + deep], every.current[high],
-            every.current[self._first + deep], expected[deep],
-        )))  # fmt: skip
+        before = every.voltage[self._then[rows]]
+        high = int(self._then[rows][np.argmax(before)])
+        deep = self._first + part.start + int(np.argmin(every.voltage[self._first :][rows]))
+        expected = float(_explained(every, np.array([high]), np.array([deep]))[0])
+        new = _Sag(*every.told(high), *every.told(deep), expected, not self._at_once[part.start])
         if part.spell.memory is not None:
             part.spell.memory = _worse(part.spell.memory, new)
             return
         part.spell.memory = new
-        good = np.flatnonzero(every.voltage[: self._first + part.start] >= new.before * _share("sag_begun_percent"))
+        then, now = int(self._then[part.start]), self._first + part.start
+        well = every.voltage[then]
+        if new.slowly:
+            well = _explained(every, np.array([then]), np.array([now]))[0]
+        good = np.flatnonzero(every.voltage[then:now] >= well * _share("sag_begun_percent"))
         if len(good):
-            part.spell.before = every.at.at(int(good[-1]))
+            part.spell.before = every.at.at(then + int(good[-1]))
 
 
 class SagEvents(ReportEvents):
-    """Adds up batches. Bounds: `MOST_DEVICES`, and `MOST_RECENT` reports of each."""
+    """Adds up batches. Bound: `MOST_DEVICES`, and that of `RecentSupply` of each."""
 
     @staticmethod
     def of_use(plot: Plot) -> bool:
@@ -100,7 +85,7 @@ class SagEvents(ReportEvents):
 
     def __init__(self, order: EventOrder) -> None:
         super().__init__(order)
-        self._recent: dict[tuple[str, int], _Recent] = {}
+        self._recent: dict[tuple[str, int], RecentSupply] = {}
         self._lines: dict[tuple[str, int], _native.SupplyLine] = {}
         self._spells = Spells(lasting("silent_motor"))
 
@@ -109,8 +94,7 @@ class SagEvents(ReportEvents):
         for plot in self._plots:
             if (table := self._reader.table(plot, batch)) is None:
                 continue
-            columns = [_measured(plot, name) for name in (_VOLTAGE, _CURRENT)]
-            volts, amperes = (table.numbers(name) for name in columns)
+            volts, amperes = (table.numbers(_measured(plot, name)) for name in (_VOLTAGE, _CURRENT))
             good = np.isfinite(volts)
             whole = bool(good.all())
             for key, rows, at in table.devices:
@@ -125,33 +109,35 @@ class SagEvents(ReportEvents):
             self._tell(spell)
 
     def _judge(self, plot: Plot, key: int, volts: Array, amperes: Array, at: RowPlaces) -> None:
-        known = self._recent.get((plot.table, key))
-        if known is None and len(self._recent) >= MOST_DEVICES:
-            return
-        highest = volts.max() if known is None else max(volts.max(), known.highest)
+        recent = self._recent.get((plot.table, key))
+        if recent is None:
+            if len(self._recent) >= MOST_DEVICES:
+                return
+            recent = self._recent[plot.table, key] = RecentSupply()
         line = self._lines.setdefault((plot.table, key), _native.SupplyLine())
-        expected = cells(line.feed(volts, amperes), np.float64)
+        new = Supply(at, volts, amperes, cells(line.feed(volts, amperes), np.float64))
         low, fall = np.zeros(len(volts), bool), None
-        if volts.min() < highest * _share("sag_percent"):
-            fall = _Fall(_recent(at, volts, amperes) if known is None else known.followed_by(at, volts, amperes), at)
-            low = volts < fall.before * _share("sag_percent")
+        if volts.min() < max(float(volts.max()), recent.highest) * _share("sink_percent"):
+            low, fall = _fallen(recent.followed_by(new), len(volts))
         for part in self._spells.feed((plot.table, key), low, at):
             if fall is not None and part.stop > part.start:
-                fall.note(part, expected)
+                fall.note(part)
             if part.over:
                 self._tell(part.spell)
-        self._recent[plot.table, key] = _kept(known, at, volts, amperes)
+        recent.keep(new)
 
     def _tell(self, spell: Spell) -> None:
         table, key = spell.key
         bus, node, _ = split(key)
         sag: _Sag = spell.memory
-        text = f"voltage falls from {sag.before:.1f} to {sag.least:.1f} V"
+        text = f"voltage {'sinks' if sag.slowly else 'falls'} from {sag.before:.1f} to {sag.least:.1f} V"
         if isfinite(sag.current_before) and isfinite(sag.current):
             text += f", current goes from {sag.current_before:.1f} to {sag.current:.1f} A"
-        more = {"current_then": sag.current, "expected_voltage": sag.expected}
-        values = {"voltage": sag.before, "worst_voltage": sag.least, "current": sag.current_before}
-        values = {name: round(value, 3) for name, value in (values | more).items()}
+        values = {
+            "voltage": sag.before, "worst_voltage": sag.least, "current": sag.current_before,
+            "current_then": sag.current, "expected_voltage": sag.expected,
+        }  # fmt: skip
+        values = {name: round(value, 3) for name, value in values.items()}
         self._add(FlightEvent(
             "sag", text, spell.before, spell.first, spell.after, bus, node, None, table, "", values
         ))  # fmt: skip
@@ -165,22 +151,32 @@ def _measured(plot: Plot, quantity: str) -> str:
 def _worse(one: _Sag, new: _Sag) -> _Sag:
     """Return the highest and the lowest voltage of both."""
     high, deep = (new if new.before > one.before else one), (new if new.least < one.least else one)
-    return _Sag(high.before, deep.least, high.current_before, deep.current, deep.expected)
+    return _Sag(high.before, high.current_before, deep.least, deep.current, deep.expected, one.slowly)
 
 
-def _kept(known: _Recent | None, at: RowPlaces, voltage: Array, current: Array) -> _Recent:
-    """Return the reports that later ones are compared with."""
-    newest = int(at.ran.max())
-    if known is not None and known.newest >= newest - lasting("sag"):
-        every = known.followed_by(at, voltage, current)
-        at, voltage, current, newest = every.at, every.voltage, every.current, every.newest
-    oldest = newest - lasting("sag")
-    first = max(len(at) - MOST_RECENT, int(np.argmax(at.ran >= oldest)))
-    return _recent(at.take(slice(first, None)).settled(), voltage[first:].copy(), current[first:].copy())
+def _fallen(every: Supply, count: int) -> tuple[Array, _Fall]:
+    """Return which of the last reports are low: at once, or in seconds and not by their current."""
+    first = len(every.voltage) - count
+    rows, ran = np.arange(first, len(every.voltage)), np.maximum.accumulate(every.at.ran)
+    just, long = (np.minimum(np.searchsorted(ran, ran[first:] - lasting(name)), rows) for name in ("sag", "sink"))
+    # A motor that spins up has its current before its voltage: what lasted for a moment counts.
+    held = np.searchsorted(ran, np.maximum(ran[first:] - lasting("sink"), ran[0]) + lasting("sag"))
+    volts, since = every.voltage[first:], np.minimum(every.voltage[long], every.voltage[np.minimum(held, rows)])
+    fell = volts < every.voltage[just] * _share("sag_percent")
+    explained = _explained(every, long, rows)
+    sank = (volts < since * _share("sink_percent")) & (volts < explained - since * (1 - _share("sink_percent")))
+    sank &= every.current[first:] >= threshold("motor_least_a")  # who takes nothing sees what the others take
+    return fell | sank, _Fall(every, np.where(sank, long, just), fell)
 
 
-def _recent(at: RowPlaces, voltage: Array, current: Array) -> _Recent:
-    return _Recent(at, voltage, current, int(at.ran.max()), float(voltage.max()))
+def _explained(every: Supply, then: Array, now: Array) -> Array:
+    """Return the voltages that currents explain: those of before, less what the line of the supply costs more now.
+
+    NaN is what no line is known for: a pack is loaded by other motors, too, so that one's current alone says nothing.
+    """
+    line = every.line[now]
+    found: Array = np.where(np.isnan(every.line[then]), line, every.voltage[then] + line - every.line[then])
+    return found
 
 
 def _share(name: str) -> float:

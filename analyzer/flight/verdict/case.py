@@ -9,10 +9,9 @@ import numpy as np
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
 from dissectors.records import dataclass
-from dissectors.times import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
 
 _NEARLY_ALL = 98  # percent
 _MOSTLY = 0.9
+_PAUSES = 5  # of reports in the mean, after which somebody is gone
+_SILENT = frozenset({"silence", "commands stop"})
 Node = tuple[int, int]  # bus, node
 ROLES = (
     ("ArmingStatus", "autopilot"),
@@ -77,6 +78,32 @@ class FlightCase:
     def measured(self) -> bool:
         """True if every ESC tells what its motor is held against its past by."""
         return all({"rpm", "voltage", "current"} <= set(one.ranges) for one in self.escs)
+
+    @property
+    def unheard(self) -> list[int]:
+        """The channels that are commanded, and that nobody reports as; who has no number may be any of them."""
+        silent = sorted(self.pulse.driven(self.start) - self.escs_by_channel)
+        nameless = {(one.bus, one.node) for one in self.escs if one.ch is None}
+        return silent if len(silent) > len(nameless) else []
+
+    def gone(self, at: int) -> list[Node]:
+        """Return the ESCs that report nothing any more behind a time, though others do, however unevenly they did."""
+        last: dict[Node, int] = {}
+        pause: dict[Node, int] = {}
+        for one in self.escs:
+            node = one.bus, one.node
+            last[node] = max(one.last, last.get(node, one.last))
+            mean = (one.last - one.first) // max(one.count - 1, 1)
+            pause[node] = min(mean, pause.get(node, mean))
+        end = max(last.values(), default=0)
+        return sorted(
+            node for node, ran in last.items()
+            if ran <= at + pause[node] and end - ran > max(_PAUSES * pause[node], lasting("lost"))
+        )  # fmt: skip
+
+    def obeyed(self) -> list[str]:
+        """Return that every ESC did as it was commanded, if all that are commanded report, and none says otherwise."""
+        return [] if self.unheard or not self.esc_nodes else ["every ESC obeyed"]
 
     def volts(self) -> tuple[float, float]:
         """Return the lowest and the highest voltage that ESCs report, NaN if none does."""
@@ -159,12 +186,18 @@ class FlightCase:
     def in_joint_loss(self, event: FlightEvent) -> bool:
         """Return whether an event lies in a time in which the recorder lost frames of everybody.
 
-        Who is silent from there to the end, while others are heard for long behind it, is so outside of it, too.
+        Who is silent for longer than everybody is so outside of it, too.
         """
         low, high = self.span(event)
-        gone = event.kind == "silence" and event.after is None
-        last = self.border - lasting("silence_after")
-        return any(low <= stop and high >= start and not (gone and stop < last) for start, stop in self.joint)
+        if event.kind not in _SILENT:
+            return any(low <= stop and high >= start for start, stop in self.joint)
+        until = self.border if event.after is None else event.after.ran
+        joint = sum(max(0, min(until, stop) - max(low, start)) for start, stop in self.joint)
+        usual = max(
+            (one.usual for one in self.paces if (one.bus, one.node, one.type) == (event.bus, event.node, event.type)),
+            default=0,
+        )
+        return joint > 0 and until - low - joint <= max(2 * usual, lasting("hole"))
 
     def in_hole(self, at: int) -> bool:
         """Return whether the recorder lost frames of everybody then."""
@@ -229,7 +262,7 @@ class FlightCase:
         """Return the times in which several senders were silent together though they sent: the recorder's losses."""
         silent = [
             one for one in self.events
-            if one.kind in {"silence", "commands stop"} and one.values.get("missing", 0) > 0 and one.before is not None
+            if one.kind in _SILENT and one.values.get("missing", 0) > 0 and one.before is not None
         ]  # fmt: skip
         errors = [one.first.ran for one in self.events if one.kind == "errors"]
         found = [
@@ -237,17 +270,32 @@ class FlightCase:
             if one.kind == "gap" and one.before
             and not any(0 <= one.first.ran - t <= lasting("follows") for t in errors)
         ]  # fmt: skip
-        for one in silent:
-            low, high = one.before.ran, one.after.ran if one.after else one.first.ran  # type: ignore[union-attr]
-            together = {
-                (other.bus, other.node) for other in silent
-                if other.before.ran < high and (other.after or other.first).ran > low  # type: ignore[union-attr]
-            }  # fmt: skip
-            if len(together) >= threshold("joint_senders"):
-                found.append((low, high))
-        return found
+        spans = [
+            (one.before.ran, self.border if one.after is None else one.after.ran, (one.bus, one.node))
+            for one in silent
+            if one.before is not None and one.bus is not None and one.node is not None
+        ]  # fmt: skip
+        for low, _, _ in spans:
+            at_once = [(stop, node) for start, stop, node in spans if start <= low < stop]
+            if len({node for _, node in at_once}) >= threshold("joint_senders"):
+                found.append((low, _until(at_once)))
+        return _merged(found)
 
 
-def seconds(ns: int) -> float:
-    """Return nanoseconds as seconds."""
-    return ns / SECOND
+def _until(several: Sequence[tuple[int, Node]]) -> int:
+    """Return how long senders are silent together: until the first of those that matter is heard again."""
+    last: dict[Node, int] = {}
+    for stop, node in several:
+        last[node] = max(stop, last.get(node, stop))
+    return sorted(last.values(), reverse=True)[int(threshold("joint_senders")) - 1]
+
+
+def _merged(spans: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return times in order, of which those that overlap have become one."""
+    found: list[tuple[int, int]] = []
+    for low, high in sorted(spans):
+        if found and low <= found[-1][1]:
+            found[-1] = found[-1][0], max(high, found[-1][1])
+        else:
+            found.append((low, high))
+    return found

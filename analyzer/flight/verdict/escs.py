@@ -89,9 +89,11 @@ def _cut_off(case: FlightCase, node: Node, own: list[FlightEvent]) -> Trouble | 
     others = case.losses.missing(case.start, own[0].first.ran, case.esc_nodes - {node})
     if missing < threshold("cut_off_missing") or others:
         return None
-    return made("wiring", "lost contact again and again, and its motor with it: its plug or its wire", own, 2, [
+    found = made("wiring", "lost contact again and again, and its motor with it: its plug or its wire", own, 2, [
         text(own[0]), f"{missing} of its transfer IDs are missing, none of the other ESCs'",
     ])  # fmt: skip
+    found.begin(case.losses.since(node, own[0].first), case.period(*node))
+    return found
 
 
 def _own(case: FlightCase, own: list[FlightEvent], warned: list[FlightEvent]) -> Trouble:
@@ -106,10 +108,16 @@ def _own(case: FlightCase, own: list[FlightEvent], warned: list[FlightEvent]) ->
     reasons = [*(text(one) for one in warned[:1]), *(text(one) for one in own[:3])]
     if told or motor is None:
         return made("esc", "stopped driving its motor as it should", own, 2, reasons)
-    if motor.sign == UNDRIVEN and motor.values.get("reported_share", 0) >= threshold("limited_least"):
+    hotter, heat = _heat(case, own[0])
+    given = motor.values.get("reported_share")
+    limited = (
+        motor.values["speed_share"] >= threshold("limited_least") and hotter
+        if given is None
+        else (given >= threshold("limited_least"))
+    )
+    if motor.sign == UNDRIVEN and limited:
         found = made("esc", "limits itself: it gives less than is commanded", own, 2, reasons)
         found.possible = not warned
-        hotter, heat = _heat(case, own[0])
         (found.reasons if hotter else found.against).extend(heat)
         return found
     if motor.sign == UNDRIVEN:
@@ -166,6 +174,8 @@ def _quiet(case: FlightCase, node: Node, off: list[FlightEvent]) -> Trouble | No
             kind = "esc"
     low, high = begin[0].first.ran - lasting("looked_back"), begin[-1].first.ran
     found = made(kind, title, sorted((*silent, *restarts), key=lambda one: one.first.ran), 3, reasons)
+    if kind == "wiring" and not restarts:
+        found.begin(case.losses.since(node, begin[0].first), case.period(*node))
     if others:
         missing = case.losses.missing(low, high, others)
         line = f"the others: {missing} transfer IDs missing in that time"

@@ -5,8 +5,10 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from analyzer.flight.thresholds import lasting
+from analyzer.flight.holes import DISORDER
+from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.model import Excluded
+from analyzer.flight.verdict.supplies import unexplained
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -34,7 +36,7 @@ def _excluded(case: FlightCase, verdict: Verdict, began: int) -> Iterator[Exclud
         length = max((case.stop - case.start) / 1e9, 0.001)
         longest = case.pulse.longest(case.start, case.stop)
         yield Excluded("commands stopping", f"{count / length:.0f} Hz to the end, longest pause {longest} ms")
-    if verdict.kind != "battery" and (sag := _lowest(case)):
+    if verdict.kind != "battery" and (sag := _lowest(case, began)):
         yield Excluded("pack sag", sag)
     if verdict.kind == "device" and verdict.node is not None and verdict.bus is not None:
         yield from _wire(case, (verdict.bus, verdict.node))
@@ -64,10 +66,16 @@ def _wire(case: FlightCase, node: Node) -> Iterator[Excluded]:
     yield Excluded(f"CAN wiring of node {node[1]}", f"no broken transfer, {ids}")
 
 
-def _lowest(case: FlightCase) -> str:
+def _lowest(case: FlightCase, began: int) -> str:
+    """Return how low voltages were before it began; empty if that excludes nothing."""
     sags = [one for one in case.events if one.kind == "sag" and (one.bus, one.node) in case.esc_nodes]
-    if sags:
-        one = min(sags, key=lambda one: one.values["worst_voltage"])
+    before = [one for one in sags if one.first.ran < began]
+    if sags and not before:
+        return "none before it"
+    if before:
+        one = min(before, key=lambda one: one.values["worst_voltage"])
+        if unexplained(one):
+            return ""
         expected = one.values.get("expected_voltage")
         low = one.values["worst_voltage"]
         if expected is None or not isfinite(expected):
@@ -76,7 +84,8 @@ def _lowest(case: FlightCase) -> str:
     if any(one.kind == "sag" for one in case.events):
         return ""  # of a monitor, with no line of a current to hold it against
     lows = [one.ranges["voltage"] for one in case.escs if "voltage" in one.ranges]
-    own = [f"none; {min(low for low, _ in lows):.1f} V at the lowest"] if lows else []
+    when = " of all flights" if case.flight.number > 1 else ""
+    own = [f"none; {min(low for low, _ in lows):.1f} V at the lowest{when}"] if lows else []
     own += [
         f"{low:.1f} V at the lowest by node {node}{case.role(bus, node)}"
         for (bus, node), low in sorted(case.supply.lowest(case.start, case.stop).items())
@@ -88,10 +97,15 @@ def _lowest(case: FlightCase) -> str:
 def looked_at(case: FlightCase) -> Sequence[str]:
     """Return what was looked at, in numbers."""
     parts = _measured(case.escs)
+    if parts and case.flight.number > 1:
+        parts = [f"in all flights {', '.join(parts)}"]
     parts.insert(0, f"{(case.stop - case.start) / 1e9:.0f} s {'armed' if case.flight.by == 'arming' else 'turning'}")
     count = case.pulse.count(case.start, case.stop)
     if count:
-        parts.insert(min(2, len(parts)), f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz")
+        rate = f"commands {count / max((case.stop - case.start) / 1e9, 0.001):.0f} Hz"
+        several = sorted(node for _, node in case.commanders())
+        rate += f" of nodes {' and '.join(map(str, several))}" if len(set(several)) > 1 else ""
+        parts.insert(min(2, len(parts)), rate)
     if case.esc_nodes:
         parts.append(f"{case.losses.missing(case.start, case.stop, case.esc_nodes)} transfer IDs of ESCs missing")
     parts.append(f"{case.losses.broken(case.start, case.border)} broken of {case.losses.transfers} transfers")
@@ -108,9 +122,13 @@ def _measured(escs: Sequence[EscExtent]) -> list[str]:
     """Return how many ESCs reported how often, and between which voltages and temperatures."""
     parts = []
     if escs:
-        nodes = len({(one.bus, one.node) for one in escs})
+        places = {(one.bus, one.node) for one in escs}
+        buses, nodes = {bus for bus, _ in places}, {node for _, node in places}
+        twice = len(buses) > 1 and len(places) == len(buses) * len(nodes)  # as interfaces of one bus see them
+        count = len(nodes) if twice else len(places)
         reports = sum(one.count for one in escs)
-        parts.append(f"{nodes} ESC{'s' * (nodes != 1)}, {reports} report{'s' * (reports != 1)}")
+        on_each = f" on each of {len(buses)} interfaces" if twice else ""
+        parts.append(f"{count} ESC{'s' * (count != 1)}{on_each}, {reports} report{'s' * (reports != 1)}")
     for name, unit in (("voltage", "V"), ("temperature", "C")):
         ranges = [one.ranges[name] for one in escs if name in one.ranges]
         if ranges:
@@ -131,6 +149,11 @@ def could_not_see(case: FlightCase) -> list[tuple[str, str]]:
             "all ESCs" if len(silent) == len(case.escs_by_channel) else f"ESC {' '.join(f'ch{ch}' for ch in silent)}"
         )
         parts.append(f"fault bits: not told by these ESCs ({which})")
+    worst = case.losses.most_broken(case.start, case.border)
+    if worst is not None and worst[1] >= threshold("broken_many"):
+        parts.append(f"{worst[1]} broken transfers of {case.name(worst[0])}: what they said")
+    if case.esc_nodes and case.unheard:
+        parts.append(f"{' '.join(f'ch{ch}' for ch in case.unheard)}: commanded, and nobody reports as that")
     if case.esc_nodes and not case.commanded:
         parts.append("commands: none recorded")
     return [("unseen", "; ".join(parts))] if parts else []
@@ -141,7 +164,7 @@ def recorder_lines(case: FlightCase) -> Sequence[tuple[str, str]]:
     lines = []
     for one in case.events:
         if one.kind == "clock":
-            lines.append(("Clock", f"{one.text}; one flight, no gap"))
+            lines.append(("Clock", one.text if one.sign == DISORDER else f"{one.text}; one flight, no gap"))
         elif one.kind == "loss":
             lines.append(("Recorder", one.text))
     if case.joint:

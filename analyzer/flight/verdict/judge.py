@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from analyzer.flight.holes import DISORDER
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.case import FlightCase
+from analyzer.flight.verdict.control import lost_control
 from analyzer.flight.verdict.escs import got_over
 from analyzer.flight.verdict.exchanged import exchanged
 from analyzer.flight.verdict.exclusions import could_not_see, excluded, looked_at, recorder_lines
@@ -28,12 +30,13 @@ if TYPE_CHECKING:
     from analyzer.flight.witness import Witness
 
 _WELL, _LIKELY, _POSSIBLE = SUPPORTS
-_TIPPED = "it tipped over at take-off, with every ESC obeying: a motor, propeller, index or setting is wrong"
 _LOSSY = "the recorder lost frames; nothing wrong seen besides, and the recording ends in flight"
 _FITS = (
     "the vehicle flew on; or power was lost: the vehicle's, the recorder's, or the autopilot's if that is the "
     "recorder; or the recorder's plug, disk or wire: nothing tells which"
 )
+_DISORDER = "cannot tell: parts of the recording are in the wrong order"
+_IN_ORDER = "the parts as files of their own: several are read in the order of their times (tailbyte a.log b.log)"
 _NO_BITS = ("not told", "fault bits: not told by these ESCs")
 _NO_ESC = ("No ESC", "on this bus: motors, propellers and thrust are not judged")
 _BENCH = ("bench", "motors are driven one by one: nothing flew, so commands tell nothing of an attitude")
@@ -80,7 +83,7 @@ def judge(
     if hit is not None:
         began = hit
     primary = [] if first is None else first.events
-    if first is None and shown.kind in {"control", "setup"} and case.excursion is not None:
+    if first is None and case.excursion is not None and shown.frame == case.excursion.event.first.frame:
         primary = [case.excursion.event]
     after = [
         one for one in case.events
@@ -122,6 +125,8 @@ def _matters(case: FlightCase, one: Trouble) -> bool:
 def _verdicts(case: FlightCase, found: list[Trouble]) -> list[Verdict]:
     """Return the causes in order; what came after control was lost is none of them."""
     lost = case.excursion
+    if any(one.sign == DISORDER for one in case.events):
+        return [Verdict("unknown", _DISORDER, _POSSIBLE, notes=[("would tell", _IN_ORDER)])]
     if lost is not None and case.in_hole(lost.start):
         return [_missed(lost)]
     hit = _impact(found)
@@ -132,7 +137,7 @@ def _verdicts(case: FlightCase, found: list[Trouble]) -> list[Verdict]:
             return [_nothing(case, "nothing wrong seen on this bus until it hit something")]
     before = [one for one in found if one.kind in _STATES or lost is None or _may_be_first(case, lost, one)]
     if lost is not None and not [one for one in before if one.kind != "thrust"]:
-        return [_control(case, lost, found), *(_verdict(case, one) for one in before)]
+        return [lost_control(case, lost, found), *(_verdict(case, one) for one in before)]
     if before:
         return _ordered(case, before)
     return [_nothing(case, "nothing wrong seen on this bus") if case.flight.end == "landed" else _end(case)]
@@ -185,7 +190,14 @@ def _missed(lost: Excursion) -> Verdict:
 
 def _may_be_first(case: FlightCase, lost: Excursion, one: Trouble) -> bool:
     """Return whether a trouble came before control was lost, or may have: reports are late by their period."""
-    return one.high <= lost.stop or one.low <= lost.start + case.period(one.bus, one.node)
+    if one.high <= lost.stop:
+        return True
+    return one.low <= lost.start + case.period(one.bus, one.node) and not _lowered(lost, one)
+
+
+def _lowered(lost: Excursion, one: Trouble) -> bool:
+    """Return whether a motor that lifts less was commanded down when control was lost: what fails is commanded up."""
+    return one.weak and one.ch in lost.event.lowered
 
 
 def _either(shown: Verdict, one: Trouble, since: int, spread: float) -> Verdict:
@@ -231,12 +243,8 @@ def _verdict(case: FlightCase, one: Trouble) -> Verdict:
             )
         elif case.commanded and case.unrest(one.low) is None:
             reasons.append("commands were calm until then")
-    first = one.first
-    t, t_end, frame = (
-        (None, None, None) if first is None else ((first.before or first.first).t, first.first.t, first.first.frame)
-    )
     return Verdict(
-        one.kind, f"{_who(case, one)}{one.title}", support, one.bus, one.node, one.ch, one.chs, t, t_end, frame,
+        one.kind, f"{_who(case, one)}{one.title}", support, one.bus, one.node, one.ch, one.chs, *one.seen,
         tuple(reasons), tuple(against),
         (*one.notes, *([] if case.esc_nodes else [_NO_ESC]), *([_NO_BITS] if one.ch in case.bitless() else [])),
     )  # fmt: skip
@@ -252,35 +260,6 @@ def _who(case: FlightCase, one: Trouble) -> str:
     return "" if one.kind in {"commands-lost", "commanded"} else f"node {one.node}{case.role(one.bus, one.node)}: "
 
 
-def _control(case: FlightCase, lost: Excursion, found: list[Trouble]) -> Verdict:
-    """Return that control was lost before anything else, or was never there."""
-    event = lost.event
-    took = max(0, event.first.ran - lost.start) / SECOND
-    reasons = [f"commands go from {case.calm_limit:.0f} % apart or less to {lost.most:.0f} % within {took:.2f} s"]
-    later = next((one for one in found if one.events), None)
-    healthy = f"until {(later.high - lost.start) / SECOND:.1f} s later" if later is not None else "to the end"
-    escs = len(case.esc_nodes)
-    without = "" if case.bitless() else "without a fault bit "
-    reasons.append(f"{'all ' * (escs > 1)}{escs} ESCs obey {without}{healthy}" if escs else "no ESC reports")
-    t = (event.before or event.first).t
-    if lost.start - case.start <= lasting("tip"):
-        esc = case.esc_of(int(event.values.get("highest_ch", 0)))
-        took = max(0.1, (lost.start - case.start) / SECOND)
-        reasons.append(f"it tips over within {took:.1f} s of the motors turning")
-        if esc is not None:
-            reasons.append(f"ch{esc.ch} is commanded up most, in vain: it lifts least, or the wrong way")
-        reasons += [*case.changed(), *case.turning()]
-        node, ch = (None, None) if esc is None else (esc.node, esc.ch)
-        return Verdict(
-            "setup", _TIPPED, _POSSIBLE, event.bus, node, ch, (), t, event.first.t, event.first.frame, tuple(reasons),
-            ("no report says so; a broken airframe or sensor looks alike",),
-        )  # fmt: skip
-    return Verdict(
-        "control", "not an ESC: control was lost first", _LIKELY, event.bus, None, None, (), t, event.first.t,
-        event.first.frame, tuple(reasons), (),
-    )  # fmt: skip
-
-
 def _end(case: FlightCase) -> Verdict:
     """Return what can be said of a flight that just ends."""
     flight = case.flight
@@ -291,7 +270,7 @@ def _end(case: FlightCase) -> Verdict:
         commands = "no commands recorded"
     over = any(one.kind in _SIGNS for one in case.events)
     lowest, highest = case.volts()
-    sunk = lowest < highest * (1 - threshold("sag_percent") / 100)
+    sunk = lowest < highest * (1 - threshold("sink_percent") / 100)
     wrong = f"{highest:.1f} V at first, {lowest:.1f} V at the lowest" if sunk else "nothing wrong until then"
     seen = f"{turning}{commands}, {'nothing wrong that lasted' if over else wrong}"
     if flight.end == "cut" and len(case.joint) >= threshold("joint_often"):

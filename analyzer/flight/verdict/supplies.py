@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.flight.thresholds import lasting, threshold
 from analyzer.flight.verdict.trouble import made, together, within
+from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,27 +35,54 @@ def supply_troubles(case: FlightCase) -> Iterator[Trouble]:
             f"{len({(one.bus, one.node) for one in going_on})} other nodes go on",
         ], whole=True)  # fmt: skip
     sags = [
-        one for one in case.events if one.kind == "sag" and (one.bus, one.node) in case.esc_nodes and _unexplained(one)
+        one for one in case.events if one.kind == "sag" and (one.bus, one.node) in case.esc_nodes and unexplained(one)
     ]  # fmt: skip
     if not sags:
         return
+    if any(one.first.ran <= sags[0].first.ran for one in case.events if _loads(one)):
+        return  # it is what they draw
     chs = tuple(sorted({one.ch for one in sags if one.ch is not None}))
-    part = 0 < len(chs) < len(case.escs_by_channel)
-    title = f"the supply of {'channels ' + ' '.join(map(str, chs)) if part else 'all ESCs'} broke down"
     worst = min(sags, key=lambda one: one.values["worst_voltage"])
+    count = len(case.escs_by_channel)
+    part = 0 < len(chs) < count and _others_keep(case, chs, worst.values["worst_voltage"])
+    if not part and 0 < len(chs) < threshold("nearly_all") * count:
+        return  # a pack that the others load
+    first = sags[0]
+    took = first.first.ran - (first.before or first.first).ran
+    how = "sank" if took > lasting("sag") else "broke down"
     high, low, expected = (worst.values[name] for name in ("voltage", "worst_voltage", "expected_voltage"))
     reasons = [f"{high:.1f} -> {low:.1f} V; its current explains {expected:.1f} V"]
-    if part:
-        if len(chs) > 1:
-            reasons.append(f"channels {' '.join(map(str, chs))} share a supply: their voltages fall together")
-        reasons.append(f"the other {len(case.escs_by_channel) - len(chs)} ESCs keep their voltage")
-    trouble = made("battery", title, sags, 0, reasons, whole=True)
-    trouble.chs = chs
+    keeping = f"the other {count - len(chs)} ESCs keep their voltage"
+    if part and len(chs) == 1:
+        trouble = made("wiring", f"its supply {how}: its plug, its joint or its cable", sags, 0, [*reasons, keeping])
+    elif part:
+        some = " ".join(map(str, chs))
+        reasons += [f"channels {some} share a supply: their voltages fall together", keeping]
+        trouble = made("battery", f"the supply of channels {some} {how}", sags, 0, reasons, whole=True)
+    else:
+        trouble = made("battery", f"the supply of all ESCs {how}", sags, 0, reasons, whole=True)
+    if trouble.kind == "battery":
+        trouble.chs = chs
+    if how == "sank":
+        trouble.possible = True
+        trouble.against.append(f"it took {took / SECOND:.1f} s to be seen: a pack that is empty looks alike")
     yield trouble
 
 
-def _unexplained(one: FlightEvent) -> bool:
+def unexplained(one: FlightEvent) -> bool:
+    """Return whether a voltage fell below what its current explains."""
     expected = one.values.get("expected_voltage")
     if expected is None or not isfinite(expected):
         return False
     return one.values["worst_voltage"] < expected * (1 - threshold("unexplained_percent") / 100)
+
+
+def _loads(one: FlightEvent) -> bool:
+    """Return whether a motor draws much more than it should: all that share its pack are low then."""
+    return one.kind == "motor" and one.values["current_share"] > threshold("motor_dragged")
+
+
+def _others_keep(case: FlightCase, chs: tuple[int, ...], worst: float) -> bool:
+    """Return whether no other ESC was ever nearly as low: a pack that one of them loads is low for all."""
+    lows = [one.ranges["voltage"][0] for one in case.escs if one.ch not in chs and "voltage" in one.ranges]
+    return bool(lows) and min(lows) * (1 - threshold("unexplained_percent") / 100) > worst

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from analyzer.flight.motors.events import UNLOADED
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting
 from dissectors.records import dataclass, field
@@ -12,6 +13,7 @@ from dissectors.times import MILLISECOND
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from analyzer.flight.clock import Spot
     from analyzer.flight.log import FlightEvent
     from analyzer.flight.verdict.case import FlightCase, Node
 
@@ -26,7 +28,8 @@ class Trouble:
     """Something that happened between `low` and `high` (recorded times), told by events; the first one is its sign.
 
     `title` says what, `reasons` speak for it, `against` against it, `notes` say more, with a label each; `order`
-    decides between those that begin together, the lowest first. `possible` is what no report says outright.
+    decides between those that begin together, the lowest first. `possible` is what no report says outright. `since` is
+    where it shows before any event tells it.
     """
 
     kind: str
@@ -43,6 +46,20 @@ class Trouble:
     against: list[str] = field(default_factory=list)
     notes: list[tuple[str, str]] = field(default_factory=list)
     possible: bool = False
+    since: Spot | None = None
+
+    def begin(self, since: Spot | None, period: int) -> None:
+        """Let it begin where it shows before any event tells it; `period` is how late that may be."""
+        if since is not None and since.ran < self.high:
+            self.since, self.low, self.high = since, since.ran - period, since.ran
+
+    @property
+    def seen(self) -> tuple[int | None, int | None, int | None]:
+        """Last good report and first bad one by the clock of the capture, and the frame of that."""
+        if self.since is not None:
+            return self.since.t - (self.high - self.low), self.since.t, self.since.frame
+        one = self.first
+        return (None, None, None) if one is None else ((one.before or one.first).t, one.first.t, one.first.frame)
 
     @property
     def first(self) -> FlightEvent | None:
@@ -53,6 +70,12 @@ class Trouble:
     def stands(self) -> bool:
         """True if a rotor does not turn, though it should."""
         return any(one.kind == "motor" and one.values["speed_share"] < _STANDS for one in self.events)
+
+    @property
+    def weak(self) -> bool:
+        """True if its motor lifts less than it should."""
+        one = self.first
+        return one is not None and one.kind == "motor" and (one.sign == UNLOADED or one.values["speed_share"] < 1)
 
 
 def made(

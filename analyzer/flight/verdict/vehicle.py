@@ -52,13 +52,30 @@ def command_troubles(case: FlightCase) -> Iterator[Trouble]:
             reasons = [one.text]
             if felt:
                 reasons.append(f"{len({(o.bus, o.node) for o in felt})} ESCs say that they get no commands")
-            yield made("commands-lost", "the commands stopped", [one, *felt], 0, reasons)
+            anew = _restarts(case, one)
+            reasons += [f"node {other.node}{case.role(other.bus, other.node)} {other.text}" for other in anew]
+            found = made("commands-lost", "the commands stopped", [one, *felt, *anew], 0, reasons)
+            if one.after is None and case.stop - one.first.ran > lasting("coast"):
+                more = (case.stop - one.first.ran) / SECOND
+                found.against.append(f"motors turned for {more:.0f} s more, as if they got commands: not recorded?")
+                found.possible = True
+            yield found
         elif one.kind == "commands zero" and (share := _thrown(case, one)) is not None:
             before, usual = share
             yield made("commanded", "all motors were commanded to stop in the air", [one], 0, [
                 f"commands go from {before:.0f} % to 0 at once; {usual:.0f} % was usual in this flight",
-                "every ESC obeyed",
+                *case.obeyed(),
             ])  # fmt: skip
+
+
+def _restarts(case: FlightCase, one: FlightEvent) -> list[FlightEvent]:
+    """Return how who commands starts anew, of which one knows when it is back."""
+    until = (case.border if one.after is None else one.after.ran) + lasting("silence_after")
+    return [
+        other for other in case.events
+        if other.kind == "restart" and (other.bus, other.node) in case.commanders()
+        and one.first.ran <= other.first.ran <= until
+    ]  # fmt: skip
 
 
 def _felt(case: FlightCase, one: FlightEvent) -> list[FlightEvent]:
@@ -133,5 +150,5 @@ def thrust_troubles(case: FlightCase) -> Iterator[Trouble]:
     lasted = high.sum() * STEP / SECOND
     yield Trouble("thrust", "all motors were at their limit", [], first, first + STEP, order=6, reasons=[
         f"commands of {float(np.median(mean[high])):.0f} % in the mean for {lasted:.1f} s, {apart:.0f} % apart at most",
-        "every ESC obeyed",
+        *case.obeyed(),
     ])  # fmt: skip

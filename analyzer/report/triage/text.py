@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _LABEL, _NAME = 11, 10
 LINES = 24
-_SAID, _AFTER, _EARLIER, _ODD = 4, 3, 2, 2
+_SAID, _AFTER, _EARLIER, _ODD, _SEEN = 4, 3, 2, 2, 6
 _STATS = "tailbyte stats odd"
 
 
@@ -76,7 +76,7 @@ class _Screen:
             armed = round((found.flight.last.ran - found.flight.first.ran) / SECOND)
             flights = f"{'last ' if count > 1 else ''}armed {armed} s (ArmingStatus)"
         elif found.flight is not None:
-            stopped = found.flight.end == "landed" and found.first.told  # whether that was a landing is another matter
+            stopped = found.flight.end == "landed" and found.first.kind != "none"  # that may have been no landing
             flights += f", {'last: ' if count > 1 else ''}{'motors stopped' if stopped else found.flight.end}"
         behind = f"  {self._words.span(found)}  {', '.join(map(escape, found.buses))}  {flights}"
         name = ", ".join(map(escape, found.captures))
@@ -121,7 +121,8 @@ class _Screen:
         yield from self._events("After it", self._found.after, _AFTER, "  (consequences: not used as causes)")
 
     def _earlier(self) -> Iterator[list[str]]:
-        yield from self._events("Earlier", self._found.earlier, _EARLIER, "")
+        label, most = ("Seen", _SEEN) if self._found.flight is None else ("Earlier", _EARLIER)
+        yield from self._events(label, self._found.earlier, most, "")
 
     def _odd(self) -> Iterator[list[str]]:
         """Yield which ESCs were odd before, and of a flight without a fault what groups of them have in common."""

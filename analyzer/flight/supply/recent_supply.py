@@ -1,0 +1,72 @@
+"""The last reports of a supply, with which later ones are compared."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analyzer.flight.thresholds import lasting
+from dissectors.records import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analyzer.flight.clock import RowPlaces
+    from dissectors.kit import Array
+
+MOST = 4096  # reports of one device within the time in which a voltage may fall
+
+
+@dataclass(slots=True)
+class Supply:
+    """Reports of a supply: V, A and what the line of its current says, in V; NaN for what is not known."""
+
+    at: RowPlaces
+    voltage: Array
+    current: Array
+    line: Array
+
+    def told(self, k: int) -> tuple[float, float]:
+        """Return voltage and current of one of them."""
+        return float(self.voltage[k]), float(self.current[k])
+
+
+class RecentSupply:
+    """Keeps the reports of one device of the last `sink_s`, `MOST` at most."""
+
+    def __init__(self) -> None:
+        self._pieces: list[Supply] = []
+
+    @property
+    def highest(self) -> float:
+        """The highest voltage."""
+        return max((float(one.voltage.max()) for one in self._pieces), default=-np.inf)
+
+    def followed_by(self, new: Supply) -> Supply:
+        """Return all of them, and others behind them."""
+        return _joined([*self._pieces, new]) if self._pieces else new
+
+    def keep(self, new: Supply) -> None:
+        """Take the next ones."""
+        oldest = int(new.at.ran.max()) - lasting("sink")
+        first = max(len(new.at) - MOST, int(np.argmax(new.at.ran >= oldest)))
+        some = slice(first, None)
+        kept = [one for one in self._pieces if int(one.at.ran.max()) >= oldest]
+        kept.append(Supply(
+            new.at.take(some).settled(), *(one[some].copy() for one in (new.voltage, new.current, new.line))
+        ))  # fmt: skip
+        while len(kept) > 1 and sum(len(one.at) for one in kept) > MOST:
+            del kept[0]
+        self._pieces = kept
+
+
+def _joined(pieces: Sequence[Supply]) -> Supply:
+    at = pieces[0].at
+    for one in pieces[1:]:
+        at = at.followed_by(one.at)
+    voltage, current, line = (
+        np.concatenate(columns)
+        for columns in zip(*((one.voltage, one.current, one.line) for one in pieces), strict=True)
+    )
+    return Supply(at, voltage, current, line)
