@@ -1,0 +1,94 @@
+"""Flights compared: what broke first, how they ended, with how much throttle the vehicle flew."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+import analyzer
+from analyzer.cli import main
+from analyzer.report.comparison.rows import headline
+
+if TYPE_CHECKING:
+    from analyzer import CaptureDiff
+
+CAPTURES = Path(__file__).resolve().parents[3] / "captures"
+
+
+@cache
+def found(good: str, bad: str) -> CaptureDiff:
+    return analyzer.diff(CAPTURES / good, CAPTURES / bad)
+
+
+@pytest.mark.parametrize(
+    ("bad", "weight", "who", "what"),
+    [
+        ("zero-in-air.log", "error", 10, "all motors were commanded to stop in the air"),
+        ("propeller-lost.log", "error", 14, "lost the load of its motor: propeller"),
+        ("heavy-lift.log", "error", None, "all motors were at their limit"),
+        ("swapped-esc.log", "warning", 14, "it tipped over at take-off"),
+        ("recorder-overload.log", "warning", None, "the recorder lost frames"),
+    ],
+)
+def test_what_broke_first_is_a_difference(bad: str, weight: str, who: int | None, what: str) -> None:
+    (one, *_) = (one for one in found("hover-4.log", bad).differences if one.kind == "flight")
+    assert (one.weight, one.node, one.good, one.bad) == (weight, who, "no", "yes")
+    assert one.what.startswith(what)
+    assert one.command == f"tailbyte triage {CAPTURES / bad}"
+    assert headline(found("hover-4.log", bad))[0] == "DIFFERENT"
+
+
+def test_where_it_began() -> None:
+    (one,) = (one for one in found("hover-4.log", "zero-in-air.log").differences if one.weight == "error")
+    assert (one.frame, one.since, one.support) == (3218, "first", "well supported")
+    assert one.remark.startswith("commands go from 68 % to 0 at once")
+
+
+def test_what_only_the_first_flight_had_is_no_likeness() -> None:
+    back = found("heavy-lift.log", "hover-4.log")
+    (one,) = (one for one in back.differences if one.kind == "flight")
+    assert (one.weight, one.eased, one.good, one.bad, one.t_ns) == ("note", True, "yes", "no", None)
+    assert headline(back) == ("DIFFERENT", "nothing worse than it was, 2 notes")
+
+
+@pytest.mark.parametrize("bad", ["hover-4.log", "recording-ends.log", "power-cut.log"])
+def test_recordings_that_end_in_calm_flight_are_alike(bad: str) -> None:
+    assert not [one for one in found("hover-4.log", bad).differences if one.kind == "flight" or one.weight != "note"]
+
+
+def test_no_flight_where_there_was_one() -> None:
+    (one,) = (one for one in found("hover-4.log", "startup.log").differences if one.kind == "flight")
+    assert (one.what, one.weight, one.good, one.bad) == ("flights", "warning", "1", "none")
+    assert "how flights went: the second capture has none" in found("hover-4.log", "startup.log").cannot
+
+
+def test_the_throttle_that_one_esc_needs_beyond_the_others() -> None:
+    some = [one for one in found("hover-4.log", "propeller-lost.log").differences if one.what == "command, median"]
+    assert {one.node: one.weight for one in some} == {12: "warning", 14: "warning"}
+    (one,) = (one for one in some if one.node == 14)
+    assert (one.good_value, one.bad_value) == pytest.approx((53, 95), abs=2)
+
+
+def test_the_throttle_that_all_need() -> None:
+    (one,) = (d for d in found("hover-4.log", "heavy-lift.log").differences if d.what == "command, median")
+    assert (one.who, one.weight, one.node) == ("all 4 ESCs", "note", None)
+
+
+def test_a_beginning_ends_as_it_likes(tmp_path: Path) -> None:
+    lines = (CAPTURES / "zero-in-air.log").read_text().splitlines(keepends=True)
+    part = tmp_path / "part.log"
+    part.write_text("".join(lines[: len(lines) // 2]))
+    some = analyzer.diff(CAPTURES / "zero-in-air.log", part).differences
+    assert [(one.what, one.eased) for one in some if one.kind == "flight"] == [
+        ("all motors were commanded to stop in the air", True)
+    ]
+
+
+@pytest.mark.parametrize(("options", "code"), [([], 1), (["-Y", "ESCStatus"], 0)])
+def test_fails_on_flights(options: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [str(CAPTURES / name) for name in ("hover-4.log", "zero-in-air.log")]
+    assert main(["diff", *paths, "--fail-on", "flight", *options]) == code
+    assert ("in the air" in capsys.readouterr().out) is (code == 1)
