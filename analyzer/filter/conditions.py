@@ -252,11 +252,7 @@ class Conditions:
                 raise self.operands.fail("what a text contains stands in double quotes", right)
             part = text_value(right, self._text)
             return ValueTest(of, lambda values: _words(values).those(lambda word: part in word), every=node.every)
-        octets = (
-            text_bytes(text_value(right, self._text))
-            if isinstance(right, QuotedText)
-            else self.operands.fit(right, of.kind)
-        )
+        octets = text_bytes(right, self._text) if isinstance(right, QuotedText) else self.operands.fit(right, of.kind)
         return ValueTest(of, lambda values: _spans(values).holding(octets), every=node.every)
 
 

@@ -88,11 +88,14 @@ class Scanner:
     def _word(self, start: int) -> FilterToken:
         text = self.text
         if found := _CHARACTER.match(text, start):
-            from analyzer.filter.literals import unescaped  # noqa: PLC0415 - few filters have characters
+            from analyzer.filter.literals import BYTE, unescaped  # noqa: PLC0415 - few filters have characters
 
             letter = unescaped(found[1], self.text, start + 1)
             if len(letter) == 1:
-                return self._took("number", found, found[0])._replace(value=ord(letter))
+                code = ord(letter)
+                return self._took("number", found, found[0])._replace(
+                    value=code - BYTE if code >> 8 == BYTE >> 8 else code
+                )
             raise self.fail(
                 "one character stands between single quotes, text between double quotes", start, found.end()
             )

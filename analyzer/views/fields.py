@@ -246,6 +246,7 @@ def find(registry: Registry, name: str) -> Column:
 
 def _column(table: str, of: Message | Packet, column: str, extra: Sequence[str], name: str) -> Column:
     known = {own: own for own in (*_own(of), *extra)}
+    known |= {field: f"{field}.text" for field, note in of.notes.items() if note.text and f"{field}.text" in known}
     for field, note in of.notes.items():
         if note.name:
             known |= {note.name + own.removeprefix(field): own for own in _own(of) if _within(own, field)}
