@@ -11,6 +11,7 @@ from analyzer.decode.columns import Description
 from analyzer.facts.meaning import meaning
 from analyzer.filter.errors import FilterError, listed, near
 from analyzer.filter.fields import BYTES, FIXED, FLAG, MEANT, PRESENT, TEXT, FieldRef, Kind
+from analyzer.filter.literals import factor
 from dissectors.layout import ArrayType, CompoundType
 from dissectors.printed import printed
 from dissectors.records import replace
@@ -116,6 +117,14 @@ class FilterNames:
                 if one.value is not None:
                     found.setdefault(one.path, {})[one.value] = (one.text,)
         return found
+
+    def measured(self, ref: FieldRef, unit: str) -> str:
+        """Return a field of the same type that begins with the name of another one and is in such a unit, or ""."""
+        of = self.registry.definition(ref.tables[0]) if ref.origin == "table" else None
+        known = {} if of is None else self.columns(of)
+        meant = (name for name, one in known.items() if name.startswith(ref.column) and one.kind.unit)
+        prefix = ref.name.removesuffix(f".{ref.column}")
+        return next((f"{prefix}.{name}" for name in meant if factor(unit, known[name].kind.unit) is not None), "")
 
     def _unknown(self, name: str, text: str, start: int) -> FilterError:
         """Return the error for a name that nothing has."""

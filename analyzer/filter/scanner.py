@@ -37,7 +37,7 @@ _DOTTED = re.compile(r"\d+\.\d+(?:\.\d+)+")
 _UNIT = re.compile(r"\s*([A-Za-z\u00b0\u00b5\u03bc\u03a9][A-Za-z0-9\u00b0\u00b5\u03bc\u03a9^/]*)(?!\w|\.(?!\.)|\()")
 _WORD = re.compile(r"[^\W\d]\w*(?:\.\w+)*")
 _TEXT = re.compile(r'(r?)"((?:[^"\\]|\\.)*)"', re.DOTALL)
-_CHARACTER = re.compile(r"'((?:[^'\\]|\\.[^']*))'")
+_CHARACTER = re.compile(r"'((?:[^'\\]|\\.)*)'", re.DOTALL)
 _MARK = re.compile("|".join(re.escape(mark) for mark in OPERATORS))
 _PIECE = re.compile(r"\s*(-?\d+)?\s*(?:([:-])\s*(-?\d+)?)?\s*([,\]])")
 
