@@ -72,7 +72,9 @@ class FilterNames:
                 return FieldRef(name, "type", PRESENT, tables=tuple(tables))
             hits = [(table, found) for table in tables for found in self._ending(tables[table], rest)]
             if not hits:
-                known = [column for table in tables for column in self.columns(tables[table])]
+                known = [
+                    column for table in tables for column in (*_carried(tables[table]), *self.columns(tables[table]))
+                ]
                 prefix = ".".join(words[:cut])
                 known = sorted(dict.fromkeys(known), key=lambda column: "." in column)
                 begun = [one for one in known if one.lower().startswith(rest.lower())]
@@ -123,8 +125,8 @@ class FilterNames:
         of = self.registry.definition(ref.tables[0]) if ref.origin == "table" else None
         known = {} if of is None else self.columns(of)
         meant = (name for name, one in known.items() if name.startswith(ref.column) and one.kind.unit)
-        prefix = ref.name.removesuffix(f".{ref.column}")
-        return next((f"{prefix}.{name}" for name in meant if factor(unit, known[name].kind.unit) is not None), "")
+        found = next((name for name in meant if factor(unit, known[name].kind.unit) is not None), "")
+        return found and f"{ref.name.removesuffix(ref.column)}{found}"
 
     def _unknown(self, name: str, text: str, start: int) -> FilterError:
         """Return the error for a name that nothing has."""
@@ -219,6 +221,12 @@ class FilterNames:
         if known is None:
             known = self._columns[id(of)] = dict(_columns_of(of))
         return known
+
+
+def _carried(of: Message | Packet) -> Iterator[str]:
+    """Give the packets inside a message."""
+    family = of.packets if isinstance(of, Message) else None
+    return iter(()) if family is None else (packet.name for packet in family.packets)
 
 
 def _half(table: str) -> str:
