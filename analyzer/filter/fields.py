@@ -132,7 +132,7 @@ _WORDS = {
     "frame.time_delta_displayed delta": ("frame.time_delta",),
     "timestamp epoch": ("frame.time_epoch",),
     "esc channel motor": ("ch",),
-    "source sender from source_node source_node_id dronecan.source dronecan.source_node uavcan.src uavcan.source_node_id": (
+    "source sender from source_node source_node_id dronecan.source dronecan.source_node uavcan.source_node_id": (
         "src",
     ),
     "dest destination target to dronecan.destination uavcan.dst uavcan.destination_node_id": ("dst",),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from dissectors.kit.told import FrameNumber, Told, listed
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -43,24 +45,20 @@ def ordinal(number: int) -> str:
 
 def late_copy(frames: Sequence[int]) -> Cause:
     """Return the cause of frames that came before with these numbers, from 0."""
-    return Cause(LATE_COPY, f" of {'frame' if len(frames) == 1 else 'frames'} {_listed(frames)}")
+    return Cause(LATE_COPY, Told(f" of {'frame' if len(frames) == 1 else 'frames'} ", listed(frames)))
 
 
 def wrong_id(frames: Sequence[int]) -> Cause:
     """Return the cause of a frame with another transfer ID; of several nobody knows which."""
-    return Cause(OTHER_ID, f" in frame {' or '.join(str(number + 1) for number in frames)}")
-
-
-def _listed(frames: Sequence[int]) -> str:
-    return ", ".join(str(number + 1) for number in frames)
+    return Cause(OTHER_ID, Told(" in frame ", listed(frames, " or ")))
 
 
 def _bit(what: str) -> Callable[..., Cause]:
-    return lambda frame: Cause(what, f" (frame {frame + 1})")
+    return lambda frame: Cause(what, Told(" (frame ", FrameNumber.at(frame), ")"))
 
 
 def _too_much(what: str) -> Callable[..., Cause]:
-    return lambda *frames: Cause(what, f" (too much: {_listed(frames)})")
+    return lambda *frames: Cause(what, Told(" (too much: ", listed(frames), ")"))
 
 
 def _from(what: str) -> Callable[..., Cause]:
@@ -91,7 +89,7 @@ FORMS = (
     _form(_bit, END_BIT),
     _form(_bit, START_BIT),
     Form(OTHER_ID, lambda *frames: wrong_id(frames)),
-    Form(SWAPPED, lambda *frames: Cause(SWAPPED, f" (right order: {_listed(frames)})")),
+    Form(SWAPPED, lambda *frames: Cause(SWAPPED, Told(" (right order: ", listed(frames), ")"))),
     _form(_too_much, REPEATED),
     _form(_too_much, OTHER_SENDER),
     Form(LATE_COPY, lambda *frames: late_copy(frames)),
@@ -118,7 +116,10 @@ FORMS = (
     _form(_plain, FIRSTS),
     Form(FIRST, lambda total: Cause(FIRST, f" (of {total})")),
     Form(FIRSTS, lambda gone, total: Cause(FIRSTS, f" ({gone} of {total})")),
-    Form(SHORT_FRAME, lambda size, frame: Cause(SHORT_FRAME, f" ({size} bytes in frame {frame + 1}, TRF-012)")),
+    Form(
+        SHORT_FRAME,
+        lambda size, frame: Cause(SHORT_FRAME, Told(f" ({size} bytes in frame ", FrameNumber.at(frame), ", TRF-012)")),
+    ),
     *(_form(_plain, "") for _ in range(4)),
 )
 NOTHING, GONE, OTHER_ID_FORM, EVERY_ID_FORM, SHORT = 0, 1, 6, 13, 31
