@@ -104,3 +104,18 @@ def test_every_view(log: Path, options: list[str], lines: list[str], capsys: pyt
 def test_half_a_character_is_none(capsys: pytest.CaptureFixture[str], log: Path) -> None:
     assert main(["decode", str(log), "-Y", 'LogMessage.text == "\ud800"']) == 2
     assert "half of a surrogate pair is no character" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("form", ["json", "jsonl"])
+def test_a_text_of_digits_is_no_number(tmp_path: Path, form: str, capsys: pytest.CaptureFixture[str]) -> None:
+    bus = Bus()
+    for k, text in enumerate(("42", "1,2", "1e5")):
+        fields = {"level": {"value": 1}, "source": [], "text": list(text.encode())}
+        bus.send(k * 100_000_000, transfer("uavcan.protocol.debug.LogMessage", fields, 42, k).frames())
+    path = tmp_path / "digits.log"
+    path.write_text("".join(f"{log_line(frame)}\n" for frame, _ in bus.run()))
+    names = ["LogMessage.text", "LogMessage.text.text", "LogMessage.level.value"]
+    assert main(["decode", str(path), "-T", form, *(word for name in names for word in ("-e", name))]) == 0
+    out = capsys.readouterr().out
+    rows = json.loads(out) if form == "json" else list(map(json.loads, out.splitlines()))
+    assert [list(row.values()) for row in rows] == [[text, text, 1] for text in ("42", "1,2", "1e5")]
