@@ -92,3 +92,8 @@ def test_fails_on_flights(options: list[str], code: int, capsys: pytest.CaptureF
     paths = [str(CAPTURES / name) for name in ("hover-4.log", "zero-in-air.log")]
     assert main(["diff", *paths, "--fail-on", "flight", *options]) == code
     assert ("in the air" in capsys.readouterr().out) is (code == 1)
+
+
+def test_where_a_recording_ended_is_no_trouble_that_was_over() -> None:
+    notes = [one for one in found("hover-4.log", "zero-in-air.log").differences if one.rule == "CAP-005"]
+    assert [(one.good, one.bad, one.weight, one.eased) for one in notes] == [("1x", "none", "note", False)]

@@ -130,7 +130,7 @@ def _difference(
         good=good, bad=bad, support=support, size=round(size, 2), good_value=counts[0], bad_value=counts[1], unit="x",
         good_count=counts[0], bad_count=counts[1], since="first" if worse and first.t_ns is not None else "",
         t_ns=first.t_ns if worse else None, frame=first.frame if worse else None, rule=head.rule,
-        remark="; ".join(filter(None, (text, remark))), eased=not worse and head.severity != "note",
+        remark="; ".join(filter(None, (text, remark))), eased=not worse and head.severity != "note" and head.category != "capture",
     )  # fmt: skip
     return pair.placed(one)
 
