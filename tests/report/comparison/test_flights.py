@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
+from kit.simulated import changed as flight
 
 import analyzer
 from analyzer.cli import main
 from analyzer.report.comparison.rows import headline
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from analyzer import CaptureDiff
+    from dissectors.traffic import Sending
+
+    Compare = Callable[..., CaptureDiff]
 
 CAPTURES = Path(__file__).resolve().parents[3] / "captures"
 
@@ -65,14 +71,23 @@ def test_no_flight_where_there_was_one() -> None:
     assert "how flights went: the second capture has none" in found("hover-4.log", "startup.log").cannot
 
 
-def test_the_throttle_that_one_esc_needs_beyond_the_others() -> None:
-    some = [one for one in found("hover-4.log", "propeller-lost.log").differences if one.what == "command, median"]
-    assert {one.node: one.weight for one in some} == {12: "warning", 14: "warning"}
-    (one,) = (one for one in some if one.node == 14)
-    assert (one.good_value, one.bad_value) == pytest.approx((53, 95), abs=2)
+def pushed(sending: Sending, _: int) -> dict[str, Any]:
+    """The third ESC is commanded 15 % more than it would be."""
+    if sending.name != "RawCommand" or sending.values["cmd"][2] <= 0:
+        return {}
+    first, second, third, *more = sending.values["cmd"]
+    return {"cmd": [first, second, third + 1200, *more]}
 
 
-def test_the_throttle_that_all_need() -> None:
+def test_what_one_esc_is_commanded_beyond_the_others(compare: Compare) -> None:
+    (one,) = (one for one in compare(flight(), flight(pushed)).differences if one.what == "command, median")
+    assert (one.who, one.weight, one.remark) == ("ch3", "warning", "")
+    assert one.bad_value - one.good_value == pytest.approx(15, abs=2)
+    (back,) = (one for one in compare(flight(pushed), flight()).differences if one.what == "command, median")
+    assert (back.good, back.bad) == (one.bad, one.good)
+
+
+def test_what_all_are_commanded() -> None:
     (one,) = (d for d in found("hover-4.log", "heavy-lift.log").differences if d.what == "command, median")
     assert (one.who, one.weight, one.node) == ("all 4 ESCs", "note", None)
 

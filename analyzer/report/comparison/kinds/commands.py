@@ -1,4 +1,7 @@
-"""What ESCs are commanded while their motors are driven: what one needs beyond the others is its own."""
+"""What ESCs are commanded while their motors are driven: what one needs beyond the others is its own.
+
+The longer capture counts as long as the shorter one: who climbs needs more than who hovers.
+"""
 
 from __future__ import annotations
 
@@ -15,22 +18,18 @@ if TYPE_CHECKING:
 
     from analyzer.report.comparison.pair import Pair
     from analyzer.report.comparison.samples import EscKey, EscRows
+    from dissectors.kit import Array
 
 _WHAT = "command, median"
-_USUAL = (0.1, 0.9)  # quantiles between which a command is nothing new: a shorter flight has fewer phases
 
 
 @dataclass(frozen=True, slots=True)
 class _Driven:
-    """Medians of an ESC's command in both captures, in percent, and how many reports they are drawn from.
-
-    `new` says that each lies outside of what is usual in the other capture.
-    """
+    """Medians of an ESC's command in both captures, in percent, and how many reports they are drawn from."""
 
     good: float
     bad: float
     counts: tuple[int, int]
-    new: bool
 
     @property
     def by(self) -> float:
@@ -45,11 +44,10 @@ def differences(pair: Pair) -> Iterator[Difference]:
     common = float(np.median([one.by for one in driven.values()])) if enough else 0.0
     if abs(common) > limit:
         middle = min(driven.values(), key=lambda one: abs(one.by - common))
-        if middle.new:
-            yield Difference(
-                kind="telemetry", weight="note", who=f"all {len(driven)} ESCs", bus="", node=None,
-                remark="load, charge, or another way to fly", **_words(pair, middle, common / limit),
-            )  # fmt: skip
+        yield Difference(
+            kind="telemetry", weight="note", who=f"all {len(driven)} ESCs", bus="", node=None,
+            remark="load, charge, or another way to fly", **_words(pair, middle, common / limit),
+        )  # fmt: skip
     for key, one in driven.items():
         own = one.by - common
         if abs(own) > limit:
@@ -84,19 +82,20 @@ def _driven(pair: Pair) -> dict[EscKey, _Driven]:
         other = None if there is None else theirs.get((*there, key[2]))
         if there is None or other is None:
             continue
-        before, after = _commands(rows), _commands(other)
+        (began, before), (begun, after) = _commands(rows), _commands(other)
+        if not (len(before) and len(after)):
+            continue
+        shared = min(began[-1], begun[-1])
+        before, after = before[began <= shared], after[begun <= shared]
         if min(len(before), len(after)) >= pair.limits["reports"]:
             medians = float(np.median(before)), float(np.median(after))
-            new = _outside(medians[0], after) and _outside(medians[1], before)
-            found[(*there, key[2])] = _Driven(*medians, (len(before), len(after)), new)
+            found[(*there, key[2])] = _Driven(*medians, (len(before), len(after)))
     return found
 
 
-def _outside(value: float, commands: np.ndarray) -> bool:
-    low, high = np.quantile(commands, _USUAL)
-    return not low <= value <= high
-
-
-def _commands(rows: EscRows) -> np.ndarray:
-    command = rows.arrays()[1][:, 0]
-    return command[command > threshold("command_idle_percent")]
+def _commands(rows: EscRows) -> tuple[Array, Array]:
+    """Return the commands of a motor that is driven, and how long it has been by then, in ns."""
+    t, values = rows.arrays()
+    driven = values[:, 0] > threshold("command_idle_percent")
+    t = np.maximum.accumulate(t[driven])  # where a clock was set back
+    return t - t[:1], values[driven, 0]

@@ -124,13 +124,14 @@ def _difference(
 ) -> Difference:  # fmt: skip
     first = min(some, key=lambda one: (one.first.t_ns is None, one.first.t_ns or 0)).first
     text = head.text if head.text and head.text != head.title else ""
+    ails = head.severity != "note" and head.category != "capture"  # it is no trouble of the vehicle where a file ends
     one = Difference(
         kind="finding", weight=head.severity if worse else "note", who=head.label, bus=head.bus,
         node=head.node, what=f"{head.rule} {head.title}",
         good=good, bad=bad, support=support, size=round(size, 2), good_value=counts[0], bad_value=counts[1], unit="x",
         good_count=counts[0], bad_count=counts[1], since="first" if worse and first.t_ns is not None else "",
         t_ns=first.t_ns if worse else None, frame=first.frame if worse else None, rule=head.rule,
-        remark="; ".join(filter(None, (text, remark))), eased=not worse and head.severity != "note" and head.category != "capture",
+        remark="; ".join(filter(None, (text, remark))), eased=not worse and ails,
     )  # fmt: skip
     return pair.placed(one)
 

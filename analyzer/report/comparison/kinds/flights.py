@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from analyzer.report.comparison.matching import Node
     from analyzer.report.comparison.model import Support, Weight
     from analyzer.report.comparison.pair import Pair
-    from analyzer.report.comparison.traits import MeasuredSide
 
 _ENDS = {"cut": "recording ends", "lost": "reports end", "landed": "landed"}
 _SUPPORTS: dict[str, Support] = {"well supported": "well supported", "likely": "likely", "possible": "possible"}
@@ -92,22 +91,17 @@ def _cause(pair: Pair, one: Verdict, weight: Weight, *, in_bad: bool) -> Differe
 
 
 def _flights(pair: Pair, good: Triage, bad: Triage) -> Iterator[Difference]:
-    """Yield another number of flights; none at all matters where there was time for one."""
-    long = _length(pair.bad) > _first(pair.good, good) if good.flights and not bad.flights else False
+    """Yield another number of flights; none is one where there was time for it."""
+    if not good.flights or not bad.flights:
+        some, side, without = (bad, pair.bad, pair.good) if bad.flights else (good, pair.good, pair.bad)
+        took = (some.flights[0].first.t - (side.start or 0)) / SECOND + pair.limits["flight_late"]
+        if ((without.end or 0) - (without.start or 0)) / SECOND < took:
+            return
     yield Difference(
-        kind="flight", weight="warning" if long else "note", who="", bus="", node=None, what="flights",
+        kind="flight", weight="note" if bad.flights else "warning", who="", bus="", node=None, what="flights",
         good=str(len(good.flights) or "none"), bad=str(len(bad.flights) or "none"), support="well supported",
         good_value=len(good.flights), bad_value=len(bad.flights), remark="" if bad.flights else bad.judged,
     )  # fmt: skip
-
-
-def _length(side: MeasuredSide) -> float:
-    return ((side.end or 0) - (side.start or 0)) / SECOND
-
-
-def _first(side: MeasuredSide, found: Triage) -> float:
-    """Return after how many seconds the first flight begins."""
-    return (found.flights[0].first.t - (side.start or 0)) / SECOND
 
 
 def _end_words(found: Triage) -> str:
