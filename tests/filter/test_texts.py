@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import re
 from typing import TYPE_CHECKING
 
 import pytest
@@ -119,3 +120,32 @@ def test_a_text_of_digits_is_no_number(tmp_path: Path, form: str, capsys: pytest
     out = capsys.readouterr().out
     rows = json.loads(out) if form == "json" else list(map(json.loads, out.splitlines()))
     assert [list(row.values()) for row in rows] == [[text, text, 1] for text in ("42", "1,2", "1e5")]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["events"], ["events", "-T", "csv"], ["events", "-T", "json"], ["events", "-T", "jsonl"], ["stats", "events"],
+        ["stats", "events", "-T", "csv"], ["triage", "--story"], ["decode"], ["decode", "-V"],
+        ["decode", "-T", "fields", "-e", "LogMessage.text"], ["decode", "-T", "csv", "-e", "LogMessage.text"],
+        ["check", "--all"],
+    ],
+)  # fmt: skip
+def test_what_a_device_says_cannot_fool_a_terminal(
+    tmp_path: Path, arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = b"\x1b[31mR\x07\xe2\x80\xae\xff\x01\xc2\x85\tE"
+    fields = {"level": {"value": 3}, "source": list(b"a\x1b\x9b"), "text": list(said)}
+    bus = Bus(1_773_475_330 * 10**9)
+    for k in range(3):
+        sent = transfer("uavcan.protocol.debug.LogMessage", fields, 42, k)
+        bus.send((1_773_475_330 + k) * 10**9, sent.frames())
+    path = tmp_path / "said.log"
+    path.write_text("".join(f"{log_line(frame)}\n" for frame, _ in bus.run()))
+    command, *options = arguments
+    main(
+        [command, *(["events"] if command == "stats" else []), str(path), *(one for one in options if one != "events")]
+    )
+    out = capsys.readouterr().out
+    assert len(out) > 50
+    assert not re.search("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202e]", out)
