@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from analyzer.filter.compiled import Filter as Filter
     from analyzer.filter.compiled import compile_expression as compile_expression
     from analyzer.filter.compiled import compile_filter as compile_filter
-    from analyzer.filter.errors import FilterError as FilterError
+    from analyzer.filter.language.errors import FilterError as FilterError
 
 __all__ = ["Expression", "Filter", "FilterError", "compile_expression", "compile_filter"]
 
@@ -20,4 +20,4 @@ def __getattr__(name: str) -> Any:
 
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"analyzer.filter.{'errors' if name == 'FilterError' else 'compiled'}"), name)
+    return getattr(import_module(f"analyzer.filter.{'language.errors' if name == 'FilterError' else 'compiled'}"), name)

@@ -9,16 +9,17 @@ import pyarrow as pa
 
 from analyzer.decode.columns import Description
 from analyzer.facts.meaning import meaning
-from analyzer.filter.errors import FilterError, listed, near
 from analyzer.filter.fields import BYTES, FIXED, FLAG, MEANT, PRESENT, TEXT, FieldRef, Kind
-from analyzer.filter.literals import factor
+from analyzer.filter.language.errors import FilterError, listed, near
+from analyzer.filter.language.literals import factor
+from analyzer.filter.together import carried, same
 from dissectors.layout import ArrayType, CompoundType
 from dissectors.printed import printed
 from dissectors.records import replace
 from dissectors.schema import Message, Packet
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from analyzer.facts.meaning import Meaning
     from dissectors import Registry
@@ -31,7 +32,6 @@ _OF_PACKETS = {
     "big_endian": pa.bool_(), "decided": pa.bool_(),
 }  # fmt: skip
 UNSPECIFIED = "unspecified"  # in place of a unit that the document does not name
-_HALVES = (".Request", ".Response")
 _MANY = 1 << 16  # elements of a list whose length nobody limits
 _LONGEST = 200  # characters of a name
 _TELLING = 3  # letters of a word that can be near another one
@@ -67,13 +67,13 @@ class FilterNames:
                 continue
             rest = ".".join(words[cut:])
             if not rest:
-                if len(tables) > 1 and not _same(tables):
+                if len(tables) > 1 and not same(tables):
                     raise fail(f"{name} may be any of these", [*MEANT.get(name.lower(), ()), *sorted(tables)])
                 return FieldRef(name, "type", PRESENT, tables=tuple(tables))
             hits = [(table, found) for table in tables for found in self._ending(tables[table], rest)]
             if not hits:
                 known = [
-                    column for table in tables for column in (*_carried(tables[table]), *self.columns(tables[table]))
+                    column for table in tables for column in (*carried(tables[table]), *self.columns(tables[table]))
                 ]
                 prefix = ".".join(words[:cut])
                 known = sorted(dict.fromkeys(known), key=lambda column: "." in column)
@@ -95,7 +95,7 @@ class FilterNames:
         columns = {(found.column, found.path) for _, found in hits}
         if len(columns) > 1:
             raise fail(f"{name} may be any of these", [f"{table}.{found.name}" for table, found in hits])
-        if len(hits) > 1 and not _same({table: None for table, _ in hits}):
+        if len(hits) > 1 and not same({table: None for table, _ in hits}):
             raise fail(f"{name} may be any of these", [f"{table}.{found.name}" for table, found in hits])
         first = self._worded(*hits[0])
         return FieldRef(
@@ -137,6 +137,7 @@ class FilterNames:
         meant += [one for one in ends if last == name and one not in meant]
         meant = meant or near(name, known) or ends
         meant = meant or (near(last, [k for k in known if "." not in k]) if len(last) >= _TELLING else [])
+        meant = meant or [one for one in known if f".{name.lower()}." in one.lower()]  # of a vendor
         reason = f"no field or type is called {name!r}"
         reason += f"; did you mean {listed(meant)}?" if meant else "; tailbyte fields lists them"
         return FilterError(reason, text, start, start + len(name), meant)
@@ -221,29 +222,6 @@ class FilterNames:
         if known is None:
             known = self._columns[id(of)] = dict(_columns_of(of))
         return known
-
-
-def _carried(of: Message | Packet) -> Iterator[str]:
-    """Give the packets inside a message."""
-    family = of.packets if isinstance(of, Message) else None
-    return iter(()) if family is None else (packet.name for packet in family.packets)
-
-
-def _half(table: str) -> str:
-    for half in _HALVES:
-        if table.endswith(half):
-            return table.removesuffix(half)
-    return table
-
-
-def _same(tables: Mapping[str, object]) -> bool:
-    """Return whether tables are of one type: halves of a service, or a packet in several messages."""
-    names = {_half(table) for table in tables}
-    return len(names) == 1 or (
-        len({name.rpartition(".")[2] for name in names}) == 1
-        and all("." in n for n in names)
-        and not any(n.count(".") > 1 for n in names)
-    )
 
 
 def _columns_of(of: Message | Packet) -> Iterator[tuple[str, FieldRef]]:

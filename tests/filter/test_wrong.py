@@ -30,6 +30,8 @@ WRONG = [
     ("ESCStatus.temperature > «100 degC»", "did you mean ESCStatus.temperature_celsius"),
     ("finding.rule == «TRF-003»", "put what it is compared with in double quotes"),
     ("ESCStatus.mode == «'idle'»", "one character stands between single quotes"),
+    ("«hobbywing»", "did you mean com.hobbywing.esc."),
+    ("PUSHSCI.«FocControl.mode» == 3", "it has: SetZero, FocParameters, FocQuery, OutputControl"),
     ("frame.number == «10 %»", "for the remainder write mod"),
     ("frame.number == 10 «%» 3", "for the remainder write mod"),
     ('ESCStatus.voltage == «"high"»', "the field is a number in V, not text"),
