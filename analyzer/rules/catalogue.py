@@ -14,7 +14,7 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, cast
 
 from dissectors.keys.pages import CATEGORIES, PAGE, PAGES
-from dissectors.kit.told import filled
+from dissectors.kit.frame_text import filled
 from dissectors.pages import files_in, page_files, read_pages
 from dissectors.records import dataclass
 

@@ -9,7 +9,7 @@ from bisect import bisect_left, insort
 from typing import TYPE_CHECKING, NamedTuple
 
 from dissectors.kit import SECOND
-from dissectors.kit.told import Told
+from dissectors.kit.frame_text import FrameText
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Shown(NamedTuple):
 
     def placed(self, places: Places) -> Shown:
         """Return it with the places in the capture of frames that were picked from there; in its text, too."""
-        text = self.text.moved(places.of) if isinstance(self.text, Told) else self.text
+        text = self.text.moved(places.of) if isinstance(self.text, FrameText) else self.text
         return self._replace(frame=places.of(self.frame), text=text, frames=tuple(map(places.of, self.frames)))
 
 

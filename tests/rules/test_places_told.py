@@ -11,7 +11,7 @@ import pytest
 from analyzer.decode.places import Places
 from analyzer.rules.diagnosis.causes import Cause, late_copy, wrong_id
 from analyzer.rules.runs import OccurrenceRun, Shown
-from dissectors.kit.told import FrameNumber, Told, filled, listed
+from dissectors.kit.frame_text import FrameNumber, FrameText, filled, listed
 
 TEXT = "frame {frame} repeats frames {others}, {late} frames late {{}} {name!r:>5}"
 VALUES = {"frame": FrameNumber.at(0), "others": listed((1, 11), " and "), "late": 7, "name": "n"}
@@ -54,12 +54,12 @@ def test_they_read_as_any_text(values: Mapping[str, Any]) -> None:
 )
 def test_causes_know_their_frames(cause: Cause, detail: str) -> None:
     assert cause.detail == detail
-    assert isinstance(cause.detail, Told)
-    assert "15" in Told(": ", cause.detail, "!").moved(lambda place: place + 10)
+    assert isinstance(cause.detail, FrameText)
+    assert "15" in FrameText(": ", cause.detail, "!").moved(lambda place: place + 10)
 
 
 @pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda told: pickle.loads(pickle.dumps(told))])
 def test_copies_know_them_too(again: Any) -> None:
-    told = again(Told("frame ", FrameNumber.at(6), " came late"))
+    told = again(FrameText("frame ", FrameNumber.at(6), " came late"))
     assert told == "frame 7 came late"
     assert told.moved(lambda place: place + 1) == "frame 8 came late"

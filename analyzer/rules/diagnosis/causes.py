@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from dissectors.kit.told import FrameNumber, Told, listed
+from dissectors.kit.frame_text import FrameNumber, FrameText, listed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -45,20 +45,20 @@ def ordinal(number: int) -> str:
 
 def late_copy(frames: Sequence[int]) -> Cause:
     """Return the cause of frames that came before with these numbers, from 0."""
-    return Cause(LATE_COPY, Told(f" of {'frame' if len(frames) == 1 else 'frames'} ", listed(frames)))
+    return Cause(LATE_COPY, FrameText(f" of {'frame' if len(frames) == 1 else 'frames'} ", listed(frames)))
 
 
 def wrong_id(frames: Sequence[int]) -> Cause:
     """Return the cause of a frame with another transfer ID; of several nobody knows which."""
-    return Cause(OTHER_ID, Told(" in frame ", listed(frames, " or ")))
+    return Cause(OTHER_ID, FrameText(" in frame ", listed(frames, " or ")))
 
 
 def _bit(what: str) -> Callable[..., Cause]:
-    return lambda frame: Cause(what, Told(" (frame ", FrameNumber.at(frame), ")"))
+    return lambda frame: Cause(what, FrameText(" (frame ", FrameNumber.at(frame), ")"))
 
 
 def _too_much(what: str) -> Callable[..., Cause]:
-    return lambda *frames: Cause(what, Told(" (too much: ", listed(frames), ")"))
+    return lambda *frames: Cause(what, FrameText(" (too much: ", listed(frames), ")"))
 
 
 def _from(what: str) -> Callable[..., Cause]:
@@ -89,7 +89,7 @@ FORMS = (
     _form(_bit, END_BIT),
     _form(_bit, START_BIT),
     CauseForm(OTHER_ID, lambda *frames: wrong_id(frames)),
-    CauseForm(SWAPPED, lambda *frames: Cause(SWAPPED, Told(" (right order: ", listed(frames), ")"))),
+    CauseForm(SWAPPED, lambda *frames: Cause(SWAPPED, FrameText(" (right order: ", listed(frames), ")"))),
     _form(_too_much, REPEATED),
     _form(_too_much, OTHER_SENDER),
     CauseForm(LATE_COPY, lambda *frames: late_copy(frames)),
@@ -120,7 +120,9 @@ FORMS = (
     CauseForm(FIRSTS, lambda gone, total: Cause(FIRSTS, f" ({gone} of {total})")),
     CauseForm(
         SHORT_FRAME,
-        lambda size, frame: Cause(SHORT_FRAME, Told(f" ({size} bytes in frame ", FrameNumber.at(frame), ", TRF-012)")),
+        lambda size, frame: Cause(
+            SHORT_FRAME, FrameText(f" ({size} bytes in frame ", FrameNumber.at(frame), ", TRF-012)")
+        ),
     ),
     *(_form(_plain, "") for _ in range(4)),
 )

@@ -17,7 +17,7 @@ from analyzer.rules.transfers.out_of_order import preceding
 from analyzer.rules.view import MESSAGE, node_of
 from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrences, rule
-from dissectors.kit.told import FrameNumber, Told
+from dissectors.kit.frame_text import FrameNumber, FrameText
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -214,7 +214,7 @@ def _in_turn(view: View, row: int) -> Values:
     if known and len(known) == len(inside[:_MOST]):
         copy = late_copy([number for number in known if number is not None])
         right = ", the CRC is right without" if view.transfers.status[row] == _OK else ""
-        return {**values, "why": Told(f": {copy.what}", copy.detail, f" inside{right}")}
+        return {**values, "why": FrameText(f": {copy.what}", copy.detail, f" inside{right}")}
     # No other transfer of several frames begins in between, and without these frames the CRC is right.
     if (
         others

@@ -11,7 +11,7 @@ from analyzer.rules.frames.type_conflicts import types_of
 from analyzer.rules.view import node_of
 from analyzer.tables import TAIL_TOGGLE
 from dissectors.kit import Occurrence
-from dissectors.kit.told import FrameNumber, Told
+from dissectors.kit.frame_text import FrameNumber, FrameText
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -77,7 +77,7 @@ def occurrence(view: View, one: Incomplete, cause: Cause, further: Iterable[int]
 
 def values_of(view: View, one: Incomplete, cause: Cause) -> Values:
     """Return what the text of its rule is filled with."""
-    why = {"cause": cause.what, "why": Told(f": {cause.what}", cause.detail)}
+    why = {"cause": cause.what, "why": FrameText(f": {cause.what}", cause.detail)}
     if one.rule == SEQUENCE:
         return {"cause": cause.what, "detail": cause.detail, "frame": FrameNumber.at(_break_at(view, one.frames))}
     if one.rule == CUT:
@@ -106,11 +106,11 @@ def turned_bit(one: Incomplete) -> Cause:
     if place is None or place.frame >= len(one.frames):
         return Cause(checksums.CORRUPTED)
     frame = FrameNumber.at(one.frames[place.frame])
-    return Cause(checksums.CORRUPTED, Told(f" (one bit turned in byte {place.byte} of frame ", frame, ")"))
+    return Cause(checksums.CORRUPTED, FrameText(f" (one bit turned in byte {place.byte} of frame ", frame, ")"))
 
 
 def corrupted(wire: int, here: int, length: int, frames: Sequence[int], *, fd: bool) -> Values:
     """Return what is said of a transfer whose CRC is `wire` and should be `here`, if nothing but its bytes is known."""
     one = Incomplete(CHECKSUM, 0, 0, 0, 0, fd, frames, wire, here, bytes(length), length, 0)
     cause = turned_bit(one)
-    return {"crc_wire": wire, "crc_here": here, "cause": cause.what, "why": Told(f": {cause.what}", cause.detail)}
+    return {"crc_wire": wire, "crc_here": here, "cause": cause.what, "why": FrameText(f": {cause.what}", cause.detail)}
