@@ -58,6 +58,7 @@ class Profile:
         self.reader = NoteReader({name: table.table("enum").texts(name) for name in table.table("enum").body})
         self._names: dict[str, str] = {}  # full type name -> name in tables
         self._built: dict[tuple[MessageKind, str], Message] = {}
+        self._having: dict[str, tuple[Message, ...]] = {}
         listed = [(name, body) for kind in KINDS for name, body in table.tables(kind)]
         for name, body in listed:
             self._add_file(name, body)
@@ -133,11 +134,12 @@ class Profile:
             self._built[key] = self._build(kind, self.namespace.compile(full_name))
         return self._built[key]
 
-    def having(self, key: str) -> Iterator[Message]:
-        """Yield the messages that have a key, such as `packets`; only these are built."""
-        for name, body in self.table.tables("message"):
-            if key in body.body:
-                yield self.message("message", body.string("type") or name)
+    def having(self, key: str) -> tuple[Message, ...]:
+        """Return the messages that have a key, such as `packets`; only these are built, and once."""
+        if key not in self._having:  # lists ask it of every batch
+            some = (body.string("type") or name for name, body in self.table.tables("message") if key in body.body)
+            self._having[key] = tuple(self.message("message", name) for name in some)
+        return self._having[key]
 
     def dissector(self) -> Dissector:
         """Return everything the folder offers, compiled and checked: the first mistake in any file is raised."""

@@ -10,6 +10,7 @@ from analyzer.app.criteria import Criteria
 from analyzer.app.judged import JudgedRun
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
+from analyzer.app.triage import RunTriage
 from analyzer.app.version import UNKNOWN, version
 from analyzer.report.comparison.compare import compare
 from analyzer.report.comparison.failing import DiffGate
@@ -28,21 +29,38 @@ if TYPE_CHECKING:
     Name = str | PathLike[str]
 
 
-def measured(
-    judged: JudgedRun, traits: Traits, over: Callable[[Iterable[Measured]], Iterable[Measured]] = iter
-) -> None:
-    """Read a run to its end, under its rules and into the traits; `over` is told of each batch.
+class MeasuredRun:
+    """A run that is measured for a comparison: under the rules, into the traits, and under the eyes of triage.
 
-    What cannot be opened raises `CaptureError`; what is damaged is measured as far as it can be read.
+    What a filter leaves tells nothing of a flight, so nobody looks at that.
+
+    Args:
+        run: not read yet.
+        criteria: of the same types.
     """
-    for batch, _ in over(judged.batches(judged.run.inside(alone=judged.run.chosen is not None))):
-        traits.feed(batch)
 
+    def __init__(self, run: Run, criteria: Criteria) -> None:
+        self._run, self._criteria = run, criteria
+        self._judged, self._traits = JudgedRun(run, criteria), Traits(run.registry, criteria.settings)
+        self._looked = RunTriage(run) if run.chosen is None else None
 
-def finished(judged: JudgedRun, traits: Traits, criteria: Criteria) -> MeasuredSide:
-    """Return what is compared of a run that has been read, or could not be opened."""
-    one = judged.taken(judged.run.source.name)
-    return MeasuredSide(traits, one.checked.facts, criteria.report([one]))
+    def read(self, over: Callable[[Iterable[Measured]], Iterable[Measured]] = iter) -> None:
+        """Read it to its end; `over` is told of each batch.
+
+        What cannot be opened raises `CaptureError`; what is damaged is measured as far as it can be read.
+        """
+        for batch, _ in over(self._judged.batches(self._run.inside(alone=self._run.chosen is not None))):
+            self._traits.feed(batch)
+            if self._looked is not None:
+                self._looked.feed(batch)
+
+    def side(self) -> MeasuredSide:
+        """Return what is compared of it, after it has been read or could not be opened."""
+        found = None if self._looked is None else self._looked.found()
+        one, window = self._judged.taken(self._run.source.name, triage=found), self._run.request.window
+        return MeasuredSide(
+            self._traits, one.checked.facts, self._criteria.report([one]), not (window.leaves_off or window.cuts_in)
+        )
 
 
 def tool() -> str:
@@ -92,7 +110,7 @@ def diff(
     sides = []
     for asked in (request, replace(request, captures=(given(bad),))):
         criteria = Criteria(rules, registry)
-        judged, traits = JudgedRun(Run(asked, registry=registry), criteria), Traits(registry, criteria.settings)
-        measured(judged, traits)
-        sides.append(finished(judged, traits, criteria))
+        measured = MeasuredRun(Run(asked, registry=registry), criteria)
+        measured.read()
+        sides.append(measured.side())
     return compare(sides[0], sides[1], gate, tool())

@@ -47,8 +47,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     group = rules.add_choice(parser, "rules")
     group.add_argument(
         "--fail-on", dest="fails", action="append", default=[], metavar="WHAT",
-        help="exit status 1 for: any difference, error, warning (or worse), note, a kind (node, exchange, hardware, "
-        "firmware, reading, parameter, rate, loss, telemetry, finding, bus); comma-separated; never, the default",
+        help="exit status 1 for: any difference, error, warning (or worse), note, a kind (flight, node, exchange, "
+        "hardware, firmware, reading, parameter, rate, loss, telemetry, finding, bus); comma-separated; never: default",
     )  # fmt: skip
     group.add_argument("--bitrate", type=options.positive, metavar="BITS", help="of the bus, per second")
     reports.add(parser, forms=FORMATS, everything="every difference by itself, matched nodes and limits")
@@ -146,23 +146,21 @@ class _WantedDiff:
 
     def _take(self, request: Request) -> tuple[MeasuredSide, Run]:
         """Measure one capture. Complaints have been made when this is back."""
-        from analyzer.app.diff import finished, measured  # noqa: PLC0415
-        from analyzer.app.judged import JudgedRun  # noqa: PLC0415
+        from analyzer.app.diff import MeasuredRun  # noqa: PLC0415
         from analyzer.cli.complaints import Complaints  # noqa: PLC0415
         from analyzer.cli.reading import reading, watched  # noqa: PLC0415
-        from analyzer.report.comparison.traits import Traits  # noqa: PLC0415
 
-        complaints, traits = Complaints(), Traits(self._criteria.registry, self._criteria.settings)
+        complaints = Complaints()
         with reading(request, complaints, self._criteria.registry) as run:
             options.choose(run)
-            judged = JudgedRun(run, self._criteria)
+            measured = MeasuredRun(run, self._criteria)
             with watched(run.source, complaints) as progress:
-                measured(judged, traits, progress.over)
+                measured.read(progress.over)
         if run.state == "refused":
             raise SystemExit(status.USAGE)
         if run.stopped:  # half of a capture is no side of a comparison
             raise SystemExit(status.INTERRUPTED)
-        return finished(judged, traits, self._criteria), run
+        return measured.side(), run
 
 
 def _two(names: list[str]) -> list[str]:

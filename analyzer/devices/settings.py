@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from analyzer.facts.meaning import meaning
+from dissectors.kit.cells import text_of
 
 if TYPE_CHECKING:
     from dissectors import Registry
@@ -39,7 +40,7 @@ def given(value: Any) -> Any:
     """Return what a value of the standard's `GetSet` holds; None if it is empty."""
     cells = [value.get(one) for one in VALUES] if isinstance(value, dict) else []
     told = next((one for one in cells if one is not None), None)
-    return bytes(told).decode("utf-8", "backslashreplace") if isinstance(told, list) else told
+    return text_of(bytes(told)) if isinstance(told, list) else told
 
 
 def written(value: Any) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from analyzer.facts.node_status import NODE_INFO
-from dissectors.kit.cells import pylist
+from dissectors.kit.cells import pylist, text_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,5 +37,5 @@ def _text(value: Any) -> str:
     if isinstance(value, list):
         value = bytes(value)
     if isinstance(value, bytes):
-        value = value.partition(b"\0")[0].decode("utf-8", "backslashreplace")
+        value = text_of(value)
     return str(value or "")[:MOST_NAME]

@@ -20,4 +20,4 @@ def __getattr__(name: str) -> Any:
 
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"analyzer.filter.{'errors' if name == 'FilterError' else 'compiled'}"), name)
+    return getattr(import_module(f"analyzer.filter.{'language.errors' if name == 'FilterError' else 'compiled'}"), name)

@@ -75,11 +75,10 @@ class ChannelsOf:
             if plot.who.elements:
                 named |= context.of_type(plot.table)  # speaks of many: of none in particular
             table = context.batch.messages.get(plot.table) if plot.who.column and plot.who.first == 1 else None
-            if table is not None:
-                named |= context.of_type(plot.table)
+            if table is not None:  # what is broken, and names none, is its node's
                 rows, key = keyed(table, plot.who)
                 at = (numbers(rows.column("transfer")) - np.uint64(context.batch.first_transfer)).astype(np.int64)
-                found[at] = (key & _NUMBER) + plot.who.first
+                found[at], named[at] = (key & _NUMBER) + plot.who.first, True
         node = numbers(transfers.column("bus")).astype(np.int64) << 8 | numbers(transfers.column("src"))
         place = np.arange(len(transfers)) + context.batch.first_transfer
         known, told, _ = self._known.ask(node, place)

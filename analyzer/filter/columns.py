@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from analyzer.filter.history import spans_of
 from analyzer.filter.values import ByteSpans, CodedWords, Values
-from dissectors.kit.cells import numbers, valid
+from dissectors.kit.cells import numbers, text_of, valid
 
 if TYPE_CHECKING:
     from analyzer.filter.fields import FieldRef
@@ -59,17 +59,11 @@ def _data(array: pa.Array, ref: FieldRef) -> Array | CodedWords | ByteSpans:
     if pa.types.is_list(kind):
         if ref.kind.sort == "bytes":
             return spans_of(array)
-        texts = [_text(one) for one in spans_of(array).each()]
+        texts = [text_of(one) for one in spans_of(array).each()]
         words = sorted(set(texts))
         places = {word: k for k, word in enumerate(words)}
         return CodedWords(np.array([places[text] for text in texts], np.int64), words)
     return numbers(array) if len(array) else np.zeros(0, np.int64)
-
-
-def _text(raw: bytes) -> str:
-    """Return bytes of a structure as the core shows those of a column: up to the first NUL, if all can be printed."""
-    text = raw.partition(b"\0")[0].rstrip()
-    return text.decode("ascii") if all(0x20 <= b < 0x7F for b in text) else raw.hex().upper()
 
 
 def streams(table: pa.RecordBatch, number: int) -> Array:

@@ -149,6 +149,8 @@ class Conditions:
                 self.operands.make(left)
             left, right, op = right, left, _TURNED.get(op, op)
         of = self._side(left, op)
+        if of.kind.sort == "text" and isinstance(right, Arithmetic):  # TRF-003 is one, as it is written
+            raise self.operands.fail("the field is text: put what it is compared with in double quotes", right)
         if self.operands.literal(right) or self._constant(right) or (isinstance(right, Word) and names_type(of)):
             return self._with_constant(of, right, op, every=node.every)
         other = self._side(right, op)
@@ -202,6 +204,8 @@ class Conditions:
 
     def _fit(self, node: Syntax, of: ValueNode, *, code: bool) -> Any:
         """Return a value that fits a side; with `code` it is one that the field can have, as far as that is known."""
+        if isinstance(of, FieldNode):
+            self.operands.measured(of.ref, node)
         if not code or not isinstance(of, FieldNode) or of.kind.sort != "text":
             return self.operands.fit(node, of.kind, code=code)
         value = self.operands.fit(node, of.kind, code=True)
@@ -252,11 +256,7 @@ class Conditions:
                 raise self.operands.fail("what a text contains stands in double quotes", right)
             part = text_value(right, self._text)
             return ValueTest(of, lambda values: _words(values).those(lambda word: part in word), every=node.every)
-        octets = (
-            text_bytes(text_value(right, self._text))
-            if isinstance(right, QuotedText)
-            else self.operands.fit(right, of.kind)
-        )
+        octets = text_bytes(right, self._text) if isinstance(right, QuotedText) else self.operands.fit(right, of.kind)
         return ValueTest(of, lambda values: _spans(values).holding(octets), every=node.every)
 
 

@@ -223,7 +223,7 @@ class Constants:
         if isinstance(node, Octets):
             return node.value
         if isinstance(node, QuotedText):
-            return text_bytes(text_value(node, self.text))
+            return text_bytes(node, self.text)
         if one := self.octet(node):
             return bytes([int(one.value)])
         raise self.fail("the field is bytes: they are written 0a:ff, one alone 0a or 0x0a", node)

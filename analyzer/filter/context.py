@@ -189,7 +189,7 @@ class BatchContext:
         """Return a column of frames by their numbers from 0, and which have it."""
         made: dict[str, Callable[[Array], FrameColumn]] = {
             "number": lambda at: (self.memory.numbering.of_all(at), None),
-            "data": self.memory.history.data,
+            "data": self._octets,
             "len": self._lengths,
             "delta": lambda at: self.memory.deltas.of_frames(self, at),
         }
@@ -202,6 +202,12 @@ class BatchContext:
         if column == "flags":
             return found & _FLAGS[name] != 0, has
         return (self._buses(found) if name == "bus" else self._time(name, found) if column == "t" else found), has
+
+    def _octets(self, places: Array) -> FrameColumn:
+        """Return the bytes of frames; one without any has no such field, as in tshark."""
+        spans, has = self.memory.history.data(places)
+        some = spans.lengths > 0
+        return spans, some if has is None else has & some
 
     def _lengths(self, places: Array) -> FrameColumn:
         spans, has = self.memory.history.data(places)

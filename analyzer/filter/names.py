@@ -11,13 +11,15 @@ from analyzer.decode.columns import Description
 from analyzer.facts.meaning import meaning
 from analyzer.filter.fields import BYTES, FIXED, FLAG, MEANT, PRESENT, TEXT, FieldRef, Kind
 from analyzer.filter.language.errors import FilterError, listed, near
+from analyzer.filter.language.literals import factor
+from analyzer.filter.together import carried, same
 from dissectors.layout import ArrayType, CompoundType
 from dissectors.printed import printed
 from dissectors.records import replace
 from dissectors.schema import Message, Packet
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from analyzer.facts.meaning import Meaning
     from dissectors import Registry
@@ -30,7 +32,6 @@ _OF_PACKETS = {
     "big_endian": pa.bool_(), "decided": pa.bool_(),
 }  # fmt: skip
 UNSPECIFIED = "unspecified"  # in place of a unit that the document does not name
-_HALVES = (".Request", ".Response")
 _MANY = 1 << 16  # elements of a list whose length nobody limits
 _LONGEST = 200  # characters of a name
 _TELLING = 3  # letters of a word that can be near another one
@@ -66,12 +67,14 @@ class FilterNames:
                 continue
             rest = ".".join(words[cut:])
             if not rest:
-                if len(tables) > 1 and not _same(tables):
+                if len(tables) > 1 and not same(tables):
                     raise fail(f"{name} may be any of these", [*MEANT.get(name.lower(), ()), *sorted(tables)])
                 return FieldRef(name, "type", PRESENT, tables=tuple(tables))
             hits = [(table, found) for table in tables for found in self._ending(tables[table], rest)]
             if not hits:
-                known = [column for table in tables for column in self.columns(tables[table])]
+                known = [
+                    column for table in tables for column in (*carried(tables[table]), *self.columns(tables[table]))
+                ]
                 prefix = ".".join(words[:cut])
                 known = sorted(dict.fromkeys(known), key=lambda column: "." in column)
                 begun = [one for one in known if one.lower().startswith(rest.lower())]
@@ -92,7 +95,7 @@ class FilterNames:
         columns = {(found.column, found.path) for _, found in hits}
         if len(columns) > 1:
             raise fail(f"{name} may be any of these", [f"{table}.{found.name}" for table, found in hits])
-        if len(hits) > 1 and not _same({table: None for table, _ in hits}):
+        if len(hits) > 1 and not same({table: None for table, _ in hits}):
             raise fail(f"{name} may be any of these", [f"{table}.{found.name}" for table, found in hits])
         first = self._worded(*hits[0])
         return FieldRef(
@@ -117,6 +120,14 @@ class FilterNames:
                     found.setdefault(one.path, {})[one.value] = (one.text,)
         return found
 
+    def measured(self, ref: FieldRef, unit: str) -> str:
+        """Return a field of the same type that begins with the name of another one and is in such a unit, or ""."""
+        of = self.registry.definition(ref.tables[0]) if ref.origin == "table" else None
+        known = {} if of is None else self.columns(of)
+        meant = (name for name, one in known.items() if name.startswith(ref.column) and one.kind.unit)
+        found = next((name for name in meant if factor(unit, known[name].kind.unit) is not None), "")
+        return found and f"{ref.name.removesuffix(ref.column)}{found}"
+
     def _unknown(self, name: str, text: str, start: int) -> FilterError:
         """Return the error for a name that nothing has."""
         known = [*FIXED, *self.registry.names()]
@@ -126,6 +137,7 @@ class FilterNames:
         meant += [one for one in ends if last == name and one not in meant]
         meant = meant or near(name, known) or ends
         meant = meant or (near(last, [k for k in known if "." not in k]) if len(last) >= _TELLING else [])
+        meant = meant or [one for one in known if f".{name.lower()}." in one.lower()]  # of a vendor
         reason = f"no field or type is called {name!r}"
         reason += f"; did you mean {listed(meant)}?" if meant else "; tailbyte fields lists them"
         return FilterError(reason, text, start, start + len(name), meant)
@@ -210,23 +222,6 @@ class FilterNames:
         if known is None:
             known = self._columns[id(of)] = dict(_columns_of(of))
         return known
-
-
-def _half(table: str) -> str:
-    for half in _HALVES:
-        if table.endswith(half):
-            return table.removesuffix(half)
-    return table
-
-
-def _same(tables: Mapping[str, object]) -> bool:
-    """Return whether tables are of one type: halves of a service, or a packet in several messages."""
-    names = {_half(table) for table in tables}
-    return len(names) == 1 or (
-        len({name.rpartition(".")[2] for name in names}) == 1
-        and all("." in n for n in names)
-        and not any(n.count(".") > 1 for n in names)
-    )
 
 
 def _columns_of(of: Message | Packet) -> Iterator[tuple[str, FieldRef]]:

@@ -17,6 +17,7 @@ from dissectors.records import replace
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
+    from analyzer.filter.fields import FieldRef
     from analyzer.filter.language.syntax import Syntax
     from analyzer.filter.names import FilterNames
     from dissectors.kit import Array
@@ -140,6 +141,14 @@ class Operands(Constants):
                 ConstantNode(replace(unit, unit=value.unit and unit.unit, whole=isinstance(number, int)), number)
             )
         return sides[0], sides[1]
+
+    def measured(self, ref: FieldRef, node: Syntax) -> None:
+        """Raise `FilterError` for a unit behind a number where a field has none, and one beside it has such."""
+        if ref.kind.unit or not isinstance(node, Number) or not node.unit:
+            return
+        if other := self.names.measured(ref, node.unit):
+            reason = f"{node.unit} does not fit: the field has no unit; did you mean {other}?"
+            raise self.fail(reason, node, (other,))
 
     def seconds(self, of: ValueNode) -> ValueNode:
         """Return times as seconds, everything else as it is."""

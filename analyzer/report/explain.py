@@ -122,7 +122,7 @@ def _need(word: str) -> str:
     if kind == "pair":
         return " answered by ".join(name.split(">"))
     if kind == "demand":
-        return f"what {name} waits for"
+        return f"demand of {name} that came due"
     return f"{kind} {name}" if kind not in ("", "type") else name
 
 

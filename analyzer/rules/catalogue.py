@@ -14,6 +14,7 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, cast
 
 from dissectors.keys.pages import CATEGORIES, PAGE, PAGES
+from dissectors.kit.frame_text import filled
 from dissectors.pages import files_in, page_files, read_pages
 from dissectors.records import dataclass
 
@@ -73,7 +74,7 @@ class Page:
 
     def say(self, values: Values) -> str:
         """Say what is wrong, in a line."""
-        return self.text.format_map(values)
+        return filled(self.text, values)
 
     def say_episode(self, values: Values) -> str:
         """Say in a line what lasted, with its onset and what was worst; only what it was if neither is of interest."""
@@ -81,7 +82,7 @@ class Page:
             values.get(name.removeprefix("worst_")) == value for name, value in values.items() if name[:6] == "worst_"
         ):
             return self.say(values)
-        return (self.episode or self.text).format_map(values)
+        return filled(self.episode or self.text, values)
 
     def key_of(self, values: Values) -> str:
         """Return what keeps this finding apart from others of the same rule, node and type."""

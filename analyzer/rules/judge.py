@@ -79,7 +79,6 @@ class Judge:
         self._labels: dict[tuple[int, int], str] = {}
         made = discovery.new_rules(registry, self.enabled, conformances)
         self._rules = [one for one in made if not self.enabled.keys().isdisjoint(one.rules)]
-        self._worded = frozenset(own.pages) if own is not None else frozenset()  # rules whose texts are somebody's own
         self._own = None if own is None else _own_judge(own, self.enabled, registry)
         self._places: Places | None = None
 
@@ -141,7 +140,7 @@ class Judge:
     def _placed(self, runs: Iterable[tuple[FindingKey, OccurrenceRun]]) -> Iterator[tuple[FindingKey, OccurrenceRun]]:
         """Yield the runs with frames numbered as in the capture that they were picked from."""
         for key, run in runs:
-            yield key, run if self._places is None else run.placed(self._places, texts=key.rule not in self._worded)
+            yield key, run if self._places is None else run.placed(self._places)
 
     def _take(self, found: Iterable[Occurrences | Occurrence], view: View) -> None:
         for one in found:

@@ -5,11 +5,11 @@ Where another finding may explain a part of them, they are kept in pieces of som
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_left, insort
 from typing import TYPE_CHECKING, NamedTuple
 
 from dissectors.kit import SECOND
+from dissectors.kit.frame_text import FrameText
 from dissectors.records import dataclass, field
 
 if TYPE_CHECKING:
@@ -23,9 +23,6 @@ PIECE = 10 * SECOND
 _PAST = 60 * SECOND  # after so long no cause is found any more
 MOST_EXAMPLES = 20
 MOST_RUNS = 100  # of one rule, node, type and key; later ones belong to the last
-# Where texts of rules name frames: `frame 7`, `frames 7 and 9`, `(right order: 7, 9)`.
-_NAMED = re.compile(r"\b(?:frames?|right order:|too much:) \d+(?:(?:, | and | or | )\d+)*")
-_NUMBER = re.compile(r"\d+")
 
 
 class Shown(NamedTuple):
@@ -38,16 +35,9 @@ class Shown(NamedTuple):
     frames: tuple[int, ...]
     lines: tuple[str, ...]
 
-    def placed(self, places: Places, *, texts: bool) -> Shown:
-        """Return it with the places in the capture of frames that were picked from there; in its text, too, if `texts`.
-
-        What a vehicle file says in its own words names frames as they are numbered in the capture, if at all.
-        """
-
-        def renumbered(named: re.Match[str]) -> str:
-            return _NUMBER.sub(lambda number: str(places.of(int(number[0]) - 1) + 1), named[0])
-
-        text = _NAMED.sub(renumbered, self.text) if texts else self.text
+    def placed(self, places: Places) -> Shown:
+        """Return it with the places in the capture of frames that were picked from there; in its text, too."""
+        text = self.text.moved(places.of) if isinstance(self.text, FrameText) else self.text
         return self._replace(frame=places.of(self.frame), text=text, frames=tuple(map(places.of, self.frames)))
 
 
@@ -67,11 +57,11 @@ class OccurrenceRun:
         episode = None if self.episode is None else self.episode.copy()
         return OccurrenceRun(self.first, self.last, self.count, list(self.examples), episode, self.text)
 
-    def placed(self, places: Places, *, texts: bool) -> OccurrenceRun:
+    def placed(self, places: Places) -> OccurrenceRun:
         """Return it with the places in the capture of frames that were picked from there."""
         found = self.copy()
         found.first, found.last = ((t, places.of(frame)) for t, frame in (self.first, self.last))
-        found.examples = [one.placed(places, texts=texts) for one in self.examples]
+        found.examples = [one.placed(places) for one in self.examples]
         return found
 
     def take(self, other: OccurrenceRun) -> None:

@@ -10,7 +10,7 @@ from analyzer.views.fields import fixed
 from analyzer.views.records import csv_word
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
     from analyzer.decode.engine import Batch
     from analyzer.views.formats import Writer
@@ -28,11 +28,12 @@ class ChosenRecords:
         lines: writes the fields, separated by tabs.
         names: what they are called.
         form: csv, json or jsonl.
+        texts: those of the names that are of texts, whatever these look like.
     """
 
-    def __init__(self, lines: Writer, names: Sequence[str], form: str) -> None:
+    def __init__(self, lines: Writer, names: Sequence[str], form: str, texts: Collection[str] = ()) -> None:
         self._lines, self._form, self._before = lines, form, "\n"
-        self._keys = [(json.dumps(name), fixed(name) in _WORDS) for name in names]
+        self._keys = [(json.dumps(name), name in texts or fixed(name) in _WORDS) for name in names]
         self._head = ",".join(map(csv_word, names)) + "\r\n"
 
     def begin(self) -> str:

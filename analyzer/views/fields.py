@@ -21,7 +21,7 @@ from dissectors.kit.cells import pylist
 from dissectors.notes import columns
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from analyzer.decode.engine import Batch
     from analyzer.views.frames.window import FrameData, RawFrame
@@ -246,6 +246,7 @@ def find(registry: Registry, name: str) -> Column:
 
 def _column(table: str, of: Message | Packet, column: str, extra: Sequence[str], name: str) -> Column:
     known = {own: own for own in (*_own(of), *extra)}
+    known |= {field: f"{field}.text" for field, note in of.notes.items() if note.text and f"{field}.text" in known}
     for field, note in of.notes.items():
         if note.name:
             known |= {note.name + own.removeprefix(field): own for own in _own(of) if _within(own, field)}
@@ -253,6 +254,18 @@ def _column(table: str, of: Message | Packet, column: str, extra: Sequence[str],
         near = difflib.get_close_matches(column, known, n=3, cutoff=0.5)
         raise ValueError(f"no field {name!r}" + _near([f"{name.removesuffix(column)}{n}" for n in near]))
     return table, known[column]
+
+
+def texts_among(registry: Registry, names: Iterable[str]) -> Iterator[str]:
+    """Yield those of some names that are of texts on the bus."""
+    for name in names:
+        if fixed(name) in _FIXED:
+            continue
+        table, column = named(registry, name)
+        of = registry.definition(table)
+        note = None if of is None else of.notes.get(column.removesuffix(".text"))
+        if note is not None and note.text:
+            yield name
 
 
 def _within(column: str, field: str) -> bool:

@@ -191,8 +191,8 @@ class Listing:
 
     def _texts(self, batch: Batch, rows: Array, first: Array) -> Iterator[str]:
         transfers = batch.transfers
-        types, column = type_column(batch, self._registry)
-        names, places = type_names(batch, types, column), numbers(column)
+        types, column = type_column(batch, self._registry, rows)
+        names, places = type_names(batch, types, column, rows), numbers(column)
         elapsed = self._clock.elapsed(transfers.column("t"), rows)
         days, seconds = self._clock.days(transfers.column("t"))
         if self._buses < 0 or self._buses < 2 <= len(batch.buses):

@@ -201,11 +201,18 @@ def flat(array: pa.Array) -> tuple[Any, ...]:
     return letter, len(array), array.offset, buffers[0] if array.null_count else None, ends, data, children
 
 
-def type_column(batch: Batch, registry: Registry) -> tuple[list[Message | None], pa.Array]:
-    """Return the types that occur in a batch, None for unknown ones, and for each transfer the place of its type."""
-    column = batch.transfers.column
-    known, inverse = known_types(registry, *(numbers(column(name)) for name in ("variant", "kind", "type_id")))
-    return known, pa.array(inverse.astype(np.uint32))
+def type_column(
+    batch: Batch, registry: Registry, picked: Array | None = None
+) -> tuple[list[Message | None], pa.Array]:  # fmt: skip
+    """Return the types that occur in a batch, None for unknown ones, and for each transfer the place of its type.
+
+    With `picked` rows only those of these, and any place for others.
+    """
+    columns = [numbers(batch.transfers.column(name)) for name in ("variant", "kind", "type_id")]
+    known, inverse = known_types(registry, *(columns if picked is None else (column[picked] for column in columns)))
+    places = np.zeros(len(batch.transfers), np.uint32)
+    places[slice(None) if picked is None else picked] = inverse
+    return known, pa.array(places)
 
 
 def types_of(types: Sequence[Message | None], column: pa.Array, picked: Array | None) -> list[Message]:
@@ -214,11 +221,14 @@ def types_of(types: Sequence[Message | None], column: pa.Array, picked: Array | 
     return list({m.table: m for place in places if (m := types[place]) is not None}.values())
 
 
-def type_names(batch: Batch, types: Sequence[Message | None], column: pa.Array) -> list[str]:
-    """Return what people call the types of a batch, by place; unknown ones have a number."""
+def type_names(
+    batch: Batch, types: Sequence[Message | None], column: pa.Array, picked: Array | None = None
+) -> list[str]:  # fmt: skip
+    """Return what people call the types of a batch, by place, or their numbers; `picked` as for the column."""
     kinds, ids = (numbers(batch.transfers.column(name)) for name in ("kind", "type_id"))
+    rows = np.arange(len(batch.transfers)) if picked is None else picked
     names = []
     for place, message in enumerate(types):
-        row = int(np.argmax(numbers(column) == place)) if message is None else 0
+        row = int(rows[np.argmax(numbers(column)[rows] == place)]) if message is None else 0
         names.append(type_name(message, int(kinds[row]), int(ids[row])))
     return names

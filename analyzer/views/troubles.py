@@ -47,12 +47,13 @@ def troubles(
     """
     transfers = batch.transfers
     status, odd, fd = (numbers(transfers.column(name)) for name in ("status", "anomaly", "fd"))
-    frames, sizes = (np.diff(_ends(transfers.column(name))) for name in ("frame", "payload"))
     words = _Words(len(transfers))
     found = rows[~np.isin(status[rows], (_OK, _UNCHECKED, _BAD_CRC))]
-    columns = status, frames, sizes, fd, odd & _TOGGLE != 0, places
-    told = zip(found.tolist(), *(column[found].tolist() for column in columns), strict=True)
-    for row, code, count, size, long, gap, place in told:
+    ends = [_ends(transfers.column(name)) for name in ("frame", "payload")]
+    frames, sizes = ((some[found + 1] - some[found]).tolist() for some in ends)
+    columns = (column[found].tolist() for column in (status, fd, odd & _TOGGLE != 0, places))
+    told = zip(found.tolist(), frames, sizes, *columns, strict=True)
+    for row, count, size, code, long, gap, place in told:
         words.put(row, broken_words(code, count, size, None if long else types[place], gap=gap))
     return words.taken()
 

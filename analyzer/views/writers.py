@@ -188,9 +188,10 @@ def writer(
     numbering = numbering or Numbering()
     if options.fields and options.form in BY_NAME:
         from analyzer.views.chosen import ChosenRecords  # noqa: PLC0415 - most records have their own keys
+        from analyzer.views.fields import texts_among  # noqa: PLC0415
 
         lines = writer(replace(options, form="fields"), registry, zero, numbering, named, matcher)
-        return ChosenRecords(lines, options.fields, options.form)
+        return ChosenRecords(lines, options.fields, options.form, set(texts_among(registry, options.fields)))
     if options.frame_list:
         return _frame_list(options, registry, zero, numbering, named, matcher)
     if options.form in BY_NAME:

@@ -41,6 +41,11 @@ def _bits(bitmap: pa.Buffer, start: int, count: int) -> Array:
     return np.unpackbits(packed, count=start % 8 + count, bitorder="little")[start % 8 :].view(bool)
 
 
+def text_of(raw: bytes) -> str:
+    r"""Return bytes as the core makes texts of them: UTF-8 up to the first NUL, other bytes as `\xNN`."""
+    return raw.partition(b"\0")[0].rstrip().decode("utf-8", "backslashreplace")
+
+
 def holds_text(array: pa.Array, text: str) -> Array:
     """Return a mask of the cells of a column of texts that hold this one."""
     if not len(array):

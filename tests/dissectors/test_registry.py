@@ -269,3 +269,9 @@ def test_loading_compiles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("dissectors.namespace.dsdl.parse", lambda _, file: parsed.append(file))
     load()
     assert parsed == []
+
+
+def test_what_carries_packets_is_looked_for_once(known: registry.Registry) -> None:
+    first = [profile.having("packets") for profile in known.profiles]
+    assert {message.table for some in first for message in some} == {"PUSHCAN", "PUSHSCI"}
+    assert all(again is some for again, some in zip((p.having("packets") for p in known.profiles), first, strict=True))

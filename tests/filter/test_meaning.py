@@ -92,6 +92,13 @@ def test_two_ways_to_say_it(failure: list[Batch], one: str, other: str) -> None:
     assert 0 < found < 4769
 
 
+@pytest.mark.parametrize(("name", "ch", "node"), [("mission-8-faults.log", 2, 12), ("reordering.log", 1, 11)])
+def test_broken_reports_are_of_the_channel_of_their_node(name: str, ch: int, node: int) -> None:
+    some = batches(name)
+    broken = count(some, f"ESCStatus && src == {node} && dronecan.status != ok && !exists(ESCStatus.esc_index)")
+    assert count(some, f"ESCStatus && ch == {ch} && !exists(ESCStatus.esc_index)") == broken > 0
+
+
 @pytest.mark.parametrize("text", ["RawCommand.cmd > RawCommand.percent", "can.len > RawCommand.cmd", "unit", "ch == 1"])
 def test_a_frame_of_a_list_has_what_its_transfer_has(failure: list[Batch], text: str) -> None:
     matcher = compile_filter(text.replace("can.len", "5"), REGISTRY, frame_list=True).matcher()

@@ -84,3 +84,7 @@ def test_hostile_pages(nasty: str) -> None:
             before == "\\" for before in re.findall(rf"(.)\{active}", explain.prose(f" {nasty}")) if before != active
         )
     assert "://" not in explain.prose(nasty)
+
+
+def test_a_demand_that_never_came_due() -> None:
+    assert explain.needs("demand:ACME-002") == "demand of ACME-002 that came due"

@@ -36,19 +36,24 @@ _UNKNOWN = {
     "no argument for repetition operator": "there is nothing before *, + or ? that could be repeated",
 }
 _ESCAPE = re.compile(r"\\(?:x([0-9A-Fa-f]{1,2})|u([0-9A-Fa-f]{4})|U([0-9A-Fa-f]{8})|([0-7]{1,3})|(.))", re.DOTALL)
+_ASCII_END, _BYTE_END = 0x80, 0x100
+BYTE = 0xDC00  # what a byte that stands for itself is behind, until it is bytes or text
 _SINGLE = {"a": "\a", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "v": "\v"}
 
 
 def unescaped(written: str, text: str, start: int, *, pattern: bool = False) -> str:
-    """Return what a text with escapes stands for; `start` is its place in the filter `text`.
+    r"""Return what a text with escapes stands for; `start` is its place in the filter `text`.
 
-    In a `pattern` unknown escapes stay, for they mean something there. Raises `FilterError`.
+    `\xNN` and octal escapes behind ASCII are bytes, which stand in it as surrogates do. In a `pattern` they are
+    characters, and unknown escapes stay, for they mean something there. Raises `FilterError`.
     """
 
     def one(found: re.Match[str]) -> str:
         short, wide, wider, octal, other = found.groups()
         if other is None:
             code = int(octal, 8) if octal else int(short or wide or wider, 16)
+            if not pattern and (octal or short) and _ASCII_END <= code < _BYTE_END:
+                return chr(BYTE + code)
             if code <= 0x10FFFF and not 0xD800 <= code < 0xE000:
                 return re.escape(chr(code)) if pattern else chr(code)
         elif pattern:
@@ -63,17 +68,21 @@ def unescaped(written: str, text: str, start: int, *, pattern: bool = False) -> 
     return _ESCAPE.sub(one, written)
 
 
-def text_value(node: QuotedText, text: str) -> str:
-    """Return what a text in a filter stands for. Raises `FilterError`."""
-    return node.text.replace('\\"', '"') if node.raw else unescaped(node.text, text, node.span[0] + 1)
-
-
-def text_bytes(value: str) -> bytes:
-    """Return a text as bytes: characters up to 255 are one byte each if there are no others."""
+def text_bytes(node: QuotedText, text: str) -> bytes:
+    """Return the bytes that a text in a filter stands for, UTF-8. Raises `FilterError`."""
+    found = node.text.replace('\\"', '"') if node.raw else unescaped(node.text, text, node.span[0] + 1)
     try:
-        return value.encode("ascii")
+        return found.encode("utf-8", "surrogateescape")
     except UnicodeEncodeError:
-        return value.encode("utf-8")
+        raise FilterError("half of a surrogate pair is no character", text, *node.span) from None
+
+
+def text_value(node: QuotedText, text: str) -> str:
+    r"""Return what a text in a filter stands for; its bytes that are no UTF-8 as fields show them: `\xNN`.
+
+    Raises `FilterError`.
+    """
+    return text_bytes(node, text).decode("utf-8", "backslashreplace")
 
 
 def moment(written: str, text: str, span: tuple[int, int]) -> Moment:

@@ -37,7 +37,7 @@ _DOTTED = re.compile(r"\d+\.\d+(?:\.\d+)+")
 _UNIT = re.compile(r"\s*([A-Za-z\u00b0\u00b5\u03bc\u03a9][A-Za-z0-9\u00b0\u00b5\u03bc\u03a9^/]*)(?!\w|\.(?!\.)|\()")
 _WORD = re.compile(r"[^\W\d]\w*(?:\.\w+)*")
 _TEXT = re.compile(r'(r?)"((?:[^"\\]|\\.)*)"', re.DOTALL)
-_CHARACTER = re.compile(r"'((?:[^'\\]|\\.[^']*))'")
+_CHARACTER = re.compile(r"'((?:[^'\\]|\\.)*)'", re.DOTALL)
 _MARK = re.compile("|".join(re.escape(mark) for mark in OPERATORS))
 _PIECE = re.compile(r"\s*(-?\d+)?\s*(?:([:-])\s*(-?\d+)?)?\s*([,\]])")
 
@@ -88,11 +88,14 @@ class Scanner:
     def _word(self, start: int) -> FilterToken:
         text = self.text
         if found := _CHARACTER.match(text, start):
-            from analyzer.filter.language.literals import unescaped  # noqa: PLC0415 - few filters have characters
+            from analyzer.filter.language.literals import BYTE, unescaped  # noqa: PLC0415 - few filters have characters
 
             letter = unescaped(found[1], self.text, start + 1)
             if len(letter) == 1:
-                return self._took("number", found, found[0])._replace(value=ord(letter))
+                code = ord(letter)
+                return self._took("number", found, found[0])._replace(
+                    value=code - BYTE if code >> 8 == BYTE >> 8 else code
+                )
             raise self.fail(
                 "one character stands between single quotes, text between double quotes", start, found.end()
             )

@@ -44,6 +44,12 @@ class Verdict:
         """True if it tells a cause."""
         return self.kind not in {"none", "unknown"}
 
+    @property
+    def gist(self) -> str:
+        """The title without the device that it may begin with: `ESC ch4 (node 14): `."""
+        who, colon, what = self.title.partition(": ")
+        return what if colon and who.startswith(("ESC ", "node ")) else self.title
+
 
 @dataclass(frozen=True, slots=True)
 class Excluded:

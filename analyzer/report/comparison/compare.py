@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.report.comparison.kinds import buses, findings, losses, nodes, parameters, rates, readings, telemetry
+from analyzer.report.comparison.kinds import (
+    buses,
+    commands,
+    findings,
+    flights,
+    losses,
+    nodes,
+    parameters,
+    rates,
+    readings,
+    telemetry,
+)
 from analyzer.report.comparison.model import KINDS, WEIGHTS, CaptureDiff, Compared, Matched, Side
 from analyzer.report.comparison.pair import Pair
 from analyzer.report.wording import plural
@@ -16,7 +27,7 @@ if TYPE_CHECKING:
     from analyzer.report.comparison.model import Difference
     from analyzer.report.comparison.traits import MeasuredSide
 
-_KINDS = (nodes, readings, parameters, rates, losses, telemetry, findings, buses)
+_KINDS = (flights, nodes, readings, parameters, rates, losses, telemetry, commands, findings, buses)
 
 
 def compare(
@@ -82,6 +93,7 @@ def _compared(pair: Pair) -> Iterator[Compared]:
     escs, reports = telemetry.compared(pair)
     yield Compared("ESCs at equal command", escs, f"{reports} reports")
     yield Compared("rules", findings.compared(pair))
+    yield Compared("flights", flights.compared(pair))
 
 
 def _cannot(pair: Pair) -> Iterator[str]:
@@ -97,6 +109,7 @@ def _cannot(pair: Pair) -> Iterator[str]:
     for word, side in (("first", pair.good), ("second", pair.bad)):
         for bus, node in sorted(side.shared):
             yield f"what node {node} of {bus} lost: two devices have this ID in the {word} capture"
+    yield from flights.cannot(pair)
     if not parameters.compared(pair):
         yield "parameters: no node reported the same ones in both"
     if not telemetry.compared(pair)[0] and (pair.good.traits.samples.all or pair.bad.traits.samples.all):

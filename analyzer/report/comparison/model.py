@@ -13,13 +13,25 @@ from dissectors.records import as_dict, dataclass, field
 SCHEMA = "tailbyte.diff/1"
 
 Kind = Literal[
-    "node", "exchange", "firmware", "hardware", "reading", "parameter", "rate", "loss", "telemetry", "finding", "bus"
+    "flight",
+    "node",
+    "exchange",
+    "firmware",
+    "hardware",
+    "reading",
+    "parameter",
+    "rate",
+    "loss",
+    "telemetry",
+    "finding",
+    "bus",
 ]
 Weight = Literal["error", "warning", "note"]
 Support = Literal["well supported", "likely", "possible"]
 
 KINDS: tuple[Kind, ...] = (
-    "exchange", "node", "hardware", "firmware", "reading", "parameter", "rate", "loss", "telemetry", "finding", "bus",
+    "flight", "exchange", "node", "hardware", "firmware", "reading", "parameter", "rate", "loss", "telemetry",
+    "finding", "bus",
 )  # fmt: skip
 WEIGHTS: tuple[Weight, ...] = ("error", "warning", "note")
 
@@ -54,7 +66,8 @@ class Difference:
     the second has none. `what` is compared, `good` and `bad` are its values in words, with `good_value` and `bad_value`
     as numbers in `unit` where they are such; `good_count` and `bad_count` tell how much each is drawn from. `size` is
     the difference in multiples of what counts as one. `t_ns` and `frame` are where it begins in the second capture,
-    null for all of it. `since` says so in a word: `throughout`, `from`, `first`, or empty.
+    null for all of it. `since` says so in a word: `throughout`, `from`, `first`, or empty. `eased` is a note that was
+    more than one in the first capture.
     """
 
     kind: Kind
@@ -78,6 +91,7 @@ class Difference:
     rule: str = ""
     remark: str = ""
     command: str = ""
+    eased: bool = False
 
 
 @dataclass(frozen=True, slots=True)

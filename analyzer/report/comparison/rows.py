@@ -99,6 +99,8 @@ def headline(of: CaptureDiff) -> tuple[str, str]:
     if not of.differences:
         return "NO DIFFERENCE FOUND", "in what both captures show"
     if all(one.weight == "note" for one in of.differences):
+        if any(one.eased for one in of.differences):
+            return "DIFFERENT", f"nothing worse than it was, {counted(of.differences)}"
         return "ALIKE", f"no difference that matters, {counted(of.differences)}"
     return "DIFFERENT", counted(of.differences)
 

@@ -21,6 +21,7 @@ from dissectors.records import dataclass, replace
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.facts.summary import Facts
+    from analyzer.flight.verdict.model import Triage
     from analyzer.report.model import CaptureSummary, Report
     from analyzer.rules.settings import Settings
     from dissectors import Registry
@@ -71,16 +72,25 @@ class Traits:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredSide:
-    """One capture after the last batch: its traits, its facts, and the report of the rules about it alone."""
+    """One capture after the last batch: its traits, its facts, and the report of the rules about it alone.
+
+    `whole` says that no window left out its beginning or end.
+    """
 
     traits: Traits
     facts: Facts
     report: Report
+    whole: bool = True
 
     @property
     def capture(self) -> CaptureSummary:
         """The capture as the report has it."""
         return self.report.captures[0]
+
+    @property
+    def triage(self) -> Triage | None:
+        """What happened in its flights; None if nobody looked."""
+        return self.report.triages[0] if self.report.triages else None
 
     @property
     def start(self) -> int | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from analyzer.tables import FRAME_ANOMALIES, distinct
 from dissectors.kit import MILLISECOND, NO_TIME, Occurrences, Rule
+from dissectors.kit.frame_text import FrameNumber
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,7 +37,7 @@ class Backwards(Rule):
             yield view.among_frames(
                 "CAP-001",
                 rows,
-                lambda row: {"milliseconds": back[row] / MILLISECOND, "frame": frames.first + row + 1},
+                lambda row: {"milliseconds": back[row] / MILLISECOND, "frame": FrameNumber.at(frames.first + row)},
             )
         for bus in distinct(frames.bus):
             at = len(frames) - 1 - int(np.argmax(frames.bus[::-1] == bus))

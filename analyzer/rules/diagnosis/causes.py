@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from dissectors.kit.frame_text import FrameNumber, FrameText, listed
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -43,24 +45,20 @@ def ordinal(number: int) -> str:
 
 def late_copy(frames: Sequence[int]) -> Cause:
     """Return the cause of frames that came before with these numbers, from 0."""
-    return Cause(LATE_COPY, f" of {'frame' if len(frames) == 1 else 'frames'} {_listed(frames)}")
+    return Cause(LATE_COPY, FrameText(f" of {'frame' if len(frames) == 1 else 'frames'} ", listed(frames)))
 
 
 def wrong_id(frames: Sequence[int]) -> Cause:
     """Return the cause of a frame with another transfer ID; of several nobody knows which."""
-    return Cause(OTHER_ID, f" in frame {' or '.join(str(number + 1) for number in frames)}")
-
-
-def _listed(frames: Sequence[int]) -> str:
-    return ", ".join(str(number + 1) for number in frames)
+    return Cause(OTHER_ID, FrameText(" in frame ", listed(frames, " or ")))
 
 
 def _bit(what: str) -> Callable[..., Cause]:
-    return lambda frame: Cause(what, f" (frame {frame + 1})")
+    return lambda frame: Cause(what, FrameText(" (frame ", FrameNumber.at(frame), ")"))
 
 
 def _too_much(what: str) -> Callable[..., Cause]:
-    return lambda *frames: Cause(what, f" (too much: {_listed(frames)})")
+    return lambda *frames: Cause(what, FrameText(" (too much: ", listed(frames), ")"))
 
 
 def _from(what: str) -> Callable[..., Cause]:
@@ -91,7 +89,7 @@ FORMS = (
     _form(_bit, END_BIT),
     _form(_bit, START_BIT),
     CauseForm(OTHER_ID, lambda *frames: wrong_id(frames)),
-    CauseForm(SWAPPED, lambda *frames: Cause(SWAPPED, f" (right order: {_listed(frames)})")),
+    CauseForm(SWAPPED, lambda *frames: Cause(SWAPPED, FrameText(" (right order: ", listed(frames), ")"))),
     _form(_too_much, REPEATED),
     _form(_too_much, OTHER_SENDER),
     CauseForm(LATE_COPY, lambda *frames: late_copy(frames)),
@@ -120,7 +118,12 @@ FORMS = (
     _form(_plain, FIRSTS),
     CauseForm(FIRST, lambda total: Cause(FIRST, f" (of {total})")),
     CauseForm(FIRSTS, lambda gone, total: Cause(FIRSTS, f" ({gone} of {total})")),
-    CauseForm(SHORT_FRAME, lambda size, frame: Cause(SHORT_FRAME, f" ({size} bytes in frame {frame + 1}, TRF-012)")),
+    CauseForm(
+        SHORT_FRAME,
+        lambda size, frame: Cause(
+            SHORT_FRAME, FrameText(f" ({size} bytes in frame ", FrameNumber.at(frame), ", TRF-012)")
+        ),
+    ),
     *(_form(_plain, "") for _ in range(4)),
 )
 NOTHING, GONE, OTHER_ID_FORM, EVERY_ID_FORM, SHORT = 0, 1, 6, 13, 31

@@ -17,6 +17,7 @@ from analyzer.rules.transfers.out_of_order import preceding
 from analyzer.rules.view import MESSAGE, node_of
 from analyzer.tables import STATUSES, TAIL_END, TAIL_ID, TAIL_START, TAIL_TOGGLE, TRANSFER_ANOMALIES, VERDICTS
 from dissectors.kit import MILLISECOND, NO_TIME, SECOND, Occurrences, rule
+from dissectors.kit.frame_text import FrameNumber, FrameText
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -87,7 +88,11 @@ def paused(view: View) -> Iterator[Occurrences]:
         for (number, before), (after, frame) in pairwise(_known(view, t.frames(row))):
             pause = (frame.t - before.t) / MILLISECOND
             if pause > longest and NO_TIME not in (before.t, frame.t):
-                values = {"milliseconds": pause, "previous_frame": number + 1, "frame": after + 1}
+                values = {
+                    "milliseconds": pause,
+                    "previous_frame": FrameNumber.at(number),
+                    "frame": FrameNumber.at(after),
+                }
                 found.add("TRF-027", Sent(before.t, before.bus, node, code), (number, after), values, drops=False)
     yield from found.occurrences()
 
@@ -109,7 +114,7 @@ def _pauses(view: View, rows: Array, longest: float) -> Occurrences:
 
     def values(k: int) -> Values:
         place = before.item(k)
-        frames = {"previous_frame": number.item(place) + 1, "frame": number.item(place + 1) + 1}
+        frames = {"previous_frame": FrameNumber.at(number.item(place)), "frame": FrameNumber.at(number.item(place + 1))}
         return {"milliseconds": pause.item(place), **frames}
 
     return Occurrences(
@@ -148,7 +153,7 @@ def _part_full(view: View, row: int) -> Values:
     frames = _known(view, view.transfers.frames(row)[:-1])
     for number, kept in frames:
         if len(kept.data) < (64 if view.transfers.fd[row] else 8):
-            return {"length": len(kept.data), "frame": number + 1}
+            return {"length": len(kept.data), "frame": FrameNumber.at(number)}
     return {"length": GONE, "frame": GONE}
 
 
@@ -164,7 +169,7 @@ def _followed(view: View, rows: Array) -> Array:
 
 
 def _last(view: View, row: int) -> Values:
-    return {"frame": view.transfers.frames(row)[-1] + 1}
+    return {"frame": FrameNumber.at(view.transfers.frames(row)[-1])}
 
 
 def _first(view: View, row: int) -> Values:
@@ -209,7 +214,7 @@ def _in_turn(view: View, row: int) -> Values:
     if known and len(known) == len(inside[:_MOST]):
         copy = late_copy([number for number in known if number is not None])
         right = ", the CRC is right without" if view.transfers.status[row] == _OK else ""
-        return {**values, "why": f": {copy.what}{copy.detail} inside{right}"}
+        return {**values, "why": FrameText(f": {copy.what}", copy.detail, f" inside{right}")}
     # No other transfer of several frames begins in between, and without these frames the CRC is right.
     if (
         others

@@ -11,6 +11,7 @@ from analyzer.rules.frames.type_conflicts import types_of
 from analyzer.rules.view import node_of
 from analyzer.tables import TAIL_TOGGLE
 from dissectors.kit import Occurrence
+from dissectors.kit.frame_text import FrameNumber, FrameText
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -76,9 +77,9 @@ def occurrence(view: View, one: Incomplete, cause: Cause, further: Iterable[int]
 
 def values_of(view: View, one: Incomplete, cause: Cause) -> Values:
     """Return what the text of its rule is filled with."""
-    why = {"cause": cause.what, "why": f": {cause.what}{cause.detail}"}
+    why = {"cause": cause.what, "why": FrameText(f": {cause.what}", cause.detail)}
     if one.rule == SEQUENCE:
-        return {"cause": cause.what, "detail": cause.detail, "frame": _break_at(view, one.frames) + 1}
+        return {"cause": cause.what, "detail": cause.detail, "frame": FrameNumber.at(_break_at(view, one.frames))}
     if one.rule == CUT:
         return why | {"frames": len(one.frames), "bytes": one.received}
     if one.rule == LATE:
@@ -104,11 +105,12 @@ def turned_bit(one: Incomplete) -> Cause:
     place = None if at is None else checksums.BytePlace.of(at, 63 if one.fd else 7)
     if place is None or place.frame >= len(one.frames):
         return Cause(checksums.CORRUPTED)
-    return Cause(checksums.CORRUPTED, f" (one bit turned in byte {place.byte} of frame {one.frames[place.frame] + 1})")
+    frame = FrameNumber.at(one.frames[place.frame])
+    return Cause(checksums.CORRUPTED, FrameText(f" (one bit turned in byte {place.byte} of frame ", frame, ")"))
 
 
 def corrupted(wire: int, here: int, length: int, frames: Sequence[int], *, fd: bool) -> Values:
     """Return what is said of a transfer whose CRC is `wire` and should be `here`, if nothing but its bytes is known."""
     one = Incomplete(CHECKSUM, 0, 0, 0, 0, fd, frames, wire, here, bytes(length), length, 0)
     cause = turned_bit(one)
-    return {"crc_wire": wire, "crc_here": here, "cause": cause.what, "why": f": {cause.what}{cause.detail}"}
+    return {"crc_wire": wire, "crc_here": here, "cause": cause.what, "why": FrameText(f": {cause.what}", cause.detail)}

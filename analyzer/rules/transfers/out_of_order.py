@@ -15,6 +15,7 @@ from analyzer.rules.diagnosis.search import AHEAD
 from analyzer.rules.transfers.loose_frames import LooseFrames
 from analyzer.rules.transfers.missing_start import MissingStart
 from analyzer.tables import TAIL_END, TAIL_ID, VERDICTS
+from dissectors.kit.frame_text import FrameNumber
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -125,8 +126,8 @@ def preceding(view: View, number: int, bus: int, session: int, most: int = NEAR)
 
 def _copy(view: View, copies: LooseFrames, k: int) -> Values:
     number = copies.number.item(k)
-    found = next((earlier + 1 for earlier, _ in preceding(view, number, *copies.whose(k))), FRAME_GONE)
-    return {"frame": number + 1, "previous_frame": found}
+    found = next((FrameNumber.at(earlier) for earlier, _ in preceding(view, number, *copies.whose(k))), FRAME_GONE)
+    return {"frame": FrameNumber.at(number), "previous_frame": found}
 
 
 def _other_id(view: View, others: LooseFrames, found: Sequence[_Found | None], form: Array, k: int) -> Values:

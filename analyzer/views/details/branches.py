@@ -9,7 +9,7 @@ import pyarrow as pa
 from analyzer.decode.readings import UNDECIDED
 from analyzer.decode.told import reading_column
 from analyzer.facts.meaning import Meaning, meaning
-from analyzer.views.members import NOTHING, PLAIN, unscaled, whole
+from analyzer.views.members import ALL, NOTHING, PLAIN, unscaled, whole
 from analyzer.views.terminal import escape
 from analyzer.views.values import unless_special
 from analyzer.views.wording import MISSING, UNSPECIFIED
@@ -130,13 +130,22 @@ class Branches:
             title = line(*head, text(": "), cell(("count",)), text(" elements"), where=where)
             found = ("all", [title, cell(("elements", _layout(kind, column), element))])
         elif isinstance(kind, ArrayType):
-            found = line(*head, text(": "), cell(_list(kind, about)), where=where)
+            told = place is not None and about.note is not None and about.note.text and f"{name}.text" in self.columns
+            said = self._text(name) if told else cell(_list(kind, about))
+            found = line(*head, text(": "), said, where=where)
         else:
             value, below = self._scalar(kind, column, name, cell, about)
             said = line(*head, text(": "), value, where=where)
             found = ("all", [said, *[line(text(pad + STEP), one) for one in self._said(name)], cell(below(pad + STEP))])
         gone = line(*head, text(": missing"), where=where)
         return ("given", place, found, gone) if place is not None else ("instead", gone, ("or", "", found))
+
+    def _text(self, name: str) -> Template:
+        """Return the template of bytes that are a text: in hexadecimal, and as other views show them."""
+        octet: Template = ("number", PLAIN, ("format", "", "-", True, 2, None, "X"))
+        octets: Template = ("all", [("first", "empty", NOTHING), ("each", " ", ALL, "", octet)])
+        quoted: Template = ("unlike", "", ("all", [text(' "'), ("copy",), text('"')]))
+        return ("all", [self.columns.of(self.columns.own(name), octets), self.columns.of(f"{name}.text", quoted)])
 
     def _members(self, kind: CompoundType, column: pa.DataType, name: str, pad: str) -> Template:
         made = []

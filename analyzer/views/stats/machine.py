@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from analyzer.stats.table import FOR_PEOPLE
 from analyzer.views.records import harmless
+from analyzer.views.terminal import escape
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -49,8 +50,13 @@ def render_csv(tables: Sequence[StatTable]) -> Iterator[str]:
             out.write("\n" * (number > 0))
             writer.writerow([f"# {table.name}"])
         writer.writerow(table.names)
-        writer.writerows(["" if cell is None else harmless(cell) for cell in row] for row in table.plain)
+        writer.writerows([_cell(cell) for cell in row] for row in table.plain)
         yield out.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    """Return a cell that may be shown on a terminal, and opened in a spreadsheet."""
+    return "" if value is None else harmless(escape(value)) if isinstance(value, str) else value
 
 
 def arrow(table: StatTable) -> pa.Table:

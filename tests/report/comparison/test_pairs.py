@@ -278,7 +278,8 @@ def test_what_all_escs_have_in_common_is_told_once(compare: Compare) -> None:
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("order", ["TRF-003@5:node=13", "TYP-306@5:node=13", "TRF-010@5:node=13", "BUS-005@5"])
 def test_a_fault_is_first(compare: Compare, order: str) -> None:
-    first = compare(flight(), flight(unchanged, 1, order)).differences[0]
+    differences = compare(flight(), flight(unchanged, 1, order)).differences
+    first = next(one for one in differences if one.kind != "flight")  # what triage makes of it
     assert first.rule == order[:7]
     assert seconds(first.t_ns) == pytest.approx(5, abs=1)
     assert first.good == ("not recorded" if order == "BUS-005@5" else "none")

@@ -8,7 +8,7 @@ const FIRST_SECOND: i64 = 946_684_800;
 const SECONDS_END: i64 = 253_402_300_800;
 const DAY: i64 = 86_400;
 
-/// Appends printable ASCII up to the first NUL, without padding blanks, else hexadecimal digits of all bytes.
+/// Appends UTF-8 up to the first NUL, without padding blanks; a byte that is none of it as `\xNN`.
 pub fn append_text(out: &mut String, raw: &[u8]) {
     let end = raw.iter().position(|&byte| byte == 0).unwrap_or(raw.len());
     let blank = |byte: &u8| matches!(byte, b'\t'..=b'\r' | b' ');
@@ -16,11 +16,12 @@ pub fn append_text(out: &mut String, raw: &[u8]) {
         .iter()
         .rposition(|byte| !blank(byte))
         .map_or(0, |last| last + 1);
-    if raw[..kept].iter().all(|byte| (0x20..0x7F).contains(byte)) {
-        out.extend(raw[..kept].iter().map(|&byte| char::from(byte)));
-    } else {
-        let digit = |half: u8| char::from(b"0123456789ABCDEF"[usize::from(half)]);
-        out.extend(raw.iter().flat_map(|byte| [digit(byte >> 4), digit(byte & 15)]));
+    let digit = |half: u8| char::from(b"0123456789abcdef"[usize::from(half)]);
+    for chunk in raw[..kept].utf8_chunks() {
+        out.push_str(chunk.valid());
+        for byte in chunk.invalid() {
+            out.extend(['\\', 'x', digit(byte >> 4), digit(byte & 15)]);
+        }
     }
 }
 
@@ -91,14 +92,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_are_text_or_digits() {
+    fn bytes_are_text() {
         for (raw, text) in [
             (&b"V1.2\0\xFF"[..], "V1.2"),
             (b"ab \t\0", "ab"),
             (b" \n\0", ""),
             (b"", ""),
-            (b"a\tb", "610962"),
-            (b"\x01\0", "0100"),
+            (b"a\tb", "a\tb"),
+            (b"\x01\0", "\x01"),
+            (b"caf\xC3\xA9 \0", "caf\u{e9}"),
+            (b"caf\xE9 d\xC3", "caf\\xe9 d\\xc3"),
+            (b"\xED\xA0\x80\xFF", "\\xed\\xa0\\x80\\xff"),
         ] {
             let mut out = String::new();
             append_text(&mut out, raw);

@@ -12,7 +12,7 @@ from dissectors.records import dataclass, field, replace
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from analyzer.report.comparison.model import Support, Weight
+    from analyzer.report.comparison.model import Support
     from analyzer.report.comparison.pair import Pair
     from analyzer.report.comparison.traits import MeasuredSide
     from analyzer.report.model import Finding, RuleVerdict
@@ -97,8 +97,8 @@ def _new(pair: Pair, trouble: Trouble, both: _Both, unproven: dict[str, RuleVerd
     remark = f"could not be judged in {'the first' if other is pair.good else 'the second'}: {reason}" if doubt else ""
     one = _difference(
         pair, head, some, good=_often_words(_count(both.good), none), bad=_often_words(_count(both.bad), none),
-        weight=head.severity if both.bad else "note", support=sure, remark=remark, size=float(count),
-        counts=(_count(both.good), _count(both.bad)), placed=bool(both.bad),
+        support=sure, remark=remark, size=float(count), counts=(_count(both.good), _count(both.bad)),
+        worse=bool(both.bad),
     )  # fmt: skip
     known = none == "none"
     return replace(
@@ -114,23 +114,24 @@ def _often(pair: Pair, both: _Both, counts: tuple[int, int]) -> Difference:
     size = max(counts) / max(min(counts), 1)
     return _difference(
         pair, head, both.bad, good=_often_words(before), bad=_often_words(after),
-        weight=head.severity if worse else "note", support=pair.support(size / 2, sum(counts), 10), remark="",
-        size=size, counts=counts, placed=worse,
+        support=pair.support(size / 2, sum(counts), 10), remark="", size=size, counts=counts, worse=worse,
     )  # fmt: skip
 
 
 def _difference(
-    pair: Pair, head: Finding, some: list[Finding], *, good: str, bad: str, weight: Weight, support: Support,
-    remark: str, size: float, counts: tuple[int, int], placed: bool,
+    pair: Pair, head: Finding, some: list[Finding], *, good: str, bad: str, support: Support, remark: str,
+    size: float, counts: tuple[int, int], worse: bool,
 ) -> Difference:  # fmt: skip
     first = min(some, key=lambda one: (one.first.t_ns is None, one.first.t_ns or 0)).first
     text = head.text if head.text and head.text != head.title else ""
+    ails = head.severity != "note" and head.category != "capture"  # it is no trouble of the vehicle where a file ends
     one = Difference(
-        kind="finding", weight=weight, who=head.label, bus=head.bus, node=head.node, what=f"{head.rule} {head.title}",
+        kind="finding", weight=head.severity if worse else "note", who=head.label, bus=head.bus,
+        node=head.node, what=f"{head.rule} {head.title}",
         good=good, bad=bad, support=support, size=round(size, 2), good_value=counts[0], bad_value=counts[1], unit="x",
-        good_count=counts[0], bad_count=counts[1], since="first" if placed and first.t_ns is not None else "",
-        t_ns=first.t_ns if placed else None, frame=first.frame if placed else None, rule=head.rule,
-        remark="; ".join(filter(None, (text, remark))),
+        good_count=counts[0], bad_count=counts[1], since="first" if worse and first.t_ns is not None else "",
+        t_ns=first.t_ns if worse else None, frame=first.frame if worse else None, rule=head.rule,
+        remark="; ".join(filter(None, (text, remark))), eased=not worse and ails,
     )  # fmt: skip
     return pair.placed(one)
 
