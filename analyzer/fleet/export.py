@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import pyarrow.parquet as pq
 
 import analyzer
-from analyzer.fleet.driver import Account
+from analyzer.fleet.driver import RunCounts
 from analyzer.fleet.tables import KILLED, UNAVAILABLE
 from analyzer.fleet.worker import tried
 from analyzer.sources import UnavailableError
@@ -144,21 +144,21 @@ class ExportRun:
         settings: which types.
         retries: for captures that cannot be read now.
         goal: what goes where.
-        told: is called with the account after each result.
+        told: is called with the counts after each result.
     """
 
     def __init__(
-        self, settings: FleetSettings, retries: Retries, goal: ExportGoal, told: Callable[[Account], None]
+        self, settings: FleetSettings, retries: Retries, goal: ExportGoal, told: Callable[[RunCounts], None]
     ) -> None:
         self._settings, self._retries, self._goal, self._told = settings, retries, goal, told
-        self.account = Account()
+        self.counts = RunCounts()
         self.errors: list[tuple[str, str]] = []
 
     def over(self, jobs: list[Job], workers: Serial | Dask) -> None:
         """Do them. Raises `ClusterError`, and `OSError` where nothing can be written."""
         todo = missing(jobs, self._goal)
-        account = self.account
-        account.listed, account.skipped, account.workers = len(jobs), len(jobs) - len(todo), workers.workers
+        counts = self.counts
+        counts.listed, counts.skipped, counts.workers = len(jobs), len(jobs) - len(todo), workers.workers
         settings, retries, goal = self._settings, self._retries, self._goal
 
         def work(some: Sequence[Job]) -> list[dict[str, Any]]:
@@ -169,10 +169,10 @@ class ExportRun:
                 some, rows if error is None else [{"outcome": KILLED, "error": str(error)}], strict=True
             ):
                 if row["outcome"] == UNAVAILABLE:
-                    account.unavailable += 1
+                    counts.unavailable += 1
                 else:
-                    account.done += 1
-                    account.failed += bool(row["error"])
+                    counts.done += 1
+                    counts.failed += bool(row["error"])
                 if row["error"]:
                     self.errors.append((job.url, row["error"]))
-            self._told(account)
+            self._told(counts)

@@ -35,7 +35,7 @@ class StoreError(Exception):
     """A store that cannot be read or written; says which and why."""
 
 
-class Store:
+class ResultStore:
     """A store at a path or an address. Secrets come from the environment only (AWS_..., GOOGLE_..., AZURE_...).
 
     Raises `StoreError` where its tables are of another form, and `ValueError` for an address that Delta does not know.
@@ -46,7 +46,7 @@ class Store:
         scheme, found, _ = place.partition("://")
         if found and scheme not in _SCHEMES:
             raise ValueError(f"{place}: tables are written to a folder, or to {', '.join(_SCHEMES)} ://")
-        self.place = place if "://" in place else str(Path(place).absolute())
+        self.place = place if "://" in place else os.path.abspath(place)  # noqa: PTH100 - without .. in it
         self._known: dict[str, Any] = {}  # tables as they were when we wrote them last
 
     @property

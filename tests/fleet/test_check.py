@@ -14,11 +14,11 @@ import analyzer
 from analyzer.cli.fleet.work import _Progress
 from analyzer.fleet import driver
 from analyzer.fleet.cluster import Serial, tasks
-from analyzer.fleet.driver import Account, FleetRun, jobs_of
+from analyzer.fleet.driver import FleetRun, RunCounts, jobs_of
 from analyzer.fleet.export import scan
 from analyzer.fleet.jobs import Job
-from analyzer.fleet.listing import Names, listed
-from analyzer.fleet.store import Store
+from analyzer.fleet.listing import Provenance, listed
+from analyzer.fleet.store import ResultStore
 from analyzer.fleet.tables import TABLES, rows_table
 
 
@@ -33,7 +33,7 @@ def checked(logs, tmp_path, command):  # noqa: F811 - pytest's way
 
 def test_everything_is_stored_once(checked, command):
     place, arguments = checked
-    answers = Store(str(place)).connected()
+    answers = ResultStore(str(place)).connected()
     rows = answers.execute(
         "select regexp_extract(url, '[^/]*$'), vehicle, outcome, verdict, duplicate from latest order by 1"
     ).fetchall()
@@ -44,15 +44,15 @@ def test_everything_is_stored_once(checked, command):
     assert by_name["v2_garbage.log.gz"][1:3] == ("unreadable", None)
     assert by_name["v3_empty.log.gz"][2] == "not judged"
     assert len(rows) == 10
-    before = content(Store(str(place)))
+    before = content(ResultStore(str(place)))
     status, _, said = command(*arguments)
     assert (status, "10 done before" in said) == (0, True)
-    assert content(Store(str(place))) == before
+    assert content(ResultStore(str(place))) == before
 
 
 def test_it_finds_what_check_finds(checked, logs):  # noqa: F811
     place, _ = checked
-    answers = Store(str(place)).connected()
+    answers = ResultStore(str(place)).connected()
     path = logs / "v5_faults.log.gz"
     report = analyzer.check(str(path))
     rows = answers.execute(
@@ -75,12 +75,12 @@ def test_retry_and_change(checked, logs, command):  # noqa: F811
     assert (status, "1 captures read, 9 done before" in said) == (0, True)
     status, _, said = command(*arguments, "--ignore", "TRF-003")
     assert "10 captures read, 0 done before" in said
-    assert Store(str(place)).connected().execute("select count(*) from latest").fetchall() == [(10,)]
+    assert ResultStore(str(place)).connected().execute("select count(*) from latest").fetchall() == [(10,)]
 
 
 def test_others_read_it_too(checked):
     place, _ = checked
-    store = Store(str(place))
+    store = ResultStore(str(place))
     uris = store.opened("captures").file_uris()
     assert pl.read_delta(store.table("captures")).height == 10
     assert len(pd.concat(map(pd.read_parquet, uris))) == 10
@@ -89,7 +89,7 @@ def test_others_read_it_too(checked):
 
 def test_what_a_dead_driver_left_does_not_count(checked):
     place, _ = checked
-    store = Store(str(place))
+    store = ResultStore(str(place))
     before = content(store)
     rows = store.opened("findings").to_pyarrow_table().to_pylist()
     store.append({"findings": [rows_table("findings", [{**row, "run": "of a driver that died"} for row in rows])]})
@@ -97,28 +97,28 @@ def test_what_a_dead_driver_left_does_not_count(checked):
 
 
 def test_a_capture_that_vanishes_is_no_verdict(logs, tmp_path):  # noqa: F811
-    store = Store(str(tmp_path / "results"))
-    jobs = jobs_of(listed([str(logs / "v0*.gz")], store.place), Names(), SETTINGS.digest())
+    store = ResultStore(str(tmp_path / "results"))
+    jobs = jobs_of(listed([str(logs / "v0*.gz")], store.place), Provenance(), SETTINGS.digest())
     gone = logs / "v0_again.log.gz"
     data = gone.read_bytes()
     gone.unlink()
     run = FleetRun(store, SETTINGS, QUICK)
     run.over(jobs, Serial())
-    assert (run.account.done, run.account.unavailable) == (1, 1)
+    assert (run.counts.done, run.counts.unavailable) == (1, 1)
     rows = store.connected().execute("select outcome, verdict, attempts from latest where url = $1", [str(gone)])
     assert rows.fetchall() == [("unavailable", None, 2)]
     gone.write_bytes(data)
     run = FleetRun(store, SETTINGS, QUICK)
     run.over(jobs, Serial())
-    assert (run.account.skipped, run.account.done) == (1, 1)
+    assert (run.counts.skipped, run.counts.done) == (1, 1)
 
 
 def test_ctrl_c_keeps_what_is_done(logs, tmp_path):  # noqa: F811
-    store = Store(str(tmp_path / "results"))
-    jobs = jobs_of(listed([str(logs)], store.place), Names(), SETTINGS.digest())
+    store = ResultStore(str(tmp_path / "results"))
+    jobs = jobs_of(listed([str(logs)], store.place), Provenance(), SETTINGS.digest())
 
-    def stop(account):
-        if account.done == 3:
+    def stop(counts):
+        if counts.done == 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -126,21 +126,21 @@ def test_ctrl_c_keeps_what_is_done(logs, tmp_path):  # noqa: F811
     assert store.connected().execute("select ended, done from runs").fetchall() == [("interrupted", 3)]
     run = FleetRun(store, SETTINGS, QUICK)
     run.over(jobs, Serial())
-    assert (run.account.skipped, run.account.done) == (3, 7)
+    assert (run.counts.skipped, run.counts.done) == (3, 7)
 
 
 def test_commits_come_in_batches(logs, tmp_path, monkeypatch):  # noqa: F811
     monkeypatch.setattr(driver, "COMMIT_CAPTURES", 4)
-    store = Store(str(tmp_path / "results"))
+    store = ResultStore(str(tmp_path / "results"))
     FleetRun(store, SETTINGS, QUICK).over(
-        jobs_of(listed([str(logs)], store.place), Names(), SETTINGS.digest()), Serial()
+        jobs_of(listed([str(logs)], store.place), Provenance(), SETTINGS.digest()), Serial()
     )
     assert store.opened("captures").version() == 2
     assert store.compact()["captures"] == 1
 
 
 def test_one_driver_writes_a_folder(tmp_path, command, logs):  # noqa: F811
-    store = Store(str(tmp_path / "results"))
+    store = ResultStore(str(tmp_path / "results"))
     with store.alone():
         status, _, said = command("fleet", "check", logs, "-o", store.place, "--workers", "0")
     assert (status, "another run is writing it" in said) == (3, True)
@@ -153,27 +153,27 @@ def sized(*sizes):
 def test_two_drivers_of_a_store_lose_nothing_and_count_nothing_twice(logs, tmp_path, monkeypatch):  # noqa: F811
     """Both list before either writes, and their commits alternate, as drivers of a storage without locks may do."""
     monkeypatch.setattr(driver, "COMMIT_CAPTURES", 1)
-    store, alone = Store(str(tmp_path / "results")), Store(str(tmp_path / "alone"))
-    jobs = jobs_of(listed([str(logs / "v[03]_*.gz")], store.place), Names(), SETTINGS.digest())
-    second = FleetRun(Store(store.place), SETTINGS, QUICK)
+    store, alone = ResultStore(str(tmp_path / "results")), ResultStore(str(tmp_path / "alone"))
+    jobs = jobs_of(listed([str(logs / "v[03]_*.gz")], store.place), Provenance(), SETTINGS.digest())
+    second = FleetRun(ResultStore(store.place), SETTINGS, QUICK)
 
-    def meanwhile(account):
-        if account.done == 1:
+    def meanwhile(counts):
+        if counts.done == 1:
             second.over(jobs[1:], Serial())
 
     first = FleetRun(store, SETTINGS, QUICK, meanwhile)
     first.over(jobs, Serial())
     FleetRun(alone, SETTINGS, QUICK).over(jobs, Serial())
-    assert (first.account.done, second.account.done) == (len(jobs), len(jobs) - 1)
-    assert first.account.others
+    assert (first.counts.done, second.counts.done) == (len(jobs), len(jobs) - 1)
+    assert first.counts.others
     assert content(store) == content(alone)
     assert len(store.opened("captures").to_pyarrow_table()) == 2 * len(jobs) - 1
 
 
 def test_another_driver_is_told_of_once(capsys):
-    progress, account = _Progress(), Account(others=True)
-    progress(account)
-    progress.end(account)
+    progress, counts = _Progress(), RunCounts(others=True)
+    progress(counts)
+    progress.end(counts)
     assert capsys.readouterr().err.count("another run writes this store, too") == 1
 
 
@@ -184,9 +184,9 @@ def test_another_driver_is_told_of_once(capsys):
         ([10] * 5, 8, [1] * 5),  # fewer than there are places: each alone
         ([10] * 400, 8, [32] * 12 + [16]),
         ([10] * 24, 8, [3] * 8),
-        ([600_000] * 16, 2, [1] * 16),
+        ([5_000_000] * 16, 2, [1] * 16),
         ([None] * 16, 2, [1] * 16),  # a storage that tells no size
-        ([10, 10, 2_000_000, 10, 10, 10], 1, [2, 1, 3]),
+        ([10, 10, 9_000_000, 10, 10, 10], 1, [2, 1, 3]),
     ],
 )
 def test_small_captures_are_done_together(sizes, least, lengths):

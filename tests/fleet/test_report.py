@@ -10,10 +10,10 @@ from bench.make_fleet import make
 from analyzer.fleet.cluster import Serial
 from analyzer.fleet.driver import FleetRun, jobs_of
 from analyzer.fleet.jobs import FleetSettings, Retries
-from analyzer.fleet.listing import Names, listed
+from analyzer.fleet.listing import Provenance, listed
 from analyzer.fleet.report import page, text
 from analyzer.fleet.report.build import build
-from analyzer.fleet.store import Store
+from analyzer.fleet.store import ResultStore
 
 pytestmark = pytest.mark.slow
 
@@ -22,8 +22,8 @@ pytestmark = pytest.mark.slow
 def fleet(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fleet")
     key = make(folder / "logs")
-    store, settings = Store(str(folder / "results")), FleetSettings()
-    names = Names("{vehicle}/{date}/*.log.gz")
+    store, settings = ResultStore(str(folder / "results")), FleetSettings()
+    names = Provenance("{vehicle}/{date}/*.log.gz")
     jobs = jobs_of(listed([str(folder / "logs/**/*.log.gz")], store.place), names, settings.digest())
     FleetRun(store, settings, Retries(2, 0.01)).over(jobs, Serial())
     return store, key

@@ -17,8 +17,8 @@ from kit.storages import serving
 
 from analyzer.fleet.cluster import Serial
 from analyzer.fleet.driver import FleetRun, jobs_of
-from analyzer.fleet.listing import Names, listed
-from analyzer.fleet.store import Store, StoreError
+from analyzer.fleet.listing import Provenance, listed
+from analyzer.fleet.store import ResultStore, StoreError
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of libraries, about sockets that they leave open
 KINDS = ("web", "google", "azure", "ssh")
@@ -69,8 +69,8 @@ def _ssh(tmp_path, monkeypatch):
 def over(pattern, store):
     fsspec.get_filesystem_class(pattern.partition(":")[0]).clear_instance_cache()
     run = FleetRun(store, SETTINGS, QUICK)
-    run.over(jobs_of(listed([pattern], store.place), Names("{vehicle}_*.log.gz"), SETTINGS.digest()), Serial())
-    return run.account
+    run.over(jobs_of(listed([pattern], store.place), Provenance("{vehicle}_*.log.gz"), SETTINGS.digest()), Serial())
+    return run.counts
 
 
 @pytest.mark.slow
@@ -79,12 +79,12 @@ def test_captures_of_a_storage(storage, logs, tmp_path, command):  # noqa: F811 
     picked = ("v0_hover.log.gz", "v1_cut.log.gz", "v2_garbage.log.gz")
     for name in picked:
         files[f"all/{name}"] = (logs / name).read_bytes()
-    store, here = Store(str(tmp_path / "results")), Store(str(tmp_path / "here"))
-    account = over(f"{place}/*.gz", store)
-    assert (account.done, account.failed, account.unavailable) == (3, 1, 0)
+    store, here = ResultStore(str(tmp_path / "results")), ResultStore(str(tmp_path / "here"))
+    counts = over(f"{place}/*.gz", store)
+    assert (counts.done, counts.failed, counts.unavailable) == (3, 1, 0)
     for name in picked:
         run = FleetRun(here, SETTINGS, QUICK)
-        run.over(jobs_of(listed([str(logs / name)], here.place), Names(), SETTINGS.digest()), Serial())
+        run.over(jobs_of(listed([str(logs / name)], here.place), Provenance(), SETTINGS.digest()), Serial())
     mine, its = (
         answers.connected()
         .execute("select sha256, outcome, verdict, frames, transfers from latest order by 1")
@@ -157,5 +157,5 @@ def test_what_stands_behind_an_address_may_be_a_key_and_is_not_repeated(monkeypa
 
     monkeypatch.setattr("deltalake.DeltaTable", refuse)
     with pytest.raises(StoreError) as caught:
-        Store("s3://logs/results").opened("captures")
+        ResultStore("s3://logs/results").opened("captures")
     assert str(caught.value) == "s3://logs/results/captures: no: GET https://fleet.test/a failed: what now?"
