@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import os
 
+import duckdb
 import pandas as pd
 import polars as pl
 import pytest
 from kit.command import CAPTURES, HOVER
 from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
 
-import analyzer
+import analyzer.fleet
 from analyzer.cli.fleet.work import _Progress
 from analyzer.fleet import driver
 from analyzer.fleet.cluster import Serial, tasks
 from analyzer.fleet.driver import FleetRun, RunCounts, jobs_of
-from analyzer.fleet.export import scan
 from analyzer.fleet.jobs import Job
 from analyzer.fleet.listing import Provenance, listed
 from analyzer.fleet.store import ResultStore
@@ -241,9 +241,20 @@ def test_export_writes_a_file_a_capture_and_table_once(logs, tmp_path, command):
 def test_a_table_of_many_captures_as_a_stream(logs):  # noqa: F811
     urls = [str(logs / f"v0_{name}.log.gz") for name in ("hover", "again")]
     whole = analyzer.open_capture(urls[0]).table("ESCStatus")
-    rows = list(scan(urls, "ESCStatus", ["voltage", "t"]))
-    assert sum(map(len, rows)) == 2 * len(whole)
-    assert {tuple(one.schema.names) for one in rows} == {("voltage", "t")}
+    rows = analyzer.fleet.scan(urls, "ESCStatus", ["voltage", "t"])
+    assert rows.schema.names == ["url", "voltage", "t"]
+    found = pl.from_arrow(rows)
+    assert found["url"].to_list() == [url for url in urls for _ in range(len(whole))]
+    assert found["voltage"].to_list() == 2 * whole.column("voltage").to_pylist()
+    rows = analyzer.fleet.scan(urls, "ESCStatus")
+    assert duckdb.sql("select url, count(*) from rows group by 1 order by 1").fetchall() == [
+        (url, len(whole)) for url in sorted(urls)
+    ]
+    assert len(analyzer.fleet.scan(urls, "ESCStatus").read_pandas()) == 2 * len(whole)
+    with pytest.raises(LookupError, match="ESCStatus"):
+        analyzer.fleet.scan(urls, "ESCStatsu")
+    with pytest.raises(analyzer.UnavailableError, match=r"gone\.log"):
+        list(analyzer.fleet.scan([str(logs / "gone.log")], "ESCStatus"))
 
 
 def test_captures_of_vehicles_without_a_name_are_of_no_vehicle(tmp_path, command):
