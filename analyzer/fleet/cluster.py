@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -177,6 +178,8 @@ def _here(choice: ClusterChoice) -> Iterator[Dask]:
             **_QUIET, "distributed.scheduler.allowed-failures": 0, "distributed.worker.daemon": True,
         }))  # fmt: skip
         held.enter_context(_without_this_folder())
+        starting = held.enter_context(ExitStack())
+        starting.enter_context(_deaf())
         try:
             local = held.enter_context(distributed.LocalCluster(
                 n_workers=choice.workers, threads_per_worker=1, memory_limit=choice.memory, dashboard_address=None,
@@ -186,9 +189,26 @@ def _here(choice: ClusterChoice) -> Iterator[Dask]:
             client = held.enter_context(distributed.Client(local))
         except (OSError, RuntimeError) as error:
             raise ClusterError(f"no workers can be started: {error.__cause__ or error}") from None
+        starting.close()
         for one in (local.scheduler, *local.workers.values()):
             calm(one)
         yield Dask(client)
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Let Ctrl-C wait, and threads and processes that are started meanwhile never hear it: we end them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker  # noqa: PLC0415
+
+    resource_tracker.ensure_running()  # which would have its thread hear it again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

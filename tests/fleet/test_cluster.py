@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import fsspec
 import pytest
+from kit.command import wait_until
 from kit.fleets import QUICK, SETTINGS, content, logs  # noqa: F401 - a fixture
 from moto.server import ThreadedMotoServer
 
@@ -114,6 +117,39 @@ def test_a_driver_that_is_killed_is_gone_on_with(logs, tmp_path, serial):  # noq
         run.over(jobs_in(logs, store), workers)
     assert run.counts.skipped == len(done)
     assert content(store) == serial
+
+
+def test_ctrl_c_on_a_terminal_is_told_in_plain_lines(logs, tmp_path):  # noqa: F811
+    """The terminal sends it to all processes at once, here as the first worker starts."""
+    arguments = ["fleet", "check", str(logs), "-o", str(tmp_path / "results"), "--workers", "2"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "analyzer", *arguments], stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as run:
+        wait_until(lambda: any(b"spawn_main" in command_of(pid) for pid in group(run.pid)))
+        os.killpg(run.pid, signal.SIGINT)
+        _, said = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert [line for line in said.splitlines() if not line.startswith("-- ")] == [], said
+    assert "interrupted: the same command goes on" in said
+    wait_until(lambda: not group(run.pid))
+
+
+def group(number):
+    """Return the processes of a group."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError, IndexError):
+            if int((place / "stat").read_text().rpartition(")")[2].split()[2]) == number:
+                found.append(int(place.name))
+    return found
+
+
+def command_of(pid):
+    """Return the arguments of a process; nothing if it has ended."""
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return b""
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import dissectors
 from analyzer.app import streams
+from analyzer.app.interrupt import cleaning
 from analyzer.cli import options, rules, status
 from analyzer.decode.by_name import find_table
 from analyzer.fleet.cluster import LEAST_MEMORY, ClusterChoice, cluster
@@ -38,7 +39,7 @@ def check(args: argparse.Namespace) -> int:
     choice, progress = _choice(args), _Progress()
     run = FleetRun(store, settings, Retries(args.attempts), progress)
     try:
-        with store.alone(), cluster(choice) as workers:
+        with cleaning(), store.alone(), cluster(choice) as workers:
             run.over(jobs, workers, retry=args.retry is not None)
     except KeyboardInterrupt:
         progress.end(run.counts, "interrupted: the same command goes on")
@@ -64,7 +65,7 @@ def export(args: argparse.Namespace) -> int:
     choice, progress = _choice(args), _Progress()
     run = ExportRun(settings, Retries(args.attempts), goal, progress)
     try:
-        with cluster(choice) as workers:
+        with cleaning(), cluster(choice) as workers:
             run.over(jobs, workers)
     except KeyboardInterrupt:
         progress.end(run.counts, "interrupted: the same command goes on")
