@@ -150,7 +150,13 @@ def _read(path: str) -> dict[str, tuple[str, str]]:
         rows = csv.DictReader(file)
         if "url" not in (rows.fieldnames or ()):
             raise ValueError(f"{path}: line 1: no column url")
-        return {row["url"]: (row.get("vehicle") or "", _day(row.get("date") or "")) for row in rows}
+        found = {}
+        for row in rows:
+            day = row.get("date") or ""
+            if day and not _day(day):
+                raise ValueError(f"{path}: line {rows.line_num}: {day!r} is no day, such as 2026-11-22")
+            found[row["url"]] = row.get("vehicle") or "", _day(day)
+        return found
 
 
 def _day(text: str) -> str:

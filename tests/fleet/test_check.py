@@ -69,12 +69,12 @@ def test_it_finds_what_check_finds(checked, logs):  # noqa: F811
 def test_retry_and_change(checked, logs, command):  # noqa: F811
     place, arguments = checked
     status, _, said = command(*arguments, "--retry", "failed")
-    assert (status, "1 captures read, 9 done before" in said) == (3, True)
+    assert (status, "captures: 1 read, 9 done before" in said) == (3, True)
     (logs / "v2_garbage.log.gz").write_bytes((logs / "v3_empty.log.gz").read_bytes() or b"(1.0) can0 123#00\n")
     status, _, said = command(*arguments)
-    assert (status, "1 captures read, 9 done before" in said) == (0, True)
+    assert (status, "captures: 1 read, 9 done before" in said) == (0, True)
     status, _, said = command(*arguments, "--ignore", "TRF-003")
-    assert "10 captures read, 0 done before" in said
+    assert "captures: 10 read, 0 done before" in said
     assert ResultStore(str(place)).connected().execute("select count(*) from latest").fetchall() == [(10,)]
 
 
@@ -226,6 +226,21 @@ def test_without_the_extra_it_says_how_to_get_it(monkeypatch, command):
     assert (status, said) == (2, "tailbyte fleet: deltalake not installed: pip install 'tailbyte[fleet]'\n")
 
 
+def test_a_pattern_that_fits_nothing_is_told(logs, tmp_path, command):  # noqa: F811
+    arguments = ["fleet", "check", logs / "v0_*.gz", "-o", tmp_path / "results", "--workers", "0"]
+    status, _, said = command(*arguments, "--name", "{vehicle}/{date}/*.mcap")
+    assert (status, "tells the vehicle of none of 2 captures" in said) == (0, True), said
+
+
+def test_of_equal_captures_that_of_a_vehicle_counts(logs, tmp_path, command):  # noqa: F811
+    names = tmp_path / "names.csv"
+    names.write_text("url,vehicle\nv0_hover.log.gz,v17\n")
+    arguments = ["fleet", "check", logs / "v0_*.gz", "-o", tmp_path / "results", "--workers", "0"]
+    assert command(*arguments, "--names", names)[0] == 0
+    answers = ResultStore(str(tmp_path / "results")).connected()
+    assert answers.execute("select vehicle from counted").fetchall() == [("v17",)]
+
+
 def test_export_writes_a_file_a_capture_and_table_once(logs, tmp_path, command):  # noqa: F811
     place = tmp_path / "tables"
     arguments = ["fleet", "export", logs / "v0_*.gz", "-o", place, "--table", "ESCStatus", "--workers", "0"]
@@ -234,7 +249,7 @@ def test_export_writes_a_file_a_capture_and_table_once(logs, tmp_path, command):
     files = sorted((place / "ESCStatus/vehicle=v0/date=unknown").iterdir())
     whole = analyzer.open_capture(str(logs / "v0_hover.log.gz")).table("ESCStatus")
     assert [len(pd.read_parquet(one)) for one in files] == [len(whole)] * 2
-    assert "0 captures read, 2 done before" in command(*arguments)[2]
+    assert "captures: 0 read, 2 done before" in command(*arguments)[2]
     assert not [name for _, _, names in os.walk(place) for name in names if name.endswith(".part")]
 
 
@@ -260,7 +275,7 @@ def test_a_table_of_many_captures_as_a_stream(logs):  # noqa: F811
 def test_captures_of_vehicles_without_a_name_are_of_no_vehicle(tmp_path, command):
     place = tmp_path / "results"
     _, _, said = command("fleet", "check", CAPTURES / "mission-8-faults.log", "-o", place, "--workers", "0")
-    assert "1 captures read" in said
+    assert "captures: 1 read" in said
     _, shown, _ = command("fleet", "report", place, "--by", "rule")
     (line,) = [line for line in shown.splitlines() if "TRF-003" in line]
     assert line.split()[:4] == ["TRF-003", "error", "1", "capture"]

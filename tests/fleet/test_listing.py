@@ -75,8 +75,15 @@ def test_a_wrong_pattern_is_said(pattern):
         Provenance(pattern)
 
 
-def test_a_wrong_table_is_said(tmp_path):
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("file,vehicle\n", "line 1: no column url"),
+        ("url,date\na.log,2026-11-22\nb.log,22.11.2026\n", "line 3: '22.11.2026'"),
+    ],
+)
+def test_a_wrong_table_is_said(tmp_path, text, said):
     table = tmp_path / "names.csv"
-    table.write_text("file,vehicle\n")
-    with pytest.raises(ValueError, match="line 1: no column url"):
+    table.write_text(text)
+    with pytest.raises(ValueError, match=said):
         Provenance(None, str(table))

@@ -53,7 +53,7 @@ def compact(args: argparse.Namespace) -> int:
     with store.alone():
         left = store.compact()
     for name, count in left.items():
-        sys.stdout.write(f"{name}: {count} files\n")
+        sys.stdout.write(f"{name}: {count} file{'' if count == 1 else 's'}\n")
     return status.OK if left else status.NOT_JUDGED
 
 

@@ -82,7 +82,11 @@ def _settings(args: argparse.Namespace) -> FleetSettings:
 
 
 def _jobs(args: argparse.Namespace, store: str, settings: FleetSettings) -> list[Job]:
-    return jobs_of(listed(args.place, store), Provenance(args.name, args.names), settings.digest())
+    jobs = jobs_of(listed(args.place, store), Provenance(args.name, args.names), settings.digest())
+    if jobs and (args.name or args.names) and not any(job.vehicle for job in jobs):
+        wish = f"--name {args.name!r}" if args.name else f"--names {args.names}"
+        streams.complain(f"{wish} tells the vehicle of none of {len(jobs)} captures, such as {jobs[0].url}", NAME)
+    return jobs
 
 
 def _choice(args: argparse.Namespace) -> ClusterChoice:
@@ -139,7 +143,7 @@ class _Progress:
     def end(self, counts: RunCounts, more: str = "") -> None:
         """Say what came of it."""
         self._warn(counts)
-        read = f"{counts.done} captures read, {counts.skipped} done before, {counts.failed} without a result"
+        read = f"captures: {counts.done} read, {counts.skipped} done before, {counts.failed} without a result"
         lines = [
             f"-- {read}, {counts.unavailable} could not be read now",
             f"-- {counts.bytes / 1e6:.1f} MB, {counts.cpu_s:.1f} s of CPU on {counts.workers or 'no'} workers",

@@ -29,7 +29,7 @@ def build(store: ResultStore, since: str | None, least: int) -> FleetReport:
     head = _head(answers, store.place)
     odd, tested = odd_escs(answers, least)
     software, rates = by_software(answers)
-    day = None if since is None else _day(since, head.last_day)
+    day = "" if since is None else _day(since, head.last_day)
     return FleetReport(
         head=head,
         open_first=tuple(_open_first(answers)),
@@ -38,7 +38,7 @@ def build(store: ResultStore, since: str | None, least: int) -> FleetReport:
         least_flights=least,
         software=tuple(software),
         rates=tuple(rates),
-        since=None if day is None else since_then(answers, day),
+        since=since_then(answers, day) if day else None,
         rules=tuple(RuleCount(*row) for row in _rows(answers, _RULES)),
         vehicles=tuple(VehicleCount(*row) for row in _rows(answers, _VEHICLES)),
         unread=tuple(Unread(*row) for row in _rows(answers, _UNREAD)),
@@ -55,7 +55,7 @@ select count(*), count(*) filter (not duplicate and verdict in ('pass', 'fail'))
     count(*) filter (not duplicate and outcome = 'damaged'),
     count(*) filter (error <> '' and outcome <> '{UNAVAILABLE}'),
     count(*) filter (outcome = '{UNAVAILABLE}'), count(*) filter (duplicate),
-    count(distinct vehicle) filter (vehicle <> ''),
+    count(distinct vehicle) filter (vehicle <> '' and not duplicate),
     coalesce(sum(flights) filter (not duplicate), 0)::bigint,
     coalesce(sum(flight_ns) filter (not duplicate), 0) / 3.6e12,
     coalesce(min(date) filter (date <> ''), ''), coalesce(max(date) filter (date <> ''), '') from latest
