@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 from analyzer.app.targets import refuse_filled, refuse_input
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.app.threads import beside
+from analyzer.app.process.threads import beside
 from analyzer.facts.frame_marks import MarksError, marks_beside
 from analyzer.report.draft import JudgedCapture
 from analyzer.rules.checking import Check

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from analyzer.app.threads import THREADS
+from analyzer.app.process.threads import THREADS
 from analyzer.rules.catalogue import OWN, matching
 from analyzer.rules.gate import Least
 from analyzer.rules.settings import Settings

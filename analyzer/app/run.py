@@ -199,7 +199,7 @@ class Run(AbstractContextManager["Run"]):
         """Return what is read for this run; if there may be threads and the captures are files, one reads it ahead."""
         if not self._threaded:
             return items
-        from analyzer.app.threads import ahead  # noqa: PLC0415 - not every run has threads
+        from analyzer.app.process.threads import ahead  # noqa: PLC0415 - not every run has threads
 
         return ahead(items)
 

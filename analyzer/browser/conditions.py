@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from analyzer.filter.compiled import compile_expression, compile_filter
-from analyzer.filter.errors import FilterError
+from analyzer.filter.language.errors import FilterError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

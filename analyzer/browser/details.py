@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.tables import EVENTS, EXTENDED, FD, REMOTE, VERDICTS
-from analyzer.views.hexdump import tail_words
+from analyzer.views.details.hexdump import tail_words
 from analyzer.views.terminal import escape
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ from analyzer.browser.store.cut import StoredFrames, cut_transfers
 from analyzer.browser.store.order import EVENT, TRANSFER
 from analyzer.facts.frame_marks import MarkBook
 from analyzer.filter.compiled import compile_filter
-from analyzer.filter.errors import FilterError
+from analyzer.filter.language.errors import FilterError
 from analyzer.tables import KINDS
+from analyzer.views.details.tree import Tree
 from analyzer.views.terminal import escape
-from analyzer.views.tree import Tree
 from analyzer.window.numbering import Numbering
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
-from analyzer.app import start, streams
+from analyzer.app.process import start, streams
 from analyzer.cli.status import DAMAGED, INTERRUPTED, OK, USAGE
 
 if TYPE_CHECKING:

@@ -7,9 +7,11 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from analyzer.app import extracting, streams
+from analyzer.app import extracting
+from analyzer.app.process import streams
 from analyzer.app.targets import refuse_input
-from analyzer.cli import check_init, options, reports, rules, status
+from analyzer.cli import check_init, reports, status
+from analyzer.cli.arguments import options, rules
 
 if TYPE_CHECKING:
     from analyzer.app.criteria import Criteria
@@ -75,7 +77,7 @@ class _UsageError(Exception):
 
 def run(args: argparse.Namespace) -> int:
     """Judge every capture, then write the reports: each is there whole or not at all."""
-    from analyzer.app.start import plain_arrow  # noqa: PLC0415
+    from analyzer.app.process.start import plain_arrow  # noqa: PLC0415
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
 

@@ -10,7 +10,7 @@ from os.path import lexists
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 from analyzer.cli.status import USAGE
 
 if TYPE_CHECKING:

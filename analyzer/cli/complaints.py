@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 
 
 class Complaints:

@@ -7,9 +7,10 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 from analyzer.app.targets import capture_form, refuse_input
-from analyzer.cli import options, status
+from analyzer.cli import status
+from analyzer.cli.arguments import options
 from analyzer.sinks import FORMS, losses
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ import shutil
 import sys
 from typing import IO, TYPE_CHECKING
 
-from analyzer.cli import options, stats, status
+from analyzer.cli import stats, status
+from analyzer.cli.arguments import options
 from analyzer.views.formats import BY_NAME
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from analyzer.app.targets import refuse_input
-from analyzer.cli import options, reports, rules, status
+from analyzer.cli import reports, status
+from analyzer.cli.arguments import options, rules
 from analyzer.report.comparison.formats import FORMATS
 
 if TYPE_CHECKING:
@@ -67,8 +68,8 @@ class _UsageError(Exception):
 
 def run(args: argparse.Namespace) -> int:
     """Read both captures, then write what differs: each report is there whole or not at all."""
-    from analyzer.app.start import plain_arrow  # noqa: PLC0415
-    from analyzer.filter.errors import FilterError  # noqa: PLC0415
+    from analyzer.app.process.start import plain_arrow  # noqa: PLC0415
+    from analyzer.filter.language.errors import FilterError  # noqa: PLC0415
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
 

@@ -8,7 +8,8 @@ import shutil
 import sys
 from typing import TYPE_CHECKING
 
-from analyzer.cli import options, status
+from analyzer.cli import status
+from analyzer.cli.arguments import options
 
 if TYPE_CHECKING:
     import argparse
@@ -36,7 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write every field whose name fits."""
     import dissectors  # noqa: PLC0415
-    from analyzer.filter.errors import listed, near  # noqa: PLC0415
+    from analyzer.filter.language.errors import listed, near  # noqa: PLC0415
     from analyzer.filter.names import FilterNames  # noqa: PLC0415 - needs numpy
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
 
@@ -63,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _ending(names: FilterNames, every: Sequence[FieldRef], pattern: str) -> list[FieldRef]:
     """Return the fields that a filter takes a name for which is not written out."""
-    from analyzer.filter.errors import FilterError  # noqa: PLC0415
+    from analyzer.filter.language.errors import FilterError  # noqa: PLC0415
 
     try:
         found = names.find(pattern, pattern, 0)

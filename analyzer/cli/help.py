@@ -7,7 +7,8 @@ import shutil
 import sys
 from typing import TYPE_CHECKING
 
-from analyzer.cli import options, status
+from analyzer.cli import status
+from analyzer.cli.arguments import options
 
 if TYPE_CHECKING:
     import argparse

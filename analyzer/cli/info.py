@@ -6,7 +6,8 @@ import argparse
 import shutil
 import sys
 
-from analyzer.cli import options, status
+from analyzer.cli import status
+from analyzer.cli.arguments import options
 
 NAME = "tailbyte info"
 

@@ -8,8 +8,9 @@ import sys
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
-from analyzer.cli import buses, decode, options, reports, rules, status
+from analyzer.app.process import streams
+from analyzer.cli import decode, reports, status
+from analyzer.cli.arguments import buses, options, rules
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -117,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
     """Run until somebody or a condition ends it."""
     if args.interfaces:
         return _list()
-    from analyzer.app.start import plain_arrow, return_memory  # noqa: PLC0415
+    from analyzer.app.process.start import plain_arrow, return_memory  # noqa: PLC0415
     from analyzer.live.interfaces.naming import InterfaceError  # noqa: PLC0415 - python-can takes its time
     from analyzer.sinks.atomic import TargetError  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415

@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 from analyzer.app.targets import refuse_input
-from analyzer.cli import options, status
+from analyzer.cli import status
+from analyzer.cli.arguments import options
 from analyzer.plot import MOST_POINTS
 
 if TYPE_CHECKING:
@@ -70,8 +71,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Read the captures once. A file is there whole or not at all; a viewer gets what there is as it comes."""
+    from analyzer.app.process.start import plain_arrow  # noqa: PLC0415
     from analyzer.app.request import RuleChoice  # noqa: PLC0415
-    from analyzer.app.start import plain_arrow  # noqa: PLC0415
     from analyzer.plot import LOG_LEVEL  # noqa: PLC0415
 
     os.environ.setdefault(LOG_LEVEL, "off")  # one clear line of ours instead
@@ -166,7 +167,7 @@ class _Goal:
     def last(self, done: int) -> int:
         """Do what is left once that is `done`; return the exit status."""
         if self._server is not None and self._drawn:
-            from analyzer.app.interrupt import graceful  # noqa: PLC0415
+            from analyzer.app.process.interrupt import graceful  # noqa: PLC0415
             from analyzer.plot.viewer_program import NoViewerError  # noqa: PLC0415
             from analyzer.sources.errors import StopReading  # noqa: PLC0415
 
@@ -180,7 +181,7 @@ class _Goal:
 
 def _goal(asked: _Asked, until_the_end: ExitStack) -> _Goal:
     """Return where to. Raises `ValueError` for arguments that do not go together, and `_UnreachedError`."""
-    from analyzer.app.interrupt import cleaning  # noqa: PLC0415
+    from analyzer.app.process.interrupt import cleaning  # noqa: PLC0415
     from analyzer.plot import viewer_program as viewer  # noqa: PLC0415
 
     if not asked.serve and (asked.port is not None or asked.bind is not None):

@@ -9,7 +9,7 @@ import time
 from contextlib import AbstractContextManager
 from typing import IO, TYPE_CHECKING, Protocol, Self, TypeVar
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

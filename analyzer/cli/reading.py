@@ -5,10 +5,10 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
-from analyzer.app.interrupt import graceful
+from analyzer.app.process import streams
+from analyzer.app.process.interrupt import graceful
+from analyzer.app.process.start import keep_memory, plain_arrow
 from analyzer.app.run import Run
-from analyzer.app.start import keep_memory, plain_arrow
 from analyzer.cli import status
 from analyzer.cli.progress import Progress, bytes_a_second
 from analyzer.decode.core import LINES

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
-from analyzer.app import streams
-from analyzer.cli import options
+from analyzer.app.process import streams
+from analyzer.cli.arguments import options
 from analyzer.report.formats import FORMATS, by_suffix
 
 if TYPE_CHECKING:

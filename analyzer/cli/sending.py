@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 from analyzer.cli import status
 from analyzer.live.replay.outlet import ActuationError
 from analyzer.views.actuation import render

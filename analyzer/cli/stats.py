@@ -9,7 +9,8 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from analyzer.cli import options, status
+from analyzer.cli import status
+from analyzer.cli.arguments import options
 from analyzer.stats.catalogue import STATISTICS, named
 
 if TYPE_CHECKING:

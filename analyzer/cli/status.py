@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 
 if TYPE_CHECKING:
     from analyzer.app.run import Run, RunState

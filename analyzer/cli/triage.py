@@ -7,8 +7,9 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from analyzer.app.targets import refuse_input
-from analyzer.cli import options, reports, status
-from analyzer.cli.autopilot import LogBeside, add_log
+from analyzer.cli import reports, status
+from analyzer.cli.arguments import options
+from analyzer.cli.arguments.autopilot import LogBeside, add_log
 from analyzer.report.triage.formats import FORMATS
 
 if TYPE_CHECKING:

@@ -12,7 +12,8 @@ import os
 import re
 import sys
 
-from analyzer.cli import options, status
+from analyzer.cli import status
+from analyzer.cli.arguments import options
 
 NAME = "tailbyte view"
 _SIGNAL = 128  # and its number: what ended the browser
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     names = [*args.capture, *args.capture_]
     if names and all(_BUS.fullmatch(name) and not os.path.lexists(name) for name in names):
         return _bus(args, names)
-    from analyzer.app.start import plain_arrow  # noqa: PLC0415
+    from analyzer.app.process.start import plain_arrow  # noqa: PLC0415
 
     plain_arrow()
     from analyzer.app.browse.session import BrowseOptions, browse  # noqa: PLC0415 - behind that

@@ -21,10 +21,8 @@ _SOFTWARE = "software_version"  # is told as firmware
 
 def commands(registry: Registry, table: str) -> bool:
     """Return whether a table is what somebody else sets: no report of a device."""
-    try:
-        return registry.resolve(table.partition(".")[0]).actuates
-    except LookupError:
-        return False
+    message = registry.message_of(table) or registry.message_of(table.partition(".")[0])
+    return message is not None and message.actuates
 
 
 def is_setting(of: Message | Packet | None, table: pa.RecordBatch, name: str) -> bool:

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from analyzer.filter.compiled import Filter as Filter
     from analyzer.filter.compiled import compile_expression as compile_expression
     from analyzer.filter.compiled import compile_filter as compile_filter
-    from analyzer.filter.errors import FilterError as FilterError
+    from analyzer.filter.language.errors import FilterError as FilterError
 
 __all__ = ["Expression", "Filter", "FilterError", "compile_expression", "compile_filter"]
 

@@ -8,11 +8,11 @@ from analyzer.decode.packets import UNRECOGNIZED
 from analyzer.filter.apart import apart, carriers
 from analyzer.filter.conditions import Conditions
 from analyzer.filter.history import columns_of
+from analyzer.filter.language.parser import parse
 from analyzer.filter.matcher import ExpressionMeter, Matcher, ReadValues
 from analyzer.filter.memory import FilterMemory
 from analyzer.filter.names import FilterNames
 from analyzer.filter.operands import Operands
-from analyzer.filter.parser import parse
 from analyzer.filter.sessions import may_select
 from analyzer.window.numbering import Numbering
 

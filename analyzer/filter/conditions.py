@@ -9,9 +9,23 @@ import numpy as np
 
 from analyzer.filter.apart import apart, carriers
 from analyzer.filter.constants import said
-from analyzer.filter.errors import listed
 from analyzer.filter.fields import Kind
-from analyzer.filter.literals import pattern_test, text_bytes, text_value
+from analyzer.filter.language.errors import listed
+from analyzer.filter.language.literals import pattern_test, text_bytes, text_value
+from analyzer.filter.language.syntax import (
+    Arithmetic,
+    Call,
+    Comparison,
+    Logic,
+    Members,
+    Not,
+    Number,
+    Octets,
+    QuotedText,
+    Slice,
+    ValueRange,
+    Word,
+)  # fmt: skip
 from analyzer.filter.nodes import (
     ComparisonOf,
     Condition,
@@ -27,28 +41,14 @@ from analyzer.filter.nodes import (
     moment_test,
 )  # fmt: skip
 from analyzer.filter.operands import TESTS, Operands
-from analyzer.filter.syntax import (
-    Arithmetic,
-    Call,
-    Comparison,
-    Logic,
-    Members,
-    Not,
-    Number,
-    Octets,
-    QuotedText,
-    Slice,
-    ValueRange,
-    Word,
-)  # fmt: skip
 from analyzer.filter.values import ByteSpans, CodedWords, Values
 from dissectors.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from analyzer.filter.language.syntax import Syntax
     from analyzer.filter.names import FilterNames
-    from analyzer.filter.syntax import Syntax
     from dissectors.kit import Array
 
 _OPERATORS: dict[str, Callable[[Any, Any], Any]] = {

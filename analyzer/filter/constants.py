@@ -8,18 +8,18 @@ import re
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from analyzer.filter.errors import FilterError, listed, near
 from analyzer.filter.fields import Kind
-from analyzer.filter.literals import factor, moment, text_bytes, text_value
-from analyzer.filter.syntax import Arithmetic, Number, Octets, QuotedText, Word
+from analyzer.filter.language.errors import FilterError, listed, near
+from analyzer.filter.language.literals import factor, moment, text_bytes, text_value
+from analyzer.filter.language.syntax import Arithmetic, Number, Octets, QuotedText, Word
 from analyzer.window.limits import Moment
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from analyzer.filter.language.syntax import Syntax
     from analyzer.filter.names import FilterNames
-    from analyzer.filter.syntax import Syntax
 
 ARITHMETIC = {"+": operator.add, "-": operator.sub, "*": operator.mul}
 LITERALS = (Number, QuotedText, Octets)

@@ -9,8 +9,8 @@ import pyarrow as pa
 
 from analyzer.decode.columns import Description
 from analyzer.facts.meaning import meaning
-from analyzer.filter.errors import FilterError, listed, near
 from analyzer.filter.fields import BYTES, FIXED, FLAG, MEANT, PRESENT, TEXT, FieldRef, Kind
+from analyzer.filter.language.errors import FilterError, listed, near
 from dissectors.layout import ArrayType, CompoundType
 from dissectors.printed import printed
 from dissectors.records import replace

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.filter.constants import ARITHMETIC, LITERALS, Constants, said
-from analyzer.filter.errors import FilterError, listed, near
 from analyzer.filter.fields import TEXT, Kind
+from analyzer.filter.language.errors import FilterError, listed, near
+from analyzer.filter.language.syntax import Arithmetic, Call, Number, Sign, Slice, Word
 from analyzer.filter.nodes import ConstantNode, FieldNode, LagNode, MappedNode, PairNode, RowNode, ValueNode
 from analyzer.filter.slices import byte_values, cut, lengths, nowhere
-from analyzer.filter.syntax import Arithmetic, Call, Number, Sign, Slice, Word
 from analyzer.filter.values import CodedWords, Values
 from dissectors.records import replace
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
+    from analyzer.filter.language.syntax import Syntax
     from analyzer.filter.names import FilterNames
-    from analyzer.filter.syntax import Syntax
     from dissectors.kit import Array
 
 LONGEST_LAG = 600 * SECOND

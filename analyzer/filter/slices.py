@@ -13,8 +13,8 @@ from analyzer.filter.values import ByteSpans, CodedWords
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from analyzer.filter.language.syntax import SlicePiece
     from analyzer.filter.nodes import ValueNode
-    from analyzer.filter.syntax import SlicePiece
     from analyzer.filter.values import Values
     from dissectors.kit import Array
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from analyzer.app.start import alone, keep_memory, plain_arrow
+from analyzer.app.process.start import alone, keep_memory, plain_arrow
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable

@@ -8,14 +8,14 @@ from analyzer.flight.commands import CommandEvents
 from analyzer.flight.holes import hole_events
 from analyzer.flight.log import EventLog, event_table
 from analyzer.flight.motors.events import MotorEvents
-from analyzer.flight.nodes import NodeEvents
-from analyzer.flight.parameter_services import ParameterServiceEvents
-from analyzer.flight.parameters import ParameterEvents
-from analyzer.flight.power_ups import PowerUpEvents
 from analyzer.flight.reading import FlightReading
-from analyzer.flight.sags import SagEvents
 from analyzer.flight.silences import SilenceEvents
-from analyzer.flight.states import StateEvents
+from analyzer.flight.supply.sags import SagEvents
+from analyzer.flight.told.nodes import NodeEvents
+from analyzer.flight.told.parameter_services import ParameterServiceEvents
+from analyzer.flight.told.parameters import ParameterEvents
+from analyzer.flight.told.power_ups import PowerUpEvents
+from analyzer.flight.told.states import StateEvents
 from analyzer.flight.trouble import TroubleEvents
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ import pyarrow as pa
 
 from analyzer.devices.rows import split, usable
 from analyzer.flight.basis import FlightBasis
-from analyzer.flight.channels import ToldChannels
 from analyzer.flight.clock import RecordedClock
 from analyzer.flight.orders import by_sender, orders
 from analyzer.flight.tables import ReportReader
 from analyzer.flight.thresholds import idle_rpm, lasting, threshold
+from analyzer.flight.told.channels import ToldChannels
 from analyzer.tables import FLIGHTS
 from dissectors import picture
 from dissectors.kit.cells import numbers

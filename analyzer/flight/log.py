@@ -15,8 +15,8 @@ from dissectors.records import dataclass, field
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from analyzer.flight.channels import ToldChannels
     from analyzer.flight.clock import Spot
+    from analyzer.flight.told.channels import ToldChannels
 
 MOST_ALIKE = 200  # of one kind and sender
 MOST_EVENTS = 100_000

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.flight.channels import ToldChannels
 from analyzer.flight.clock import RecordedClock
 from analyzer.flight.motors.reports import EscReader
 from analyzer.flight.orders import CommandReader
 from analyzer.flight.reports import EventOrder
 from analyzer.flight.tables import ReportReader
+from analyzer.flight.told.channels import ToldChannels
 from dissectors import picture
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from analyzer.flight.channels import ToldChannels
     from analyzer.flight.clock import RecordedClock
     from analyzer.flight.log import FlightEvent
     from analyzer.flight.tables import ReportReader
+    from analyzer.flight.told.channels import ToldChannels
     from dissectors import Registry
     from dissectors.picture import Plot
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from analyzer.flight.extents import EscExtents
 from analyzer.flight.finder import EventFinder
 from analyzer.flight.flights import FlightFinder
 from analyzer.flight.odd.finder import OddFinder
 from analyzer.flight.pulse import CommandPulse
 from analyzer.flight.senders import LossesBySecond
-from analyzer.flight.setups import Setups
-from analyzer.flight.supply_lows import SupplyLows
+from analyzer.flight.supply.extents import EscExtents
+from analyzer.flight.supply.supply_lows import SupplyLows
 from analyzer.flight.timeline.courses import Courses
+from analyzer.flight.told.setups import Setups
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.flight.autopilot.side import AutopilotSide
     from analyzer.flight.clock import RecordedClock
-    from analyzer.flight.extents import EscExtent
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
     from analyzer.flight.odd.judge import OddReport
     from analyzer.flight.silences import SenderPace
+    from analyzer.flight.supply.extents import EscExtent
     from analyzer.sources.dataflash import AutopilotLog
     from dissectors import Registry
 

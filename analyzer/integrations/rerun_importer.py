@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args, _ = parser.parse_known_args(argv)  # a capture has its own times: what the viewer says of time does not matter
     if not is_capture(args.file):
         return NOT_OURS
-    from analyzer.app.start import alone, plain_arrow  # noqa: PLC0415
+    from analyzer.app.process.start import alone, plain_arrow  # noqa: PLC0415
 
     try:
         if argv is None:  # nobody else uses this process
@@ -104,7 +104,7 @@ def _import(asked: _Asked) -> int:
     streams.prepare()
 
     from analyzer.app.drawing import Drawing, name  # noqa: PLC0415
-    from analyzer.app.interrupt import graceful  # noqa: PLC0415
+    from analyzer.app.process.interrupt import graceful  # noqa: PLC0415
     from analyzer.app.request import Request  # noqa: PLC0415
     from analyzer.app.run import Run  # noqa: PLC0415
     from analyzer.plot.output import APPLICATION, FileOutput  # noqa: PLC0415 - Rerun takes its time

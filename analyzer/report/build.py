@@ -10,7 +10,8 @@ from analyzer.report.draft import Draft
 from analyzer.report.explain import needs
 from analyzer.report.found import events_from, findings_from, ranked
 from analyzer.report.model import Coverage, Gate, MarkedPlace, Place, Report, RuleVerdict
-from analyzer.rules import coverage, verdicts
+from analyzer.rules import verdicts
+from analyzer.rules.exercised import coverage
 from analyzer.rules.gate import passage
 from dissectors.records import replace
 

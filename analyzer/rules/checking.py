@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from analyzer.facts.clock import TimeResolution
 from analyzer.facts.summary import Summary
 from analyzer.rules.course import Course
-from analyzer.rules.coverage import Tracker
+from analyzer.rules.exercised.coverage import Tracker
 from analyzer.rules.judge import Judge
 from analyzer.rules.load import bit_times
 from dissectors.kit import FrameTable
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch, Engine
     from analyzer.facts.summary import Facts, StoredCapture
-    from analyzer.rules.coverage import Seen
+    from analyzer.rules.exercised.coverage import Seen
     from analyzer.rules.judge import Outcome
     from analyzer.rules.named_frames import TakesOccurrences
     from analyzer.rules.settings import Settings

@@ -10,7 +10,7 @@ import numpy as np
 from analyzer.rules import discovery
 from analyzer.rules.catalogue import load
 from analyzer.rules.drops import Drops
-from analyzer.rules.exercise import Exercises
+from analyzer.rules.exercised.exercise import Exercises
 from analyzer.rules.findings import Findings
 from analyzer.rules.settings import Settings
 from analyzer.rules.vehicle.channels import Channels

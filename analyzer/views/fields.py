@@ -196,8 +196,8 @@ def named(registry: Registry, name: str) -> Column:
     try:
         return find(registry, name)
     except ValueError as error:
-        from analyzer.filter.errors import FilterError  # noqa: PLC0415 - most names are those of tables
         from analyzer.filter.fields import FIXED, MEANT  # noqa: PLC0415
+        from analyzer.filter.language.errors import FilterError  # noqa: PLC0415 - most names are those of tables
         from analyzer.filter.names import FilterNames  # noqa: PLC0415
 
         if "," in name:

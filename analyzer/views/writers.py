@@ -10,14 +10,14 @@ import numpy as np
 
 from analyzer.facts.frame_comments import FrameComments
 from analyzer.tables import VERDICTS
+from analyzer.views.details.hexdump import HexDumps
+from analyzer.views.details.tree import Tree
 from analyzer.views.fields import Fields
 from analyzer.views.formats import BY_NAME
 from analyzer.views.frames.window import FrameWindow
-from analyzer.views.hexdump import HexDumps
 from analyzer.views.listing import Listing
 from analyzer.views.terminal import PLAIN, Palette, comment_line
 from analyzer.views.times import TimeFormat
-from analyzer.views.tree import Tree
 from analyzer.window.numbering import Numbering
 from dissectors.kit.cells import numbers
 from dissectors.records import dataclass, field, replace

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from analyzer.app import interrupt
-from analyzer.app.interrupt import cleaning, graceful, orderly
+from analyzer.app.process import interrupt
+from analyzer.app.process.interrupt import cleaning, graceful, orderly
 from analyzer.sources import StopReading
 
 if TYPE_CHECKING:

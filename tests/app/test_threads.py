@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from analyzer.app.threads import ahead
+from analyzer.app.process.threads import ahead
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -239,7 +239,7 @@ def test_the_bar_says_when_frames_are_written(here: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr("analyzer.cli.progress.PATIENCE", 0)
     monkeypatch.setattr("analyzer.cli.progress.PAUSE", 0)
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr("analyzer.app.streams.tell", drawn.append)
+    monkeypatch.setattr("analyzer.app.process.streams.tell", drawn.append)
     assert command("export", HOVER, "-o", here / "out")[0] == 0
     bars = [text for text in drawn if "\x1b[K" in text]
     assert "100% [" in bars[0]

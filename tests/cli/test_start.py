@@ -89,7 +89,7 @@ def test_only_the_program_itself_asks_for_one_thread_of_linear_algebra() -> None
 
 ARROW = """
 import sys
-from analyzer.app import start
+from analyzer.app.process import start
 if len(sys.argv) > 1:
     start.alone()
 start.plain_arrow()
@@ -128,7 +128,7 @@ def test_arrow_does_the_same_without_its_documentation() -> None:
 
 
 MASKED = """
-from analyzer.app import start
+from analyzer.app.process import start
 start.alone()
 start.plain_arrow()
 import pyarrow as pa, numpy as np, sys
@@ -152,7 +152,7 @@ def test_masked_arrays_are_there_for_those_who_import_them(how: tuple[str, ...])
 
 COLLECTED = """
 import gc
-from analyzer.app import start
+from analyzer.app.process import start
 start.alone()
 FIRST
 before = gc.get_stats()[0]["collections"]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 from kit.command import CODE, HOVER, LIMIT, commands, environment, log, run
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, get_args
 import pytest
 
 import dissectors
-from analyzer.rules import catalogue, coverage, field_tests
+from analyzer.rules import catalogue, field_tests
+from analyzer.rules.exercised import coverage
 from dissectors import keys, kit, picture
 from dissectors.keys import pages
 from dissectors.kit.rule import PageKeys

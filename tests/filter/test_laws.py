@@ -16,8 +16,8 @@ from analyzer.app.request import Request
 from analyzer.app.run import Run
 from analyzer.decode.engine import Batch, Engine
 from analyzer.filter import compile_filter
-from analyzer.filter.parser import parse
-from analyzer.filter.syntax import (
+from analyzer.filter.language.parser import parse
+from analyzer.filter.language.syntax import (
     Arithmetic,
     Call,
     Comparison,

@@ -1,9 +1,4 @@
-"""Runs the command as a shell does: a process of its own, streams as given, time limits instead of luck.
-
-Run as a program with the arguments of the command, this is a process with a bus of its own: on `virtual:here` something
-flies as long as anybody listens. The first argument is the capture that flies, again and again, or `-` for a bus that
-stays silent.
-"""
+"""Runs the command as a shell does: a process of its own, streams as given, time limits instead of luck."""
 
 from __future__ import annotations
 
@@ -13,15 +8,10 @@ import resource
 import selectors
 import subprocess
 import sys
-import threading
 import time
-import traceback
 from functools import partial
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import can
 
 from kit import CAPTURES, ROOT, TESTS, encode
 
@@ -86,19 +76,21 @@ class Reader:
         end = time.monotonic() + LIMIT
         while text not in self.got:
             assert self._selector.select(max(0.0, end - time.monotonic())), f"no {text!r} in {self.got!r}"
-            more = os.read(self._descriptor, 65536)
+            more = self._read()
             assert more, f"ended without {text!r}: {self.got!r}"
             self.got += more
         return self.got
 
+    def _read(self) -> bytes:
+        try:
+            return os.read(self._descriptor, 65536)
+        except OSError:  # how a terminal says that nobody writes any more
+            return b""
+
     def rest(self) -> bytes:
         """Everything up to the end."""
         while self._selector.select(LIMIT):
-            try:
-                more = os.read(self._descriptor, 65536)
-            except OSError:  # how a terminal says that nobody writes any more
-                break
-            if not more:
+            if not (more := self._read()):
                 break
             self.got += more
         self._selector.close()
@@ -116,41 +108,10 @@ def log(frames: list[encode.Frame]) -> bytes:
 
 
 BUS = "virtual:here"
-PAUSE = 0.005  # seconds between two handfuls of frames
-HANDFUL = 10
 
 
 def start_with_bus(*args: object, env: Mapping[str, str] | None = None, **more: Any) -> subprocess.Popen[bytes]:
-    """`args` are those of this file as a program."""
+    """`args` are those of the program `bus_process`."""
     path = os.pathsep.join(map(str, (ROOT, TESTS)))
     own = environment({"PYTHONPATH": path, "CAN_CONFIG": "{}"} | dict(env or {}))
-    return subprocess.Popen([sys.executable, __file__, *map(str, args)], env=own, **more)
-
-
-def _fly_for_ever(path: str) -> None:
-    """Let it fly for ever; without it nothing would come that others wait for."""
-    try:
-        _fly(path)
-    except BaseException:
-        traceback.print_exc()
-        os._exit(70)
-        raise
-
-
-def _fly(path: str) -> None:
-    with can.LogReader(path) as capture:
-        frames = [message for message in capture if not message.is_error_frame]
-    with can.Bus("here", interface="virtual", ignore_config=True) as bus:
-        wait_until(lambda: len(bus.channel) == 2)
-        for k in count():
-            bus.send(frames[k % len(frames)])
-            if not k % HANDFUL:
-                time.sleep(PAUSE)
-
-
-if __name__ == "__main__":
-    from analyzer.cli import main
-
-    if sys.argv[1] != "-":
-        threading.Thread(target=_fly_for_ever, args=(sys.argv[1],), daemon=True).start()
-    sys.exit(main(sys.argv[2:]))
+    return subprocess.Popen([sys.executable, TESTS / "kit" / "bus_process.py", *map(str, args)], env=own, **more)

@@ -12,7 +12,7 @@ from kit.traffic import STATUS, Traffic, lines, status, throttle
 
 from analyzer.decode.engine import Engine
 from analyzer.rules.catalogue import load
-from analyzer.rules.exercise import Exercises
+from analyzer.rules.exercised.exercise import Exercises
 from analyzer.rules.view import Past
 
 

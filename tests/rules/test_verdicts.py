@@ -10,8 +10,9 @@ from kit.judged import registry
 
 from analyzer.report.build import build
 from analyzer.report.draft import JudgedCapture, ReportOptions
-from analyzer.rules import coverage, verdicts
+from analyzer.rules import verdicts
 from analyzer.rules.catalogue import load
+from analyzer.rules.exercised import coverage
 from analyzer.rules.gate import FailOn, passage
 from analyzer.rules.verdicts import RatedCapture, RatedFinding, Ruling
 from dissectors.keys.pages import ORIGINS

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from analyzer.filter.errors import FilterError
+from analyzer.filter.language.errors import FilterError
 from analyzer.views.colours.rules import MOST_RULES, colour_rules
 from analyzer.views.colours.styles import codes_of
 from dissectors import ProfileError, load

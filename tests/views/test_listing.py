@@ -14,14 +14,14 @@ from kit.traffic import SECOND, START, at, lines, push, retail, status, throttle
 
 from analyzer.facts.summary import Summary
 from analyzer.tables import STATUSES
+from analyzer.views.details.hexdump import HexDumps
+from analyzer.views.details.tree import Tree
 from analyzer.views.frames.window import FrameWindow
-from analyzer.views.hexdump import HexDumps
 from analyzer.views.info import render, render_json
 from analyzer.views.listing import Listing
 from analyzer.views.records import Csv, JsonLines
 from analyzer.views.terminal import Palette, display_width
 from analyzer.views.times import TimeFormat
-from analyzer.views.tree import Tree
 from analyzer.views.troubles import broken_words
 from analyzer.window.listed import ListedRows
 

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from kit import VECTORS, encode
 from kit.strategies import MESSAGES, SERVICES, examples, fields_of
 
+from analyzer.views.details.tree import Tree
 from analyzer.views.rows import TransferRows
 from analyzer.views.times import TimeFormat
-from analyzer.views.tree import Tree
 from dissectors.schema import ArrayType, CompoundType, Member, PrimitiveType
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ import pytest
 from kit import VECTORS, encode
 from kit.traffic import START, Traffic, lines, push, status, throttle
 
-from analyzer.views.hexdump import tail_words
+from analyzer.views.details.hexdump import tail_words
+from analyzer.views.details.tree import Tree
 from analyzer.views.times import TimeFormat
-from analyzer.views.tree import Tree
 
 if TYPE_CHECKING:
     from collections.abc import Callable

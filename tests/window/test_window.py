@@ -9,7 +9,7 @@ import pytest
 from kit import encode
 from kit.command import START, commands, log
 
-from analyzer.cli import options
+from analyzer.cli.arguments import options
 from analyzer.cli.commands import parser
 from analyzer.decode.engine import Engine
 from analyzer.window import selection as windows

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analyzer.filter.compiled import compile_filter
-from analyzer.filter.errors import FilterError, listed, near
+from analyzer.filter.language.errors import FilterError, listed, near
 from dissectors.records import replace
 
 if TYPE_CHECKING:

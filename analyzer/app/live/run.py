@@ -11,9 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
 from analyzer.app.browse.live_names import LiveNames
-from analyzer.app.interrupt import handling
 from analyzer.app.live.hook import FindingHook
 from analyzer.app.live.lag import Lag
 from analyzer.app.live.list import EventLines, TransferList, said
@@ -22,6 +20,8 @@ from analyzer.app.live.session import LiveSession
 from analyzer.app.live.session_recording import SessionRecording
 from analyzer.app.live.status import DAY, Status, account
 from analyzer.app.live.status_file import StatusFile
+from analyzer.app.process import streams
+from analyzer.app.process.interrupt import handling
 from analyzer.live.capture_loop import CaptureLoop
 from analyzer.live.interfaces.hub import Hub
 from analyzer.live.interfaces.receiver import open_receiver

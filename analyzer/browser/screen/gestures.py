@@ -13,7 +13,7 @@ from analyzer.browser.screen.styles import CONVERSATIONS
 from analyzer.browser.sorted_rows import SortedRows
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
-from analyzer.filter.errors import FilterError
+from analyzer.filter.language.errors import FilterError
 from analyzer.views.times import MODES
 
 if TYPE_CHECKING:

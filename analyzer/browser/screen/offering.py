@@ -10,7 +10,7 @@ from analyzer.browser.screen.menu import MenuEntry, MenuPage
 from analyzer.browser.sorted_rows import SortedRows
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
-from analyzer.filter.errors import FilterError
+from analyzer.filter.language.errors import FilterError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from analyzer.browser.screen.walking import Walking
 from analyzer.browser.search import Search, bytes_of, look_for_bytes, look_for_filter, look_for_text
-from analyzer.filter.errors import FilterError
+from analyzer.filter.language.errors import FilterError
 
 
 class Searching(Walking):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from analyzer.cli import options, status
+from analyzer.cli import status
+from analyzer.cli.arguments import options
 
 if TYPE_CHECKING:
     import argparse
@@ -34,7 +35,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the script."""
     import dissectors  # noqa: PLC0415
-    from analyzer.app.start import plain_arrow  # noqa: PLC0415
+    from analyzer.app.process.start import plain_arrow  # noqa: PLC0415
     from dissectors import DsdlError, ProfileError  # noqa: PLC0415
 
     if args.shell is None:

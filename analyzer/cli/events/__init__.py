@@ -8,8 +8,9 @@ import shutil
 import sys
 from typing import TYPE_CHECKING, Any
 
-from analyzer.cli import options, status
-from analyzer.cli.autopilot import LogBeside, add_log
+from analyzer.cli import status
+from analyzer.cli.arguments import options
+from analyzer.cli.arguments.autopilot import LogBeside, add_log
 from analyzer.flight.kinds import KINDS
 
 if TYPE_CHECKING:

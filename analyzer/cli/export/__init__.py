@@ -8,10 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 from analyzer.app.targets import refuse_filled, refuse_input
-from analyzer.cli import options, rules, status
-from analyzer.cli.autopilot import LogBeside, add_log, require
+from analyzer.cli import status
+from analyzer.cli.arguments import options, rules
+from analyzer.cli.arguments.autopilot import LogBeside, add_log, require
 from analyzer.cli.export.target import FORMS, goal
 
 if TYPE_CHECKING:

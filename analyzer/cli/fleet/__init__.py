@@ -6,7 +6,8 @@ import argparse
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from analyzer.cli import options, rules, status
+from analyzer.cli import status
+from analyzer.cli.arguments import options, rules
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> int:  # noqa: PLR0911 - each line of usage 
     """Do what the action says."""
     if lacking := [name for name in _NEEDED if find_spec(name) is None]:
         return status.usage(f"{', '.join(lacking)} not installed: pip install 'tailbyte[fleet]'", NAME)
-    from analyzer.app.start import plain_arrow  # noqa: PLC0415
+    from analyzer.app.process.start import plain_arrow  # noqa: PLC0415
     from analyzer.fleet.cluster import ClusterError  # noqa: PLC0415
     from analyzer.fleet.listing import ListingError  # noqa: PLC0415
     from analyzer.fleet.store import StoreError  # noqa: PLC0415

@@ -7,9 +7,10 @@ import time
 from typing import TYPE_CHECKING
 
 import dissectors
-from analyzer.app import streams
-from analyzer.app.interrupt import cleaning
-from analyzer.cli import options, rules, status
+from analyzer.app.process import streams
+from analyzer.app.process.interrupt import cleaning
+from analyzer.cli import status
+from analyzer.cli.arguments import options, rules
 from analyzer.decode.by_name import find_table
 from analyzer.fleet.cluster import LEAST_MEMORY, ClusterChoice, cluster
 from analyzer.fleet.driver import FleetRun, jobs_of

@@ -10,7 +10,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analyzer.cli import buses, options, status
+from analyzer.cli import status
+from analyzer.cli.arguments import buses, options
 from analyzer.sinks import form_of
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 from analyzer.app.reel import Reel, words
 from analyzer.cli import sending, status
 from analyzer.cli.complaints import Complaints

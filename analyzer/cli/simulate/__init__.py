@@ -10,7 +10,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from analyzer.app.targets import capture_form
-from analyzer.cli import buses, options, status
+from analyzer.cli import status
+from analyzer.cli.arguments import buses, options
 from analyzer.sinks import form_of
 
 if TYPE_CHECKING:

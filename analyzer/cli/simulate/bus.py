@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import dissectors
-from analyzer.app import streams
-from analyzer.app.interrupt import orderly
+from analyzer.app.process import streams
+from analyzer.app.process.interrupt import orderly
 from analyzer.cli import sending, status
 from analyzer.cli.progress import Progress
 from analyzer.cli.simulate.file import Work, account, missing, shown

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO
 
 import dissectors
-from analyzer.app import streams
-from analyzer.app.interrupt import graceful
+from analyzer.app.process import streams
+from analyzer.app.process.interrupt import graceful
 from analyzer.cli import status
 from analyzer.cli.progress import Progress, real_time
 from analyzer.simulate import Simulation

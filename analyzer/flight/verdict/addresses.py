@@ -10,7 +10,7 @@ from analyzer.flight.verdict.trouble import Trouble
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer.flight.extents import EscExtent
+    from analyzer.flight.supply.extents import EscExtent
     from analyzer.flight.verdict.case import Case
 
 

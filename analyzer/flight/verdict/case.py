@@ -14,10 +14,10 @@ from dissectors.times import SECOND
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from analyzer.flight.extents import EscExtent
     from analyzer.flight.flights import Flight
     from analyzer.flight.log import FlightEvent
     from analyzer.flight.silences import SenderPace
+    from analyzer.flight.supply.extents import EscExtent
     from analyzer.flight.witness import Witness
 
 _NEARLY_ALL = 98  # percent

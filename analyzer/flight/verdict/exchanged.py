@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.flight.setups import HARDWARE
+from analyzer.flight.told.setups import HARDWARE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

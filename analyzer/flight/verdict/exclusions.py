@@ -11,7 +11,7 @@ from analyzer.flight.verdict.model import Excluded
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer.flight.extents import EscExtent
+    from analyzer.flight.supply.extents import EscExtent
     from analyzer.flight.verdict.case import Case, Node
     from analyzer.flight.verdict.model import Verdict
     from analyzer.flight.witness import Witness

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from analyzer.tables import TAIL_END, TAIL_START
-from analyzer.views.hexdump import tail_words
+from analyzer.views.details.hexdump import tail_words
 from dissectors.records import dataclass
 
 _CRC_BYTES = 2

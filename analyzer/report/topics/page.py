@@ -8,7 +8,7 @@ from analyzer.facts.meaning import meaning
 from analyzer.report.lines import right, wrap
 from analyzer.report.topics.finding import Topic, within
 from analyzer.report.wording import safe
-from analyzer.rules.coverage import never
+from analyzer.rules.exercised.coverage import never
 from analyzer.views.terminal import PLAIN, Palette
 from dissectors.schema import ArrayType, CompoundType, Message
 

@@ -17,9 +17,9 @@ import re
 from typing import TYPE_CHECKING, NoReturn, cast
 
 from analyzer.filter.conditions import Conditions
-from analyzer.filter.errors import FilterError, near
+from analyzer.filter.language.errors import FilterError, near
+from analyzer.filter.language.parser import parse
 from analyzer.filter.names import FilterNames
-from analyzer.filter.parser import parse
 from analyzer.rules.catalogue import LAYERS, OWN, Page
 from dissectors.keys.pages import CATEGORIES, SEVERITIES
 from dissectors.records import dataclass

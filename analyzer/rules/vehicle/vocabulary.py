@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from analyzer.facts.names import short
-from analyzer.rules.coverage import described
+from analyzer.rules.exercised.coverage import described
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.filter.compiled import compile_filter
-from analyzer.filter.errors import FilterError, near
+from analyzer.filter.language.errors import FilterError, near
 from analyzer.views.colours.styles import codes_of
 from dissectors.toml_table import read
 

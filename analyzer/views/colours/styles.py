@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analyzer.filter.errors import FilterError, listed, near
+from analyzer.filter.language.errors import FilterError, listed, near
 
 COLOURS = ("black", "red", "green", "yellow", "blue", "magenta", "cyan", "white")
 EFFECTS = {"bold": "1", "dim": "2", "italic": "3", "underline": "4", "reverse": "7"}

@@ -6,7 +6,7 @@ import re
 from fractions import Fraction
 from typing import NamedTuple
 
-from analyzer.filter.errors import FilterError
+from analyzer.filter.language.errors import FilterError
 
 MOST_CHARACTERS = 1 << 16
 _MOST_DIGITS = 40
@@ -88,7 +88,7 @@ class Scanner:
     def _word(self, start: int) -> FilterToken:
         text = self.text
         if found := _CHARACTER.match(text, start):
-            from analyzer.filter.literals import unescaped  # noqa: PLC0415 - few filters have characters
+            from analyzer.filter.language.literals import unescaped  # noqa: PLC0415 - few filters have characters
 
             letter = unescaped(found[1], self.text, start + 1)
             if len(letter) == 1:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
-from analyzer.cli import options
+from analyzer.app.process import streams
+from analyzer.cli.arguments import options
 
 if TYPE_CHECKING:
     import argparse

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analyzer.filter.errors import FilterError
+from analyzer.filter.language.errors import FilterError
 from analyzer.filter.values import ByteSpans, CodedWords
 from analyzer.window.limits import Moment
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from analyzer.filter.syntax import QuotedText
+    from analyzer.filter.language.syntax import QuotedText
     from dissectors.kit import Array
 
 _PREFIXES = {"": 0, "n": -9, "u": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}

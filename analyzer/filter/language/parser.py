@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from analyzer.filter.scanner import Scanner
-from analyzer.filter.syntax import (
+from analyzer.filter.language.scanner import Scanner
+from analyzer.filter.language.syntax import (
     Arithmetic,
     Call,
     Comparison,
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from fractions import Fraction
     from typing import NoReturn
 
-    from analyzer.filter.scanner import FilterToken
-    from analyzer.filter.syntax import Span, Syntax
+    from analyzer.filter.language.scanner import FilterToken
+    from analyzer.filter.language.syntax import Span, Syntax
 
 MOST_NESTED = 100
 MOST_TERMS = 20_000

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 from analyzer.cli import status
-from analyzer.cli.options import checked
+from analyzer.cli.arguments.options import checked
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping

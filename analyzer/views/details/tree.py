@@ -8,8 +8,8 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.tables import KINDS, STATUSES
-from analyzer.views.branches import STEP, line, text
-from analyzer.views.contents import PAYLOAD, part_templates
+from analyzer.views.details.branches import STEP, line, text
+from analyzer.views.details.contents import PAYLOAD, part_templates
 from analyzer.views.members import ALL, NOTHING
 from analyzer.views.members import PLAIN as AS_IT_IS
 from analyzer.views.named import rules_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from analyzer.cli.options import positive
+from analyzer.cli.arguments.options import positive
 
 if TYPE_CHECKING:
     import argparse

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analyzer.app import streams
+from analyzer.app.process import streams
 from analyzer.cli import status
 from analyzer.cli.usage.numbers import flight_number, frame_range, whole
 from analyzer.sinks import COMPRESSIONS, FORMS
@@ -96,7 +96,7 @@ def add_captures(parser: argparse.ArgumentParser) -> None:
 
 def add_threads(parser: argparse.ArgumentParser) -> None:
     """Add how many threads may work."""
-    from analyzer.app.threads import THREADS  # noqa: PLC0415
+    from analyzer.app.process.threads import THREADS  # noqa: PLC0415
 
     parser.add_argument(
         "--threads", type=positive, default=THREADS, metavar="N",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
-from analyzer.views.branches import STEP, Branches, line, text
+from analyzer.views.details.branches import STEP, Branches, line, text
 from analyzer.views.members import NOTHING
 from analyzer.views.members import PLAIN as AS_IT_IS
 from dissectors.kit.cells import numbers

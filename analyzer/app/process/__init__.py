@@ -1,0 +1,1 @@
+"""The process that a command runs in: how it starts and is interrupted, its streams and threads."""

@@ -1,0 +1,1 @@
+"""The language of filters: text becomes a tree, or an error under the place that is wrong."""

@@ -1,0 +1,1 @@
+"""Supplies: between which voltages, how deep they fall, and how fast."""

@@ -1,0 +1,1 @@
+"""Events and settings that devices tell of themselves."""

@@ -1,0 +1,1 @@
+"""The exercise that a capture gives: what rules need to be heard, and how much of it there was."""

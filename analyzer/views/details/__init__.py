@@ -1,0 +1,1 @@
+"""Everything about one transfer: the tree of its fields, and its bytes."""
