@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING
 
-from analyzer.fleet.report.text import answer, some_names
+from analyzer.fleet.report.text import answer, counted, some_names
 from analyzer.views.terminal import escape as shown
 
 if TYPE_CHECKING:
@@ -39,10 +39,8 @@ def _page(report: FleetReport) -> Iterator[str]:
     yield f'<meta name=viewport content="width=device-width"><style>{_STYLE}</style>'
     yield f"<h1>Fleet {escape(shown(head.store))}</h1><p><b>{escape(answer(report))}</b></p>"
     yield (
-        f"<p>{head.captures:,} captures of {head.vehicles:,} vehicles: {head.judged:,} judged, {head.not_judged:,} too "
-        f"short or no flight, {head.unreadable:,} unreadable, {head.unavailable:,} not available, {head.duplicates:,} "
-        f"duplicates (counted once); {head.damaged:,} of all are damaged in part. {head.flight_hours:,.2f} flight "
-        f"hours in {head.flights:,} flights, {escape(head.first_day or '?')} to {escape(head.last_day or '?')}.</p>"
+        f"<p>{counted(head)}.<br>{head.vehicles:,} vehicles, {head.flight_hours:,.2f} flight hours in {head.flights:,} "
+        f"flights, {escape(head.first_day or '?')} to {escape(head.last_day or '?')}.</p>"
     )
     several = " (several: run check again for one)" if len(head.settings) > 1 or len(head.versions) > 1 else ""
     yield f"<p>tailbyte {escape(', '.join(head.versions))}, rules {escape(', '.join(head.settings))}{several}</p>"

@@ -10,7 +10,7 @@ from analyzer.views.terminal import display_width, escape, fit
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from analyzer.fleet.report.model import EscOutlier, FleetReport, OpenFirst
+    from analyzer.fleet.report.model import EscOutlier, FleetHead, FleetReport, OpenFirst
 
 _MOST = 5  # rows of a table on the screen
 _NAME = 24  # columns of a name in a sentence
@@ -39,13 +39,7 @@ def render(report: FleetReport, *, width: int = 80, by: str | None = None) -> st
 def _head(report: FleetReport, width: int) -> Iterator[str]:
     head = report.head
     yield from wrap(f"Fleet {escape(head.store)}  {answer(report)}", width)
-    counts = [f"{_of(head.captures, 'capture')}: {head.judged:,} judged"]
-    counts += [f"{head.not_judged:,} too short or no flight"] if head.not_judged else []
-    counts += [f"{head.unreadable:,} unreadable"] if head.unreadable else []
-    counts += [_of(head.duplicates, "duplicate")] if head.duplicates else []
-    counts += [f"{head.unavailable:,} could not be read: run check again"] if head.unavailable else []
-    damaged = f"; {head.damaged:,} of all damaged in part" if head.damaged else ""
-    yield from wrap(f"{', '.join(counts)}{damaged}", width)
+    yield from wrap(counted(head), width)
     rules = " ".join(one[:4] for one in head.settings)
     mixed = " (several: run check again for one)" if len(head.settings) > 1 or len(head.versions) > 1 else ""
     yield from wrap(
@@ -53,6 +47,16 @@ def _head(report: FleetReport, width: int) -> Iterator[str]:
         f"{head.first_day or '?'} to {head.last_day or '?'}  tailbyte {' '.join(head.versions)}, rules {rules}{mixed}",
         width,
     )
+
+
+def counted(head: FleetHead) -> str:
+    """Return how many captures there are, and what became of them."""
+    counts = [f"{_of(head.captures, 'capture')}: {head.judged:,} judged"]
+    counts += [f"{head.not_judged:,} too short or no flight"] if head.not_judged else []
+    counts += [f"{head.unreadable:,} unreadable"] if head.unreadable else []
+    counts += [f"{_of(head.duplicates, 'duplicate')} (counted once)"] if head.duplicates else []
+    counts += [f"{head.unavailable:,} could not be read: run check again"] if head.unavailable else []
+    return ", ".join(counts) + (f"; damaged in part: {head.damaged:,}" if head.damaged else "")
 
 
 def answer(report: FleetReport) -> str:
