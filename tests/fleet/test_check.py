@@ -220,6 +220,15 @@ def test_slips_of_the_fingers(arguments, status, said, command):
     assert (found[0], said in found[2], found[2].count("\n")) == (status, True, 1), found[2]
 
 
+def test_workers_that_cannot_be_started_are_told_in_one_line(monkeypatch, command, tmp_path):
+    def refuse(**_):
+        raise RuntimeError("Nanny failed to start.") from OSError("no more processes")
+
+    monkeypatch.setattr("distributed.LocalCluster", refuse)
+    status, _, said = command("fleet", "check", HOVER, "-o", tmp_path / "results")
+    assert (status, said) == (3, "tailbyte fleet: no workers can be started: no more processes\n")
+
+
 def test_without_the_extra_it_says_how_to_get_it(monkeypatch, command):
     monkeypatch.setattr("analyzer.cli.fleet.find_spec", lambda name: None if name == "deltalake" else object())
     status, _, said = command("fleet", "status", "results")
