@@ -15,7 +15,7 @@ from dissectors.times import NO_TIME
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
 
-    from analyzer.flight.clock import Places, RecordedClock, Spot
+    from analyzer.flight.clock import RecordedClock, RowPlaces, Spot
     from analyzer.flight.spells import Spell
     from dissectors.kit import Array
 
@@ -56,7 +56,7 @@ class FlightBasis:
         self._power_ups: list[int] = []  # frames
         self._holes: dict[Hashable, int] = {}  # before the last report of each device
 
-    def feed(self, key: Hashable, on: Array, at: Places, who: Hashable = None, chs: Array | None = None) -> None:
+    def feed(self, key: Hashable, on: Array, at: RowPlaces, who: Hashable = None, chs: Array | None = None) -> None:
         """Take the next reports of a device, those `on` in which it turns.
 
         `who` says whose device it is; reports of several channels have a bit for each that turns, in `chs`.
@@ -83,7 +83,7 @@ class FlightBasis:
             self._add(spell, over=False)
         return list(self._joined())[:MOST_FLIGHTS]
 
-    def _torn(self, key: Hashable, at: Places) -> Array | None:
+    def _torn(self, key: Hashable, at: RowPlaces) -> Array | None:
         """Return the reports before which the sender was powered up, or so much is missing that it may have landed."""
         holes = self._clock.holes
         if not holes:

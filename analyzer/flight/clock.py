@@ -44,7 +44,7 @@ class Hole:
         return self.t_end - self.t
 
 
-class Places:
+class RowPlaces:
     """When and where rows were: `t` by the capture's clock, `ran` while it was recorded, first and last `frame`.
 
     Times in nanoseconds, `NO_TIME` for none, frames from 0. `step` is how far the transfer ID went from the one before,
@@ -90,27 +90,27 @@ class Places:
         """Steps of the transfer ID."""
         return self._column(4)
 
-    def take(self, rows: Array | slice) -> Places:
+    def take(self, rows: Array | slice) -> RowPlaces:
         """Return some of them: places, or a mask."""
         if self._rows is not None:
-            return Places(*self._columns, self._rows[rows])
+            return RowPlaces(*self._columns, self._rows[rows])
         if isinstance(rows, slice):
             t, ran, *others = self._columns
             some = t[rows]
-            return Places(some, some if ran is t else ran[rows], *(one[rows] for one in others))
-        return Places(*self._columns, np.flatnonzero(rows) if rows.dtype == np.bool_ else rows)
+            return RowPlaces(some, some if ran is t else ran[rows], *(one[rows] for one in others))
+        return RowPlaces(*self._columns, np.flatnonzero(rows) if rows.dtype == np.bool_ else rows)
 
-    def followed_by(self, others: Places) -> Places:
+    def followed_by(self, others: RowPlaces) -> RowPlaces:
         """Return these, and others behind them."""
         names = ("t", "ran", "frame", "frame_end", "step")
-        return Places(*(np.concatenate((getattr(self, name), getattr(others, name))) for name in names))
+        return RowPlaces(*(np.concatenate((getattr(self, name), getattr(others, name))) for name in names))
 
-    def settled(self) -> Places:
+    def settled(self) -> RowPlaces:
         """Return the same, to be kept: nothing of what it was taken from is held any more."""
         rows = slice(None) if self._rows is None else self._rows
         t, ran, *others = self._columns
         own = np.array(t[rows])
-        return Places(own, own if ran is t else np.array(ran[rows]), *(np.array(one[rows]) for one in others))
+        return RowPlaces(own, own if ran is t else np.array(ran[rows]), *(np.array(one[rows]) for one in others))
 
     def at(self, row: int) -> Spot:
         """Return one of them."""
@@ -127,7 +127,7 @@ class Places:
 
 
 class Spot(NamedTuple):
-    """One place, as `Places` has them."""
+    """One place, as `RowPlaces` has them."""
 
     t: int
     ran: int
@@ -147,7 +147,7 @@ class RecordedClock:
         self._arrays: tuple[Array, Array] | None = None  # both, until something comes to them
         self._first: int | None = None
         self._count = 0
-        self._transfers = Places(*(np.zeros(0, np.int64),) * 5)
+        self._transfers = RowPlaces(*(np.zeros(0, np.int64),) * 5)
         self._base = 0
 
     def feed(self, batch: Batch) -> None:
@@ -207,17 +207,17 @@ class RecordedClock:
             del self._borders[1:-MOST_HOLES]
             del self._shifts[1:-MOST_HOLES]
 
-    def _placed(self, t: Array, frame: Array, frame_end: Array, step: Array) -> Places:
+    def _placed(self, t: Array, frame: Array, frame_end: Array, step: Array) -> RowPlaces:
         if len(self._borders) == 1:
-            return Places(t, t, frame, frame_end, step)
+            return RowPlaces(t, t, frame, frame_end, step)
         if self._arrays is None:
             self._arrays = np.array(self._borders), np.array(self._shifts)
         borders, shifts = self._arrays
         at = np.searchsorted(borders, frame, "right") - 1
-        return Places(t, np.where(t == NO_TIME, NO_TIME, t + shifts[at]), frame, frame_end, step)
+        return RowPlaces(t, np.where(t == NO_TIME, NO_TIME, t + shifts[at]), frame, frame_end, step)
 
     @property
-    def transfers(self) -> Places:
+    def transfers(self) -> RowPlaces:
         """The transfers of the batch; `t` is `NO_TIME` for those without a time."""
         return self._transfers
 
@@ -231,11 +231,11 @@ class RecordedClock:
         """The start of the recording, at which `ran` begins; None without times."""
         return self._first
 
-    def of(self, table: pa.RecordBatch) -> Places:
+    def of(self, table: pa.RecordBatch) -> RowPlaces:
         """Return the places of the rows of a message table of the batch."""
         return self._transfers.take(numbers(table.column("transfer")).astype(np.int64) - self._base)
 
-    def shifted(self, t: Array, frame: Array) -> Places:
+    def shifted(self, t: Array, frame: Array) -> RowPlaces:
         """Return the places of what else has a time, and the frame that it is at."""
         return self._placed(t, frame, frame, np.zeros(len(t), np.int64))
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places
+    from analyzer.flight.clock import RowPlaces
     from analyzer.flight.orders import CommandReader, Commands
     from analyzer.flight.spells import Spell
     from dissectors.kit import Array
@@ -88,7 +88,7 @@ class CommandEvents:
             known = ~np.isnan(column)
             self._follow(SATURATION, some, ch, column[known] >= most, at.take(known), column[known])
 
-    def _follow(self, name: str, some: Commands, ch: int, on: Array, at: Places, values: Array) -> None:
+    def _follow(self, name: str, some: Commands, ch: int, on: Array, at: RowPlaces, values: Array) -> None:
         for part in self._spells[name].feed((some.plot.table, some.bus, some.node, ch), on, at):
             if part.stop > part.start:
                 most = float(values[part.start : part.stop].max())

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places, RecordedClock
+    from analyzer.flight.clock import RecordedClock, RowPlaces
     from dissectors import Registry
     from dissectors.kit import Array
     from dissectors.picture import Plot
@@ -45,7 +45,7 @@ class Commands:
     columns: Array
     highest: Array
     lowest: Array
-    at: Places
+    at: RowPlaces
 
 
 class CommandReader:

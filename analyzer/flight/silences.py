@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places, RecordedClock, Spot
+    from analyzer.flight.clock import RecordedClock, RowPlaces, Spot
     from dissectors import Registry
     from dissectors.kit import Array
 
@@ -115,7 +115,7 @@ class SilenceEvents:
             if one.last is not None
         ]
 
-    def _cross(self, session: _Session, at: Places, behind: Array) -> None:
+    def _cross(self, session: _Session, at: RowPlaces, behind: Array) -> None:
         """Take transfers, and note how their IDs go on behind holes in which the sender would have sent."""
         borders = np.flatnonzero(np.diff(behind, prepend=session.holes)).tolist()
         for start, stop in pairwise([0, *borders, len(at)]):
@@ -127,7 +127,7 @@ class SilenceEvents:
                 self._take(session, at.take(slice(start, stop)))
         session.holes = int(behind[-1])
 
-    def _take(self, session: _Session, at: Places) -> None:
+    def _take(self, session: _Session, at: RowPlaces) -> None:
         ran = at.ran
         start = ran[0] if session.last is None else session.last.ran
         gaps = _gaps(ran, start)

@@ -12,7 +12,7 @@ from dissectors.records import dataclass
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
 
-    from analyzer.flight.clock import Places, Spot
+    from analyzer.flight.clock import RowPlaces, Spot
     from dissectors.kit import Array
 
 MOST_KEYS = 1 << 14
@@ -62,7 +62,7 @@ class Spells:
         self._states: dict[Hashable, _State] = {}
 
     def feed(
-        self, key: Hashable, on: Array, at: Places, torn: Array | None = None, last: Spot | None = None
+        self, key: Hashable, on: Array, at: RowPlaces, torn: Array | None = None, last: Spot | None = None
     ) -> Iterator[SpellPart]:
         """Take the next rows of a key, those `on` for which it holds; yield the parts of spells among them.
 

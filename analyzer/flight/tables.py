@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places, RecordedClock
+    from analyzer.flight.clock import RecordedClock, RowPlaces
     from dissectors import Registry
     from dissectors.kit import Array
     from dissectors.picture import Plot
@@ -38,7 +38,7 @@ class ReportTable:
     """
 
     def __init__(
-        self, plot: Plot, of: Message | Packet | None, table: pa.RecordBatch, device: Array, at: Places
+        self, plot: Plot, of: Message | Packet | None, table: pa.RecordBatch, device: Array, at: RowPlaces
     ) -> None:
         self.plot, self.of, self.table = plot, of, table
         order, begins = by_key(device)
@@ -52,7 +52,7 @@ class ReportTable:
         self._numbers: dict[str, Array] = {}
 
     @cached_property
-    def devices(self) -> list[tuple[int, slice, Places]]:
+    def devices(self) -> list[tuple[int, slice, RowPlaces]]:
         """Each device by its key, its rows in the order of devices, and their places."""
         return [
             (key, slice(start, stop), self.at.take(slice(start, stop)))

@@ -27,7 +27,7 @@ _TENTH = 100_000_000  # ns
 
 
 @dataclass(frozen=True, slots=True)
-class Happened:
+class TriageHeadline:
     """The words of triage on a flight, and the command that says more, empty if nothing was wrong."""
 
     text: str
@@ -49,7 +49,7 @@ class Headline:
     summary: str
     worst: str
     ungated: str
-    happened: tuple[Happened, ...]
+    happened: tuple[TriageHeadline, ...]
     problems: tuple[Problem, ...]
 
 
@@ -105,7 +105,7 @@ def _summary(report: Report, found: Sequence[Problem]) -> str:
     return ", ".join(parts) or "no findings"
 
 
-def _happened(report: Report, *, utc: bool) -> Iterator[Happened]:
+def _happened(report: Report, *, utc: bool) -> Iterator[TriageHeadline]:
     """Yield what broke first in the last flight of each capture, and how the whole of it is shown."""
     for capture in report.captures:
         if (one := capture.triage) is None:
@@ -115,7 +115,7 @@ def _happened(report: Report, *, utc: bool) -> Iterator[Happened]:
         at = _at(one.t_end_ns, capture, utc=utc) if one.support and one.t_end_ns is not None else ""
         of = f"flight {one.flight}" if one.flights == 1 else f"flight {one.flight} of {one.flights}"
         command = "" if one.kind == "none" else triage(capture)
-        yield Happened(f"{where}{safe(one.title)}{support}{at}; {of}, {one.end}", command)
+        yield TriageHeadline(f"{where}{safe(one.title)}{support}{at}; {of}, {one.end}", command)
 
 
 def _worst(report: Report, shown: Sequence[Problem], *, utc: bool) -> str:

@@ -44,7 +44,7 @@ FURTHER = "further"
 _TOGETHER = 2 * SECOND  # what an event explains of a node may begin so long before its last report
 
 
-class Key(NamedTuple):
+class FindingKey(NamedTuple):
     """The key that keeps findings apart. `node` is -1 and `type` empty for none."""
 
     rule: str
@@ -67,8 +67,8 @@ class Findings:
     def __init__(self, pages: Mapping[str, Page], severities: Mapping[str, Severity]) -> None:
         self._pages = pages
         self._severities = severities
-        self._runs: dict[Key, list[OccurrenceRun]] = {}
-        self._keys: dict[tuple[str, int, int], list[Key]] = {}  # those of a rule, bus and node
+        self._runs: dict[FindingKey, list[OccurrenceRun]] = {}
+        self._keys: dict[tuple[str, int, int], list[FindingKey]] = {}  # those of a rule, bus and node
         self._total = 0
         self.changes = 0  # how often something was added
 
@@ -83,7 +83,7 @@ class Findings:
 
     def results(
         self, readings: Iterable[Statement], end: int = NO_TIME, *, over: bool = True
-    ) -> list[tuple[Key, OccurrenceRun]]:
+    ) -> list[tuple[FindingKey, OccurrenceRun]]:
         """Return every run by place; what is no breach in the reading that its node turned out to use is left out.
 
         It may be asked for again after more has been added.
@@ -96,7 +96,7 @@ class Findings:
         choices: dict[tuple[int, int], set[str]] = {}
         for one in readings:
             choices.setdefault((one.bus, one.node), set()).add(one.choice.removesuffix(FORCED))
-        settled: dict[Key, list[OccurrenceRun]] = {}
+        settled: dict[FindingKey, list[OccurrenceRun]] = {}
         for key, runs in self._runs.items():
             severity: Severity | None = key.severity
             for choice, instead in key.dialects:
@@ -113,7 +113,7 @@ class Findings:
             del run.examples[1:]
         return found
 
-    def _caused(self, settled: Mapping[Key, Sequence[OccurrenceRun]]) -> dict[Key, list[OccurrenceRun]]:
+    def _caused(self, settled: Mapping[FindingKey, Sequence[OccurrenceRun]]) -> dict[FindingKey, list[OccurrenceRun]]:
         """Make notes of what another finding of the same node at that time is the cause of, and of nothing else.
 
         What an event is the cause of is left out.
@@ -123,7 +123,7 @@ class Findings:
             for key, runs in settled.items()
             if key.severity != "note" or self._pages[key.rule].severity == "note"
         }
-        found: dict[Key, list[OccurrenceRun]] = {}
+        found: dict[FindingKey, list[OccurrenceRun]] = {}
         for key, runs in settled.items():
             stays = key.severity == "note" or key.rule in self._severities
             explained = () if stays else self._pages[key.rule].explained
@@ -141,10 +141,10 @@ class Findings:
         return found
 
     def _told(
-        self, found: Iterable[tuple[Key, OccurrenceRun]], end: int, *, over: bool
-    ) -> Iterator[tuple[Key, OccurrenceRun]]:
+        self, found: Iterable[tuple[FindingKey, OccurrenceRun]], end: int, *, over: bool
+    ) -> Iterator[tuple[FindingKey, OccurrenceRun]]:
         """Yield runs, episodes with their text; those of one node that came and went together are one."""
-        together: dict[tuple[object, ...], list[tuple[Key, OccurrenceRun, Values]]] = {}
+        together: dict[tuple[object, ...], list[tuple[FindingKey, OccurrenceRun, Values]]] = {}
         for key, run in found:
             if run.episode is None:
                 yield key, run
@@ -164,7 +164,7 @@ class Findings:
 
     def _add_one(self, one: Occurrence, view: View, near_drops: bool) -> None:
         page = self._pages[one.rule]
-        key = Key(
+        key = FindingKey(
             one.rule, self._severity(one.rule, one.severity, near_drops), one.bus, -1 if one.node is None else one.node,
             one.type, page.key_of(one.values), tuple(one.dialects.items()),
         )  # fmt: skip
@@ -181,11 +181,11 @@ class Findings:
 
     def _add_many(self, found: Occurrences, view: View, near_drops: Sequence[bool] | None) -> None:
         page = self._pages[found.rule]
-        further: dict[Key, list[Any]] = {}
+        further: dict[FindingKey, list[Any]] = {}
         for rows, noted in _groups(found, near_drops):
             first = rows.item(0)
             turned = TURNED if found.doubtful is not None and found.doubtful[first] else {}
-            key = Key(
+            key = FindingKey(
                 found.rule, self._severity(found.rule, found.severity, noted), found.bus.item(first),
                 found.node.item(first), view.type_name(found.type.item(first)),
                 page.key_of(found.values(first)) if page.key else "", (*found.dialects.items(), *turned.items()),
@@ -198,11 +198,11 @@ class Findings:
         for key, parts in further.items():
             self._put_all(found, _by_place(found, parts), key, view)
 
-    def _put_all(self, found: Occurrences, rows: Any, key: Key, view: View) -> None:
+    def _put_all(self, found: Occurrences, rows: Any, key: FindingKey, view: View) -> None:
         for piece in _pieces(found.t, rows, explained=bool(self._pages[key.rule].explained)):
             self._put(key, self._run(found, piece, key, view))
 
-    def _run(self, found: Occurrences, rows: Any, key: Key, view: View) -> OccurrenceRun:
+    def _run(self, found: Occurrences, rows: Any, key: FindingKey, view: View) -> OccurrenceRun:
         page = self._pages[key.rule]
 
         def place(row: int) -> tuple[int, int]:
@@ -223,7 +223,7 @@ class Findings:
             run.examples = [example(int(row)) for row in rows[:most]]
         return run
 
-    def _is_inside(self, key: Key, place: tuple[int, int]) -> bool:
+    def _is_inside(self, key: FindingKey, place: tuple[int, int]) -> bool:
         """Return whether an occurrence lies inside a run that has all its examples, and count it there then."""
         run = self._before(key, place)
         if run is None or place > run.last or run.episode is not None or not is_full(run, place):
@@ -232,12 +232,12 @@ class Findings:
         self.changes += 1
         return True
 
-    def _continues(self, key: Key, run: OccurrenceRun) -> bool:
+    def _continues(self, key: FindingKey, run: OccurrenceRun) -> bool:
         """Return whether it only goes on with a run that has all the examples it may have."""
         before = self._before(key, run.first)
         return before is not None and is_full(before, run.first) and self._close(key)(before, run)
 
-    def _before(self, key: Key, place: tuple[int, int]) -> OccurrenceRun | None:
+    def _before(self, key: FindingKey, place: tuple[int, int]) -> OccurrenceRun | None:
         """Return the last run of a key that began before a place."""
         runs = self._runs.get(key)
         if runs is None:
@@ -245,13 +245,13 @@ class Findings:
         at = len(runs) if runs[-1].first < place else bisect_left(runs, place, key=lambda one: one.first)
         return runs[at - 1] if at else None
 
-    def _room(self, key: Key, run: OccurrenceRun) -> int:
+    def _room(self, key: FindingKey, run: OccurrenceRun) -> int:
         """Return how many examples of a run may be shown: it may go on with one that has some."""
         runs = self._runs.get(key)
         goes_on = runs is not None and runs[-1].last <= run.first and self._close(key)(runs[-1], run)
         return MOST_EXAMPLES - len(runs[-1].examples) if runs is not None and goes_on else MOST_EXAMPLES
 
-    def _close(self, key: Key) -> Callable[[OccurrenceRun, OccurrenceRun], bool]:
+    def _close(self, key: FindingKey) -> Callable[[OccurrenceRun, OccurrenceRun], bool]:
         """Return what makes one run of two: nothing but a pause, unless a part of them may be explained."""
         return same_piece if self._pages[key.rule].explained else without_pause
 
@@ -260,13 +260,13 @@ class Findings:
             return self._severities[rule]
         return "note" if near_drops else said or self._pages[rule].severity
 
-    def _kept(self, key: Key) -> Key:
+    def _kept(self, key: FindingKey) -> FindingKey:
         """Return the key by which occurrences are kept: those beyond `MOST_GROUPS` share one."""
         if key in self._runs or len(self._runs) < MOST_GROUPS:
             return key
-        return Key(key.rule, key.severity, -1, -1, "", FURTHER, key.dialects)
+        return FindingKey(key.rule, key.severity, -1, -1, "", FURTHER, key.dialects)
 
-    def _put(self, key: Key, run: OccurrenceRun) -> None:
+    def _put(self, key: FindingKey, run: OccurrenceRun) -> None:
         self.changes += 1
         if key not in self._runs:
             self._runs[key] = []
@@ -281,7 +281,7 @@ class Findings:
         self._total += len(runs)
 
 
-def _of(found: Mapping[Key, Sequence[OccurrenceRun]], rule: str, key: Key) -> list[OccurrenceRun]:
+def _of(found: Mapping[FindingKey, Sequence[OccurrenceRun]], rule: str, key: FindingKey) -> list[OccurrenceRun]:
     """Return what was found by a rule of the bus and node of a key."""
     return [run for other, runs in found.items() if (other.rule, *other[2:4]) == (rule, *key[2:4]) for run in runs]
 

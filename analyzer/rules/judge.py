@@ -13,7 +13,7 @@ from analyzer.rules.drops import Drops
 from analyzer.rules.exercised.exercise import Exercises
 from analyzer.rules.findings import Findings
 from analyzer.rules.settings import Settings
-from analyzer.rules.vehicle.channels import Channels
+from analyzer.rules.vehicle.channels import ChannelLabels
 from analyzer.rules.view import Past
 from dissectors.kit import SECOND
 from dissectors.records import dataclass, field
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from analyzer.decode.places import Places
     from analyzer.decode.readings import Statement
     from analyzer.rules.catalogue import Page
-    from analyzer.rules.findings import Key
+    from analyzer.rules.findings import FindingKey
     from analyzer.rules.named_frames import TakesOccurrences
     from analyzer.rules.runs import OccurrenceRun
     from analyzer.rules.vehicle.own import OwnRules
@@ -42,7 +42,7 @@ class Outcome:
     the capture as `dissectors.conformance.Measures` names them.
     """
 
-    runs: tuple[tuple[Key, OccurrenceRun], ...]
+    runs: tuple[tuple[FindingKey, OccurrenceRun], ...]
     words: frozenset[str]
     labels: Mapping[tuple[int, int], str]
     readings: tuple[Statement, ...]
@@ -75,7 +75,7 @@ class Judge:
         conformances = discovery.conformances_of(registry)
         self._exercises = Exercises(registry, [kind for one in conformances for kind in one.exercises])
         vendors = [one.labels for one in conformances if one.labels is not None]
-        self._name_units = [Channels(registry).labels, *vendors]
+        self._name_units = [ChannelLabels(registry).labels, *vendors]
         self._labels: dict[tuple[int, int], str] = {}
         made = discovery.new_rules(registry, self.enabled, conformances)
         self._rules = [one for one in made if not self.enabled.keys().isdisjoint(one.rules)]
@@ -138,7 +138,7 @@ class Judge:
             facts=self._exercises.facts(),
         )
 
-    def _placed(self, runs: Iterable[tuple[Key, OccurrenceRun]]) -> Iterator[tuple[Key, OccurrenceRun]]:
+    def _placed(self, runs: Iterable[tuple[FindingKey, OccurrenceRun]]) -> Iterator[tuple[FindingKey, OccurrenceRun]]:
         """Yield the runs with frames numbered as in the capture that they were picked from."""
         for key, run in runs:
             yield key, run if self._places is None else run.placed(self._places, texts=key.rule not in self._worded)

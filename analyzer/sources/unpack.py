@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 
-class Stream(Protocol):
+class CompressedPlace(Protocol):
     """Where in the compressed data the reading stands."""
 
     def feed(self, data: bytes) -> Iterator[bytes]:
@@ -18,7 +18,7 @@ class Stream(Protocol):
         """Return what is left at the end. Raises `UnpackError` if the data ends too early."""
 
 
-def unpack(pieces: Iterable[bytes], stream: Stream) -> Iterator[bytes]:
+def unpack(pieces: Iterable[bytes], stream: CompressedPlace) -> Iterator[bytes]:
     """Return the unpacked pieces; an empty one (nothing new yet) is passed on. Raises `UnpackError`."""
     for piece in pieces:
         if piece:

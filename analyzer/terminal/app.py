@@ -14,7 +14,7 @@ from analyzer.terminal.device_table import SHOWN, devices
 from analyzer.terminal.event_tables import findings, latched
 from analyzer.terminal.heights import share
 from analyzer.terminal.help import Help
-from analyzer.terminal.pane import Pane, TextLines
+from analyzer.terminal.pane import TablePane, TextLines
 from dissectors.kit import SECOND
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Monitor(App[None]):
         self._paused: int | None = None
         self._message, self._until = "", 0.0
         self._top, self._bottom = TextLines("top"), TextLines("bottom")
-        self._panes = {name: Pane(name) for name in PANES}
+        self._panes = {name: TablePane(name) for name in PANES}
 
     def compose(self) -> ComposeResult:
         """Lay out the first line, the panes, the last line."""
@@ -196,7 +196,7 @@ class Monitor(App[None]):
                 return text
         return ""
 
-    def _used(self) -> Pane:
+    def _used(self) -> TablePane:
         return next((pane for pane in self._panes.values() if pane.has_focus), self._panes["devices"])
 
     def _ask(self, question: Callable[[], _Answer]) -> _Answer | None:

@@ -61,7 +61,7 @@ class TextLines(Widget):
         return strip.adjust_cell_length(self.size.width, _STYLES[""])
 
 
-class Pane(TextLines, can_focus=True):
+class TablePane(TextLines, can_focus=True):
     """A table with its head, sorted and scrolled by keys."""
 
     def __init__(self, name: str) -> None:

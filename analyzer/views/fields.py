@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.views.frames.window import FrameData, RawFrame
     from analyzer.views.members import Take
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from analyzer.window.listed import ListedRows
     from dissectors import Registry
     from dissectors.schema import Message, Packet
@@ -114,7 +114,7 @@ class Fields:
         """Write nothing: nothing stands behind the last line."""
         return ""
 
-    def _row(self, columns: Columns) -> Template:
+    def _row(self, columns: SheetColumns) -> Template:
         parts: list[Template] = []
         for place, name in enumerate(self._names):
             parts.append(("text", "\t" if place else ""))
@@ -122,7 +122,7 @@ class Fields:
             parts.append(self._cell(place, self._columns[name][0]) if own else self._fixed(columns, fixed(name)))
         return ("all", [*parts, ("text", "\n")])
 
-    def _fixed(self, columns: Columns, name: str) -> Template:
+    def _fixed(self, columns: SheetColumns, name: str) -> Template:
         if name in _TIMES:
             return columns.of(name, ("number", PLAIN, ("seconds", False, True)))
         if name in _WORDS:
@@ -141,7 +141,7 @@ class Fields:
         inside: Template = ("packets", place, ",", True)
         return ("message", place, "") if table in self._messages else inside
 
-    def _part(self, table: str, of: Message | Packet | None, columns: Columns) -> list[Template | None]:
+    def _part(self, table: str, of: Message | Packet | None, columns: SheetColumns) -> list[Template | None]:
         found = [self._columns.get(name) for name in self._names]
         return [
             None if of is None or one is None or one[0] != table else _CELLS.column(of, columns, one[1])

@@ -22,7 +22,7 @@ from dissectors.schema import ArrayType, CompoundType, Message, PrimitiveType
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from dissectors.schema import Bits, Note, Packet, Type
 
 NULL: Template = ("text", "null")
@@ -76,7 +76,7 @@ def _of_structure(kind: pa.DataType, take: Take) -> Template:
     return structure_template(kind) if pa.types.is_struct(kind) else ("number", take, ("json", "false", "true", False))
 
 
-def fields_template(of: Message | Packet | None, columns: Columns, *, physical: bool) -> Template:
+def fields_template(of: Message | Packet | None, columns: SheetColumns, *, physical: bool) -> Template:
     """Return a template of the fields of a row; `physical` scales numbers and reads texts, as packets are shown."""
     if of is None:
         data = columns.of("data", quotes(HEX))
@@ -85,7 +85,7 @@ def fields_template(of: Message | Packet | None, columns: Columns, *, physical: 
     return object_template(fields.field(one.name, one.type) for one in of.layout.fields if one.name)
 
 
-def derived_templates(of: Message | Packet | None, columns: Columns, *, physical: bool) -> dict[str, Template]:
+def derived_templates(of: Message | Packet | None, columns: SheetColumns, *, physical: bool) -> dict[str, Template]:
     """Return templates of what follows from the fields of a row: `derived`, `units` and `texts`, each by column.
 
     `derived` are the computed columns, and the values in their units of fields that are raw numbers elsewhere; those of
@@ -126,7 +126,7 @@ def _units(units: Mapping[str, str]) -> dict[str, Template]:
     return {name: ("text", text_of(unit)) for name, unit in units.items() if unit not in ("", UNSPECIFIED)}
 
 
-def _named(columns: Columns, name: str, column: str, texts: Mapping[Any, str]) -> Template:
+def _named(columns: SheetColumns, name: str, column: str, texts: Mapping[Any, str]) -> Template:
     """Return a template of a member that is there only for values that have a name; lists of numbers have none."""
     if column not in columns or not texts:
         return NOTHING
@@ -140,7 +140,7 @@ def _named(columns: Columns, name: str, column: str, texts: Mapping[Any, str]) -
 @dataclass(frozen=True, slots=True)
 class _Fields:
     of: Message | Packet
-    columns: Columns
+    columns: SheetColumns
     physical: bool
 
     def field(self, name: str, kind: Type) -> Template:

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from analyzer.tables import KINDS, distinct
-from analyzer.views.frames.loose import LooseFrames
+from analyzer.views.frames.loose import LooseRows
 from analyzer.views.frames.window import FrameWindow
 from analyzer.views.marks import Marks
 from analyzer.views.members import NOTHING
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from analyzer.filter.memory import NamesFrames
     from analyzer.views.colours.painter import Painter
     from analyzer.views.marks import ListMark
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from analyzer.views.times import TimeFormat
     from dissectors import Registry
     from dissectors.kit import Array
@@ -93,7 +93,7 @@ class Listing:
         self._painter = painter
         self._colours: list[str | None] = []  # of the entries
         kept = self._own or frames or FrameWindow()
-        self._loose = LooseFrames(registry, kept, self._numbering, foreign=foreign, named=named)
+        self._loose = LooseRows(registry, kept, self._numbering, foreign=foreign, named=named)
         self._marks = Marks(self._numbering)
         self._phrases = Phrases(registry, " " if width is None else REMARK)
         self._names: tuple[str, ...] = ()
@@ -220,7 +220,7 @@ class Listing:
         lists = [self._bus_words(), words, seconds, troubled, noted]
         return self._sheets.texts(batch, rows, messages, beside, lists)
 
-    def _row(self, columns: Columns) -> Template:
+    def _row(self, columns: SheetColumns) -> Template:
         """Return the template of the lines of a transfer."""
         time: Template = ("pad", self._time, False, self._clock.template(columns, _DAY))
         source = columns.of("src", _NUMBER)
@@ -265,7 +265,7 @@ def _note(said: Sequence[str]) -> str:
     return f"{_INDENT}! {'; '.join(said)}\n"
 
 
-def _info(columns: Columns) -> Template:
+def _info(columns: SheetColumns) -> Template:
     """Return the template of what a transfer says."""
     message: Template = ("message", 0, "")
     halves = [(KINDS.index(name), ("headed", name, ": ", message)) for name in ("request", "response")]

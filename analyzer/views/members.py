@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
 
     from analyzer.views.rows import MessagePart
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from dissectors.schema import Bits, Message, Note, Packet, Type
 
 # Of a number in a template: how its scale is undone, the lowest of how many bits, their scale, whether it is a flag.
@@ -52,7 +52,7 @@ class CellTemplates:
     single: Callable[[pa.DataType, Take], Template]
     each: Callable[[Template], Template]
 
-    def column(self, of: Message | Packet | None, columns: Columns, name: str) -> Template:
+    def column(self, of: Message | Packet | None, columns: SheetColumns, name: str) -> Template:
         """Return a template of a column; of a member of a structure by its dotted name, physical like every column.
 
         Raises `KeyError` for a column that the table does not have.
@@ -65,7 +65,7 @@ class CellTemplates:
         return ("or", self.missing, inner)
 
     def _path(
-        self, of: Message | Packet | None, columns: Columns, name: str, finish: Callable[[pa.DataType], Template]
+        self, of: Message | Packet | None, columns: SheetColumns, name: str, finish: Callable[[pa.DataType], Template]
     ) -> Template:
         if name in columns:
             return columns.of(columns.own(name), finish(columns.schema.field(columns.own(name)).type))

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.devices.remarks import Remarked
     from analyzer.views.members import Take
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from dissectors import Registry
     from dissectors.kit import Array
     from dissectors.schema import Packet, Remark
@@ -66,7 +66,7 @@ class Phrases:
             if of is not None and any(remark.column for remark in of.remarks)
         }
 
-    def part(self, name: str, of: Message | Packet | None, columns: Columns) -> list[Template | None]:
+    def part(self, name: str, of: Message | Packet | None, columns: SheetColumns) -> list[Template | None]:
         """Return the template of the line about a row of a table; of a message with what it carries."""
         if of is None:
             return [("all", [columns.of("reason", ("copy",)), ("text", ": "), columns.of("data", OCTETS)])]
@@ -76,7 +76,7 @@ class Phrases:
         damaged = ("switch", PLAIN, [(1, NOTHING)], ("text", " (packet damaged)"))
         return [("all", [("text", f"{of.name} "), line, columns.of("packet_ok", damaged)])]
 
-    def _line(self, name: str, of: Message | Packet, columns: Columns) -> Template:
+    def _line(self, name: str, of: Message | Packet, columns: SheetColumns) -> Template:
         line = _summary(of, columns) if of.summary else _all_fields(of, columns)
         if not of.remarks:
             return line
@@ -85,7 +85,7 @@ class Phrases:
         otherwise = ", ".join(escape(remark.text) for remark in of.remarks if not remark.column)
         return ("joined", self._between, [line, ("instead", ("text", otherwise), ("joined", ", ", said))])
 
-    def _remark(self, name: str, of: Message | Packet, columns: Columns, place: int) -> Template:
+    def _remark(self, name: str, of: Message | Packet, columns: SheetColumns, place: int) -> Template:
         """Return the template of a remark: nothing in rows that give no cause for it."""
         remark = [remark for remark in of.remarks if remark.column][place]
         raw = columns.computed(f"remark {place}", partial(self._column, name, place, False))
@@ -118,7 +118,7 @@ class Phrases:
         return pa.array(cells, mask=none)
 
 
-def _summary(of: Message | Packet, columns: Columns) -> Template:
+def _summary(of: Message | Packet, columns: SheetColumns) -> Template:
     pieces: list[Template] = []
     for slot in _slots(of.summary):
         pieces += [("text", escape(slot.text))] if slot.text else []
@@ -126,7 +126,7 @@ def _summary(of: Message | Packet, columns: Columns) -> Template:
     return ("all", pieces)
 
 
-def _said(of: Message | Packet, columns: Columns, remark: Remark, raw: int) -> Template:
+def _said(of: Message | Packet, columns: SheetColumns, remark: Remark, raw: int) -> Template:
     note = of.notes.get(remark.column)
     flags = [bits for bits in note.parts if bits.flag] if note is not None and not remark.text else []
     if flags:
@@ -143,7 +143,7 @@ def _said(of: Message | Packet, columns: Columns, remark: Remark, raw: int) -> T
     return ("by", raw, [(code, ("upper", said)) for code in remark.capitals], said) if remark.capitals else said
 
 
-def _missing(columns: Columns) -> Template:
+def _missing(columns: SheetColumns) -> Template:
     """Return the template of how many bytes a message lacks."""
 
     def lacking(table: pa.RecordBatch) -> pa.Array:
@@ -154,7 +154,7 @@ def _missing(columns: Columns) -> Template:
     return ("of", columns.computed("bytes missing", lacking), ("switch", PLAIN, cases, some))
 
 
-def _all_fields(of: Message | Packet, columns: Columns) -> Template:
+def _all_fields(of: Message | Packet, columns: SheetColumns) -> Template:
     fields: list[Template] = []
     for member in [m for m in of.layout.fields if m.name][:FIELDS_SHOWN]:
         cell = _bounded(meaning(of, member.name).texts).column(of, columns, member.name)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.rules.named_frames import NamedFrames
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from analyzer.window.listed import ListedRows
     from dissectors import Registry
     from dissectors.schema import Packet
@@ -77,7 +77,7 @@ class _Records:
         self._word = csv_word if spread else text_of
         keys = _keys(named, derived=derived)
 
-        def row(columns: Columns) -> Template:
+        def row(columns: SheetColumns) -> Template:
             cells = _Cells(columns, spread)
             parts = [cells.of(key) for key in keys]
             if spread:
@@ -100,7 +100,7 @@ class _Records:
         rows = picked and picked.transfers
         return self._sheets.texts(batch, rows, types_of(types, places, rows), beside, words)
 
-    def _part(self, _: str, of: Message | Packet | None, columns: Columns) -> list[Template | None]:
+    def _part(self, _: str, of: Message | Packet | None, columns: SheetColumns) -> list[Template | None]:
         if not isinstance(of, Message):
             return [self._packet(of, columns)]
         inside: Template = ("all", [("text", "["), ("packets", 0, ",", True), ("text", "]")])
@@ -108,7 +108,7 @@ class _Records:
         derived = derived_templates(of, columns, physical=False) if self._derived else dict.fromkeys(DERIVED)
         return [fields_template(of, columns, physical=False), packets, *derived.values()]
 
-    def _packet(self, of: Packet | None, columns: Columns) -> Template:
+    def _packet(self, of: Packet | None, columns: SheetColumns) -> Template:
         sound = ("text", "false") if of is None else columns.of("packet_ok", number_template())
         parts = [member("type", ("text", text_of(None if of is None else of.name))), member("ok", sound)]
         parts.append(member("fields", fields_template(of, columns, physical=True)))
@@ -131,7 +131,7 @@ def _bare(batch: Batch, registry: Registry) -> pa.Array:
 class _Cells:
     """Templates of the cells of a record: as values of JSON, or, `spread`, as cells of CSV."""
 
-    def __init__(self, columns: Columns, spread: bool) -> None:
+    def __init__(self, columns: SheetColumns, spread: bool) -> None:
         self._columns, self._spread, self._none = columns, spread, "" if spread else "null"
 
     def of(self, key: str) -> Template:

@@ -39,7 +39,7 @@ _KINDS = (
 )  # fmt: skip
 
 
-class Columns:
+class SheetColumns:
     """The columns of a table that its template reads, each with a place, in the order in which they are asked for."""
 
     def __init__(self, schema: pa.Schema, *first: str) -> None:
@@ -77,7 +77,7 @@ class Columns:
 
 @dataclass(frozen=True, slots=True)
 class _Compiled:
-    columns: Columns
+    columns: SheetColumns
     template: _native.Template
 
 
@@ -100,8 +100,8 @@ class Sheets:
     def __init__(
         self,
         registry: Registry,
-        row: Callable[[Columns], Template],
-        part: Callable[[str, Message | Packet | None, Columns], Sequence[Template | None]],
+        row: Callable[[SheetColumns], Template],
+        part: Callable[[str, Message | Packet | None, SheetColumns], Sequence[Template | None]],
         beside: Mapping[str, pa.DataType],
         *,
         first: Sequence[str] = ("bus",),
@@ -115,7 +115,7 @@ class Sheets:
 
     def compile(self) -> None:
         """Ask for the template of a transfer."""
-        columns = Columns(self._schema, *self._first)
+        columns = SheetColumns(self._schema, *self._first)
         self._row = _Compiled(columns, _native.Template([self._made(columns)]))
 
     def texts(
@@ -151,7 +151,7 @@ class Sheets:
     ) -> tuple[_native.Template, list[Any], bool]:
         part = self._parts.get(name)
         if part is None or not (part.columns.schema is table.schema or part.columns.schema.equals(table.schema)):
-            columns = Columns(table.schema, "transfer", *(["offset"] if packets else []))
+            columns = SheetColumns(table.schema, "transfer", *(["offset"] if packets else []))
             template = _native.Template(list(self._part(name, of, columns)))
             part = self._parts[name] = _Compiled(columns, template)
         made = part.columns.made

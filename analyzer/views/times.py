@@ -15,7 +15,7 @@ from dissectors.kit.cells import numbers, valid
 from dissectors.times import SECOND
 
 if TYPE_CHECKING:
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from dissectors.kit import Array
 
     Time = int | None
@@ -137,7 +137,7 @@ class TimeFormat:
             return f"{seconds[days[row].as_py()]}.{self._decimals(ns)}"
         return self.seconds(ns, signed=self.signed and self.mode == "r")
 
-    def template(self, columns: Columns, words: int) -> Template:
+    def template(self, columns: SheetColumns, words: int) -> Template:
         """Return the template of a time, from the columns `elapsed` and `days`; `words` is the list of seconds."""
         if self.mode not in _DAY:
             signed = self.signed and self.mode == "r"

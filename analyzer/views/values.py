@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from analyzer.views.members import Take
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from dissectors.schema import Message, Note, Packet
 
 # What the native renderer formats; anything else, such as thousands apart, is made ready for it.
@@ -32,7 +32,7 @@ def named(texts: Mapping[float, str], otherwise: Template, take: Take = PLAIN) -
     return ("switch", take, [(whole(value), ("text", escape(text))) for value, text in texts.items()], otherwise)
 
 
-def value_template(of: Message | Packet, columns: Columns, column: str, spec: str = "") -> Template:
+def value_template(of: Message | Packet, columns: SheetColumns, column: str, spec: str = "") -> Template:
     """Return the template of a column in the row of a table, in a format of Python; `-` for one that is not there."""
     about = meaning(of, column)
     if about.note is not None and about.note.text and f"{column}.text" in columns:
@@ -89,7 +89,7 @@ def value_format(spec: str) -> Template | None:
     return ("format", align, sign or "-", bool(zeros), int(width or 0), None if digits is None else int(digits), kind)
 
 
-def _ready(of: Message | Packet, columns: Columns, column: str, cell: Callable[[Any], str]) -> Template:
+def _ready(of: Message | Packet, columns: SheetColumns, column: str, cell: Callable[[Any], str]) -> Template:
     """Return a template of texts that are made of the cells for each batch."""
 
     def make(table: pa.RecordBatch) -> pa.Array:
@@ -98,7 +98,7 @@ def _ready(of: Message | Packet, columns: Columns, column: str, cell: Callable[[
     return ("of", columns.computed(f"{column} as text", make), ("copy",))
 
 
-def unless_special(of: Message | Packet, columns: Columns, name: str, source: Note, value: Template) -> Template:
+def unless_special(of: Message | Packet, columns: SheetColumns, name: str, source: Note, value: Template) -> Template:
     """Return a template of what is computed from a field, or of what stands for it: see `meaning.stands_for`."""
 
     def raw(table: pa.RecordBatch) -> pa.Array:

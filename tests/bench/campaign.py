@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from analyzer.rules.catalogue import Page
-    from analyzer.rules.findings import Key
+    from analyzer.rules.findings import FindingKey
     from analyzer.rules.runs import OccurrenceRun
 
 SECONDS = 6.0
@@ -92,7 +92,7 @@ def fly(*orders: str, seed: int, which: int) -> tuple[str, list[dict[str, Any]]]
     return made.text, made.simulation.key()["faults"]
 
 
-def worst(runs: Iterable[tuple[Key, OccurrenceRun]]) -> Iterator[tuple[Key, OccurrenceRun]]:
+def worst(runs: Iterable[tuple[FindingKey, OccurrenceRun]]) -> Iterator[tuple[FindingKey, OccurrenceRun]]:
     return ((key, run) for key, run in runs if key.severity != "note")
 
 

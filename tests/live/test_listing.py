@@ -14,7 +14,7 @@ from kit.command import LIMIT, environment
 
 from analyzer.live.interfaces import links, listing
 from analyzer.live.interfaces.links import Controller, Link, Timing, Traffic
-from analyzer.live.interfaces.listing import Listed
+from analyzer.live.interfaces.listing import ListedInterface
 from analyzer.live.interfaces.table import render
 from analyzer.views.terminal import Palette
 
@@ -35,7 +35,9 @@ VCAN0 = Link(2, "vcan0", "vcan", up=True, fd=True, queue=1000, traffic=Traffic(0
 
 
 def table(*found: Link | str, width: int = 80) -> str:
-    return render([Listed(one) if isinstance(one, str) else Listed(one.name, one) for one in found], width)
+    return render(
+        [ListedInterface(one) if isinstance(one, str) else ListedInterface(one.name, one) for one in found], width
+    )
 
 
 def test_the_table() -> None:
@@ -76,13 +78,13 @@ def test_names_cannot_fool_a_terminal() -> None:
 @pytest.mark.parametrize(("state", "style"), [("bus off", "31"), ("error warning", "31"), ("error active", "")])
 def test_what_is_wrong_is_red(state: str, style: str) -> None:
     link = Link(1, "can0", "can", up=True, controller=Controller(state))
-    line = render([Listed("can0", link)], palette=Palette(on=True)).splitlines()[1]
+    line = render([ListedInterface("can0", link)], palette=Palette(on=True)).splitlines()[1]
     assert line.startswith(f"\x1b[{style}m") if style else "\x1b" not in line
 
 
 def test_the_kernel_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(links, "list_links", lambda: [VCAN0, CAN0])
-    assert listing.list_kernel() == [Listed("vcan0", VCAN0), Listed("can0", CAN0)]
+    assert listing.list_kernel() == [ListedInterface("vcan0", VCAN0), ListedInterface("can0", CAN0)]
 
 
 def test_a_kernel_that_cannot_be_asked(monkeypatch: pytest.MonkeyPatch) -> None:

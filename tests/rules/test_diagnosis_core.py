@@ -172,7 +172,7 @@ def test_the_core_finds_what_the_oracle_finds(question: int, seed: int) -> None:
     asked = np.array([number for some in lists for number in some], np.uint64), offsets
     none = np.zeros(len(lists), np.uint32), np.zeros(len(lists), np.uint8)
     got = diagnose(question, batches(rows, cuts), [(starts, size)], (*asked, *none))
-    answers = search.Answers(
+    answers = search.FrameSearch(
         cells(got[0], np.uint8), cells(got[1], np.uint8), cells(got[2], np.int64),
         *((cells(ends, np.int64), cells(numbers, np.uint64)) for ends, numbers in got[3:]),
     )  # fmt: skip

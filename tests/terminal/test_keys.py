@@ -12,7 +12,7 @@ from kit.simulated import faulted
 
 from analyzer.board.snapshot import RecordingState
 from analyzer.terminal.app import PANES, Monitor
-from analyzer.terminal.pane import Pane, TextLines
+from analyzer.terminal.pane import TablePane, TextLines
 
 if TYPE_CHECKING:
     from textual.pilot import Pilot
@@ -97,7 +97,7 @@ def test_keys_choose_the_pane_in_use(key: str, pane: str) -> None:
         await pilot.pause()
         assert app.focused is not None
         assert app.focused.id == pane
-        used = app.query_one(f"#{pane}", Pane)
+        used = app.query_one(f"#{pane}", TablePane)
         assert used.size.height >= min(used.rows + 1, 10)
 
     use(Script([session("mission-8-faults.log")]), does)

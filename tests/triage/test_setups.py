@@ -12,7 +12,7 @@ from kit.stories import said, told
 from analyzer.app.request import Request
 from analyzer.app.run import Run
 from analyzer.app.triage import RunTriage
-from analyzer.flight.verdict.case import Case
+from analyzer.flight.verdict.case import FlightCase
 from analyzer.flight.verdict.exchanged import exchanged
 from analyzer.sources.origin import given
 from dissectors.records import replace
@@ -41,7 +41,7 @@ def differing(change: Callable[[Sending, int], dict[str, Any] | None], *, parted
         first = replace(flight, last=flight.last._replace(ran=middle))
         second = replace(flight, number=2, first=flight.first._replace(ran=middle + 1))
         flights = [first, second]
-    return list(exchanged(Case(witness, events, flights[-1], flight.last.ran), flights))
+    return list(exchanged(FlightCase(witness, events, flights[-1], flight.last.ran), flights))
 
 
 def parameter(**values: int) -> Callable[[Sending, int], dict[str, Any]]:

@@ -18,8 +18,8 @@ from analyzer.app.run import Run
 from analyzer.app.triage import RunTriage
 from analyzer.flight.clock import Spot
 from analyzer.flight.log import FlightEvent
-from analyzer.flight.timeline.axis import Axis
-from analyzer.flight.timeline.course import MOST_STEPS, Course
+from analyzer.flight.timeline.axis import TimelineAxis
+from analyzer.flight.timeline.course import MOST_STEPS, DeviceValues
 from analyzer.flight.timeline.timeline import LONGEST
 from dissectors.times import MILLISECOND, SECOND
 
@@ -43,7 +43,7 @@ def test_a_course_keeps_the_lowest_and_the_highest_however_it_is_fed(
 ) -> None:
     ran = START + np.array([t for t, _ in points], np.int64) * MILLISECOND
     values = np.array([[value for _, value in points]], np.float32)
-    course = Course(1)
+    course = DeviceValues(1)
     borders = sorted({0, len(points), *(cut for cut in cuts if cut < len(points))})
     for low, high in itertools.pairwise(borders):
         course.feed(ran[low:high], values[:, low:high])
@@ -57,7 +57,7 @@ def test_a_course_keeps_the_lowest_and_the_highest_however_it_is_fed(
 
 
 def test_what_is_old_is_kept_in_coarser_steps_and_memory_is_bounded() -> None:
-    course, second = Course(2), 50
+    course, second = DeviceValues(2), 50
     values = np.vstack((np.sin(np.arange(600 * second)), np.full(600 * second, np.nan))).astype(np.float32)
     for minute in range(0, 7200, 600):
         ran = START + (minute * second + np.arange(600 * second)) * (SECOND // second)
@@ -73,7 +73,7 @@ def test_what_is_old_is_kept_in_coarser_steps_and_memory_is_bounded() -> None:
 
 
 def test_a_course_grows_by_channels() -> None:
-    course = Course(1)
+    course = DeviceValues(1)
     course.feed(np.array([START]), np.array([[1.0]], np.float32))
     course.widen(2)
     course.feed(np.array([START + SECOND]), np.array([[2.0], [3.0]], np.float32))
@@ -93,7 +93,7 @@ def test_holes_are_on_the_axis_and_steps_of_the_clock_are_not() -> None:
     gap = hole("gap", ran, 2 * SECOND, ran, 100)
     step = hole("clock", ran + 7 * SECOND, 3600 * SECOND, ran + 5 * SECOND, 200)
     behind = Spot(START + 3632 * SECOND, START + 30 * SECOND, 300, 300, 0)
-    axis = Axis([gap, step], behind)
+    axis = TimelineAxis([gap, step], behind)
     assert axis.at(behind.ran) == behind.t
     assert axis.at(ran + SECOND) - axis.at(ran - SECOND) == 4 * SECOND  # the hole, and a second before and behind it
     assert axis.at(ran + 6 * SECOND) - axis.at(ran + 4 * SECOND) == 2 * SECOND

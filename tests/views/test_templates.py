@@ -20,7 +20,7 @@ from analyzer.facts.json_number import number
 from analyzer.views.json_fields import text_of
 from analyzer.views.members import PLAIN
 from analyzer.views.records import harmless
-from analyzer.views.sheets import Columns, flat
+from analyzer.views.sheets import SheetColumns, flat
 from analyzer.views.times import MODES, TimeFormat
 from analyzer.views.values import value_format
 from analyzer.views.wording import formatter, plain
@@ -114,7 +114,7 @@ def test_times_are_those_of_the_list(mode: str, digits: int, batches: list[list[
     for times in batches:
         array = pa.array(times, pa.int64())
         elapsed, (days, seconds) = clock.elapsed(array), clock.days(array)
-        columns = Columns(pa.schema([("elapsed", pa.int64()), ("days", pa.uint32())]), "elapsed", "days")
+        columns = SheetColumns(pa.schema([("elapsed", pa.int64()), ("days", pa.uint32())]), "elapsed", "days")
         made = _native.Template([clock.template(columns, 0)])
         rows = np.arange(len(times), dtype=np.uint32)
         sheet = _native.Sheet(made, [flat(elapsed), flat(days)], [], [seconds], 0, rows)

@@ -46,7 +46,7 @@ class Display:
         recording: Callable[[], RecordingState | None],
         save: Callable[[LiveSession], str],
         stop: Callable[[], None],
-        browser: Callable[[], AbstractContextManager[Shown]],
+        browser: Callable[[], AbstractContextManager[RunningView]],
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
         self._board = Board(criteria.registry, bit_rates)
@@ -55,7 +55,7 @@ class Display:
         self._snapshot: Snapshot | None = None
         self._session: LiveSession | None = None
         self._browser, self._inside = browser, False
-        self._shown: Shown | None = None
+        self._shown: RunningView | None = None
         self._ended = self.failed = False
 
     @property
@@ -150,7 +150,7 @@ class Display:
             self._shown = None
 
 
-class Shown(SessionView, Protocol):
+class RunningView(SessionView, Protocol):
     """A view for the session that runs on the terminal of this process, in the main thread."""
 
     ended: bool
@@ -159,7 +159,7 @@ class Shown(SessionView, Protocol):
         """Show it until the session ends or the user quits. Raises whatever goes wrong."""
 
 
-def show(session: LiveSession, display: Shown, instead: SessionView) -> None:
+def show(session: LiveSession, display: RunningView, instead: SessionView) -> None:
     """Run the session until it ends or the user quits.
 
     When the display fails, the session goes on with the view `instead`. Raises what ended the session, if it failed.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analyzer.flight.autopilot.match import AROUND, GLANCE, RIVAL, Comparison, Match
+from analyzer.flight.autopilot.match import AROUND, GLANCE, RIVAL, Match, OutputMatch
 from analyzer.flight.autopilot.search import CommandSearch
 from analyzer.flight.autopilot.track import Signal, outputs
 from analyzer.flight.thresholds import threshold
@@ -17,7 +17,7 @@ from dissectors.times import MICROSECOND, MILLISECOND, SECOND
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from analyzer.flight.autopilot.track import Piece
+    from analyzer.flight.autopilot.track import ClockRun
     from analyzer.sources.dataflash import AutopilotLog
     from dissectors.kit import Array
 
@@ -36,7 +36,8 @@ class ClockPart:
     """A stretch of the capture in which the autopilot's clock is known: `offset` is its start on the capture's clock.
 
     All in ns, but `drift`, by which the capture's clock is faster, and log times, which are microseconds: `offset`
-    holds at `at`, between `since` and `until` it was compared. `start`, `end`, `ran`, `holes` are those of the `Piece`.
+    holds at `at`, between `since` and `until` it was compared. `start`, `end`, `ran` and `holes` are
+    those of the `ClockRun`.
     """
 
     start: int
@@ -110,7 +111,7 @@ class Alignment:
         return min(self.parts, key=lambda part: max(part.since - micros, micros - part.until, 0))
 
 
-def align(log: AutopilotLog, pieces: Sequence[Piece], start: int) -> Alignment:
+def align(log: AutopilotLog, pieces: Sequence[ClockRun], start: int) -> Alignment:
     """Find a log in the pieces of a capture, the first frame of which is at `start`."""
     mine = outputs(log)
     if not len(mine):
@@ -174,7 +175,7 @@ def _followed(bus: Signal, log: Signal, windows: Sequence[_Window], last: Match)
     while waiting:
         window = min(waiting, key=lambda window: abs(window[0] - last.middle))
         waiting.remove(window)
-        both = Comparison(bus, _within(log, window), _FOLLOWED)
+        both = OutputMatch(bus, _within(log, window), _FOLLOWED)
         around = AROUND + threshold("drift_ppm") / 1e6 * abs(window[0] - last.middle)
         place, left = both.near(last.shift, around)
         match = both.at(place) if left < threshold("unexplained") else None
@@ -186,7 +187,7 @@ def _followed(bus: Signal, log: Signal, windows: Sequence[_Window], last: Match)
 
 def _searched(search: CommandSearch, commands: Signal, mine: Signal, ways: int) -> Match | None:
     """Return the best place of a window, if there is any."""
-    both = Comparison(commands, mine, search.places * ways * 16.0)
+    both = OutputMatch(commands, mine, search.places * ways * 16.0)
     looked = sorted((both.near(shift, step=GLANCE) for shift in search.candidates(mine)), key=lambda place: place[1])
     if not looked:
         return None
@@ -225,7 +226,7 @@ def _windows(mine: Signal, pairs: Sequence[tuple[Array, Array]]) -> Iterator[_Wi
             yield float(low), float(np.nextafter(high, np.inf)), power
 
 
-def _part(piece: Piece, found: Sequence[Match]) -> ClockPart:
+def _part(piece: ClockRun, found: Sequence[Match]) -> ClockPart:
     """Return one clock for windows that were found in a piece, with a drift if they tell one."""
     middle, shift = np.array([match.middle for match in found]), np.array([match.shift for match in found])
     error = np.array([match.error for match in found])

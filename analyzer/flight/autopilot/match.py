@@ -56,7 +56,7 @@ class Match(NamedTuple):
         )
 
 
-class Comparison:
+class OutputMatch:
     """Outputs and commands of the same channels, row by row. `trials` is how many places there are to try."""
 
     def __init__(self, commands: Signal, outputs: Signal, trials: float) -> None:

@@ -44,7 +44,7 @@ class Signal:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class ClockRun:
     """A stretch of a recording through which its clock runs on: from `start` to `end`, in ns of the capture's clock.
 
     `ran` is what is added to a time for recorded time; `commands` count seconds from `start`. `holes` are in it, from
@@ -84,13 +84,13 @@ class CommandTrack(ReportEvents):
                 one = self._kept.setdefault((plot.table, key), _Kept())
                 one.add(at.t[mine], at.frame[mine], found.columns[:, mine])
 
-    def pieces(self) -> list[Piece]:
+    def pieces(self) -> list[ClockRun]:
         """Return the longest pieces of the recording, in order."""
         if not self._kept:
             return []
         t, frame, columns = max(self._kept.values(), key=lambda one: one.count).joined()
         found = [
-            Piece(start, end, ran, _signal(t[first:last], columns[:, first:last], start), holes)
+            ClockRun(start, end, ran, _signal(t[first:last], columns[:, first:last], start), holes)
             for start, end, ran, first, last, holes in _stretches(self._clock, frame)
             if last > first
         ]

@@ -13,7 +13,7 @@ from analyzer.flight.thresholds import lasting
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.flight.clock import Places
+    from analyzer.flight.clock import RowPlaces
     from analyzer.flight.orders import Commands
     from dissectors.kit import Array
 
@@ -45,7 +45,7 @@ class RecentOrders:
             at, columns = some.at, np.ascontiguousarray(some.columns)
             self._native.feed((some.bus, some.plot.who.first), at.ran, at.frame_end, columns)
 
-    def before(self, devices: Sequence[tuple[int, int, slice]], at: Places) -> CommandWindow:
+    def before(self, devices: Sequence[tuple[int, int, slice]], at: RowPlaces) -> CommandWindow:
         """Return the commands before reports: those of devices by bus, channel and rows; NaN if there are none.
 
         Commands count that were whole before a report began, however batches are cut.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
     from analyzer.flight.clock import Spot
     from analyzer.flight.motors.reports import EscReader, EscReports
-    from analyzer.flight.motors.watch import Compared
+    from analyzer.flight.motors.watch import ComparedReports
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.spells import Spell, SpellPart
     from dissectors.picture import Plot
@@ -53,7 +53,7 @@ class _Memory:
     count: int = 0
     sure: bool = False
 
-    def note(self, some: Compared, rows: slice) -> None:
+    def note(self, some: ComparedReports, rows: slice) -> None:
         """Take the next reports."""
         low = (some.speed[rows] < threshold("motor_once_slow")) | (
             some.current[rows] < threshold("motor_once_unloaded")
@@ -118,14 +118,14 @@ class MotorEvents(ReportEvents):
         for spell in self._open.values():
             self._tell(spell)
 
-    def _follow(self, key: tuple[str, int], some: Compared) -> None:
+    def _follow(self, key: tuple[str, int], some: ComparedReports) -> None:
         for part in self._spells.feed(key, some.off, some.at):
             self._note(part, some)
             if part.over:
                 self._end(part.spell)
 
     @staticmethod
-    def _note(part: SpellPart, some: Compared) -> None:
+    def _note(part: SpellPart, some: ComparedReports) -> None:
         if part.spell.memory is None:
             part.spell.memory = _Memory(some.before(part.start) if part.stop > part.start else ())
         part.spell.memory.note(some, slice(part.start, part.stop))

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places
+    from analyzer.flight.clock import RowPlaces
     from analyzer.flight.orders import CommandReader
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.tables import ReportTable
@@ -33,7 +33,7 @@ class EscReports(NamedTuple):
     temperature: Array
     reported: Array
     command: CommandWindow
-    at: Places
+    at: RowPlaces
 
     def take(self, rows: Array | slice) -> EscReports:
         """Return some of them."""

@@ -14,7 +14,7 @@ from analyzer.flight.thresholds import threshold
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from analyzer.flight.clock import Places, Spot
+    from analyzer.flight.clock import RowPlaces, Spot
     from analyzer.flight.motors.reports import EscReports
     from dissectors.kit import Array
 
@@ -26,7 +26,7 @@ WAYS = 5
 GOOD, TURNING, GIVEN, LOADED, DRAWING = range(WAYS)
 
 
-class Compared(NamedTuple):
+class ComparedReports(NamedTuple):
     """Reports against the past: `off` are those that differ.
 
     `speed` and `current` are shares of what they were at such a command, `reported` of what is commanded. `well` are
@@ -39,7 +39,7 @@ class Compared(NamedTuple):
     speed: Array
     current: Array
     reported: Array
-    at: Places
+    at: RowPlaces
 
     def before(self, row: int) -> list[Spot | None]:
         """Return the last reports before one that were well, each way."""
@@ -56,14 +56,14 @@ class MotorWatch:
         self._native = _native.MotorWatch(_limits())
         self._well: list[Spot | None] = [None] * WAYS  # the last reports that were so
 
-    def feed(self, some: EscReports) -> Compared:
+    def feed(self, some: EscReports) -> ComparedReports:
         """Compare the next reports, in any pieces; all have a speed, a voltage and commands before them."""
         at, columns = some.at, (some.speed, some.volts, some.current, some.reported)
         off, well, shares, last = self._native.feed(columns, some.command)
         speed, current, reported = (cells(column, np.float64) for column in shares)
         before, earlier = cells(well, np.int64).reshape(-1, WAYS), self._well
         self._well = [at.at(row) if row >= 0 else known for row, known in zip(last, earlier, strict=True)]
-        return Compared(cells(off, np.uint8).view(bool), before, earlier, speed, current, reported, at)
+        return ComparedReports(cells(off, np.uint8).view(bool), before, earlier, speed, current, reported, at)
 
 
 @cache

@@ -17,48 +17,50 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analyzer.flight.odd.cells import EscCells
-    from analyzer.flight.odd.past import Past
-    from analyzer.flight.odd.quantities import Quantity
+    from analyzer.flight.odd.past import QuantityPast
+    from analyzer.flight.odd.quantities import EscQuantity
     from dissectors.kit import Array
 
 _FAR = 2  # bins beyond those of another ESC, in which nothing is known of it
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class QuantityCourse:
     """A quantity of several ESCs: how each went, and its `level`: how far it is from the median of all, NaN if unknown.
 
     Relative quantities are natural logarithms, so that a difference is a share.
     """
 
-    quantity: Quantity
-    past: Past
+    quantity: EscQuantity
+    past: QuantityPast
     level: Array
 
 
-def courses(devices: Sequence[EscCells], width: int) -> Iterator[Course]:
+def courses(devices: Sequence[EscCells], width: int) -> Iterator[QuantityCourse]:
     """Yield those quantities of devices that are told; `width` is that of a slot, in ns."""
     for quantity in (SPEED, CURRENT):
         kind = _told(devices, quantity)
         count, total = (np.stack([getattr(one, name)[kind] for one in devices]) for name in ("count", "total"))
         if count.any():
             total = total / ONE
-            yield Course(quantity, BinnedPast(count, total), _binned_level(count.sum(axis=1), total.sum(axis=1)))
+            yield QuantityCourse(
+                quantity, BinnedPast(count, total), _binned_level(count.sum(axis=1), total.sum(axis=1))
+            )
     counts, means = zip(*(_stacked(devices, name) for name in MEASURED), strict=True)
     warm, volts, power = means
     if np.isfinite(warm).any():
         above, than, level = _warmth(warm, power, width)
-        yield Course(TEMPERATURE, WarmthPast(above, than, counts[0]), level)
+        yield QuantityCourse(TEMPERATURE, WarmthPast(above, than, counts[0]), level)
     if np.isfinite(volts).any():
         behind = volts.copy()
         behind[:, : _half(volts)] = np.nan
-        yield Course(VOLTAGE, SlotPast(volts, counts[1]), middle(behind - middle(behind, 0), 1))
+        yield QuantityCourse(VOLTAGE, SlotPast(volts, counts[1]), middle(behind - middle(behind, 0), 1))
     came, lost, late = (np.stack([one.numbers(name) for one in devices]) for name in COUNTED)
     for quantity, hits, all_ in ((LOST, lost, came + lost), (LATE, late, came)):
         with np.errstate(divide="ignore", invalid="ignore"):
             share = hits.sum(axis=1) / all_.sum(axis=1)
         share = np.where((hits > 0).sum(axis=1) >= threshold("odd_slots"), share, 0.0)  # a burst is an event
-        yield Course(quantity, RatePast(hits, all_), share - middle(share))
+        yield QuantityCourse(quantity, RatePast(hits, all_), share - middle(share))
 
 
 def _stacked(devices: Sequence[EscCells], name: str) -> tuple[Array, Array]:
@@ -67,7 +69,7 @@ def _stacked(devices: Sequence[EscCells], name: str) -> tuple[Array, Array]:
     return np.stack(counts), np.stack(means)
 
 
-def _told(devices: Sequence[EscCells], quantity: Quantity) -> int:
+def _told(devices: Sequence[EscCells], quantity: EscQuantity) -> int:
     """Return the kind of sums that tell a quantity: those without voltages if too few reports have one."""
     whole, plain = (sum(one.count[kind].sum() for one in devices) for kind in (quantity.number, quantity.plain))
     return quantity.number if 2 * whole >= plain else quantity.plain

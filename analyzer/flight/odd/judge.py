@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
     from analyzer.flight.flights import Flight
     from analyzer.flight.odd.cells import EscCells
-    from analyzer.flight.odd.course import Course
-    from analyzer.flight.odd.past import Past
-    from analyzer.flight.odd.quantities import Quantity
+    from analyzer.flight.odd.course import QuantityCourse
+    from analyzer.flight.odd.past import QuantityPast
+    from analyzer.flight.odd.quantities import EscQuantity
     from dissectors.kit import Array
 
 OWN_PAST, PEERS = "own past", "peers"
@@ -86,7 +86,7 @@ class _Candidate:
     """A difference that may be told: of which device, how far (unit of the quantity), in which slot it began."""
 
     device: int
-    course: Course
+    course: QuantityCourse
     z: float
     difference: float
     slot: int | None
@@ -134,7 +134,7 @@ def _groups(devices: Sequence[EscCells]) -> Iterator[Sequence[EscCells]]:
             yield [one for one in mine if split(one.key)[0] == bus]
 
 
-def _own_past(course: Course, upper: Array) -> tuple[list[_Candidate], int]:
+def _own_past(course: QuantityCourse, upper: Array) -> tuple[list[_Candidate], int]:
     """Return how much each device changed, where it changed most; and how many comparisons that were."""
     quantity, past = course.quantity, course.past
     count = len(course.level)
@@ -165,7 +165,7 @@ def _own_past(course: Course, upper: Array) -> tuple[list[_Candidate], int]:
     return found, int(known.any(axis=1).sum() * threshold("odd_splits"))
 
 
-def _now(past: Past, device: int, slot: int, side: Array, quantity: Quantity) -> float:
+def _now(past: QuantityPast, device: int, slot: int, side: Array, quantity: EscQuantity) -> float:
     """Return how far the end of what is behind a slot is from the start of what is before it; NaN if unknown."""
     known = np.flatnonzero(past.slots[device])
     before, behind = known[known < slot], known[known >= slot]
@@ -174,7 +174,7 @@ def _now(past: Past, device: int, slot: int, side: Array, quantity: Quantity) ->
     return float((change - _common(change, side, quantity))[device, 0])
 
 
-def _common(values: Array, side: Array, quantity: Quantity) -> Array:
+def _common(values: Array, side: Array, quantity: EscQuantity) -> Array:
     """Return what the others have in common, for each device; nothing where there are too few to tell."""
     found = np.full(values.shape, np.nan)
     for which in (False, True):
@@ -186,7 +186,7 @@ def _common(values: Array, side: Array, quantity: Quantity) -> Array:
     return found
 
 
-def _peers(course: Course, upper: Array) -> list[_Candidate]:
+def _peers(course: QuantityCourse, upper: Array) -> list[_Candidate]:
     """Return how far each device is from the others of its group."""
     found = []
     for which in (False, True):
@@ -202,7 +202,7 @@ def _peers(course: Course, upper: Array) -> list[_Candidate]:
     return found
 
 
-def _since_middle(past: Past) -> Array:
+def _since_middle(past: QuantityPast) -> Array:
     """Return how much each device changed since the middle, more than the others did; NaN if that is not known."""
     found = np.full(len(past.series), np.nan)
     for k, known in enumerate(past.slots):
@@ -258,11 +258,11 @@ def _limit(comparisons: int) -> float:
     return max(threshold("odd_least_z"), NormalDist().inv_cdf(1 - share))
 
 
-def _tolerated(quantity: Quantity) -> float:
+def _tolerated(quantity: EscQuantity) -> float:
     return quantity.tolerated / quantity.scale
 
 
-def _gap(course: Course, upper: Array) -> float:
+def _gap(course: QuantityCourse, upper: Array) -> float:
     """Return how far two groups are apart, in the unit of the quantity."""
     gap = np.nanmedian(course.level[upper]) - np.nanmedian(course.level[~upper])
     return course.quantity.difference(float(gap))
@@ -274,7 +274,7 @@ def _names(group: Sequence[EscCells], which: Array) -> list[str]:
     return [f"ch{ch}" if ch is not None else f"node {node}" for ch, node in zip(chs, nodes, strict=True)]
 
 
-def _compared(group: Sequence[EscCells], told: Sequence[Course]) -> Iterator[ComparedEsc]:
+def _compared(group: Sequence[EscCells], told: Sequence[QuantityCourse]) -> Iterator[ComparedEsc]:
     for place, device in enumerate(group):
         bus, node, _ = split(device.key)
         levels: dict[str, Any] = dict.fromkeys(one.key for one in QUANTITIES)

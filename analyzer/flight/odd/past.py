@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _NOISE = 1.4826 / np.sqrt(2)  # of the median of the steps between neighbours, their standard deviation
 
 
-class Past(ABC):
+class QuantityPast(ABC):
     """The course of a quantity, a row a device; slots of time are columns. NaN is what cannot be compared.
 
     `series` is what the noise of a slot is told by, `slots` says which slots have something.
@@ -57,7 +57,7 @@ class Past(ABC):
         return found
 
 
-class BinnedPast(Past):
+class BinnedPast(QuantityPast):
     """Compared within bins: what was commanded, or how fast it turned, is the same before and after.
 
     Changes are natural logarithms of shares.
@@ -87,7 +87,7 @@ class BinnedPast(Past):
         return np.where(good, found, np.nan)
 
 
-class SlotPast(Past):
+class SlotPast(QuantityPast):
     """Compared as it is: the mean of slots behind less that before.
 
     Args:
@@ -144,7 +144,7 @@ class WarmthPast(SlotPast):
         return found
 
 
-class RatePast(Past):
+class RatePast(QuantityPast):
     """Shares of what was counted, of reports that were sent.
 
     Args:

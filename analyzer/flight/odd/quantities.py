@@ -9,7 +9,7 @@ from dissectors.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class EscQuantity:
     """A quantity of an ESC: `unit` of a difference, `more` and `less` as words for it, `at` what is equal then.
 
     `number` is that of its sums, `plain` of those that need one measurement less. Of `relative` ones natural logarithms
@@ -48,15 +48,17 @@ class Quantity:
         return threshold(f"tolerated_{self.key}")
 
 
-SPEED = Quantity("speed per command", "speed", "%", "faster", "slower", "at equal command", 0, 1, 100.0, relative=True)
-CURRENT = Quantity(
+SPEED = EscQuantity(
+    "speed per command", "speed", "%", "faster", "slower", "at equal command", 0, 1, 100.0, relative=True
+)
+CURRENT = EscQuantity(
     "current at equal speed", "current", "%", "more current", "less current", "at equal speed", 2, 3, 100.0,
     relative=True,
 )  # fmt: skip
-TEMPERATURE = Quantity("temperature at equal power", "temperature", "C", "hotter", "colder", "at equal power")
-VOLTAGE = Quantity(
+TEMPERATURE = EscQuantity("temperature at equal power", "temperature", "C", "hotter", "colder", "at equal power")
+VOLTAGE = EscQuantity(
     "supply voltage", "voltage", "%", "more supply voltage", "less supply voltage", scale=100.0, digits=1, relative=True
 )  # fmt: skip
-LOST = Quantity("lost reports", "lost", "%", "more reports lost", "fewer reports lost", scale=100.0, digits=1)
-LATE = Quantity("late reports", "late", "%", "more reports late", "fewer reports late", scale=100.0, digits=1)
+LOST = EscQuantity("lost reports", "lost", "%", "more reports lost", "fewer reports lost", scale=100.0, digits=1)
+LATE = EscQuantity("late reports", "late", "%", "more reports late", "fewer reports late", scale=100.0, digits=1)
 QUANTITIES = (SPEED, CURRENT, TEMPERATURE, VOLTAGE, LOST, LATE)

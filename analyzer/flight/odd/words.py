@@ -8,10 +8,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analyzer.flight.flights import Flight
-    from analyzer.flight.odd.quantities import Quantity
+    from analyzer.flight.odd.quantities import EscQuantity
 
 
-def odd_words(quantity: Quantity, difference: float, ran: int | None, flights: Sequence[Flight]) -> tuple[str, str]:
+def odd_words(quantity: EscQuantity, difference: float, ran: int | None, flights: Sequence[Flight]) -> tuple[str, str]:
     """Return by how much an ESC is odd, and against what: in short, and with what was equal.
 
     `ran` is the recorded time since when it is so, None for always.
@@ -21,7 +21,7 @@ def odd_words(quantity: Quantity, difference: float, ran: int | None, flights: S
     return f"{what} than {against}", f"{what}{_at(quantity)} than {against}"
 
 
-def layer_words(quantity: Quantity, names: Sequence[str], gap: float) -> str:
+def layer_words(quantity: EscQuantity, names: Sequence[str], gap: float) -> str:
     """Return that some ESCs differ together from the others."""
     who = ", ".join(names)
     if quantity.key == "voltage":
@@ -30,12 +30,12 @@ def layer_words(quantity: Quantity, names: Sequence[str], gap: float) -> str:
     return f"{who}: {what} than the others, always so: a fact of the vehicle, no cause"
 
 
-def _difference(quantity: Quantity, difference: float) -> str:
+def _difference(quantity: EscQuantity, difference: float) -> str:
     what = quantity.more if difference > 0 else quantity.less
     return f"{abs(difference):.{quantity.digits}f} {quantity.unit} {what}"
 
 
-def _at(quantity: Quantity) -> str:
+def _at(quantity: EscQuantity) -> str:
     return f" {quantity.at}" if quantity.at else ""
 
 

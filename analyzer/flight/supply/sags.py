@@ -18,7 +18,7 @@ from dissectors.records import dataclass
 
 if TYPE_CHECKING:
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places
+    from analyzer.flight.clock import RowPlaces
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.spells import Spell, SpellPart
     from dissectors.kit import Array
@@ -33,11 +33,11 @@ _VOLTAGE, _CURRENT = "voltage", "current"
 class _Recent:
     """The reports of a device that a later one is compared with; NaN is a current that it does not tell."""
 
-    at: Places
+    at: RowPlaces
     voltage: Array
     current: Array
 
-    def followed_by(self, at: Places, voltage: Array, current: Array) -> _Recent:
+    def followed_by(self, at: RowPlaces, voltage: Array, current: Array) -> _Recent:
         """Return these, and others behind them."""
         return _Recent(
             self.at.followed_by(at), np.concatenate((self.voltage, voltage)), np.concatenate((self.current, current))
@@ -58,7 +58,7 @@ class _Sag:
 class _Fall:
     """Reports among which a voltage fell: `every` with those before them, the last ones `at` their places."""
 
-    def __init__(self, every: _Recent, at: Places) -> None:
+    def __init__(self, every: _Recent, at: RowPlaces) -> None:
         self._every, self._first = every, len(every.voltage) - len(at)
         since = np.searchsorted(np.maximum.accumulate(every.at.ran), at.ran - lasting("sag"))
         self._then = np.minimum(since, np.arange(self._first, len(every.voltage)))
@@ -119,7 +119,7 @@ class SagEvents(ReportEvents):
         for spell in self._spells.finish():
             self._tell(spell)
 
-    def _judge(self, plot: Plot, key: int, volts: Array, amperes: Array, at: Places) -> None:
+    def _judge(self, plot: Plot, key: int, volts: Array, amperes: Array, at: RowPlaces) -> None:
         known = self._recent.get((plot.table, key))
         if known is None and len(self._recent) >= MOST_DEVICES:
             return
@@ -163,7 +163,7 @@ def _worse(one: _Sag, new: _Sag) -> _Sag:
     return _Sag(high.before, deep.least, high.current_before, deep.current, deep.expected)
 
 
-def _kept(known: _Recent | None, at: Places, voltage: Array, current: Array) -> _Recent:
+def _kept(known: _Recent | None, at: RowPlaces, voltage: Array, current: Array) -> _Recent:
     """Return the reports that later ones are compared with."""
     oldest = at.ran.max() - lasting("sag")
     if known is not None and known.at.ran.max() >= oldest:

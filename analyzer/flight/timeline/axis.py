@@ -22,7 +22,7 @@ class AxisBreak(NamedTuple):
     text: str
 
 
-class Axis:
+class TimelineAxis:
     """Lays recorded time on the axis, which is the capture's clock as it was at an anchor.
 
     Args:

@@ -29,7 +29,7 @@ class CourseCut(NamedTuple):
     high: Array
 
 
-class Course:
+class DeviceValues:
     """Values of one device, `rows` of them at each time; NaN where one is not known."""
 
     def __init__(self, rows: int) -> None:

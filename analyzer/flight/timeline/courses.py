@@ -10,7 +10,7 @@ import numpy as np
 from analyzer.devices.readings import holding
 from analyzer.devices.rows import split
 from analyzer.flight.reports import ReportEvents
-from analyzer.flight.timeline.course import Course
+from analyzer.flight.timeline.course import DeviceValues
 from dissectors.kit.order import changes
 from dissectors.records import dataclass, field
 
@@ -50,7 +50,7 @@ class DeviceCourse:
     node: int
     ch: int | None
     esc: bool
-    course: Course
+    course: DeviceValues
     modes: deque[Stay] = field(default_factory=lambda: deque(maxlen=MOST_MODES))
 
 
@@ -62,7 +62,7 @@ class CommandCourse:
     node: int
     first: int
     width: int
-    course: Course
+    course: DeviceValues
 
 
 class Courses(ReportEvents):
@@ -92,7 +92,7 @@ class Courses(ReportEvents):
             if known is None:
                 if len(self.commands) >= MOST_DEVICES:
                     continue
-                known = CommandCourse(some.bus, some.node, some.plot.who.first, width, Course(width))
+                known = CommandCourse(some.bus, some.node, some.plot.who.first, width, DeviceValues(width))
                 self.commands[key] = known
             if width > known.width:
                 known.course.widen(width)
@@ -124,7 +124,7 @@ class Courses(ReportEvents):
         if known is None and len(self.devices) < MOST_DEVICES:
             bus, node, number = split(key)
             ch = number + plot.who.first if plot.who.column and plot.esc.rpm else None
-            known = DeviceCourse(plot.table, bus, node, ch, bool(plot.esc.rpm), Course(len(QUANTITIES)))
+            known = DeviceCourse(plot.table, bus, node, ch, bool(plot.esc.rpm), DeviceValues(len(QUANTITIES)))
             self.devices[plot.table, key] = known
         return known
 

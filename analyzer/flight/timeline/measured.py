@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from analyzer.flight.log import FlightEvent
-    from analyzer.flight.timeline.course import Course
+    from analyzer.flight.timeline.course import DeviceValues
     from analyzer.flight.timeline.courses import Courses
     from dissectors.kit import Array
 
@@ -60,7 +60,7 @@ def _commanded(courses: Courses, event: FlightEvent) -> Iterator[tuple[str, floa
         return
 
 
-def _last(course: Course, event: FlightEvent) -> Array:
+def _last(course: DeviceValues, event: FlightEvent) -> Array:
     """Return the values of the step of an event, or of the last one before it that has some; none if none has."""
     cut = course.cut(event.first.ran - _BACK, event.first.ran + 1)
     filled = np.isfinite(cut.high)

@@ -12,8 +12,8 @@ from dissectors.records import dataclass
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analyzer.flight.timeline.axis import Axis
-    from analyzer.flight.timeline.course import Course
+    from analyzer.flight.timeline.axis import TimelineAxis
+    from analyzer.flight.timeline.course import DeviceValues
     from dissectors.kit import Array
 
 POINTS = 500  # across a drawing
@@ -24,7 +24,7 @@ _LATE = 4  # usual distances between values, beyond which none came
 class StrandSpan:
     """The drawn span of an axis: from `start` to `end`."""
 
-    axis: Axis
+    axis: TimelineAxis
     start: int
     end: int
 
@@ -45,7 +45,7 @@ class Strand:
         return [(int(self.t[low]), int(self.t[high - 1])) for low, high in pairwise(borders)]
 
 
-def strand(courses: Sequence[tuple[Course, Sequence[int]]], span: StrandSpan) -> Strand | None:
+def strand(courses: Sequence[tuple[DeviceValues, Sequence[int]]], span: StrandSpan) -> Strand | None:
     """Return some rows of some courses as one band; None where no value came."""
     axis = span.axis
     low_ran, high_ran = axis.ran(span.start), axis.ran(span.end)

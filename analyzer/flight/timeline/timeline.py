@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.flight.timeline.axis import Axis
+from analyzer.flight.timeline.axis import TimelineAxis
 from analyzer.flight.timeline.lanes import EventMark, TimeLane, lanes
 from analyzer.flight.timeline.strands import StrandSpan
 from dissectors.records import dataclass, field
@@ -62,7 +62,7 @@ class Drawn:
 def time_lines(drawn: Drawn) -> Iterator[TimeLine]:
     """Yield the last minute of the flight, or the one with the onset in its middle; then the moment around that."""
     onset, flight = drawn.onset, drawn.flight
-    axis = Axis(drawn.events, flight.last if onset is None else onset[1])
+    axis = TimelineAxis(drawn.events, flight.last if onset is None else onset[1])
     first, last = axis.at(drawn.first), axis.at(drawn.last) + _AFTER_END
     if onset is None:
         end = min(last, axis.at(flight.last.ran) + _BEHIND)
@@ -79,7 +79,7 @@ def time_lines(drawn: Drawn) -> Iterator[TimeLine]:
         yield _line(drawn, axis, *near, (low, high))
 
 
-def _line(drawn: Drawn, axis: Axis, start: int, end: int, onset: tuple[int, int] | None) -> TimeLine:
+def _line(drawn: Drawn, axis: TimelineAxis, start: int, end: int, onset: tuple[int, int] | None) -> TimeLine:
     end = max(end, start + _LEAST)
     span = StrandSpan(axis, start, end)
     marks = []

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places, RecordedClock, Spot
+    from analyzer.flight.clock import RecordedClock, RowPlaces, Spot
     from dissectors.kit import Array
 
 LOG = "uavcan.protocol.debug.LogMessage"
@@ -92,7 +92,7 @@ class NodeEvents:
             self._cross(seconds, before, mine, known)
             self._uptimes[code] = int(seconds[-1]), mine.at(-1)
 
-    def _cross(self, seconds: Array, before: Array, at: Places, known: tuple[int, Spot] | None) -> None:
+    def _cross(self, seconds: Array, before: Array, at: RowPlaces, known: tuple[int, Spot] | None) -> None:
         holes = self._clock.holes
         if not holes:
             return
@@ -146,7 +146,7 @@ def _nodes(table: pa.RecordBatch) -> Array:
     return node
 
 
-def _timed(node: Array, at: Places) -> list[tuple[int, Array]]:
+def _timed(node: Array, at: RowPlaces) -> list[tuple[int, Array]]:
     """Return the rows that have a time, by node."""
     rows = np.flatnonzero(at.t != NO_TIME)
     return [(code, rows[places]) for code, places in groups(node[rows])]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places, Spot
+    from analyzer.flight.clock import RowPlaces, Spot
     from analyzer.flight.reports import EventOrder
     from dissectors.kit import Array
     from dissectors.picture import Plot
@@ -141,7 +141,7 @@ class ParameterEvents(ReportEvents):
             self._tell_reports(plot, code, found, rows, at, clause)
 
     def _tell_reports(
-        self, plot: Plot, code: int, found: Mapping[int, list[tuple[_Setting, str]]], rows: Array, at: Places,
+        self, plot: Plot, code: int, found: Mapping[int, list[tuple[_Setting, str]]], rows: Array, at: RowPlaces,
         clause: str,
     ) -> None:  # fmt: skip
         key = plot.table, code

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.decode.engine import Batch
-    from analyzer.flight.clock import Places, Spot
+    from analyzer.flight.clock import RowPlaces, Spot
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.tables import ReportTable
     from dissectors.kit import Array
@@ -63,7 +63,7 @@ class PowerUpEvents(ReportEvents):
                 if len(mine):
                     self._count(plot, (plot.table, key, which), counts[mine], read.at.take(mine))
 
-    def _count(self, plot: Plot, device: tuple[str, int, object], counts: Array, at: Places) -> None:
+    def _count(self, plot: Plot, device: tuple[str, int, object], counts: Array, at: RowPlaces) -> None:
         """Tell where a counter goes on, by no more than there was time for."""
         known = self._last.get(device)
         if known is None and len(self._last) >= MOST_DEVICES:

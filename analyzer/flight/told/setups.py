@@ -27,7 +27,7 @@ MOST_NODES, MOST_CHANGES = 256, 64  # changes of one thing of a node, of which t
 Node = tuple[int, int]  # bus, node
 
 
-class Told(NamedTuple):
+class NodeStatement(NamedTuple):
     """A statement of a node, from a recorded time on."""
 
     ran: int
@@ -40,7 +40,7 @@ class Setups(ReportEvents):
     def __init__(self, order: EventOrder) -> None:
         super().__init__(order)
         self._plots = [plot for plot in self._plots if not commands(order.registry, plot.table)]
-        self._all: dict[Node, dict[str, list[Told]]] = {}
+        self._all: dict[Node, dict[str, list[NodeStatement]]] = {}
         self._versions: dict[str, str | None] = {}  # the column of each table that was seen, None for none
 
     @staticmethod
@@ -87,4 +87,4 @@ class Setups(ReportEvents):
                 continue
             told = self._all.setdefault(node, {}).setdefault(what, [])
             if len(told) < MOST_CHANGES and (not told or told[-1].text != texts[row]):
-                told.append(Told(int(at.ran[row]), texts[row]))
+                told.append(NodeStatement(int(at.ran[row]), texts[row]))

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.facts.meaning import Meaning
-    from analyzer.flight.clock import Places, Spot
+    from analyzer.flight.clock import RowPlaces, Spot
     from analyzer.flight.reports import EventOrder
     from analyzer.flight.spells import Spell
     from analyzer.flight.tables import ReportTable
@@ -56,7 +56,7 @@ class _Report(NamedTuple):
     table: pa.RecordBatch
     key: int
     rows: Array
-    at: Places
+    at: RowPlaces
 
     @property
     def who(self) -> tuple[int, int, int | None]:

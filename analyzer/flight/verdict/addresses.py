@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analyzer.flight.supply.extents import EscExtent
-    from analyzer.flight.verdict.case import Case
+    from analyzer.flight.verdict.case import FlightCase
 
 
-def address_troubles(case: Case) -> Iterator[Trouble]:
+def address_troubles(case: FlightCase) -> Iterator[Trouble]:
     """Yield two devices with one node ID, or one index."""
     told = [one for one in case.escs if one.ch is not None]
     by_index: dict[tuple[str, int, int], set[int]] = {}
@@ -48,7 +48,7 @@ def address_troubles(case: Case) -> Iterator[Trouble]:
             )  # fmt: skip
 
 
-def _nobody(case: Case) -> Iterator[str]:
+def _nobody(case: FlightCase) -> Iterator[str]:
     """Yield which channels nobody is."""
     chs = {one.ch for one in case.escs if one.ch is not None}
     lacking = sorted(set(case.flight.chs or chs) | set(range(1, len(case.esc_nodes) + 1)) - chs)

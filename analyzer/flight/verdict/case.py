@@ -45,7 +45,7 @@ class Excursion:
     event: FlightEvent
 
 
-class Case:
+class FlightCase:
     """The knowledge of one flight. All times are recorded ones, in nanoseconds.
 
     Args:

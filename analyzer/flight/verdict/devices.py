@@ -11,14 +11,14 @@ from dissectors.times import MILLISECOND, SECOND
 
 if TYPE_CHECKING:
     from analyzer.flight.log import FlightEvent
-    from analyzer.flight.verdict.case import Case, Node
+    from analyzer.flight.verdict.case import FlightCase, Node
     from analyzer.flight.verdict.trouble import Trouble
 
 _SAME_TIME = "voltage and device fell at about the same time: the reports are too slow to say which came first"
 _WORDS = 2  # of what it says itself
 
 
-def device_trouble(case: Case, node: Node, title: str, mine: list[FlightEvent]) -> Trouble:
+def device_trouble(case: FlightCase, node: Node, title: str, mine: list[FlightEvent]) -> Trouble:
     """Return a device that fails, by its events: what speaks for it, and what fell at the same time."""
     restarts = [one for one in mine if one.kind == "restart"]
     silent = [one for one in mine if one.kind == "silence"]
@@ -51,7 +51,7 @@ def _away(silent: list[FlightEvent]) -> list[str]:
     return rows
 
 
-def _sag(case: Case, found: Trouble) -> FlightEvent | None:
+def _sag(case: FlightCase, found: Trouble) -> FlightEvent | None:
     """Return a voltage of another device that fell about when this one failed."""
     near = lasting("sag")
     return next((
@@ -61,7 +61,7 @@ def _sag(case: Case, found: Trouble) -> FlightEvent | None:
     ), None)  # fmt: skip
 
 
-def _fell(case: Case, sag: FlightEvent) -> str:
+def _fell(case: FlightCase, sag: FlightEvent) -> str:
     values = sag.values
     last = sag.after or sag.first
     lasted = f", for {(last.ran - sag.first.ran) / MILLISECOND:.0f} ms" if sag.after is not None else ""
@@ -71,7 +71,7 @@ def _fell(case: Case, sag: FlightEvent) -> str:
     return f"node {sag.node}{case.role(sag.bus, sag.node)}: {volts}{lasted}{amperes}"
 
 
-def _others(case: Case, node: Node) -> list[str]:
+def _others(case: FlightCase, node: Node) -> list[str]:
     """Return who did not restart on the same bus: a supply of all would have taken them along."""
     restarted = {(one.bus, one.node) for one in case.events if one.kind == "restart"}
     alive = {
@@ -81,5 +81,5 @@ def _others(case: Case, node: Node) -> list[str]:
     return [f"node{'s' * (len(alive) > 1)} {_named(case, alive)} on the same bus did not restart"] if alive else []
 
 
-def _named(case: Case, nodes: set[Node]) -> str:
+def _named(case: FlightCase, nodes: set[Node]) -> str:
     return ", ".join(f"{node}{case.role(bus, node)}" for bus, node in sorted(nodes)[:4])

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.flight.log import FlightEvent
-    from analyzer.flight.verdict.case import Case, Node
+    from analyzer.flight.verdict.case import FlightCase, Node
     from analyzer.flight.verdict.trouble import Trouble
 
 _FAILS = ("motor", "electronics", "failed")  # signs by which an ESC says so
@@ -22,7 +22,7 @@ _WARNINGS = ("heat", "current", "supply")  # signs that speak for a failure, and
 _PAUSE_MS = 100  # in commands, that an ESC does not mind
 
 
-def esc_troubles(case: Case) -> Iterator[Trouble]:
+def esc_troubles(case: FlightCase) -> Iterator[Trouble]:
     """Yield what one ESC alone shows."""
     doubtful = _many_blades(case)
     telling = [
@@ -56,7 +56,7 @@ def esc_troubles(case: Case) -> Iterator[Trouble]:
             yield _cut_off(case, node, now) or _own(case, now, warned)
 
 
-def _many_blades(case: Case) -> bool:
+def _many_blades(case: FlightCase) -> bool:
     """Return whether several ESCs ever tell that a part of their load is gone: not each of them loses a blade."""
     nodes = {one.node for one in case.events if _partly(one)}
     return len(nodes) > max(1, len(case.esc_nodes) // 4)
@@ -67,7 +67,7 @@ def _partly(one: FlightEvent) -> bool:
     return one.kind == "motor" and one.sign == UNLOADED and one.values["current_share"] > threshold("motor_bare")
 
 
-def got_over(case: Case) -> Iterator[Trouble]:
+def got_over(case: FlightCase) -> Iterator[Trouble]:
     """Yield motors that lost their speed in the air and found it again, after which the vehicle flew on calmly."""
     broken = [
         one for one in case.events
@@ -81,7 +81,7 @@ def got_over(case: Case) -> Iterator[Trouble]:
         yield found
 
 
-def _cut_off(case: Case, node: Node, own: list[FlightEvent]) -> Trouble | None:
+def _cut_off(case: FlightCase, node: Node, own: list[FlightEvent]) -> Trouble | None:
     """Return an ESC that is not driven while its transfers get lost: its wire carries neither way."""
     if own[0].kind != "motor" or own[0].sign != UNDRIVEN:
         return None
@@ -94,7 +94,7 @@ def _cut_off(case: Case, node: Node, own: list[FlightEvent]) -> Trouble | None:
     ])  # fmt: skip
 
 
-def _own(case: Case, own: list[FlightEvent], warned: list[FlightEvent]) -> Trouble:
+def _own(case: FlightCase, own: list[FlightEvent], warned: list[FlightEvent]) -> Trouble:
     """Return what an ESC's own signs say: its load is gone, or it does not drive its motor."""
     motor = next((one for one in own if one.kind == "motor"), None)
     told = [one for one in own if one.kind != "motor" and one.sign in _FAILS]
@@ -119,7 +119,7 @@ def _own(case: Case, own: list[FlightEvent], warned: list[FlightEvent]) -> Troub
     return made("esc", f"lost its motor{time} (desync or blocked: the bus cannot tell)", own, 2, reasons)
 
 
-def _heat(case: Case, one: FlightEvent) -> tuple[bool, list[str]]:
+def _heat(case: FlightCase, one: FlightEvent) -> tuple[bool, list[str]]:
     """Return whether an ESC was hotter than all others, and how hot they were."""
     hot = {esc.ch: esc.ranges["temperature"][1] for esc in case.escs if "temperature" in esc.ranges}
     mine = hot.pop(one.ch, None)
@@ -130,7 +130,7 @@ def _heat(case: Case, one: FlightEvent) -> tuple[bool, list[str]]:
     return hotter, [f"{word} than the others: {mine:.0f} C at most, they {max(hot.values()):.0f} C"]
 
 
-def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Trouble | None:
+def _quiet(case: FlightCase, node: Node, off: list[FlightEvent]) -> Trouble | None:
     """Return an ESC that stops reporting: for good, with holes, or to start anew."""
     restarts = [one for one in off if one.kind == "restart"]
     silent = [
@@ -173,7 +173,7 @@ def _quiet(case: Case, node: Node, off: list[FlightEvent]) -> Trouble | None:
     return found
 
 
-def _commanded(case: Case, one: FlightEvent) -> bool:
+def _commanded(case: FlightCase, one: FlightEvent) -> bool:
     """Return whether the bus carried commands before an ESC said that it got none; what was in a hole nobody knows."""
     start = (one.before or one.first).ran - lasting("together")
     if any(other.kind == "gap" and start <= other.first.ran <= one.first.ran for other in case.events):
@@ -181,5 +181,5 @@ def _commanded(case: Case, one: FlightEvent) -> bool:
     return case.pulse.count(start, one.first.ran) > 0 and case.pulse.longest(start, one.first.ran) < _PAUSE_MS
 
 
-def _rate(case: Case, one: FlightEvent) -> float:
+def _rate(case: FlightCase, one: FlightEvent) -> float:
     return case.pulse.rate(one.first.ran - lasting("together"), one.first.ran - STEP)

@@ -10,12 +10,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from analyzer.flight.flights import Flight
-    from analyzer.flight.verdict.case import Case, Node
+    from analyzer.flight.verdict.case import FlightCase, Node
 
 _FEWEST = 3  # devices: of two nobody can say which one differs
 
 
-def exchanged(case: Case, flights: Sequence[Flight]) -> Iterator[str]:
+def exchanged(case: FlightCase, flights: Sequence[Flight]) -> Iterator[str]:
     """Yield, each in a line, what ESCs tell that they did not in the flight before, or that no other ESC does."""
     before = max((one for one in flights if one.last.ran < case.start), key=lambda one: one.last.ran, default=None)
     now = {node: case.setups.of(node, case.stop) for node in sorted(case.esc_nodes)}
@@ -28,7 +28,7 @@ def exchanged(case: Case, flights: Sequence[Flight]) -> Iterator[str]:
     yield from _alone(case, now)
 
 
-def _changes(case: Case, node: Node, then: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
+def _changes(case: FlightCase, node: Node, then: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
     who = case.name(node)
     if then.get(HARDWARE, now.get(HARDWARE)) != now.get(HARDWARE):
         yield f"{who} is another piece of hardware"
@@ -43,7 +43,7 @@ def _changes(case: Case, node: Node, then: Mapping[str, str], now: Mapping[str, 
         yield f"node {node[1]} reports as ch{min(new)}, then as ch{min(old)}"
 
 
-def _alone(case: Case, now: Mapping[Node, Mapping[str, str]]) -> Iterator[str]:
+def _alone(case: FlightCase, now: Mapping[Node, Mapping[str, str]]) -> Iterator[str]:
     """Yield what one ESC tells otherwise than all others, which tell the same."""
     for name in dict.fromkeys(name for told in now.values() for name in told if name != HARDWARE):
         by_text: dict[str, list[Node]] = {}

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analyzer.flight.supply.extents import EscExtent
-    from analyzer.flight.verdict.case import Case, Node
+    from analyzer.flight.verdict.case import FlightCase, Node
     from analyzer.flight.verdict.model import Verdict
     from analyzer.flight.witness import Witness
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 _LEAST = 0.5  # s
 
 
-def excluded(case: Case, verdict: Verdict, began: int) -> Sequence[Excluded]:
+def excluded(case: FlightCase, verdict: Verdict, began: int) -> Sequence[Excluded]:
     """Return the facts that speak against other causes, up to when it began."""
     return [] if verdict.kind in {"none", "unknown"} else list(_excluded(case, verdict, began))
 
 
-def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
+def _excluded(case: FlightCase, verdict: Verdict, began: int) -> Iterator[Excluded]:
     start, span = max(case.start, began - lasting("looked_back")), lasting("looked_back") / 1e9
     span = min(span, (began - start) / 1e9)
     count = case.pulse.count(case.start, case.stop)
@@ -53,7 +53,7 @@ def _excluded(case: Case, verdict: Verdict, began: int) -> Iterator[Excluded]:
             yield Excluded("a hole in the recording", f"no transfer ID missing in the {span:.0f} s before it")
 
 
-def _wire(case: Case, node: Node) -> Iterator[Excluded]:
+def _wire(case: FlightCase, node: Node) -> Iterator[Excluded]:
     """Yield that a node's transfers came whole, and with none left out, if that is so."""
     anew = any(one.kind == "restart" and (one.bus, one.node) == node for one in case.events)
     if case.losses.broken(case.start, case.stop, [node]) or (
@@ -64,7 +64,7 @@ def _wire(case: Case, node: Node) -> Iterator[Excluded]:
     yield Excluded(f"CAN wiring of node {node[1]}", f"no broken transfer, {ids}")
 
 
-def _lowest(case: Case) -> str:
+def _lowest(case: FlightCase) -> str:
     sags = [one for one in case.events if one.kind == "sag" and (one.bus, one.node) in case.esc_nodes]
     if sags:
         one = min(sags, key=lambda one: one.values["worst_voltage"])
@@ -85,7 +85,7 @@ def _lowest(case: Case) -> str:
     return ("" if lows else "none; ") + ", ".join(own) if own else ""
 
 
-def looked_at(case: Case) -> Sequence[str]:
+def looked_at(case: FlightCase) -> Sequence[str]:
     """Return what was looked at, in numbers."""
     parts = _measured(case.escs)
     parts.insert(0, f"{(case.stop - case.start) / 1e9:.0f} s {'armed' if case.flight.by == 'arming' else 'turning'}")
@@ -120,7 +120,7 @@ def _measured(escs: Sequence[EscExtent]) -> list[str]:
     return parts
 
 
-def could_not_see(case: Case) -> list[tuple[str, str]]:
+def could_not_see(case: FlightCase) -> list[tuple[str, str]]:
     """Return what this recording does not tell, with a label: it is neither fault nor health."""
     parts = []
     if not any(one.kind in {"errors", "bus state", "loss"} for one in (*case.before, *case.events)):
@@ -136,7 +136,7 @@ def could_not_see(case: Case) -> list[tuple[str, str]]:
     return [("unseen", "; ".join(parts))] if parts else []
 
 
-def recorder_lines(case: Case) -> Sequence[tuple[str, str]]:
+def recorder_lines(case: FlightCase) -> Sequence[tuple[str, str]]:
     """Return what has to be known of clock and recorder before anything else, with a label each."""
     lines = []
     for one in case.events:

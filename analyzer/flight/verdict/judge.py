@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.flight.pulse import STEP
 from analyzer.flight.thresholds import lasting, threshold
-from analyzer.flight.verdict.case import Case
+from analyzer.flight.verdict.case import FlightCase
 from analyzer.flight.verdict.escs import got_over
 from analyzer.flight.verdict.exchanged import exchanged
 from analyzer.flight.verdict.exclusions import could_not_see, excluded, looked_at, recorder_lines
@@ -65,7 +65,7 @@ def judge(
 
     `words` are those of the autopilot's own log: they speak for or against what the bus tells, and tell no cause.
     """
-    case = Case(witness, events, flight, border)
+    case = FlightCase(witness, events, flight, border)
     found = [one for one in troubles(case) if _matters(case, one)]
     if not found and case.excursion is None:
         found = sorted(got_over(case), key=lambda one: one.high)
@@ -97,7 +97,7 @@ def judge(
     return Judgement(verdicts, primary, after, earlier, facts, looked_at(case), recorder_lines(case), began)
 
 
-def _onset(case: Case, shown: Verdict, first: Trouble | None) -> Onset:
+def _onset(case: FlightCase, shown: Verdict, first: Trouble | None) -> Onset:
     """Return between which times a verdict began; what is so all the time, and nothing, are told by the end."""
     if first is not None and first.kind not in _STATES:
         return Onset(first.low, first.high)
@@ -106,7 +106,7 @@ def _onset(case: Case, shown: Verdict, first: Trouble | None) -> Onset:
     return Onset(case.stop, case.stop)
 
 
-def _began(case: Case, verdict: Verdict, first: Trouble | None) -> int:
+def _began(case: FlightCase, verdict: Verdict, first: Trouble | None) -> int:
     if first is not None:
         return first.high
     if verdict.kind in {"control", "setup", "unknown"} and case.excursion is not None:
@@ -114,12 +114,12 @@ def _began(case: Case, verdict: Verdict, first: Trouble | None) -> int:
     return case.stop + STEP
 
 
-def _matters(case: Case, one: Trouble) -> bool:
+def _matters(case: FlightCase, one: Trouble) -> bool:
     """Return whether a trouble can have mattered: it began in flight, or has been there all the time."""
     return one.low <= case.stop + lasting("lost") if one.events else True
 
 
-def _verdicts(case: Case, found: list[Trouble]) -> list[Verdict]:
+def _verdicts(case: FlightCase, found: list[Trouble]) -> list[Verdict]:
     """Return the causes in order; what came after control was lost is none of them."""
     lost = case.excursion
     if lost is not None and case.in_hole(lost.start):
@@ -138,7 +138,7 @@ def _verdicts(case: Case, found: list[Trouble]) -> list[Verdict]:
     return [_nothing(case, "nothing wrong seen on this bus") if case.flight.end == "landed" else _end(case)]
 
 
-def _ordered(case: Case, before: list[Trouble]) -> list[Verdict]:
+def _ordered(case: FlightCase, before: list[Trouble]) -> list[Verdict]:
     """Return troubles as verdicts, behind `unknown` if nobody can tell whether it flew calmly until the first one."""
     first, lost = before[0], case.excursion
     if first.kind in _WHOLE:  # what comes after it comes of it
@@ -154,7 +154,7 @@ def _ordered(case: Case, before: list[Trouble]) -> list[Verdict]:
     return shown if unrest is None else [_either(shown[0], first, *unrest), *shown]
 
 
-def _nothing(case: Case, title: str) -> Verdict:
+def _nothing(case: FlightCase, title: str) -> Verdict:
     notes = [*([_BENCH] if case.one_by_one else []), *could_not_see(case), *([] if case.esc_nodes else [_NO_ESC])]
     return Verdict("none", title, _LIKELY, reasons=looked_at(case), notes=notes)
 
@@ -183,7 +183,7 @@ def _missed(lost: Excursion) -> Verdict:
     )  # fmt: skip
 
 
-def _may_be_first(case: Case, lost: Excursion, one: Trouble) -> bool:
+def _may_be_first(case: FlightCase, lost: Excursion, one: Trouble) -> bool:
     """Return whether a trouble came before control was lost, or may have: reports are late by their period."""
     return one.high <= lost.stop or one.low <= lost.start + case.period(one.bus, one.node)
 
@@ -200,7 +200,7 @@ def _either(shown: Verdict, one: Trouble, since: int, spread: float) -> Verdict:
     )  # fmt: skip
 
 
-def _unordered(case: Case, one: Trouble) -> Verdict:
+def _unordered(case: FlightCase, one: Trouble) -> Verdict:
     """Return that nobody can tell: commands are the sensor of attitude, and none are recorded."""
     shown = _verdict(case, one)
     return Verdict(
@@ -213,7 +213,7 @@ def _unordered(case: Case, one: Trouble) -> Verdict:
     )  # fmt: skip
 
 
-def _verdict(case: Case, one: Trouble) -> Verdict:
+def _verdict(case: FlightCase, one: Trouble) -> Verdict:
     """Return a trouble as a verdict: how well it is supported is counted from what speaks for and against it."""
     reasons, against = list(one.reasons), list(one.against)
     lost = case.excursion
@@ -242,7 +242,7 @@ def _verdict(case: Case, one: Trouble) -> Verdict:
     )  # fmt: skip
 
 
-def _who(case: Case, one: Trouble) -> str:
+def _who(case: FlightCase, one: Trouble) -> str:
     if one.node is None or one.kind == "address":
         return ""
     if one.ch is not None:
@@ -252,7 +252,7 @@ def _who(case: Case, one: Trouble) -> str:
     return "" if one.kind in {"commands-lost", "commanded"} else f"node {one.node}{case.role(one.bus, one.node)}: "
 
 
-def _control(case: Case, lost: Excursion, found: list[Trouble]) -> Verdict:
+def _control(case: FlightCase, lost: Excursion, found: list[Trouble]) -> Verdict:
     """Return that control was lost before anything else, or was never there."""
     event = lost.event
     took = max(0, event.first.ran - lost.start) / SECOND
@@ -281,7 +281,7 @@ def _control(case: Case, lost: Excursion, found: list[Trouble]) -> Verdict:
     )  # fmt: skip
 
 
-def _end(case: Case) -> Verdict:
+def _end(case: FlightCase) -> Verdict:
     """Return what can be said of a flight that just ends."""
     flight = case.flight
     turning = f"{len(case.esc_nodes)} ESCs reporting, " if case.esc_nodes else ""
@@ -318,7 +318,7 @@ def _end(case: Case) -> Verdict:
     )  # fmt: skip
 
 
-def _at_once(case: Case) -> bool:
+def _at_once(case: FlightCase) -> bool:
     """Return whether every sender went on to the end, as far as its own period tells."""
     told = [one for one in case.paces if one.usual]
     return len(told) > 1 and all(case.border - one.last <= 2 * one.usual + STEP for one in told)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from analyzer.flight.autopilot.side import AutopilotSide
     from analyzer.flight.log import FlightEvent
-    from analyzer.flight.verdict.case import Case
+    from analyzer.flight.verdict.case import FlightCase
     from analyzer.flight.verdict.model import Verdict
     from analyzer.flight.verdict.said import Onset
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class Logged:
     """The autopilot's side of a case: what its log measured, None if that is not known, and its words, in order."""
 
-    case: Case
+    case: FlightCase
     side: AutopilotSide | None
     words: Sequence[FlightEvent]
 

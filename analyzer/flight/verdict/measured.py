@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from analyzer.flight.autopilot.side import AutopilotSide
-    from analyzer.flight.verdict.case import Case
+    from analyzer.flight.verdict.case import FlightCase
     from analyzer.flight.verdict.model import Verdict
     from analyzer.flight.verdict.said import Onset
 
@@ -37,7 +37,7 @@ class Opinion:
 class Question(NamedTuple):
     """A verdict on a case, when what it speaks of began, and the log that is asked about it."""
 
-    case: Case
+    case: FlightCase
     side: AutopilotSide
     verdict: Verdict
     onset: Onset

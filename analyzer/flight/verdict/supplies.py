@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.flight.log import FlightEvent
-    from analyzer.flight.verdict.case import Case
+    from analyzer.flight.verdict.case import FlightCase
     from analyzer.flight.verdict.trouble import Trouble
 
 
-def supply_troubles(case: Case) -> Iterator[Trouble]:
+def supply_troubles(case: FlightCase) -> Iterator[Trouble]:
     """Yield a supply that fails: all ESCs away at once, or voltages that no current explains."""
     silent = [
         one for one in case.events if one.kind == "silence" and one.after is None and not case.in_joint_loss(one)

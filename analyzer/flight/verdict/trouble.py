@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from analyzer.flight.log import FlightEvent
-    from analyzer.flight.verdict.case import Case, Node
+    from analyzer.flight.verdict.case import FlightCase, Node
 
 _MEASURED = (("voltage", "V"), ("current", "A"), ("temperature", "C"), ("speed", "rpm"))
 _MOMENT = 2  # reports
@@ -74,21 +74,21 @@ def by_node(events: Iterable[FlightEvent]) -> dict[Node, list[FlightEvent]]:
     return found
 
 
-def counts(case: Case, one: FlightEvent) -> bool:
+def counts(case: FlightCase, one: FlightEvent) -> bool:
     """Return whether an event can be the beginning: not one that the recorder made, nor one long over."""
     if case.in_joint_loss(one) or _seen_once(case, one):
         return False
     return case.lasts(one) or not harmless(case, one)
 
 
-def _seen_once(case: Case, one: FlightEvent) -> bool:
+def _seen_once(case: FlightCase, one: FlightEvent) -> bool:
     """Return whether a motor was off for a moment in which the recorder lost commands: nobody knows these."""
     if one.kind != "motor" or one.bus is None or one.node is None or one.values["reports"] > _MOMENT:
         return False
     return case.others_lost((one.bus, one.node), one)
 
 
-def harmless(case: Case, one: FlightEvent) -> bool:
+def harmless(case: FlightCase, one: FlightEvent) -> bool:
     """Return whether it was over, and the vehicle flew on calmly for long."""
     if one.kind in {"restart", "mode"}:
         return False
@@ -100,7 +100,7 @@ def harmless(case: Case, one: FlightEvent) -> bool:
     return over + lasting("harmless") < end
 
 
-def together(case: Case, events: Iterable[FlightEvent]) -> bool:
+def together(case: FlightCase, events: Iterable[FlightEvent]) -> bool:
     """Return whether all ESCs, and several, show it within a moment."""
     first = _firsts(events)
     if len(case.esc_nodes) <= 1 or not case.esc_nodes <= set(first):

@@ -10,7 +10,7 @@ from analyzer.flight.verdict.supplies import supply_troubles
 from analyzer.flight.verdict.vehicle import bus_troubles, command_troubles, device_troubles, thrust_troubles
 
 if TYPE_CHECKING:
-    from analyzer.flight.verdict.case import Case
+    from analyzer.flight.verdict.case import FlightCase
     from analyzer.flight.verdict.trouble import Trouble
 
 _ALL = (
@@ -18,7 +18,7 @@ _ALL = (
 )  # fmt: skip
 
 
-def troubles(case: Case) -> list[Trouble]:
+def troubles(case: FlightCase) -> list[Trouble]:
     """Return what can have begun it, the earliest first."""
     found = [one for look in _ALL for one in look(case)]
     return sorted(found, key=lambda one: (one.high, one.order))

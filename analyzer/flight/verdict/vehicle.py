@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.flight.log import FlightEvent
-    from analyzer.flight.verdict.case import Case
+    from analyzer.flight.verdict.case import FlightCase
 
 _NEARLY_ALL = 0.9  # of the last quarter of the flight
 
 
-def device_troubles(case: Case) -> Iterator[Trouble]:
+def device_troubles(case: FlightCase) -> Iterator[Trouble]:
     """Yield any other node that restarts, falls silent or says that it is ill."""
     commanders = case.commanders()
     some = [
@@ -42,7 +42,7 @@ def device_troubles(case: Case) -> Iterator[Trouble]:
         yield device_trouble(case, node, title, mine)
 
 
-def command_troubles(case: Case) -> Iterator[Trouble]:
+def command_troubles(case: FlightCase) -> Iterator[Trouble]:
     """Yield commands that stop, or are zero while the vehicle flies."""
     for one in case.events:
         if one.kind == "commands stop" and not case.in_joint_loss(one):
@@ -61,7 +61,7 @@ def command_troubles(case: Case) -> Iterator[Trouble]:
             ])  # fmt: skip
 
 
-def _felt(case: Case, one: FlightEvent) -> list[FlightEvent]:
+def _felt(case: FlightCase, one: FlightEvent) -> list[FlightEvent]:
     """Return how ESCs say that they get no commands, while commands are away: several of them have to."""
     until = (case.border if one.after is None else one.after.ran) + lasting("together")
     felt = [other for other in case.events if other.sign == "uncommanded" and one.first.ran <= other.first.ran <= until]
@@ -69,7 +69,7 @@ def _felt(case: Case, one: FlightEvent) -> list[FlightEvent]:
     return felt if 2 * len(nodes) >= max(len(case.esc_nodes), 2) or nodes == case.esc_nodes else []
 
 
-def _thrown(case: Case, one: FlightEvent) -> tuple[float, float] | None:
+def _thrown(case: FlightCase, one: FlightEvent) -> tuple[float, float] | None:
     """Return the commands just before all are 0, and the usual one, if the vehicle cannot have stood on the ground."""
     before = case.pulse.mean(one.first.ran - lasting("before_zero"), one.first.ran - STEP)
     usual = case.pulse.mean(case.start + lasting("take_off"), one.first.ran)
@@ -80,7 +80,7 @@ def _thrown(case: Case, one: FlightEvent) -> tuple[float, float] | None:
     return (lowest, middle) if lowest >= threshold("zero_share") * middle else None
 
 
-def bus_troubles(case: Case) -> Iterator[Trouble]:
+def bus_troubles(case: FlightCase) -> Iterator[Trouble]:
     """Yield a bus that breaks: it is well until the first errors that are enough, closely after each other."""
     errors = [one for one in case.events if one.kind in {"errors", "bus state"} and not _got_over(case, one)]
     begun = next((run[0] for run in _runs(errors) if _breaks(run)), None)
@@ -112,14 +112,14 @@ def _error_frames(errors: list[FlightEvent]) -> int:
     return sum(int(one.values.get("count", 0)) for one in errors if one.kind == "errors")
 
 
-def _got_over(case: Case, one: FlightEvent) -> bool:
+def _got_over(case: FlightCase, one: FlightEvent) -> bool:
     """Return whether the bus was well again, with nothing missing, and the vehicle flew on."""
     until = (one.after or one.first).ran + lasting("follows")
     hole = any(other.kind == "gap" and one.first.ran <= other.first.ran <= until for other in case.events)
     return not hole and harmless(case, one)
 
 
-def thrust_troubles(case: Case) -> Iterator[Trouble]:
+def thrust_troubles(case: FlightCase) -> Iterator[Trouble]:
     """Yield commands that are at their end, of all motors together."""
     start, stop = case.start + lasting("take_off"), case.stop
     if case.excursion is not None:

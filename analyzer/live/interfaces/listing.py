@@ -28,31 +28,31 @@ _LEFT_OUT = ("socketcan", "virtual", "socketcand", "udp_multicast")
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class ListedInterface:
     """An interface: `name` is what a command takes for it, `link` what the kernel says of its own ones."""
 
     name: str
     link: links.Link | None = None
 
 
-def list_interfaces() -> list[Listed]:
+def list_interfaces() -> list[ListedInterface]:
     """List all interfaces; those of the kernel come first."""
     return [*list_kernel(), *find_devices()]
 
 
-def list_kernel() -> list[Listed]:
+def list_kernel() -> list[ListedInterface]:
     """List the SocketCAN interfaces of this network namespace; none where the kernel cannot be asked."""
     try:
-        return [Listed(link.name, link) for link in links.list_links()]
+        return [ListedInterface(link.name, link) for link in links.list_links()]
     except OSError:
         return []
 
 
-def find_devices() -> list[Listed]:
+def find_devices() -> list[ListedInterface]:
     """List what python-can's drivers find within `PATIENCE` seconds, by name; keep what they print away."""
     kinds = sorted(can.VALID_INTERFACES.difference(_LEFT_OUT))
-    done: queue.SimpleQueue[list[Listed]] = queue.SimpleQueue()
-    found: list[Listed] = []
+    done: queue.SimpleQueue[list[ListedInterface]] = queue.SimpleQueue()
+    found: list[ListedInterface] = []
     with _silence(), suppress(queue.Empty):
         end = time.monotonic() + PATIENCE
         for kind in kinds:  # daemons: the interpreter waits for no driver that hangs
@@ -62,10 +62,10 @@ def find_devices() -> list[Listed]:
     return sorted(found, key=lambda listed: listed.name)
 
 
-def _detect(kind: str, done: queue.SimpleQueue[list[Listed]]) -> None:
-    found: list[Listed] = []
+def _detect(kind: str, done: queue.SimpleQueue[list[ListedInterface]]) -> None:
+    found: list[ListedInterface] = []
     with suppress(Exception):  # each driver fails in its own way
-        found = [Listed(f"{kind}:{config['channel']}") for config in can.detect_available_configs([kind])]
+        found = [ListedInterface(f"{kind}:{config['channel']}") for config in can.detect_available_configs([kind])]
     done.put(found)
 
 

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analyzer.live.interfaces.links import Controller, Link, Timing, Traffic
-    from analyzer.live.interfaces.listing import Listed
+    from analyzer.live.interfaces.listing import ListedInterface
     from analyzer.views.terminal import Palette
 
 _HEAD = ("Interface", "Kind", "State", "Bit rate", "Data rate", "Restart", "Frames")
@@ -19,7 +19,7 @@ _BAD = ("bus off", "error passive", "error warning")
 _NONE = "-"
 
 
-def render(found: Sequence[Listed], width: int = 80, palette: Palette = PLAIN) -> str:
+def render(found: Sequence[ListedInterface], width: int = 80, palette: Palette = PLAIN) -> str:
     """Write a line for each interface, and below it what else the kernel knows; the others by name."""
     lines = list(_table([listed.link for listed in found if listed.link is not None], width, palette))
     if others := [escape(listed.name) for listed in found if listed.link is None]:

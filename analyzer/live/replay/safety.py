@@ -49,7 +49,7 @@ def find_doubt(interface: str, channel: object, options: Mapping[str, object]) -
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class GuardOpinion:
     """The guard's opinion of a frame: the table name of its type, who seems to send it, and if it actuates."""
 
     name: str
@@ -62,21 +62,21 @@ class Guard:
 
     def __init__(self, registry: Registry) -> None:
         self._registry = registry
-        self._known: dict[tuple[int, bool, bool], Verdict] = {}
+        self._known: dict[tuple[int, bool, bool], GuardOpinion] = {}
 
-    def judge(self, number: int, *, extended: bool, remote: bool = False) -> Verdict:
+    def judge(self, number: int, *, extended: bool, remote: bool = False) -> GuardOpinion:
         """Judge a frame by its identifier without flags. A remote frame carries nothing, and does nothing."""
         key = (number, extended, remote)
         found = self._known.get(key)
         if found is None:
             if len(self._known) >= _MOST:
                 self._known.clear()
-            found = self._known[key] = self._judge(number) if extended else Verdict(FOREIGN, None, actuates=True)
+            found = self._known[key] = self._judge(number) if extended else GuardOpinion(FOREIGN, None, actuates=True)
             if remote:
-                found = self._known[key] = Verdict(found.name, found.node, actuates=False)
+                found = self._known[key] = GuardOpinion(found.name, found.node, actuates=False)
         return found
 
-    def _judge(self, number: int) -> Verdict:
+    def _judge(self, number: int) -> GuardOpinion:
         node = number & 0x7F
         if number & 0x80:
             kind, type_id = (_REQUEST if number & 0x8000 else _RESPONSE), number >> 16 & 0xFF
@@ -89,8 +89,8 @@ class Guard:
             # A receiver may take it for what it would be with a source, if that is known.
             variants = (*self._variants(_MESSAGE, number >> 8 & 0xFFFF), *variants)
         if not variants:
-            return Verdict(f"unknown {'service' if number & 0x80 else 'message'} {type_id}", node, actuates=True)
-        return Verdict(variants[0][0], node, actuates=any(actuates for _, actuates in variants))
+            return GuardOpinion(f"unknown {'service' if number & 0x80 else 'message'} {type_id}", node, actuates=True)
+        return GuardOpinion(variants[0][0], node, actuates=any(actuates for _, actuates in variants))
 
     def _variants(self, kind: int, type_id: int) -> Iterator[tuple[str, bool]]:
         variant = 0
@@ -103,9 +103,9 @@ class Survey:
     """Actuating frames by sender and type."""
 
     def __init__(self) -> None:
-        self._counts: dict[Verdict, int] = {}
+        self._counts: dict[GuardOpinion, int] = {}
 
-    def add(self, verdict: Verdict, frames: int = 1) -> None:
+    def add(self, verdict: GuardOpinion, frames: int = 1) -> None:
         """Count so many frames, if they actuate."""
         if verdict.actuates:
             self._counts[verdict] = self._counts.get(verdict, 0) + frames

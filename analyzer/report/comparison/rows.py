@@ -22,7 +22,7 @@ _START = "start"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class DifferenceRow:
     """Differences that are told together; the first one stands for all."""
 
     members: tuple[Difference, ...]
@@ -64,10 +64,10 @@ def name(one: Difference) -> str:
     return " ".join(filter(None, words)) or safe(one.bus) or "bus"
 
 
-def rows(found: Sequence[Difference], *, everything: bool = False) -> list[Row]:
+def rows(found: Sequence[Difference], *, everything: bool = False) -> list[DifferenceRow]:
     """Return the differences in their order, each as a row; those that belong together as one unless `everything`."""
     if everything:
-        return [Row((one,)) for one in found]
+        return [DifferenceRow((one,)) for one in found]
     spread: dict[tuple[str, ...], list[Difference]] = {}
     for one in found:
         if one.node is not None:
@@ -83,7 +83,7 @@ def rows(found: Sequence[Difference], *, everything: bool = False) -> list[Row]:
         else:
             key = (k,)
         groups.setdefault(key, []).append(one)
-    return [Row(tuple(some), key[0] == "everywhere") for key, some in groups.items()]
+    return [DifferenceRow(tuple(some), key[0] == "everywhere") for key, some in groups.items()]
 
 
 def counted(found: Iterable[Difference]) -> str:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from analyzer.report.comparison.model import CaptureDiff, Compared, Side
-    from analyzer.report.comparison.rows import Row
+    from analyzer.report.comparison.rows import DifferenceRow
 
 WIDTH = 80
 _INDENT = " " * 9
@@ -123,7 +123,7 @@ def _table(of: CaptureDiff, sheet: _Sheet, room: int) -> Iterator[str]:
 class _Form:
     """The columns of the table, as wide as its rows need."""
 
-    def __init__(self, shown: Sequence[Row], of: CaptureDiff, sheet: _Sheet) -> None:
+    def __init__(self, shown: Sequence[DifferenceRow], of: CaptureDiff, sheet: _Sheet) -> None:
         self.sheet, self.of = sheet, of
         self.who = min(max(display_width(row.who) for row in shown), _WIDEST["who"])
         self.good, self.bad = (_room(row.head.good for row in shown), _room(row.head.bad for row in shown))
@@ -140,7 +140,7 @@ class _Form:
             cells += ["  ", columns("Good", self.good + 2), columns("Bad", self.bad + 2), "Since"]
         return self.sheet.palette.paint("head", "".join(cells).rstrip())
 
-    def entry(self, row: Row, *, command: bool) -> Iterator[str]:
+    def entry(self, row: DifferenceRow, *, command: bool) -> Iterator[str]:
         """Give all lines about a row."""
         one, sheet = row.head, self.sheet
         good, bad, when = safe(one.good), safe(one.bad), since(one, self.of.bad.start_ns, utc=sheet.utc)

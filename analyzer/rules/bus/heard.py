@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _MOST_GAPS = 256  # of a node, the latest
 
 
-class Starts(NamedTuple):
+class SessionBegins(NamedTuple):
     """Transfers of a session as they begin: times, numbers of frames, and how many were left out by their IDs."""
 
     t: Array
@@ -109,7 +109,7 @@ class HeardSessions:
     def __init__(self) -> None:
         self._last: dict[Session, _Last] = {}
 
-    def feed(self, frames: FrameTable) -> Iterator[tuple[Session, Starts]]:
+    def feed(self, frames: FrameTable) -> Iterator[tuple[Session, SessionBegins]]:
         """Add a batch; yield what began of each session."""
         for ours in bus_frames(frames).values():
             at, first = ours.begins
@@ -131,5 +131,5 @@ class HeardSessions:
                     if last.transfer_id >= 0:
                         before += max((int(transfer_id[mine.start]) - last.transfer_id) % TRANSFER_IDS - 1, 0)
                     last.transfer_id = int(transfer_id[mine.stop - 1])
-                    yield session, Starts(t[mine], number[mine], lost[mine] + before)
+                    yield session, SessionBegins(t[mine], number[mine], lost[mine] + before)
                     last.lost = int(lost[mine.stop - 1]) + before

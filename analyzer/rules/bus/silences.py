@@ -20,7 +20,7 @@ OFFLINE = 3 * SECOND  # after which others take a node as offline
 _NODES = 128
 
 
-class Silences(Rule):
+class StatusSilences(Rule):
     """Compares each NodeStatus with the one before it. Nodes are at most 127 an interface."""
 
     rules: ClassVar[tuple[str, ...]] = ("BUS-020",)

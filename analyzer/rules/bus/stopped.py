@@ -13,7 +13,7 @@ from dissectors.records import dataclass, field
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from analyzer.rules.bus.heard import Starts as Begun
+    from analyzer.rules.bus.heard import SessionBegins
     from dissectors.kit import Severity, Values, View
 
 _SHARE = 10 * SECOND  # of a silence: where frames are lost in it, the rest proves nothing
@@ -205,7 +205,7 @@ class Stopped(Rule):
         )  # fmt: skip
 
 
-def _place(view: View, talk: _Talk, begun: Begun, found: Break) -> _Place:
+def _place(view: View, talk: _Talk, begun: SessionBegins, found: Break) -> _Place:
     """Return the last report before a break."""
     number = talk.number if found.at < 0 else begun.number.item(found.at)
     return _Place(number, talk.lines if found.at < 0 and talk.lines else view.lines((number,)))

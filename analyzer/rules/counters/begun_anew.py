@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
-from analyzer.rules.counters.id_patterns import Uptimes
+from analyzer.rules.counters.id_patterns import UptimeWitness
 from analyzer.rules.counters.id_steps import GAP, QUIET, REPEATED, RESTARTED
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class BegunAnew:
     """The latest steps of a node to 0, and its uptimes."""
 
     def __init__(self) -> None:
-        self.uptimes = Uptimes()
+        self.uptimes = UptimeWitness()
         self._latest: deque[AtZero] = deque(maxlen=NEAR)
 
     def add(self, one: AtZero) -> None:

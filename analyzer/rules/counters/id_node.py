@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analyzer.rules.counters.id_steps import IdStep, IdSteps
-    from analyzer.rules.counters.sent_messages import SentMessages
+    from analyzer.rules.counters.sent_messages import WalkedMessages
     from dissectors.kit import View
 
 EXPIRY = 10 * SECOND  # a node is judged anew after this time without a breach
@@ -71,7 +71,7 @@ class IdNode:
             raise RuntimeError("no batch is being taken")
         return self._window
 
-    def feed(self, steps: IdSteps, view: View, sent: SentMessages) -> Iterator[Occurrence]:
+    def feed(self, steps: IdSteps, view: View, sent: WalkedMessages) -> Iterator[Occurrence]:
         """Add the steps of a batch."""
         old = 0 if self._kept is None else len(self._kept.t)
         steps = steps if self._kept is None else self._kept + steps
@@ -123,7 +123,7 @@ class IdNode:
         self._found += held
         window.forget(self._at)
 
-    def _calm_until(self, view: View, sent: SentMessages) -> int:
+    def _calm_until(self, view: View, sent: WalkedMessages) -> int:
         """Return the step up to which none can show a cause, nor is anything told but what stays as it is."""
         window, steps, k = self.window, self.window.steps, self._at
         end = window.next_looked_at(k, len(steps.t))
@@ -152,7 +152,7 @@ class IdNode:
             return self._at
         return self.window.next_quiet(self._at, len(self.window.steps.t))
 
-    def _take(self, end: int, sent: SentMessages) -> Iterator[Occurrence]:
+    def _take(self, end: int, sent: WalkedMessages) -> Iterator[Occurrence]:
         """Take the steps up to one all at once."""
         window, steps, begin = self.window, self.window.steps, self._at
         window.settle(begin, end)
@@ -171,7 +171,7 @@ class IdNode:
             yield self._again(self.cause, int(rows[0]))
             rows = rows[1:]
 
-    def _hold_all(self, begin: int, end: int, sent: SentMessages) -> None:
+    def _hold_all(self, begin: int, end: int, sent: WalkedMessages) -> None:
         steps = self.window.steps
         self.wraps.end(np.unique(steps.place[begin:end][steps.rule[begin:end] != IS_COPY]).tolist())
         self.held += range(begin, end)
@@ -189,7 +189,7 @@ class IdNode:
         self.next = t + EVERY
         return replace(cause, t=t, frames=tuple(self.window.steps.frames(k)))
 
-    def _add(self, k: int, view: View, sent: SentMessages) -> Iterator[Occurrence]:
+    def _add(self, k: int, view: View, sent: WalkedMessages) -> Iterator[Occurrence]:
         """Add the next step."""
         window = self.window
         t, row = window.steps.t.item(k), window.steps.row.item(k)
@@ -244,7 +244,7 @@ class IdNode:
         self.held = left
         self._release()
 
-    def _hold(self, k: int, one: IdStep, view: View, sent: SentMessages) -> Iterator[Occurrence]:
+    def _hold(self, k: int, one: IdStep, view: View, sent: WalkedMessages) -> Iterator[Occurrence]:
         """Hold a step back, unless the cause shows with it."""
         self.held.append(k)
         wraps = self._wraps(one)
@@ -305,7 +305,7 @@ class IdNode:
         self._moved[first] = one._replace(rule=GAP, severity="note" if note else None, frames=frames, values=values)
         return first
 
-    def _shares(self, one: IdStep, k: int, sent: SentMessages) -> Occurrence | None:
+    def _shares(self, one: IdStep, k: int, sent: WalkedMessages) -> Occurrence | None:
         if not one.of_message:
             return None
         if self.shared is None:

@@ -63,7 +63,7 @@ class EarlyWraps:
         return len(alike) == WRAPS and (self._fell == NO_TIME or self._fell < alike[0].since)
 
 
-class Uptimes:
+class UptimeWitness:
     """Uptimes in a node's NodeStatus, which witness a restart. The last 64 are kept, and the one before them."""
 
     def __init__(self) -> None:

@@ -49,7 +49,7 @@ class Uptime(NamedTuple):
     transfer_id: int
 
 
-class SentMessages:
+class WalkedMessages:
     """The messages of a node in a batch, walked through while a shared counter may show.
 
     `uptimes` are those in its NodeStatus.

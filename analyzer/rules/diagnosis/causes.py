@@ -71,15 +71,15 @@ def _plain(what: str) -> Callable[..., Cause]:
     return lambda: Cause(what)
 
 
-class Form(NamedTuple):
+class CauseForm(NamedTuple):
     """A finding of the core: the cause, and what makes it of the numbers that were found with it."""
 
     what: str
     cause: Callable[..., Cause]
 
 
-def _form(make: Callable[[str], Callable[..., Cause]], what: str) -> Form:
-    return Form(what, make(what))
+def _form(make: Callable[[str], Callable[..., Cause]], what: str) -> CauseForm:
+    return CauseForm(what, make(what))
 
 
 # In the order of the core's; those that are of frames inside other transfers have no words here.
@@ -90,35 +90,37 @@ FORMS = (
     _form(_plain, EITHER),
     _form(_bit, END_BIT),
     _form(_bit, START_BIT),
-    Form(OTHER_ID, lambda *frames: wrong_id(frames)),
-    Form(SWAPPED, lambda *frames: Cause(SWAPPED, f" (right order: {_listed(frames)})")),
+    CauseForm(OTHER_ID, lambda *frames: wrong_id(frames)),
+    CauseForm(SWAPPED, lambda *frames: Cause(SWAPPED, f" (right order: {_listed(frames)})")),
     _form(_too_much, REPEATED),
     _form(_too_much, OTHER_SENDER),
-    Form(LATE_COPY, lambda *frames: late_copy(frames)),
+    CauseForm(LATE_COPY, lambda *frames: late_copy(frames)),
     _form(_plain, EVERY_START),
     _form(_plain, EVERY_END),
     _form(_plain, EVERY_ID),
-    Form(TOO_MANY, lambda came, total: Cause(TOO_MANY, f" ({came} instead of {total})")),
+    CauseForm(TOO_MANY, lambda came, total: Cause(TOO_MANY, f" ({came} instead of {total})")),
     _form(_plain, NO_ORDER),
     _form(_plain, UNPROVEN),
     _form(_from, LOST_SEVERAL),
-    Form(LOST_SEVERAL, lambda least, place: Cause(LOST_SEVERAL, f" (at least {least}, from the {ordinal(place)} on)")),
+    CauseForm(
+        LOST_SEVERAL, lambda least, place: Cause(LOST_SEVERAL, f" (at least {least}, from the {ordinal(place)} on)")
+    ),
     _form(_from, LOST_ODD),
-    Form(
+    CauseForm(
         LOST_SEVERAL,
         lambda gone, total, place: Cause(LOST_SEVERAL, f" ({gone} of {total}, from the {ordinal(place)} on)"),
     ),
-    Form(LOST, lambda place, total: Cause(LOST, f" (the {ordinal(place)} of {total})")),
-    Form(LOST_SEVERAL, lambda gone, total: Cause(LOST_SEVERAL, f" ({gone} of {total})")),
-    Form(LOST_SEVERAL, lambda: Cause(LOST_SEVERAL, ", the first one too")),
+    CauseForm(LOST, lambda place, total: Cause(LOST, f" (the {ordinal(place)} of {total})")),
+    CauseForm(LOST_SEVERAL, lambda gone, total: Cause(LOST_SEVERAL, f" ({gone} of {total})")),
+    CauseForm(LOST_SEVERAL, lambda: Cause(LOST_SEVERAL, ", the first one too")),
     _form(_from, LASTS),
-    Form(LAST, lambda total: Cause(LAST, f" (the {ordinal(total)} of {total})")),
-    Form(LASTS, lambda place, total: Cause(LASTS, f" (the {ordinal(place)} to {ordinal(total)} of {total})")),
+    CauseForm(LAST, lambda total: Cause(LAST, f" (the {ordinal(total)} of {total})")),
+    CauseForm(LASTS, lambda place, total: Cause(LASTS, f" (the {ordinal(place)} to {ordinal(total)} of {total})")),
     _form(_plain, FIRST),
     _form(_plain, FIRSTS),
-    Form(FIRST, lambda total: Cause(FIRST, f" (of {total})")),
-    Form(FIRSTS, lambda gone, total: Cause(FIRSTS, f" ({gone} of {total})")),
-    Form(SHORT_FRAME, lambda size, frame: Cause(SHORT_FRAME, f" ({size} bytes in frame {frame + 1}, TRF-012)")),
+    CauseForm(FIRST, lambda total: Cause(FIRST, f" (of {total})")),
+    CauseForm(FIRSTS, lambda gone, total: Cause(FIRSTS, f" ({gone} of {total})")),
+    CauseForm(SHORT_FRAME, lambda size, frame: Cause(SHORT_FRAME, f" ({size} bytes in frame {frame + 1}, TRF-012)")),
     *(_form(_plain, "") for _ in range(4)),
 )
 NOTHING, GONE, OTHER_ID_FORM, EVERY_ID_FORM, SHORT = 0, 1, 6, 13, 31

@@ -38,7 +38,7 @@ class FrameLists(NamedTuple):
         return cls(numbers, offsets, np.array(code, np.int64), np.array(fd, bool))
 
 
-class Answers:
+class FrameSearch:
     """Answers about lists of frames.
 
     `form` says which of `FORMS`, `flags` what else is known, `value` depends on the question. `numbers` and `shown` are
@@ -87,7 +87,7 @@ def _list(lists: _Lists, k: int) -> list[int]:
     return found
 
 
-def ask(view: View, question: int, lists: FrameLists) -> Answers:
+def ask(view: View, question: int, lists: FrameLists) -> FrameSearch:
     """Return what the core finds out about lists of frames."""
     numbers, offsets, code, fd = lists
     codes, which = np.unique(code, return_inverse=True)
@@ -100,7 +100,7 @@ def ask(view: View, question: int, lists: FrameLists) -> Answers:
         question, [*view.indexes(low - BEFORE, high + 1 + AHEAD)], types,
         (numbers.astype(np.uint64), offsets.astype(np.int64), which.astype(np.uint32), fd.astype(np.uint8)),
     )  # fmt: skip
-    return Answers(
+    return FrameSearch(
         cells(form, np.uint8), cells(flags, np.uint8), cells(value, np.int64),
         *((cells(ends, np.int64), cells(every, np.uint64)) for ends, every in (numbers_of, shown)),
     )  # fmt: skip

@@ -24,7 +24,7 @@ _FOREIGN, _ANONYMOUS = VERDICTS.index("foreign"), VERDICTS.index("anonymous mult
 _LENGTH_CODE = 8  # bits 8 to 11 of the flags of a remote frame
 
 
-class Form(NamedTuple):
+class FrameForm(NamedTuple):
     """The outside of a frame: its identifier and flags, its last byte (0 if there is none), how many bytes it has."""
 
     id: int
@@ -38,7 +38,7 @@ class Malformed(NamedTuple):
 
     rule: str
     picks: Callable[[Array, Array, Array], Array]
-    values: Callable[[Form], Values]
+    values: Callable[[FrameForm], Values]
     severity: Severity | None = None
 
 
@@ -47,12 +47,12 @@ def has(bit: int) -> Callable[[Array, Array, Array], Array]:
     return lambda _verdict, anomaly, _flags: anomaly & bit != 0
 
 
-def tail(form: Form) -> Values:
+def tail(form: FrameForm) -> Values:
     """Return the tail byte."""
     return {"tail": form.tail}
 
 
-def _promises_more(form: Form) -> Values:
+def _promises_more(form: FrameForm) -> Values:
     return {"what": f"tail byte {form.tail:02X}"}
 
 
@@ -66,15 +66,15 @@ def _too_long(verdict: Array, anomaly: Array, flags: Array) -> Array:
     return np.where(fd, verdict > _FOREIGN, anomaly & IMPOSSIBLE != 0)
 
 
-def _remote(form: Form) -> Values:
+def _remote(form: FrameForm) -> Values:
     return {"can_id": form.id, "length": form.flags >> _LENGTH_CODE & 0xF}
 
 
-def _form(form: Form) -> Values:
+def _form(form: FrameForm) -> Values:
     return {"can_id": form.id, "length": form.length}
 
 
-def _sender(form: Form) -> Values:
+def _sender(form: FrameForm) -> Values:
     return {"discriminator": discriminator(form.id), "type_id": form.id >> 8 & 3}
 
 

@@ -21,7 +21,7 @@ HOUSEKEEPING = "uavcan.protocol."  # messages that tools send, too
 FIRST_TOOL = 126
 
 
-class Tools(Rule):
+class ToolNodes(Rule):
     """Nodes 126 and 127. Remembers what each first sent, and which ones act as devices."""
 
     rules = ("CAN-011",)

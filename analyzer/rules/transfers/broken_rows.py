@@ -160,7 +160,7 @@ class _Part(NamedTuple):
     said: list[Said]
 
 
-class Told:
+class ToldTransfers:
     """Collects what is said of transfers one by one, so that many are told at once."""
 
     def __init__(self) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from analyzer.facts.identifiers import who
 from analyzer.rules.diagnosis.budgets import senders_of
 from analyzer.rules.diagnosis.search import FrameLists
-from analyzer.rules.frames.malformed import Form
+from analyzer.rules.frames.malformed import FrameForm
 from analyzer.tables import FD, VERDICTS
 from dissectors.kit import Occurrences
 
@@ -94,9 +94,9 @@ class LooseFrames(NamedTuple):
         session = self.session.item(k)
         return session >> _BUS, session & ((1 << _BUS) - 1)
 
-    def form(self, k: int) -> Form:
+    def form(self, k: int) -> FrameForm:
         """Return what is said of one of them."""
-        return Form(*(column.item(k) for column in (self.id, self.flags, self.tail, self.size)))
+        return FrameForm(*(column.item(k) for column in (self.id, self.flags, self.tail, self.size)))
 
     def breaches(
         self, rule: str, values: Callable[[int], Values], *, severity: Severity | None = None, drops: bool = False

@@ -19,7 +19,7 @@ from analyzer.tables import TAIL_END, TAIL_ID, VERDICTS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from analyzer.rules.diagnosis.search import Answers
+    from analyzer.rules.diagnosis.search import FrameSearch
     from dissectors.kit import Array, Kept, Occurrence, Occurrences, Values, View
 
 COPY, OTHER_ID, ORPHAN = (VERDICTS.index(name) for name in ("duplicate", "wrong transfer id", "orphan"))
@@ -38,7 +38,7 @@ _WHY = {  # of a frame with another transfer ID inside a transfer
 class _Found(NamedTuple):
     """The answers of the search on a frame: a row of answers."""
 
-    answers: Answers
+    answers: FrameSearch
     row: int
 
 

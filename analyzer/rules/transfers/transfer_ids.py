@@ -16,7 +16,7 @@ from analyzer.facts.node_status import NODE_STATUS
 from analyzer.rules.counters.id_node import IdNode
 from analyzer.rules.counters.id_steps import LATE, id_steps, odd_rows
 from analyzer.rules.counters.orphan_frames import OrphanFrames
-from analyzer.rules.counters.sent_messages import SentMessages, Uptime
+from analyzer.rules.counters.sent_messages import Uptime, WalkedMessages
 from dissectors.kit import NO_TIME, Rule, groups
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class TransferIds(Rule):
         others = (key for key, node in self._nodes.items() if node.shared is not None)
         for key in dict.fromkeys((*steps, *uptimes, *others)):
             node = self._nodes.setdefault(key, IdNode(*key))
-            sent = SentMessages(t, uptimes.get(key, ()))
+            sent = WalkedMessages(t, uptimes.get(key, ()))
             if key in steps:
                 yield from node.feed(steps[key], view, sent)
             sent.run(node, len(t))

@@ -16,7 +16,7 @@ from analyzer.rules.diagnosis.checksums import Formula
 from analyzer.rules.diagnosis.formulas import Formulas
 from analyzer.rules.diagnosis.search import CHECKSUM as WRONG_CRC
 from analyzer.rules.diagnosis.search import ELSEWHERE, LENGTHS, PROVEN, ask
-from analyzer.rules.transfers.broken_rows import TURNED_BIT, Said, Told
+from analyzer.rules.transfers.broken_rows import TURNED_BIT, Said, ToldTransfers
 from analyzer.rules.transfers.incomplete import occurrence, turned_bit
 from dissectors.kit.definitions import crc_start
 from dissectors.records import replace
@@ -60,7 +60,7 @@ class WrongCrcs:
     def __init__(self) -> None:
         self._budget = SearchBudget()
         self._causes = KnownCauses()
-        self._told = Told()
+        self._told = ToldTransfers()
         self._ways: dict[Source, Formula] = {}
         self._formulas = Formulas()
         self._damages: dict[Source, int] = {}  # wrong CRCs of a sender that no mistake explains

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dissectors.kit import View
 
 
-class Channels:
+class ChannelLabels:
     """Gives the labels of nodes that say which channel they are."""
 
     def __init__(self, registry: Registry) -> None:

@@ -51,7 +51,7 @@ class Channels:
         self._parsed: dict[int, Any] = {}
         # A schema never changes, and many channels may use it.
         self._layouts: dict[tuple[int, str, bool], tuple[tuple[str, Any] | None, str]] = {}
-        self._names = topics.Names()
+        self._names = topics.TopicNames()
         self.headers = self.others = 0  # channels with a header.stamp, with a stamp of another name
 
     def schema(self, schema: Schema) -> None:

@@ -11,7 +11,7 @@ from analyzer.sources.mcap.chunks import Chunk
 from analyzer.sources.mcap.contents import Contents
 from analyzer.sources.mcap.records import BROKEN, DEFINITIONS, HEAD, LIMIT, LONGER, MAGIC, PREFIX, fit, goes_on
 from analyzer.sources.mcap.search import Result, find
-from analyzer.sources.mcap.stream import Stream
+from analyzer.sources.mcap.stream import FileWindow
 from analyzer.sources.mcap.summary import counts
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class Reader:
     def __init__(self, source: Source) -> None:
         self._source = source
         self._contents = Contents(source)
-        self._stream = Stream()
+        self._stream = FileWindow()
         self._stream.need(len(MAGIC))
         self._part = _Part.MAGIC
         # Where the search for the next record began, while it lasts.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from analyzer._native import crc32
 
 
-class Stream:
+class FileWindow:
     """A window of the file.
 
     `data[at:]` is not read yet, and bytes from `kept` on stay. `at` may stand behind the end of `data`: those bytes are

@@ -35,7 +35,7 @@ def direction(topic: str) -> int:
     return TX if _SENT.intersection(last) else RX if _RECEIVED.intersection(last) else 0
 
 
-class Names:
+class TopicNames:
     """Names of buses by topic, in the order of the channels.
 
     A name is the topic without the parts that any topic may have: `/can0/rx` is `can0`, `/truck/can1/frames` is

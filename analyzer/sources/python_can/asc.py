@@ -68,7 +68,7 @@ class _Asc:
         self._relative = self._dated = False
         self._now = self.requests = 0
 
-    def reader(self, file: lines.Lines) -> Iterable[Message]:
+    def reader(self, file: lines.NumberedText) -> Iterable[Message]:
         return ASCReader(file)  # type: ignore[arg-type]  # iterating is all it does
 
     def sort(self, line: str) -> tuple[Sort, int]:

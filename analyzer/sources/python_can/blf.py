@@ -28,7 +28,7 @@ from analyzer.sources.can_rows import (
 from analyzer.sources.errors import CaptureError
 from analyzer.sources.python_can.lines import Sort
 from analyzer.sources.python_can.messages import bus_name, channel, words
-from analyzer.sources.python_can.objects import SIGNATURE, Gap, Object, Objects
+from analyzer.sources.python_can.objects import SIGNATURE, Object, Objects, StrayBytes
 from analyzer.sources.python_can.requests import Requests, Way
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class _Blf:
         self._rows = Rows()
         self._objects = Objects(_SIZES)
         self._packed = Objects(_SIZES)
-        self._requests: Requests[tuple[Object | Gap, Sort | str]] = Requests()
+        self._requests: Requests[tuple[Object | StrayBytes, Sort | str]] = Requests()
         self._head = self._size = len(head)
         header = library.FILE_HEADER_STRUCT.unpack_from(head)
         self._by_python_can = header[2:10] == _WRITER
@@ -136,9 +136,9 @@ class _Blf:
             unpacked = " of the unpacked data" if self._source.packing else ""
             self._source.damaged(f"byte {self._size}{unpacked}", _EARLY)
 
-    def _unpack(self, found: Object | Gap, *, cut: bool = False) -> Iterator[FrameBatch]:
+    def _unpack(self, found: Object | StrayBytes, *, cut: bool = False) -> Iterator[FrameBatch]:
         """Add what a container holds, as far as it goes if the file ends in it; or the object itself."""
-        if isinstance(found, Gap) or found.kind != library.LOG_CONTAINER:
+        if isinstance(found, StrayBytes) or found.kind != library.LOG_CONTAINER:
             self._add([found])
             return
         try:
@@ -148,9 +148,9 @@ class _Blf:
         except Unreadable as error:
             self._rows.unreadable(f"container at byte {self._head + found.at}: {error}")
 
-    def _add(self, found: Iterable[Object | Gap], *, last: bool = False) -> None:
+    def _add(self, found: Iterable[Object | StrayBytes], *, last: bool = False) -> None:
         known = ((item, _sort(item)) for item in found)
-        ways = ((one, _way(*one), 0 if isinstance(one[0], Gap) else len(one[0].data)) for one in known)
+        ways = ((one, _way(*one), 0 if isinstance(one[0], StrayBytes) else len(one[0].data)) for one in known)
         sifted = chain(self._requests.sift(ways), self._requests.finish() if last else ())
         run = [(item, Sort.OTHER if left else sort) for (item, sort), left in sifted]
         messages = _messages([item.data for item, sort in run if sort is Sort.MESSAGE and isinstance(item, Object)])
@@ -159,7 +159,7 @@ class _Blf:
                 self._rows.other(1)
                 continue
             try:
-                if isinstance(sort, str) or isinstance(item, Gap):
+                if isinstance(sort, str) or isinstance(item, StrayBytes):
                     raise Unreadable(str(sort))  # noqa: TRY301 - the reason is told in one place
                 if sort is Sort.MESSAGE:
                     self._store(item, next(messages))
@@ -228,9 +228,9 @@ def _salvage(unpack: zlib._Decompress, packed: bytes) -> Iterator[bytes]:
             return
 
 
-def _sort(item: Object | Gap) -> Sort | str:
+def _sort(item: Object | StrayBytes) -> Sort | str:
     """Return what an object is, or why it cannot be read."""
-    if isinstance(item, Gap):
+    if isinstance(item, StrayBytes):
         return f"no object at byte {item.at} of the data in the containers"
     need = _NEEDS.get(item.kind) or (_ERRORS[item.kind].size if item.kind in _ERRORS else None)
     if need is None:
@@ -246,9 +246,9 @@ def _sort(item: Object | Gap) -> Sort | str:
     return Sort.MESSAGE
 
 
-def _way(item: Object | Gap, sort: Sort | str) -> Way:
+def _way(item: Object | StrayBytes, sort: Sort | str) -> Way:
     """Return whether a frame was sent, or only asked for."""
-    if sort is not Sort.MESSAGE or isinstance(item, Gap) or item.kind not in _DIRECTION:
+    if sort is not Sort.MESSAGE or isinstance(item, StrayBytes) or item.kind not in _DIRECTION:
         return Way.OTHER
     at = _TIMES[item.version][1] + _DIRECTION[item.kind]
     return _WAYS.get(item.data[at] & 0xF, Way.OTHER)

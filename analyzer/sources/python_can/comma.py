@@ -48,7 +48,7 @@ class _Csv:
 
     header: tuple[str, ...] = (_NAMES,)
 
-    def reader(self, file: lines.Lines) -> Iterable[Message]:
+    def reader(self, file: lines.NumberedText) -> Iterable[Message]:
         return CSVReader(file)  # type: ignore[arg-type]  # iterating is all it does
 
     def sort(self, line: str) -> tuple[Sort, int]:

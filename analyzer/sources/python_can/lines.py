@@ -42,7 +42,7 @@ class Grammar(Protocol):
     def sort(self, line: str) -> tuple[Sort, int]:
         """Return what it is, and its time in nanoseconds if it is a message; raises `Unreadable` when it is damaged."""
 
-    def reader(self, file: Lines) -> Iterable[Message]:
+    def reader(self, file: NumberedText) -> Iterable[Message]:
         """python-can's reader."""
 
     def store(self, rows: Rows, line: str, message: Message, t: int) -> None:
@@ -71,7 +71,7 @@ def read(
         yield rows.take()
 
 
-class Lines:
+class NumberedText:
     """The header and the lines from one on, as a text file; all that python-can's readers ask of one."""
 
     def __init__(self, header: tuple[str, ...], lines: list[str], at: int) -> None:
@@ -79,7 +79,7 @@ class Lines:
         self._lines = lines
         self.at = at
 
-    def __iter__(self) -> Lines:
+    def __iter__(self) -> NumberedText:
         """Itself."""
         return self
 
@@ -164,7 +164,7 @@ def _messages(grammar: Grammar, header: tuple[str, ...], lines: list[str]) -> It
     """For each line its message, or why there is none. A reader that fails is dead: a new one goes on behind it."""
     done = 0
     while done < len(lines):
-        file = Lines(header, lines, done)
+        file = NumberedText(header, lines, done)
         reason = _SKIPPED
         try:
             for message in grammar.reader(file):

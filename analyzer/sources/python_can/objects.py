@@ -30,7 +30,7 @@ class Object(NamedTuple):
     data: bytes
 
 
-class Gap(NamedTuple):
+class StrayBytes(NamedTuple):
     """Bytes that are no object begin here."""
 
     at: int
@@ -49,12 +49,12 @@ class Objects:
         self._at = 0
         self._lost = False
 
-    def feed(self, data: bytes) -> Iterator[Object | Gap]:
+    def feed(self, data: bytes) -> Iterator[Object | StrayBytes]:
         """Return the objects that are whole by now."""
         self._held += data
         yield from self._cut(final=False)
 
-    def finish(self) -> Iterator[Object | Gap]:
+    def finish(self) -> Iterator[Object | StrayBytes]:
         """Return the objects that waited for one behind them."""
         yield from self._cut(final=True)
 
@@ -66,7 +66,7 @@ class Objects:
             return None
         return self._at + len(self._held) - len(rest), rest
 
-    def _cut(self, *, final: bool) -> Iterator[Object | Gap]:
+    def _cut(self, *, final: bool) -> Iterator[Object | StrayBytes]:
         at = 0
         while (step := self._step(at, final=final)) is not None:
             found, at = step
@@ -75,7 +75,7 @@ class Objects:
         del self._held[:at]
         self._at += at
 
-    def _step(self, at: int, *, final: bool) -> tuple[Object | Gap | None, int] | None:
+    def _step(self, at: int, *, final: bool) -> tuple[Object | StrayBytes | None, int] | None:
         """Return what stands next and where to go on; None when more bytes are needed."""
         start = self._held.find(SIGNATURE, at, at + _NEXT)
         if start < 0:
@@ -96,7 +96,7 @@ class Objects:
         self._lost = False
         return Object(self._at + start, kind, version, bytes(self._held[start:end])), end
 
-    def _search(self, at: int) -> tuple[Gap | None, int] | None:
+    def _search(self, at: int) -> tuple[StrayBytes | None, int] | None:
         """No signature is near: the next one there is, if what is here cannot be padding."""
         left = len(self._held) - at
         if left < _NEXT and not self._lost:
@@ -106,9 +106,9 @@ class Objects:
             after = max(at, len(self._held) - len(SIGNATURE) + 1)
         return None if self._lost and after == at else self._gap(at, after)
 
-    def _gap(self, start: int, after: int) -> tuple[Gap | None, int]:
+    def _gap(self, start: int, after: int) -> tuple[StrayBytes | None, int]:
         """One gap is told once, however many bytes are passed over one after another."""
-        found = None if self._lost else Gap(self._at + start)
+        found = None if self._lost else StrayBytes(self._at + start)
         self._lost = True
         return found, after
 

@@ -62,7 +62,7 @@ class _Trc:
         self._columns = _COLUMNS["1.0"].split(",")
         self.header: tuple[str, ...] = ()
 
-    def reader(self, file: lines.Lines) -> Iterable[Message]:
+    def reader(self, file: lines.NumberedText) -> Iterable[Message]:
         text = _with_reserved_cells(file) if self._version == "1.2" else file
         return TRCReader(text)  # type: ignore[arg-type]  # iterating is all it does
 
@@ -107,7 +107,7 @@ class _Trc:
             sort, t = self.sort(line)
             if sort is not Sort.MESSAGE:
                 return False
-            (message,) = self.reader(lines.Lines(self.header, [line], 0))
+            (message,) = self.reader(lines.NumberedText(self.header, [line], 0))
             self.store(rows, line, message, t)
         except Exception:  # noqa: BLE001 - of any type: python-can checks little
             return False

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from analyzer.views.members import Take
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from dissectors.schema import Bits, Derived, Packet, Reading, Type
 
 STEP = " " * 4
@@ -52,7 +52,7 @@ class Branches:
     """
 
     of: Message | Packet
-    columns: Columns
+    columns: SheetColumns
     payload: int
     indent: str
 

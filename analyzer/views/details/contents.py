@@ -16,7 +16,7 @@ from dissectors.schema import Message
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from dissectors.kit import Array
     from dissectors.schema import Packet
 
@@ -28,14 +28,14 @@ _COUNTS = {"count_step": "for its unit", "count_step_id": "for its unit and type
 _NUMBER: Template = ("number", AS_IT_IS, ("plain",))
 
 
-def part_templates(_: str, of: Message | Packet | None, columns: Columns) -> Sequence[Template | None]:
+def part_templates(_: str, of: Message | Packet | None, columns: SheetColumns) -> Sequence[Template | None]:
     """Return the templates of a message, and of a packet or of bytes that none claims."""
     if isinstance(of, Message):
         return [_message(of, columns)]
     return [None, _unclaimed(columns) if of is None else _packet(of, columns)]
 
 
-def _message(of: Message, columns: Columns) -> Template:
+def _message(of: Message, columns: SheetColumns) -> Template:
     branches = Branches(of, columns, _PAYLOAD, STEP * 2)
     full = of.full_name if of.full_name != of.name else ""
     head = line(text(f"{STEP}Message {of.name}{_aside(full, _clause(of.clause))}"))
@@ -45,7 +45,7 @@ def _message(of: Message, columns: Columns) -> Template:
     return ("all", made)
 
 
-def _packet(of: Packet, columns: Columns) -> Template:
+def _packet(of: Packet, columns: SheetColumns) -> Template:
     pad = STEP * 3
     head = line(text(f"{STEP * 2}Packet {of.name} (from byte "), ("byte",), text(f"{_also(_clause(of.clause))})"))
     sums: Template = ("all", [text("checksum good (bytes 1 to "), columns.of("checksum_end", _NUMBER), text(")")])
@@ -72,13 +72,13 @@ def _packet(of: Packet, columns: Columns) -> Template:
     return ("all", [head, line(text(f"{pad}verdict: "), ("joined", ", ", verdicts)), told, order, branches])
 
 
-def _unclaimed(columns: Columns) -> Template:
+def _unclaimed(columns: SheetColumns) -> Template:
     data = columns.of("data", ("hex", " ", _BYTES_SHOWN, "no data", " ... ", " bytes"))
     where = [text(f"{STEP * 2}Unrecognised data from byte "), ("byte",), text(", ")]
     return line(*where, columns.of("reason", ("copy",)), text(": "), data)
 
 
-def _warnings(columns: Columns) -> list[Template]:
+def _warnings(columns: SheetColumns) -> list[Template]:
     def number(name: str, of: Callable[[Array], Array]) -> int:
         def make(table: pa.RecordBatch) -> pa.Array:
             return pa.array(of(numbers(table.column("bits_left")).astype(np.int64)))
@@ -99,7 +99,7 @@ def _warnings(columns: Columns) -> list[Template]:
     ]  # fmt: skip
 
 
-def _either(columns: Columns, flag: str, yes: Template, no: Template) -> Template:
+def _either(columns: SheetColumns, flag: str, yes: Template, no: Template) -> Template:
     return ("by", columns.place(flag), [(1, yes)], no)
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.views.frames.window import FrameWindow
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from dissectors import Registry
     from dissectors.kit import Array
 
@@ -77,7 +77,7 @@ class HexDumps:
         lists = pa.ListArray.from_arrays(pa.array(ends, pa.int32()), rows)
         return self._sheets.texts(batch, picked, [], {"frames": lists}, [])
 
-    def _row(self, columns: Columns) -> Template:
+    def _row(self, columns: SheetColumns) -> Template:
         """Return the template of the lines about the frames of a transfer."""
         digits = [_of("id", ("number", AS_IT_IS, ("format", "", "-", True, count, None, "X"))) for count in (8, 3)]
         words = [(tail, ("text", f"  {tail_words(tail)}")) for tail in range(256)]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.filter.memory import NamesFrames
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from dissectors import Registry
     from dissectors.kit import Array
 
@@ -120,7 +120,7 @@ class Tree:
             "identifier": pa.array(_identifiers(transfers)),
         }
 
-    def _row(self, columns: Columns) -> Template:
+    def _row(self, columns: SheetColumns) -> Template:
         """Return the template of the lines about a transfer."""
         title, note = self._palette.around("head"), self._palette.around("note")
         some: Template = ("each", ", ", _FRAMES_SHOWN, "", _NUMBER)
@@ -138,7 +138,7 @@ class Tree:
         body = [*_identifier(columns), *self._transfer(columns), ("instead", undecoded, ("message", 0, ""))]
         return ("all", [*head, ("by", columns.place("full"), [(1, ("all", body))], NOTHING)])
 
-    def _transfer(self, columns: Columns) -> list[Template]:
+    def _transfer(self, columns: SheetColumns) -> list[Template]:
         pad = STEP * 2
         statuses = [(code, text(name)) for code, name in enumerate(STATUSES)]
         zone = text(f" ({MODES['ad'].rpartition(', ')[2]})")
@@ -155,12 +155,12 @@ class Tree:
             line(text(f"{pad}CRC: "), _checked(columns)), columns.of("note", ("word", _NOTE)),
         ]  # fmt: skip
 
-    def _seconds(self, columns: Columns, name: str, words: str, *, signed: bool = False) -> Template:
+    def _seconds(self, columns: SheetColumns, name: str, words: str, *, signed: bool = False) -> Template:
         shown = columns.of(name, ("number", AS_IT_IS, ("seconds", signed, self._clock.nine)))
         return ("given", columns.place(name), line(text(f"{STEP * 2}{words}: "), shown, text(" s")), NOTHING)
 
 
-def _checked(columns: Columns) -> Template:
+def _checked(columns: SheetColumns) -> Template:
     digits: Template = ("number", AS_IT_IS, ("format", "", "-", True, 4, None, "X"))
     wire, here = (columns.of(name, digits) for name in ("crc_wire", "crc_here"))
     good: Template = ("by", columns.place("good"), [(1, text("good"))], text("BAD"))
@@ -180,7 +180,7 @@ def _identifiers(transfers: pa.RecordBatch) -> Array:
     return found
 
 
-def _identifier(columns: Columns) -> list[Template]:
+def _identifier(columns: SheetColumns) -> list[Template]:
     """Return the templates of the fields of an identifier."""
 
     def part(low: int, high: int, *words: Template) -> Template:

@@ -12,7 +12,7 @@ from analyzer import _native
 from analyzer.tables import EXTENDED, REMOTE, VERDICTS
 from analyzer.views.frames.rows import ERROR_FRAME
 from analyzer.views.members import PLAIN
-from analyzer.views.sheets import PIECE, Columns, flat
+from analyzer.views.sheets import PIECE, SheetColumns, flat
 from dissectors.kit.cells import numbers
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ class FrameSheet:
     identifier, 0 for an error frame), `length` (of a remote frame its length code), `remote` and `error`.
     """
 
-    def __init__(self, make: Callable[[Columns], Template]) -> None:
-        self._columns = Columns(pa.schema([]), "verdict")
+    def __init__(self, make: Callable[[SheetColumns], Template]) -> None:
+        self._columns = SheetColumns(pa.schema([]), "verdict")
         self._template = _native.Template([make(self._columns)])
 
     def texts(
@@ -80,7 +80,7 @@ class FrameWriter(ABC):
         """Write the rows of a table."""
 
 
-def identifier(columns: Columns, missing: str = "") -> Template:
+def identifier(columns: SheetColumns, missing: str = "") -> Template:
     """Return the template of an identifier: 8 digits if it is extended, 3 if not."""
     shown = [
         (digits, columns.of("id", ("number", PLAIN, ("format", "", "-", True, digits, None, "X"))))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.views.frames.rows import FrameRows, ListedFrames
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from analyzer.window.listed import ListedRows
     from analyzer.window.numbering import Numbering
     from dissectors import Registry
@@ -79,12 +79,12 @@ class FrameFields(FrameWriter):
         beside |= self._owners.columns(table.rows)
         return self._sheet.texts(table, beside, [[escape(name) for name in table.buses]])
 
-    def _template(self, columns: Columns) -> Template:
+    def _template(self, columns: SheetColumns) -> Template:
         tabs = [("text", "\t")] * len(self._names)
         cells = [self._cell(columns, name) for name in self._names]
         return ("all", [*[one for pair in zip(tabs, cells, strict=True) for one in pair][1:], ("text", "\n")])
 
-    def _cell(self, columns: Columns, name: str) -> Template:
+    def _cell(self, columns: SheetColumns, name: str) -> Template:
         if name in self._owners.names:
             return columns.of(name, ("or", "", ("copy",)))
         if name == "frame.data":

@@ -46,7 +46,7 @@ class _Sum:
         self.count, self.place, self.frame = 0, place, frame
 
 
-class LooseFrames:
+class LooseRows:
     """Gives the frames of one batch after another that form no transfer.
 
     Args:

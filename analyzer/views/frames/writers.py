@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from analyzer.decode.engine import Batch
     from analyzer.views.frames.rows import FrameRows, ListedFrames
-    from analyzer.views.sheets import Columns, Template
+    from analyzer.views.sheets import SheetColumns, Template
     from analyzer.views.times import TimeFormat
     from analyzer.window.listed import ListedRows
 
@@ -89,7 +89,7 @@ class FrameText(FrameWriter):
             yield head + line + below
             head = ""
 
-    def _template(self, columns: Columns) -> Template:
+    def _template(self, columns: SheetColumns) -> Template:
         data: Template = ("by", columns.place("remote"), [(1, ("text", "remote"))], columns.of("data", HEX))
         place = [
             ("text", " "), columns.of("part", _NUMBER), ("text", "/"), columns.of("of", _NUMBER), ("text", " "),
@@ -159,7 +159,7 @@ class FrameRecords(FrameWriter):
             before, self._before = self._before, ",\n"
             yield before + text
 
-    def _template(self, columns: Columns) -> Template:
+    def _template(self, columns: SheetColumns) -> Template:
         spread = self._form == "csv"
         none = "" if spread else "null"
         known = {key: self._cell(columns, key, none, spread=spread) for key in self._keys}
@@ -172,7 +172,7 @@ class FrameRecords(FrameWriter):
             [*[one for pair in zip(commas, known.values(), strict=True) for one in pair][1:], ("text", "\r\n")],
         )
 
-    def _cell(self, columns: Columns, key: str, none: str, *, spread: bool) -> Template:
+    def _cell(self, columns: SheetColumns, key: str, none: str, *, spread: bool) -> Template:
         def text(word: str) -> Template:
             return ("text", word if spread else text_of(word))
 

@@ -9,7 +9,7 @@ from dissectors.tmotor.traffic.control import MotorControl
 from dissectors.tmotor.traffic.operation import ERROR, OFF, Operation
 from dissectors.tmotor.traffic.parameters import factory
 from dissectors.tmotor.traffic.physics.motor import Motor
-from dissectors.tmotor.traffic.sample import Sample
+from dissectors.tmotor.traffic.sample import MotorSample
 from dissectors.tmotor.traffic.throttle import FULL, Throttle
 
 if TYPE_CHECKING:
@@ -119,12 +119,12 @@ class MotorController:
         self.motor.advance(self.world.now / SECOND)
         self.motor.zero = self.motor.angle
 
-    def sample(self) -> Sample:
+    def sample(self) -> MotorSample:
         """Measure now, with the small errors of its sensors."""
         motor, gauss = self.motor, self.world.random.gauss
         motor.advance(self.world.now / SECOND)
         rpm = motor.rpm
-        return Sample(
+        return MotorSample(
             mode=self.operation.mode if self.mode is None else self.mode,
             faults=self.faults,
             encoder=int(motor.position * 16_384 / 360) & 0x3FFF,

@@ -29,7 +29,7 @@ _CODES = {("uint", 8): "B", ("int", 8): "b", ("uint", 16): "H", ("int", 16): "h"
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class PacketForm:
     """How one packet is laid out: the names of its fields and their places, in either byte order."""
 
     packet: Packet
@@ -125,7 +125,7 @@ def _fitting(value: Raw, array: bool) -> Raw:
     return b"" if array and isinstance(value, int) else value
 
 
-def _of(data: bytes) -> Form:
+def _of(data: bytes) -> PacketForm:
     for form in _by_name().values():
         family = form.family
         if data.startswith(family.header) and len(data) == form.packet.length and data[family.id_at] == form.packet.id:
@@ -134,7 +134,7 @@ def _of(data: bytes) -> Form:
 
 
 @cache
-def _by_name() -> dict[str, Form]:
+def _by_name() -> dict[str, PacketForm]:
     return {
         packet.name: _form(packet, carrier.packets)
         for carrier in Profile.open(_FOLDER).having("packets")
@@ -143,10 +143,10 @@ def _by_name() -> dict[str, Form]:
     }
 
 
-def _form(packet: Packet, family: PacketFamily) -> Form:
+def _form(packet: Packet, family: PacketFamily) -> PacketForm:
     codes = _format(packet.layout)
     names = tuple(member.name for member in packet.layout.fields)
-    return Form(packet, family, names, struct.Struct("<" + codes), struct.Struct(">" + codes))
+    return PacketForm(packet, family, names, struct.Struct("<" + codes), struct.Struct(">" + codes))
 
 
 def _format(layout: CompoundType) -> str:

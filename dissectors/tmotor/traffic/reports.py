@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from dissectors.tmotor.traffic.motor_controller import MotorController
     from dissectors.tmotor.traffic.packets import Raw
     from dissectors.tmotor.traffic.rates import Rates
-    from dissectors.tmotor.traffic.sample import Sample
+    from dissectors.tmotor.traffic.sample import MotorSample
 
 # A MotorStatus that somebody asked for waits so long for the next ESCStatus, then it goes alone.
 _PATIENCE = 100 * MILLISECOND
@@ -79,7 +79,7 @@ class Reports:
         if self._push_at <= now:
             self._push_status(sample)
 
-    def _status(self, sample: Sample) -> dict[str, Any]:
+    def _status(self, sample: MotorSample) -> dict[str, Any]:
         esc = self._esc
         values = sample.status(esc.index)
         if esc.kelvin:
@@ -93,7 +93,7 @@ class Reports:
                 values[name] = printed(values[name])
         return values
 
-    def _push_status(self, sample: Sample) -> None:
+    def _push_status(self, sample: MotorSample) -> None:
         esc, now = self._esc, self._world.now
         self._push_at = now + self._period - (esc.status_period or self._period) // 2
         runtime = self._age + now // SECOND + esc.runtime_offset

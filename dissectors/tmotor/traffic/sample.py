@@ -17,7 +17,7 @@ KELVIN = 273.15
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class MotorSample:
     """`voltage` in 0.01 V, `current` in 0.01 A, `temperature` in 0.01 degC, `encoder` 0 to 16383, `duty` 0 to 1.
 
     `faults` are bits 0 to 11 of the status word; `signal` is the throttle as received, None without one.

@@ -13,8 +13,8 @@ from dissectors.tmotor.rules.joined.joins import (
     FULL_THROTTLE,
     MOST_UNITS,
     NO_CHANNEL,
-    Commands,
     InForce,
+    RawCommands,
     ReportingEsc,
     commands,
     fresh,
@@ -41,7 +41,7 @@ class _Throttle:
         self.kind = np.zeros(_CHANNELS, np.int8)
         self.since = np.full(_CHANNELS, NO_TIME)
 
-    def feed(self, sent: Commands, high: int, timeout: int) -> None:
+    def feed(self, sent: RawCommands, high: int, timeout: int) -> None:
         """Make this batch's commands the last ones."""
         count = min(len(sent.cmd), _CHANNELS)
         kind = _kinds(sent.cmd[:count], high)
@@ -146,7 +146,7 @@ def _kinds(cmd: Array, high: int) -> Array:
     return kind
 
 
-def _since(throttle: _Throttle, sent: Commands | None, channel: int, high: int, timeout: int) -> Array:
+def _since(throttle: _Throttle, sent: RawCommands | None, channel: int, high: int, timeout: int) -> Array:
     """Return since when a channel has been what it is, for the command before the batch and each of the batch."""
     before = throttle.since[channel : channel + 1]
     if sent is None or channel >= len(sent.cmd):

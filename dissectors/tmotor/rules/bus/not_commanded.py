@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from dissectors.kit import Array, DecodedTable, Occurrence, Occurrences, View
-    from dissectors.tmotor.rules.joined.joins import Commands, ReportingEsc
+    from dissectors.tmotor.rules.joined.joins import RawCommands, ReportingEsc
 
 
 class NotCommanded(Rule):
@@ -48,7 +48,7 @@ class _Sent:
         self.counts = 0
         self.with_index = np.full(32, NO_TIME)
 
-    def feed(self, sent: Commands, window: int) -> None:
+    def feed(self, sent: RawCommands, window: int) -> None:
         self.since = int(_runs(self, sent, window)[-1])
         most, least = int(sent.counts.max()), int(sent.counts.min())
         for count in {most, int(sent.counts[-1])} if most == least else set(sent.counts.tolist()):
@@ -57,7 +57,7 @@ class _Sent:
         self.t, self.counts = int(sent.t[-1]), int(sent.counts[-1])
 
 
-def _runs(before: _Sent, sent: Commands, window: int) -> Array:
+def _runs(before: _Sent, sent: RawCommands, window: int) -> Array:
     """Return for each command since when there has been no pause longer than the window."""
     return np.maximum.accumulate(np.where(sent.paused(before.t, window), sent.t, before.since))
 
@@ -66,7 +66,7 @@ def _find_uncommanded(
     view: View,
     table: DecodedTable,
     what: tuple[ReportingEsc, Array],
-    commanded: tuple[_Sent, Commands | None],
+    commanded: tuple[_Sent, RawCommands | None],
     window: int,
 ) -> Iterator[Occurrences]:
     (unit, rows), (before, sent) = what, commanded

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from dissectors.kit import Array, Occurrence, Occurrences, View
-    from dissectors.tmotor.rules.joined.joins import Commands
+    from dissectors.tmotor.rules.joined.joins import RawCommands
 
 _RUNNING = 5  # so many commands without a pause are a stream that can stop
 _MODES = (1, 8)  # operating modes: a word with one of these is no error counter
@@ -31,7 +31,7 @@ class _Stream:
     losing: set[int] = field(default_factory=set)
 
 
-class Stopped(Rule):
+class ThrottlePauses(Rule):
     """Pauses of throttle commands."""
 
     rules = ("BUS-007",)
@@ -78,7 +78,7 @@ class Stopped(Rule):
                 yield from self._stop(view, bus, stream, self._pauses.last.get(bus, stream.t))
 
     def _carry_on(
-        self, view: View, stream: _Stream, what: tuple[Commands, int],
+        self, view: View, stream: _Stream, what: tuple[RawCommands, int],
         motion: tuple[bool, tuple[Array, Array, Array] | None], *, held: bool = True,
     ) -> None:  # fmt: skip
         """Make a command the last one; it is `held` if it may be told with a later batch."""

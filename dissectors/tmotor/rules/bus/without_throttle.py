@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from dissectors.kit import Array, Occurrence, Occurrences, Values, View
-    from dissectors.tmotor.rules.joined.joins import Commands
+    from dissectors.tmotor.rules.joined.joins import RawCommands
     from dissectors.tmotor.rules.joined.speed_reports import SpeedReports
 
 _COAST_DOWN, _FOLDS = 5, (7, 8)  # operating modes that turn without throttle
@@ -108,10 +108,10 @@ class WithoutThrottle(Rule):
                 course = hold.course("to the end of the recording", _taken(track.pwm(hold.since, 1 << 62)))
                 yield told_later(hold, hold.place, course)
 
-    def _at(self, bus: int, channel: int, number: Array, now: Mapping[int, Commands]) -> LastThrottle:
+    def _at(self, bus: int, channel: int, number: Array, now: Mapping[int, RawCommands]) -> LastThrottle:
         return self._throttles.get(bus, ValidThrottle()).at(now.get(bus), channel, number)
 
-    def _take_over(self, view: View, now: Mapping[int, Commands]) -> Iterator[Occurrence]:
+    def _take_over(self, view: View, now: Mapping[int, RawCommands]) -> Iterator[Occurrence]:
         """Yield packets whose PWM width is what the ESC follows, and not the throttle that it had, or was 0 before."""
         wait = round(view.number("BUS-034", "wait_ms") * MILLISECOND)
         for (bus, node), (table, rows, number, index, _) in self._reporters.packets(view):
@@ -142,7 +142,7 @@ class WithoutThrottle(Rule):
                 track.width, track.repeats = float(width[before[-1]]), bool(repeats[before[-1]])
 
     def _follow(
-        self, view: View, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, Commands]
+        self, view: View, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, RawCommands]
     ) -> Iterator[Occurrences | Occurrence]:
         track, sent = self._tracks[unit], now.get(unit.bus)
         new = Samples(some.t, some.rpm, some.pct, some.current)
@@ -186,7 +186,7 @@ class WithoutThrottle(Rule):
         if track.hold is not None and isinstance(track.hold.place, int):
             track.hold.place = told.kept(track.hold.place, track.hold.since)
 
-    def excused(self, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, Commands]) -> Array:
+    def excused(self, unit: ReportingEsc, some: SpeedReports, now: Mapping[int, RawCommands]) -> Array:
         """Return a mask of reports of an ESC that something else drives, or that folds or coasts down."""
         coasts = (some.mode == _COAST_DOWN) & (some.pct == 0)
         found: Array = np.isin(some.mode, _FOLDS) | coasts
@@ -195,7 +195,7 @@ class WithoutThrottle(Rule):
         found |= self._priority.at(unit.bus, unit.node, some.number)
         return found
 
-    def _elsewhere(self, unit: ReportingEsc, number: Array, t: Array, now: Mapping[int, Commands]) -> Array:
+    def _elsewhere(self, unit: ReportingEsc, number: Array, t: Array, now: Mapping[int, RawCommands]) -> Array:
         """Return where the ESC, which reports on another bus too, has its throttle from there."""
         found = np.zeros(len(number), bool)
         for bus in self._throttles.keys() | now.keys():
@@ -214,7 +214,7 @@ class _Motor:
 
     def __init__(
         self, rule: WithoutThrottle, view: View, unit: ReportingEsc, some: SpeedReports, throttle: LastThrottle,
-        told: Array, now: Mapping[int, Commands], losses: Losses,
+        told: Array, now: Mapping[int, RawCommands], losses: Losses,
     ) -> None:  # fmt: skip
         self.view, self.unit, self.some = view, unit, some
         self._rule, self._throttle, self._told, self._now, self._losses = rule, throttle, told, now, losses

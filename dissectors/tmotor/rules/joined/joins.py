@@ -33,7 +33,7 @@ class ReportingEsc(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Commands:
+class RawCommands:
     """RawCommand of one bus in a batch; `cmd` has a row for each channel, `NO_CHANNEL` where a command is shorter.
 
     `ended` are how many of them ended before each transfer of the batch.
@@ -75,7 +75,7 @@ class InForce(NamedTuple):
 
 
 _units: WeakKeyDictionary[View, Mapping[ReportingEsc, Array]] = WeakKeyDictionary()
-_commands: WeakKeyDictionary[View, Mapping[int, Commands]] = WeakKeyDictionary()
+_commands: WeakKeyDictionary[View, Mapping[int, RawCommands]] = WeakKeyDictionary()
 
 
 def units(view: View) -> Mapping[ReportingEsc, Array]:
@@ -86,7 +86,7 @@ def units(view: View) -> Mapping[ReportingEsc, Array]:
     return _units[view]
 
 
-def commands(view: View) -> Mapping[int, Commands]:
+def commands(view: View) -> Mapping[int, RawCommands]:
     """Return usable RawCommand by bus, in order."""
     if view not in _commands:
         table = view.table("RawCommand")
@@ -94,7 +94,9 @@ def commands(view: View) -> Mapping[int, Commands]:
     return _commands[view]
 
 
-def in_force(sent: Commands | None, before: tuple[int, int], index: int, table: DecodedTable, rows: Array) -> InForce:
+def in_force(
+    sent: RawCommands | None, before: tuple[int, int], index: int, table: DecodedTable, rows: Array
+) -> InForce:
     """Return the command in force at each row of another table.
 
     Args:
@@ -190,7 +192,7 @@ def _split(table: DecodedTable, rows: Array) -> Iterator[tuple[ReportingEsc, Arr
         yield ReportingEsc(number >> 12, number >> 5 & 0x7F, number & _INDEXES - 1), rows[places]
 
 
-def _throttles(view: View, table: DecodedTable, rows: Array) -> Iterator[tuple[int, Commands]]:
+def _throttles(view: View, table: DecodedTable, rows: Array) -> Iterator[tuple[int, RawCommands]]:
     offsets, values = table.lists("cmd")
     counts = np.diff(offsets)
     buses = table.bus[rows]
@@ -208,4 +210,4 @@ def _throttles(view: View, table: DecodedTable, rows: Array) -> Iterator[tuple[i
         ended = np.zeros(len(view.transfers), np.int64)
         after = table.row[mine] + 1
         ended[after[after < len(ended)]] = 1
-        yield bus, Commands(table, mine, np.cumsum(ended), number, table.t[mine], table.src[mine], count, cmd)
+        yield bus, RawCommands(table, mine, np.cumsum(ended), number, table.t[mine], table.src[mine], count, cmd)

@@ -10,7 +10,7 @@ from dissectors.tmotor.rules.joined.joins import NO_CHANNEL, commands
 
 if TYPE_CHECKING:
     from dissectors.kit import Array, View
-    from dissectors.tmotor.rules.joined.joins import Commands
+    from dissectors.tmotor.rules.joined.joins import RawCommands
 
 _MOST = 4096  # commands of a bus that are remembered from one batch to the next
 
@@ -44,7 +44,7 @@ class RecentThrottles:
         for bus, sent in commands(view).items():
             self._before[bus] = self._joined(bus, sent)
 
-    def _joined(self, bus: int, sent: Commands) -> tuple[Array, Array]:
+    def _joined(self, bus: int, sent: RawCommands) -> tuple[Array, Array]:
         first = max(int(np.searchsorted(sent.t, sent.t[-1] - self._long)), len(sent.t) - _MOST)
         times, cmd = sent.t[first:], sent.cmd[:, first:]
         if first or bus not in self._before:

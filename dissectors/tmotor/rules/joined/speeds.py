@@ -19,7 +19,7 @@ _BY_INDEX, _BY_UNIT = 0, 1  # how a report names its ESC
 _EVERYBODY = 0xFF  # an index
 
 
-class Turning(NamedTuple):
+class LastSpeed(NamedTuple):
     """The last speed of a motor in rpm, and when it was said; `name` is its channel, else its unit."""
 
     name: str
@@ -67,7 +67,7 @@ class Speeds:
         }
         self._note_uuids(view)
 
-    def of_unit(self, bus: int, unit: int, transfer: int) -> list[Turning]:
+    def of_unit(self, bus: int, unit: int, transfer: int) -> list[LastSpeed]:
         """Return what the motors of a power unit (0xA1 is 1, 0xFF all) did last before a transfer.
 
         Those who send packets of this unit are meant; where nobody does, the ESC whose index is one less.
@@ -79,21 +79,21 @@ class Speeds:
             return self._joined(self._of_nodes(bus, nodes, unit - FIRST_UNIT), transfer)
         return self.of_index(bus, unit - FIRST_UNIT, transfer)
 
-    def of_index(self, bus: int, index: int, transfer: int) -> list[Turning]:
+    def of_index(self, bus: int, index: int, transfer: int) -> list[LastSpeed]:
         """Return what the motors of an index (0xFF is all) did last before a transfer."""
         if index == _EVERYBODY:
             return self._all(bus, transfer)
         nodes = {place.node for place in self._places(bus) if (place.how, place.number) == (_BY_INDEX, index)}
         return self._joined(self._of_nodes(bus, nodes, index), transfer)
 
-    def of_uuid(self, bus: int, uuid: int, transfer: int) -> list[Turning] | None:
+    def of_uuid(self, bus: int, uuid: int, transfer: int) -> list[LastSpeed] | None:
         """Return what the motor of the ESC with a UUID did last before a transfer, None if no ParamGet told whose."""
         told = self._uuids.get((bus, uuid))
         if told is None or told[0] > transfer:
             return None
         return self._joined(self._of_nodes(bus, {told[1]}, told[2]), transfer)
 
-    def _all(self, bus: int, transfer: int) -> list[Turning]:
+    def _all(self, bus: int, transfer: int) -> list[LastSpeed]:
         return self._joined(self._places(bus), transfer)
 
     def _places(self, bus: int) -> list[_Place]:
@@ -108,15 +108,15 @@ class Speeds:
             found += [place for place in mine if not several or place.number in (index, index + FIRST_UNIT)]
         return sorted(found)
 
-    def _joined(self, places: Iterable[_Place], transfer: int) -> list[Turning]:
+    def _joined(self, places: Iterable[_Place], transfer: int) -> list[LastSpeed]:
         """Return one entry for each node and number, of what was said last."""
-        found: dict[tuple[int, int], Turning] = {}
+        found: dict[tuple[int, int], LastSpeed] = {}
         for place in places:
             said = self._before(place, transfer)
             if said is None:
                 continue
             index = place.number - (FIRST_UNIT if place.how == _BY_UNIT else 0)
-            one = Turning(place.name, *said)
+            one = LastSpeed(place.name, *said)
             both = self._alone(place) or (place.node, index)
             if both not in found:
                 found[both] = one

@@ -24,7 +24,7 @@ _CLOSE = 64  # reports before a loss among which the last one with throttle is, 
 RECENT = 6  # reports that show how often an ESC reports; a bus is silent if it misses two of them
 
 
-class Stretch(NamedTuple):
+class SameThrottle(NamedTuple):
     """Reports from `first` to before `stop`, since the same throttle at `since`; `spare` as `Hold` has it.
 
     `heard` says of a loss that would begin there whether others were heard for so long.
@@ -59,13 +59,13 @@ class Losses:
         if hold is not None and lost[0] and since[0] == hold.since:
             self._spare[0] = hold.spare
 
-    def stretches(self, least: int) -> Iterator[Stretch]:
+    def stretches(self, least: int) -> Iterator[SameThrottle]:
         """Yield them; a loss has to be heard for so many ns."""
         first, spare = self._first, self._spare
         heard = self.lost[first]
         heard[heard] = self._heard(first[heard], spare[heard], least)
         columns = first, self._stop, self.since[first], spare, heard
-        yield from map(Stretch._make, zip(*(column.tolist() for column in columns), strict=True))
+        yield from map(SameThrottle._make, zip(*(column.tolist() for column in columns), strict=True))
 
     def lasted(self, rows: Array, least: int) -> Array:
         """Return of some lost reports whether the loss has lasted so many ns, silence of the bus left out."""

@@ -11,7 +11,7 @@ from dissectors.tmotor.rules.joined.joins import NO_CHANNEL, last_of
 
 if TYPE_CHECKING:
     from dissectors.kit import Array
-    from dissectors.tmotor.rules.joined.joins import Commands
+    from dissectors.tmotor.rules.joined.joins import RawCommands
 
 CHANNELS = 32
 
@@ -35,7 +35,7 @@ class ValidThrottle:
         self._value = np.zeros(CHANNELS, np.int64)
         self._last = np.full(CHANNELS, NO_CHANNEL, np.int64)
 
-    def steady(self, sent: Commands | None, channel: int, until: int, longest: int) -> bool:
+    def steady(self, sent: RawCommands | None, channel: int, until: int, longest: int) -> bool:
         """Return whether no two valid throttles of the next commands, nor the last one and a time, are far apart."""
         if sent is None or channel >= len(sent.cmd) or self._t[channel] == NO_TIME:
             return False
@@ -43,7 +43,7 @@ class ValidThrottle:
         valid = bool((sent.cmd[channel] >= 0).all())
         return valid and int(apart.max()) <= longest and until - int(sent.t[-1]) <= longest
 
-    def at(self, sent: Commands | None, channel: int, number: Array) -> LastThrottle:
+    def at(self, sent: RawCommands | None, channel: int, number: Array) -> LastThrottle:
         """Return what it was at each of some transfers; `sent` are the next commands, which are not yet fed."""
         before = (int(part[channel]) for part in (self._t, self._value, self._last))
         if sent is None:
@@ -54,7 +54,7 @@ class ValidThrottle:
         columns = ((sent.t, latest), (cmd, latest), (cmd, count))
         return LastThrottle(*(last_of(*column, one) for column, one in zip(columns, before, strict=True)))
 
-    def feed(self, sent: Commands) -> None:
+    def feed(self, sent: RawCommands) -> None:
         """Make the next commands the last ones."""
         for channel in range(CHANNELS):
             cmd = sent.channel(channel)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from dissectors.kit import DecodedTable, Occurrence, View
-    from dissectors.tmotor.rules.joined.speeds import Turning
+    from dissectors.tmotor.rules.joined.speeds import LastSpeed
 
 _PERMANENT = 1
 _ANY_UUID, _ANY_INDEX = 0xFFFFFFFF, 0xFF
@@ -71,7 +71,7 @@ class Interlocks(Rule):
                 values = {"asker": asker, "command": one.command, "address": one.address, "turning": _named(turning)}
                 yield say(view, one.table, one.row, rule, values)
 
-    def _motors(self, one: _Request) -> Sequence[Turning]:
+    def _motors(self, one: _Request) -> Sequence[LastSpeed]:
         bus, transfer = int(one.table.bus[one.row]), int(one.table["transfer"][one.row])
         if one.unit is not None:
             return self._speeds.of_unit(bus, one.unit, transfer)
@@ -84,7 +84,7 @@ class Interlocks(Rule):
         return self._speeds.of_index(bus, one.channel, transfer)
 
 
-def _named(motors: Sequence[Turning]) -> str:
+def _named(motors: Sequence[LastSpeed]) -> str:
     shown = ", ".join(f"{motor.name} turned at {motor.rpm} rpm" for motor in motors[:_SHOWN])
     return shown if len(motors) <= _SHOWN else f"{shown}, and {len(motors) - _SHOWN} more turned"
 
