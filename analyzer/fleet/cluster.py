@@ -37,6 +37,7 @@ _QUIET = {
     "distributed.worker.memory.pause": False,
     "distributed.scheduler.work-stealing-interval": "1s",
     "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.nanny.pre-spawn-environ.MALLOC_ARENA_MAX": 1,  # from its first thread on: see quick_start
     "distributed.worker.preload": ["analyzer.fleet.preload"],
 }
 
