@@ -59,6 +59,7 @@ def test_a_worker_that_is_killed_changes_nothing(logs, tmp_path, serial):  # noq
     store = ResultStore(str(tmp_path / "results"))
     with cluster(ClusterChoice(workers=2)) as workers:
         pids = list(workers._client.run(os.getpid).values())
+        assert set(workers._client.run(os.getenv, "MALLOC_ARENA_MAX").values()) == {"1"}  # of all their threads
 
         def told(counts):
             if counts.done == 2:
