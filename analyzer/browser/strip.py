@@ -30,20 +30,16 @@ class Strip:
     def __init__(self, store: Store, *, plain: bool = False) -> None:
         self._store = store
         self._bars = _PLAIN_BARS if plain else _BARS
-        self._ticks: list[Array] = []
-        self._frames: list[Array] = []  # what frame each tick is the time of
-        self._known = 0
-        self._all = self._places = np.zeros(0, np.int64)
+        self._known = 0  # segments
+        self._all = self._places = np.zeros(0, np.int64)  # times, and what frame each is the time of
 
     def _times(self) -> Array:
-        segments = self._store.segments
-        if self._known != len(segments):
-            for one in segments[self._known :]:
-                self._ticks.append(one.ticks)
-                self._frames.append(one.first_frame + np.arange(len(one.ticks)) * _STEP)
-            self._known = len(segments)
-            self._places = np.concatenate(self._frames)
-            self._all = np.maximum.accumulate(np.concatenate(self._ticks)) if self._ticks else self._all
+        new = self._store.segments[self._known :]
+        if new:
+            self._known += len(new)
+            places = [one.first_frame + np.arange(len(one.ticks)) * _STEP for one in new]
+            self._places = np.concatenate([self._places, *places])
+            self._all = np.maximum.accumulate(np.concatenate([self._all, *(one.ticks for one in new)]))
         return self._all
 
     def place_of(self, t: int | None, width: int) -> int | None:

@@ -8,6 +8,7 @@ from analyzer.browser.chosen import AllRows, ChosenRows
 from analyzer.browser.colouring import RowColouring
 from analyzer.browser.details import DetailLine, detail_lines, event_lines, frame_lines, with_transfer_id
 from analyzer.browser.dump import DumpFrame, dump
+from analyzer.browser.elements import with_elements
 from analyzer.browser.listed import ListPages
 from analyzer.browser.sorted_rows import MOST_SORTED, SortedRows
 from analyzer.browser.store.cut import StoredFrames, cut_transfers
@@ -174,10 +175,20 @@ class BrowserView:
         span = f"frame.number in {{{first.place + 1}..{max([last.place, *self.places_of(last)]) + 1}}}"
         return f"({self.filter}) && {span}" if self.filter else span
 
+    def filter_of_all(self) -> str:
+        """Return a filter that selects what is displayed: of a bus what has come until now: recording goes on."""
+        if not self.supply.live or not len(self.store):
+            return self.filter
+        span = f"frame.number in {{{self.store.first + 1}..{self.store.frames}}}"
+        return f"({self.filter}) && {span}" if self.filter else span
+
     # ---- a row in full
 
-    def shown(self, row: Row) -> Shown:
-        """Return a row in full, above all what somebody wrote about it and what happened there."""
+    def shown(self, row: Row, *, elements: bool = True) -> Shown:
+        """Return a row in full, above all what somebody wrote about it and what happened there.
+
+        `elements` says that those of arrays have lines of their own.
+        """
         shown = self._whole(row)
         said = []
         for place in self.places_of(row):
@@ -185,7 +196,8 @@ class BrowserView:
                 said.append(DetailLine(0, f"Comment: {escape(text)}"))
             if place in self.supply.places:
                 said.append(DetailLine(0, f"Event: {escape(self.supply.places[place])}"))
-        return shown._replace(lines=[*said, *map(self._labelled, shown.lines)])
+        lines = with_elements(shown.lines) if elements else shown.lines
+        return shown._replace(lines=[*said, *map(self._labelled, lines)])
 
     def _labelled(self, line: DetailLine) -> DetailLine:
         """Return a line with the label of the node that it names."""

@@ -11,7 +11,9 @@ import argparse
 import os
 import re
 import sys
+from contextlib import suppress
 
+from analyzer.app.process import streams
 from analyzer.cli import status
 from analyzer.cli.arguments import options
 
@@ -36,11 +38,12 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="a column beside the usual ones; repeatable; default: those of the last time",
     )  # fmt: skip
     show.add_argument("--colours", "--colors", metavar="FILE", help="colour rules of rows, or `off`; default: yours")
+    show.add_argument("--follow", action="store_true", help="show at once what comes; wait at the end of a file")
     show.add_argument("--no-marks", action="store_true", help="neither read nor keep marks beside the capture")
     options.add_dialect(parser)
     options.add_filter(parser)
     options.add_window(parser)
-    parser.set_defaults(run=run, follow=False)
+    parser.set_defaults(run=run)
 
 
 _BUS = re.compile(r"v?can\d+|(?!\w:[\\\\/])\w{3,}:\S*")
@@ -67,18 +70,21 @@ def run(args: argparse.Namespace) -> int:
         _check(args, registry)
     except (argparse.ArgumentTypeError, DsdlError, ProfileError, LookupError, OSError, ValueError) as error:
         return status.usage(error, NAME)
+    if "-" in names:
+        _keys_beside_pipe()
     if reason := _no_terminal():
         return status.usage(reason, NAME)
     asked = BrowseOptions(args.at, args.filter or "", args.time, tuple(args.fields), not args.no_marks)
     try:
-        code, notes = browse(request, asked, rules)
+        code, notes, failed, refused = browse(request, asked, rules)
     except (LookupError, ValueError) as error:
         return status.usage(error, NAME)
     except (CaptureError, OSError) as error:
         return status.damaged(error, NAME)
     for note in notes:
-        status.damaged(note, "tailbyte")
-    return code if code > _SIGNAL else status.DAMAGED if code or notes else status.OK
+        streams.complain(note)
+    ended = status.USAGE if refused else status.DAMAGED if code or failed else status.OK
+    return code if code > _SIGNAL else ended
 
 
 def _bus(args: argparse.Namespace, names: list[str]) -> int:
@@ -115,6 +121,13 @@ def _check_place(text: str) -> None:
             Moment.parse(text)
         except ValueError as error:
             raise ValueError(f"--at: {error}") from None
+
+
+def _keys_beside_pipe() -> None:
+    """Take keys from the terminal itself where the capture comes in place of them."""
+    if sys.__stdin__ is not None and not sys.__stdin__.isatty():
+        with suppress(OSError):
+            sys.__stdin__ = open("/dev/tty", encoding="ascii")  # type: ignore[misc]  # noqa: PTH123, SIM115
 
 
 def _no_terminal() -> str:

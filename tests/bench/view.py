@@ -22,8 +22,7 @@ import time
 from pathlib import Path
 
 SIZE = "80x24"
-QUIET = 0.25  # seconds without a byte that end an answer,
-IDLE = 0.004  # if meanwhile the process has not worked longer than it does to look whether anything is new
+QUIET = 0.25  # seconds without a byte that end an answer, if then nothing of the process works or waits for a core
 PRESSES = 20
 DOING = re.compile(rb"[\d,]+ frames(?: +\d+ notes? \(7\))?( [^\x1b]*)\x1b")  # in the first line
 STATE = re.compile(rb"row [\d,]+ of [\d,]+[^\x1b]*")
@@ -37,6 +36,12 @@ def used(process: int) -> float:
     for task in Path(f"/proc/{process}/task").iterdir():
         total += int((task / parts.name).read_text().split()[0])
     return total / 1e9
+
+
+def works(process: int) -> bool:
+    """Return whether a thread of a process has something to do."""
+    every = (one / "stat" for one in Path(f"/proc/{process}/task").iterdir())
+    return any(one.read_text().rpartition(")")[2].split()[0] in "RD" for one in every)
 
 
 def used_by_all(process: int) -> float:
@@ -89,9 +94,9 @@ class Terminal:
 
     def settle(self) -> int:
         """Return the bytes that come until it is quiet."""
-        total, before = 0, -1.0
-        while (count := self.read(QUIET)) or used(self.process.pid) - before > IDLE:
-            total, before = total + count, used(self.process.pid)
+        total = 0
+        while (count := self.read(QUIET)) or works(self.process.pid):
+            total += count
         return total
 
     def press(self, keys: str) -> int:
@@ -143,7 +148,7 @@ def measure(log: str, size: str, chosen: str) -> None:
     if chosen:
         begin, before = time.monotonic(), used_by_all(terminal.process.pid)
         terminal.press(f"={chosen}\r")
-        while b"so far" in (state := STATE.findall(terminal.got[-TAIL:])[-1]):
+        while b"(" not in (state := STATE.findall(terminal.got[-TAIL:])[-1]) or b"so far" in state:
             terminal.read(0.1)
         terminal.settle()
         sys.stdout.write(

@@ -5,12 +5,14 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import shutil
 import signal
 import struct
 import subprocess
 import sys
 import termios
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -20,7 +22,6 @@ from kit.command import LIMIT, Reader, environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 
 @contextmanager
@@ -62,3 +63,43 @@ def test_without_colours(tmp_path: Path) -> None:
         shown = reader.until(b"RawCommand")
         codes = {code for found in re.findall(rb"\x1b\[([0-9;]*)m", shown) for code in found.split(b";")}
         assert codes <= {b"", b"0", b"1", b"2", b"4", b"7", b"39", b"49"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "expected"), [("esc-failure.mcap", 0), ("hover.log", 0), ("damaged.log", 3)])
+def test_the_status_tells_of_damage_and_not_of_notes(name: str, expected: int, tmp_path: Path) -> None:
+    damaged, store = tmp_path / "damaged.log", tmp_path / "store"
+    damaged.write_bytes(Path(capture("hover.log")).read_bytes() + b"(1.0) can0 what is this\n")
+    store.mkdir()
+    path = str(damaged) if name == damaged.name else capture(name)
+    with viewed(store, path) as (process, reader, keys):
+        reader.until(b"RawCommand")
+        os.write(keys, b"5")
+        reader.until(b"What broke first")
+        os.write(keys, b"q")
+        reader.until(b"\x1b[?1049l")
+        assert process.wait(LIMIT) == expected
+
+
+def test_a_flight_that_is_not_there_is_wrong_usage(tmp_path: Path) -> None:
+    with viewed(tmp_path, "--flight", "9", capture("hover.log")) as (process, reader, _):
+        shown = reader.rest().decode()
+        assert process.wait(LIMIT) == 2
+        assert "\x1b[?1049h" not in shown
+        assert len(shown.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", ["missing.log", "folder", "README.md", "empty.log"])
+def test_what_holds_nothing_is_refused_in_a_line(name: str, tmp_path: Path) -> None:
+    store, path = tmp_path / "store", tmp_path / name
+    for folder in (store, tmp_path / "folder"):
+        folder.mkdir()
+    shutil.copy(ROOT / "README.md", tmp_path)
+    (tmp_path / "empty.log").touch()
+    with viewed(store, str(path)) as (process, reader, _):
+        shown = reader.rest().decode()
+        assert process.wait(LIMIT) == 3
+        assert "\x1b[?1049h" not in shown
+        assert shown.startswith(f"tailbyte: {path}: ")
+        assert len(shown.splitlines()) == 1
+    assert list(store.iterdir()) == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import shutil
 from typing import TYPE_CHECKING
 
@@ -108,6 +109,9 @@ def test_completion_and_history() -> None:
             seen.app.bar.value, seen.app.bar.cursor_position = "ESCStatus.volt", 14
             await seen.press("tab")
             assert seen.app.bar.value == "ESCStatus.voltage"
+            seen.app.bar.value, seen.app.bar.cursor_position = "ESCSt", 5
+            await seen.press("tab")
+            assert re.fullmatch(r" ESCStatus(?:  \S+)+ \.\.\. \d+ in all *", seen.said)
 
     asyncio.run(work())
 

@@ -15,12 +15,19 @@ from analyzer.app.browse.session import BrowseOptions, made
 from analyzer.app.criteria import Criteria
 from analyzer.app.request import Request, RuleChoice
 from analyzer.app.run import Run
+from analyzer.browser import chosen
 from analyzer.browser.view import BrowserView
 from analyzer.report.newest import Newest
 from analyzer.rules.checking import Check
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    import pytest
+
+    from analyzer.browser.store.store import Store
+    from analyzer.filter.matcher import Matcher
+    from dissectors.kit import Array
 
 
 class Bus:
@@ -91,11 +98,17 @@ def test_tabs_filters_and_marks_of_a_bus(tmp_path: Path) -> None:
             seen = Seen(app, pilot)
             await seen.press("2")
             assert "CAN-005" in seen.screen
+            assert seen.screen.splitlines()[4].startswith((" note ", " warn ", " error"))
             await seen.press("a")
             assert app.view.filter.startswith('finding.rule == "')
             await seen.until(lambda: len(app.view.rows) > 0)
             await seen.press("escape", "right_square_bracket", "m")
             assert (tmp_path / "bench.log.marks.toml").exists()
+            wanted: list[str] = []
+            app.tools.write = lambda _, text: wanted.append(text) or "writing"
+            await seen.press("w")
+            await seen.type("part.log")
+            assert wanted == ["frame.number in {1..10220}"]
             for key, word in (("4", "flight 1"), ("3", "what happened"), ("5", "What broke first")):
                 await seen.press(key)
                 await seen.until(lambda: bus.supply.tab(app.tab) is not None)
@@ -132,5 +145,38 @@ def test_rows_of_before_are_chosen_when_a_finding_names_them(tmp_path: Path) -> 
             await seen.until(lambda: whole.rows.share == 1 and len(whole.rows) == len(app.view.rows))
             for rows in (whole.rows, app.view.rows):
                 rows.stop()
+
+    asyncio.run(work())
+
+
+def test_details_go_with_the_row_that_is_found_in_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The row one is at is looked at last: until then another one is the current one."""
+    go_on, matching, bus = threading.Event(), chosen.matching_rows, Bus(tmp_path)
+
+    def held(store: Store, at: int, matcher: Matcher) -> Array:
+        if at == len(store.segments) - 1:
+            go_on.wait(600)
+        return matching(store, at, matcher)
+
+    monkeypatch.setattr(chosen, "matching_rows", held)
+    bus.feed(len(bus.pieces))
+
+    async def work() -> None:
+        app = made(bus.supply, BrowseOptions(), [])
+        async with app.run_test(size=(80, 24)) as pilot:
+            seen = Seen(app, pilot)
+            await seen.press("end", "up", "equals_sign")  # it is held
+            await seen.type("dronecan.type_id > 0")
+            await seen.until(lambda: len(app.view.rows) > 0)
+            app.look()
+            assert app.shown.row == app.view.current()
+            go_on.set()
+            await seen.until(lambda: app.view.rows.share == 1)
+            app.look()
+            await pilot.pause()
+            assert app.view.number() == len(app.view.rows) - 2
+            assert app.shown.row == app.view.current()
+            assert str(min(app.view.places_of(app.shown.row)) + 1) in app.bytes.text
+            app.view.rows.stop()
 
     asyncio.run(work())

@@ -69,7 +69,7 @@ def test_the_menu_offers_what_can_be_done() -> None:
             assert seen.app.view.pages.columns.names == ("ESCStatus.voltage",)
             await seen.press("space")
             at = next(k for k, line in enumerate(seen.screen.splitlines()) if " fn " in line)
-            await seen.pilot.click("#menu", offset=(10, at))
+            await seen.pilot.click("#page", offset=(10, at))
             await seen.pilot.pause()
             await seen.until(lambda: seen.app.view.filter == "node == 11")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import stat
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,9 +20,6 @@ from analyzer.browser.store.store import Store, StoreFullError
 from analyzer.browser.view import BrowserView
 from analyzer.cli import main
 from analyzer.window.numbering import Numbering
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 CAPTURES = ["mission-8-faults.log", "faults.log", "services.log", "fd.log", "bus-break.log", "hobbywing.log"]
 
@@ -102,3 +99,15 @@ def test_a_full_disk_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(store_module, "write", full)
     with pytest.raises(StoreFullError, match="the disk is full: what fits is shown; TMPDIR names another place"):
         stored(capture("hover.log"), tmp_path)
+
+
+def test_batches_share_what_does_not_change(tmp_path: Path) -> None:
+    run, store = Run(Request((capture("mission-8-faults.log"),))), Store(tmp_path)
+    text = Path(capture("mission-8-faults.log")).read_bytes()
+    for start in range(0, len(text), 50_000):
+        for batch in (*run.engine.feed(text[start : start + 50_000]), *run.engine.flushed()):
+            store.add(batch)
+    before, last = store.segments[-2:]
+    assert before.readings
+    assert last.readings is before.readings
+    assert last.buses is before.buses

@@ -6,9 +6,12 @@ import asyncio
 import shutil
 from pathlib import Path
 
-from kit.browsing import browser, capture
+from kit.browsing import Seen, browser, capture
 
-from analyzer.app.browse.session import BrowseOptions
+from analyzer.app.browse.capture import CaptureSupply
+from analyzer.app.browse.session import BrowseOptions, made
+from analyzer.app.request import Request
+from analyzer.browser.store.folder import StoreFolder
 from analyzer.window.limits import Window
 
 FAULTS, SERVICES = capture("mission-8-faults.log"), capture("services.log")
@@ -138,5 +141,47 @@ def test_a_capture_that_grows_is_read_anew(tmp_path: Path) -> None:
             assert seen.app.view.supply.changed() == ""
             await seen.press("ctrl+r")
             assert seen.app.reload
+
+    asyncio.run(work())
+
+
+def test_where_no_row_matches_nothing_is_left_of_the_row_before() -> None:
+    async def work() -> None:
+        async with browser(FAULTS, judged=False) as seen:
+            app = seen.app
+            await seen.press("equals_sign")
+            await seen.type("ESCStatus.voltage > 50 kV")
+            await seen.until(lambda: app.view.rows.done)
+            app.look()
+            await seen.pilot.pause()
+            assert app.list.text.splitlines()[1].strip() == "no row matches ESCStatus.voltage > 50 kV"
+            assert app.details.text.strip() == "Details"
+            assert app.bytes.text.strip() == "Bytes  no frame"
+
+    asyncio.run(work())
+
+
+def test_a_capture_that_grows_is_followed(tmp_path: Path) -> None:
+    path = tmp_path / "flight.log"
+    lines = Path(FAULTS).read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join(lines[:3000]))
+
+    async def work() -> None:
+        with StoreFolder() as folder:
+            supply = CaptureSupply(Request((str(path),), follow=True), folder.path)
+            app = made(supply, BrowseOptions(marks=False), [])
+            supply.start()
+            async with app.run_test(size=(80, 24)) as pilot:
+                seen = Seen(app, pilot)
+                await seen.until(lambda: supply.store.count == 3000)
+                await seen.press("end")
+                with path.open("ab") as file:
+                    file.write(b"".join(lines[3000:]))
+                await seen.until(lambda: supply.store.count == len(lines))
+                await seen.until(lambda: app.view.number() == len(app.view.rows) - 1)
+                assert "10,220 frames  following" in seen.screen
+                await seen.press("q")
+            supply.join()
+            assert not supply._thread.is_alive()
 
     asyncio.run(work())

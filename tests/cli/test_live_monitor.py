@@ -174,3 +174,29 @@ def test_a_terminal_that_cannot_place_text_gets_a_list() -> None:
         _, text = seen.ended()
     assert SCREEN not in seen.reader.got
     assert "ESCStatus" in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["--view", "v"])
+def test_recording_goes_on_while_it_is_looked_through(way: str, tmp_path: Path) -> None:
+    record, store = tmp_path / "x.log", tmp_path / "store"
+    store.mkdir()
+    with watched("-w", record, *([way] if way != "v" else []), flies=HOVER, TMPDIR=str(store)) as seen:
+        if way == "v":
+            seen.reader.until(b"rpm")
+            seen.press(b"v")
+        seen.reader.until(b"live, following")
+        seen.press(b"\x1b[A=ESCStatus\r")
+        seen.reader.until(b"live, held")
+        seen.reader.until(b"= ESCStatus")
+        before = record.stat().st_size
+        wait_until(lambda: record.stat().st_size > before + 100_000)
+        seen.press(b"q")
+        if way == "v":  # it leads back to the monitor
+            wait_until(lambda: not list(store.iterdir()))
+            seen.press(b"q")
+        status, text = seen.ended()
+    assert f"tailbyte check {record}" in text or "frames = " in text
+    assert status in (0, 1, 4)
+    assert record.read_bytes().endswith(b"\n")
+    assert list(store.iterdir()) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
@@ -39,6 +40,7 @@ class CaptureSupply:
 
     live, recorded = False, ""
     asking, revision = False, 0
+    failed = refused = False  # something could not be read, decoded, stored or judged; it was not there to be asked for
 
     def __init__(self, request: Request, folder: Path) -> None:
         self.notes: list[str] = []
@@ -48,7 +50,7 @@ class CaptureSupply:
         self.name, self.paths = self._run.source.name, request.names
         self.arguments = request.arguments
         self.window = tuple(word for words in request.window_words for word in words.split(" ", maxsplit=1))
-        self.loaded, self.doing = False, "decoding"
+        self.loaded, self.doing = False, "following" if request.follow else "decoding"
         self.named: NamedFrames | None = None
         self.flights: Sequence[tuple[int, int]] = ()
         self.troubles: Sequence[tuple[int, str]] = ()
@@ -64,6 +66,7 @@ class CaptureSupply:
         self._asked: SimpleQueue[str] = SimpleQueue()
         self._stamps = FileStamps(request.names)
         self._stopped = False
+        self._begun = threading.Event()
         self._thread = threading.Thread(target=self._work, name="decode", daemon=True)
 
     def start(self) -> None:
@@ -80,13 +83,19 @@ class CaptureSupply:
         """Wait for the end after `stop`."""
         self._thread.join(5)
 
+    def opens(self, seconds: float) -> bool:
+        """Return whether there is anything to see, as far as that is known after so long."""
+        self._begun.wait(seconds)
+        return bool(len(self.store)) or not (self.failed and self.loaded)
+
     @property
     def share(self) -> float:
         """How much is decoded, as far as that is known."""
         if self.loaded:
             return 1.0
         length = self._run.source.length
-        return min(0.99, self._run.source.size / length) if length else 0.0
+        most = 1.0 if self._run.request.follow else 0.99
+        return min(most, self._run.source.size / length) if length else 0.0
 
     def tab(self, name: str) -> Sequence[TabLine] | None:
         """Return what a tab shows."""
@@ -125,29 +134,37 @@ class CaptureSupply:
         try:
             self._decode()
             self.loaded = True
+            self._begun.set()
             if self.store.segments and not self._stopped:
                 for step in (self._happened, self._judge):
                     step()
+                gc.freeze()  # rules and findings stay until the end
             self.doing = ""
             while not self._stopped:
                 if text := self._asked.get():
                     self._statistic(text)
         except Exception as error:  # noqa: BLE001 - the browser goes on with what there is, and says it
             self._note(f"{type(error).__name__}: {error}")
-            self.loaded, self.doing = True, ""
+            self.loaded, self.doing, self.failed = True, "", True
+            self._begun.set()
 
     def _decode(self) -> None:
         try:
             if self._run.request.flight is not None and not self._narrowed():
+                self.failed = self.refused = True
                 return
             for batch in self._run.inside():
                 if len(batch.frames) or len(batch.transfers) or len(batch.events) or not self.store.segments:
                     self._comments.feed(batch)
                     self.store.add(batch)
+                    self._begun.set()
                 if self._stopped:
                     return
         except (CaptureError, StoreFullError) as error:
             self._note(str(error))
+            self.failed = True
+        self.refused = self._run.state == "refused"
+        self.failed = self.failed or self.refused or self._run.state == "damaged"
 
     def _judging(self) -> Criteria:
         """Return what is judged by; filters may ask for its labels. Raises `ValueError` for a wrong vehicle file."""

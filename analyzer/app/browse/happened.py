@@ -43,7 +43,7 @@ def happened(run: Run, batches: Iterable[Batch]) -> Happened:
     spans = [(one["t_ns"], one["t_end_ns"]) for one in flights.records()]
     tabs = {
         "flights": flight_lines(flights, statistics.start),
-        "events": statistic_lines([events], statistics.start, statistics.end),
+        "events": statistic_lines([events], statistics.start, statistics.end, len(run.engine.buses)),
         "triage": triage_lines(triage.found()),
     }
     return Happened([one for one in spans if None not in one], places, tabs)
@@ -55,6 +55,6 @@ def statistic(run: Run, text: str, batches: Iterable[Batch]) -> list[TabLine]:
         statistics = RunStatistics(run, [text], run.request.rules.bit_rate)
         for _ in statistics.over(batches):
             pass
-        return statistic_lines(statistics.tables(), statistics.start, statistics.end)
+        return statistic_lines(statistics.tables(), statistics.start, statistics.end, len(run.engine.buses))
     except (LookupError, ValueError, OSError) as error:
         return [TabLine(line, "bad") for line in str(error).splitlines()]

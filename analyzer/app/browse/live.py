@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from analyzer.app.browse.happened import happened, statistic
 from analyzer.app.browse.session import BrowseOptions, made
-from analyzer.app.live.list import said
+from analyzer.app.browse.tabs import finding_line
 from analyzer.browser.store.store import Store, StoreFullError
 from analyzer.browser.supply import TABS, TabLine
 from analyzer.stats.catalogue import named as known_statistic
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from analyzer.rules.checking import Measured
 
 _MOST_NOTES = 200
-_STYLES = {"error": "bad", "warning": "warn", "note": "dim"}
 _MADE = ("events", "flights", "triage")  # tabs that are found out together
 
 
@@ -96,14 +95,13 @@ class LiveSupply:
         """Take findings, those of before among them."""
         buses = self._run.engine.buses if self._run is not None else self.store.buses
         for one in findings:
-            frame = None if one.first.frame is None else one.first.frame - 1
-            chosen = f'finding.rule == "{one.rule}"' + ("" if one.node is None else f" && node == {one.node}")
-            self._findings.insert(0, TabLine(said(one), _STYLES[one.severity], frame, one.first.t_ns, chosen))
+            line = finding_line(one, self.store.low)
+            self._findings.insert(0, line)
             self.named.keep(one.rule, buses.index(one.bus) if one.bus in buses else -1, one.node)
             if one.first.t_ns is not None:
                 self.troubles = [*self.troubles, (one.first.t_ns, one.severity)]
-            if frame is not None and frame >= self.store.first:
-                self.starts = sorted({*self.starts, frame})
+            if line.frame is not None and line.frame >= self.store.first:
+                self.starts = sorted({*self.starts, line.frame})
 
     def note(self, text: str) -> None:
         """Take a note about the session."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from analyzer.app.browse.capture import CaptureSupply
 from analyzer.app.browse.tools import BrowserTools, kept_columns, kept_filters
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from analyzer.browser.supply import Supply
     from analyzer.views.colours.rules import ColourRule
 
+_PATIENCE = 2.0  # seconds until captures are shown of which nothing has come so far
 _TURN = 0.001  # seconds until keys get their turn while threads decode and judge
 
 
@@ -40,8 +42,17 @@ class BrowseOptions:
     marks: bool = True
 
 
-def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]) -> tuple[int, list[str]]:
-    """Show captures until the user quits; return the return code of the display, and what was complained of.
+class Browsed(NamedTuple):
+    """The end of a session: the return code of the display, what was complained of, what failed or was refused."""
+
+    code: int
+    notes: Sequence[str]
+    failed: bool
+    refused: bool
+
+
+def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]) -> Browsed:
+    """Show captures until the user quits.
 
     Raises `FilterError`, `LookupError` or `ValueError` for options that make no sense, `CaptureError` for a capture
     that cannot be opened, `OSError` if there is no room for the store.
@@ -53,12 +64,16 @@ def browse(request: Request, options: BrowseOptions, rules: Sequence[ColourRule]
             supply.start()
             try:
                 app = made(supply, options, rules)
+                if not supply.opens(_PATIENCE):
+                    return Browsed(0, supply.notes, supply.failed, supply.refused)
+                gc.freeze()  # of what is there for good a collection costs as much as ten keys
                 app.run()
             finally:
                 supply.stop()
                 supply.join()
         if not app.reload:
-            return app.return_code or 0, supply.notes
+            return Browsed(app.return_code or 0, supply.notes, supply.failed, supply.refused)
+        request = replace(request, follow=False)  # what was followed is judged now
         row, pages = app.view.current(), app.view.pages
         options = replace(
             options, at="" if row is None else f"#{row.place + 1}", filter=app.view.filter, time=pages.mode,

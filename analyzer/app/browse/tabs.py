@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from analyzer.stats.table import StatTable
 
 _STYLES = {"error": "bad", "warning": "warn", "note": "dim"}
+_SHORT = {"warning": "warn"}
 _WIDTH = 200  # columns that are written; narrower terminals cut them
+_NARROW = 78  # columns of text that fit beside the edge of the narrowest terminal
 _YEAR_2000 = 946_684_800 * SECOND
 # Columns of statistics that are conditions on rows: what each asks for.
 _ASKS = {
@@ -41,18 +43,20 @@ def finding_lines(report: Report, start: int | None) -> list[TabLine]:
     """Return the findings, the worst first, each with its first frame."""
     if not report.findings:
         return [TabLine("nothing is found: every rule that could be judged has passed", "good")]
-    return [
-        TabLine(_finding(one, start), _STYLES[one.severity], _frame(one), one.first.t_ns, _rule_filter(one))
-        for one in report.findings
-    ]  # fmt: skip
+    return [finding_line(one, start) for one in report.findings]
+
+
+def finding_line(one: Finding, start: int | None) -> TabLine:
+    """Return a finding with its first frame."""
+    return TabLine(_finding(one, start), _STYLES[one.severity], _frame(one), one.first.t_ns, _rule_filter(one))
 
 
 def _finding(one: Finding, start: int | None) -> str:
     who = one.label or ("" if one.node is None else f"node {one.node}") or one.bus
-    often = f"{one.count}x"
-    at = moment(one.first.t_ns, start)
-    text = f"{one.severity:<7}  {one.rule:<8} {who:<9} {one.type:<14} {often:>6}  {at:<13} {one.title}: {one.text}"
-    return escape(text)
+    often, at = f"{one.count}x", moment(one.first.t_ns, start)
+    grade = _SHORT.get(one.severity, one.severity)
+    said = f"{one.title}: {one.text}" + (f"  {one.type}" if one.type and one.type not in one.text else "")
+    return escape(f"{grade:<5} {one.rule:<8} {who:<9} {at:<12} {often:>6}  {said}")
 
 
 def _frame(one: Finding) -> int | None:
@@ -87,20 +91,22 @@ def triage_lines(found: Triage) -> list[TabLine]:
     """Return the screen of `triage`; lines with a time lead to where it broke first."""
     frame = getattr(found.first, "frame", None)
     t = getattr(found.first, "t_end", None)
-    return [TabLine(line, "", frame, t) for line in render(found, width=80).splitlines()]
+    return [TabLine(line, "", frame, t) for line in render(found, width=_NARROW).splitlines()]
 
 
-def statistic_lines(tables: Sequence[StatTable], start: int | None, end: int | None) -> list[TabLine]:
+def statistic_lines(
+    tables: Sequence[StatTable], start: int | None, end: int | None, buses: int
+) -> list[TabLine]:  # fmt: skip
     """Return statistics; a row leads to its first time, and stands for the filter that its columns make."""
-    return [line for table in tables for line in _table(table, start, end)]
+    return [line for table in tables for line in _table(table, start, end, buses)]
 
 
-def _table(table: StatTable, start: int | None, end: int | None) -> Iterator[TabLine]:
+def _table(table: StatTable, start: int | None, end: int | None, buses: int) -> Iterator[TabLine]:
     writer = StatText(_WIDTH, start, end, timed=start is not None)
     shown = list(range(len(table.rows)) if table.shown is None else table.shown)
     # One row a line, so that each line knows its row.
     whole = replace(table, notes=(), shown=shown, gaps="")
-    lines = list(writer.table(whole, buses=2))
+    lines = list(writer.table(whole, buses=buses))
     above = len(lines) - len(shown) - (table.total is not None)
     for k, line in enumerate(lines):
         row = k - above
@@ -108,7 +114,7 @@ def _table(table: StatTable, start: int | None, end: int | None) -> Iterator[Tab
             yield TabLine(escape(line), "head" if k < above else "bold")
             continue
         record = dict(zip([c.name for c in table.columns], table.rows[shown[row]], strict=True))
-        yield TabLine(escape(line), "", _place(record.get("frame")), _time(record), _filter(record))
+        yield TabLine(escape(line), "", _place(record.get("frame")), _time(record), _filter(record, buses))
     yield from _notes(table)
     yield TabLine("")
 
@@ -127,8 +133,9 @@ def _time(record: dict[str, Any]) -> int | None:
     return next((record[name] for name in names if isinstance(record.get(name), int)), None)
 
 
-def _filter(record: dict[str, Any]) -> str:
-    asked = [_ASKS[name].format(record[name]) for name in _ASKS if record.get(name) not in (None, "", "-")]
+def _filter(record: dict[str, Any], buses: int) -> str:
+    names = [name for name in _ASKS if name != "bus" or buses > 1]
+    asked = [_ASKS[name].format(record[name]) for name in names if record.get(name) not in (None, "", "-")]
     if "rule" in record:
         asked.insert(0, f'finding.rule == "{record["rule"]}"')
     kind = record.get("type")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import subprocess
 import sys
 import threading
@@ -13,9 +15,11 @@ if TYPE_CHECKING:
 
     from analyzer.browser.supply import Supply
 
-_TABLES = (".csv", ".parquet", ".arrow", ".feather")
+_TABLE = re.compile(r"(.+\.(?:csv|parquet|arrow|feather))(?: +(\S+))?", re.IGNORECASE)  # and which one
+_LISTED = (".jsonl", ".json")
 _FRAMES = (".log", ".txt", ".candump", ".pcapng", ".mcap", ".gz", ".zst")
 _AROUND = "2s"
+_DAMAGED = 3  # the status of a command that met something damaged
 _MOST_COLUMNS, _MOST_FILTERS = 20, 100
 
 
@@ -28,24 +32,26 @@ class BrowserTools:
         self.columns: list[str] = []
 
     def write(self, path: str, filter_text: str) -> str:
-        """Begin to write what a filter selects: frames, or with the name of a table all of its rows.
+        """Begin to write what a filter selects: frames, rows as JSON, or with the name of a table all of its rows.
 
         Raises `ValueError` with the reason why not.
         """
-        name = path.split(" ", maxsplit=1)[0] if path.lower().endswith(_TABLES) is False and " " in path else path
-        target = Path(name).expanduser()
+        named = _TABLE.fullmatch(path)
+        target = Path(path if named is None else named[1]).expanduser()
         if target.exists():
             raise ValueError(f"{target}: exists already: another name, please")
         chosen = (*self._supply.window, *(("-Y", filter_text) if filter_text else ()))
-        if target.suffix.lower() in _TABLES:
-            table = path[len(name) :].strip() or "transfers"
-            words = ("export", *self._captures(), "--table", table, "-o", str(target), *chosen)
-        elif target.suffix.lower() in _FRAMES:
+        kind = target.suffix.lower()
+        if named is not None:
+            words = ("export", *self._captures(), "--table", named[2] or "transfers", "-o", str(target), *chosen)
+        elif kind in _FRAMES:
             words = ("convert", *self._captures(), "-o", str(target), *chosen)
+        elif kind in _LISTED:
+            words = ("decode", *self._captures(), "-T", kind[1:], *chosen)
         else:
-            known = " ".join((*_FRAMES[:5], *_TABLES[:2]))
+            known = " ".join((*_FRAMES[:5], ".csv", ".parquet", *_LISTED))
             raise ValueError(f"{target.name}: the name is to end in one of {known}")
-        self._start(words, f"written: {target}")
+        self._start(words, f"written: {target}", target, str(target) if kind in _LISTED else os.devnull)
         return f"writing {target} ..."
 
     def plot(self, frame: int) -> str:
@@ -80,25 +86,33 @@ class BrowserTools:
         safe = (f"./{path}" if path.startswith("-") else path for path in paths)
         return (*safe, *self._supply.arguments)
 
-    def _start(self, words: Sequence[str], done: str) -> None:
-        process = subprocess.Popen(  # noqa: S603 - ourselves
-            [sys.executable, "-m", "analyzer", *words], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+    def _start(
+        self, words: Sequence[str], done: str, target: Path | None = None, output: str = os.devnull
+    ) -> None:  # fmt: skip
+        """Begin a command that makes a file, with its output in another one. Raises `ValueError` if that cannot be."""
+        try:
+            with open(output, "wb") as out:  # noqa: PTH123 - the name of no file, mostly
+                process = subprocess.Popen(  # noqa: S603 - ourselves
+                    [sys.executable, "-m", "analyzer", *words], stdin=subprocess.DEVNULL, stdout=out,
+                    stderr=subprocess.PIPE, text=True,
+                )  # fmt: skip
+        except OSError as error:
+            raise ValueError(f"{output}: {error.strerror}") from None
 
         def wait() -> None:
             _, errors = process.communicate()
             lines = [line for line in errors.splitlines() if line.strip()]
             last = lines[-1] if lines else ""
-            self.said.append(done if process.returncode == 0 else last or f"it ended with {process.returncode}")
+            told = last or f"it ended with {process.returncode}"
+            if process.returncode == _DAMAGED and target is not None and target.exists():
+                told = f"{done}, but {told}"  # what could be read of it is written
+            self.said.append(done if process.returncode == 0 else told)
 
         threading.Thread(target=wait, name=words[0], daemon=True).start()
 
 
 def kept_file(name: str) -> Path | None:
     """Return where something is kept for the next time, if there is a home."""
-    import os  # noqa: PLC0415 - once
-
     try:
         home = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
     except RuntimeError:

@@ -9,12 +9,10 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.binding import Binding
-from textual.events import Key
 
-from analyzer.browser.dump import line_at
-from analyzer.browser.screen.help import help_page
 from analyzer.browser.screen.keys import EVERY, hints
-from analyzer.browser.screen.offering import Offering
+from analyzer.browser.screen.pages.help import help_page
+from analyzer.browser.screen.pressing import Pressing
 from analyzer.browser.screen.thrift import DrawnLines
 from analyzer.browser.supply import TABS
 
@@ -29,13 +27,14 @@ if TYPE_CHECKING:
 
 PERIOD = 0.2  # seconds between two looks at what is decoded
 _RARELY = 10  # looks until the files themselves are looked at
+_ANYWHERE = ("redraw",)  # what keys do on pages and in the line that is typed in, too
 
 
-class Browser(Offering):
+class Browser(Pressing):
     """Shows a view until the user quits."""
 
     BINDINGS: ClassVar[list[Binding]] = [  # type: ignore[assignment]  # Textual allows more kinds
-        *(Binding(one.keys, one.action, show=False) for one in EVERY),
+        *(Binding(one.keys, one.action, show=False, priority=one.action in _ANYWHERE) for one in EVERY),
         Binding("ctrl+c", "leave", priority=True),
     ]
     _seen: tuple[object, ...] = ()
@@ -95,6 +94,7 @@ class Browser(Offering):
         self.wait_for_walk()
         self.wait_for_order()
         self.wait_for_findings()
+        self.check_typed()
         self._looks += 1
         if self._looks % _RARELY == 0:
             self._look_around()
@@ -102,35 +102,39 @@ class Browser(Offering):
             self.say(self.tools.said.pop(0))
         if self.following and len(view.rows):
             self.list.to(len(view.rows) - 1)
+        rows = len(view.rows), supply.named, getattr(view.rows, "done", True)
         seen = (
-            len(view.rows), supply.loaded, supply.doing, supply.named, len(supply.notes), round(supply.share, 2),
-            getattr(view.rows, "done", True), getattr(view.rows, "share", 1), supply.tab(self.tab), len(supply.flights),
+            rows, supply.loaded, supply.doing, len(supply.notes), round(supply.share, 2),
+            getattr(view.rows, "share", 1), supply.tab(self.tab), len(supply.flights),
         )  # fmt: skip
         if seen == self._seen:
             return
-        if self._seen and (seen[0] != self._seen[0] or seen[3] is not self._seen[3]):
+        if self._seen and rows != self._seen[0]:
             self.list.draw()
         self._seen = seen
         if view.anchor is None and len(view.rows):
             self.list.to(0)
-        if self.shown is None and view.current() is not None:
+        if view.current() != (None if self.shown is None else self.shown.row):  # a filter finds it by and by
             self.show_row()
         if self.tab != TABS[0]:
             self.show_tab()
         self.draw_lines()
 
     def on_resize(self) -> None:
-        """Share the room anew."""
+        """Share the room anew; what stands on the terminal is not known, even if it has the size of before again."""
+        self.action_redraw()
         self.call_after_refresh(self.share)
         self.call_after_refresh(self.draw_lines)
 
     def on_descendant_focus(self) -> None:
-        """Give the pane in use its room."""
+        """Give the pane in use its room; the line that was typed in goes when something else is clicked."""
+        if self.focused is not self.bar:
+            self.bar.display, self.state.display = False, True
         self.call_after_refresh(self.share)
 
     def on_packet_list_moved(self) -> None:
-        """Show the row that the list is at."""
-        self.show_row()
+        """Show the row that the list is at, once for several moves that came at once."""
+        self.settle()
 
     def on_detail_pane_selected(self) -> None:
         """Light what a detail speaks of."""
@@ -138,11 +142,7 @@ class Browser(Offering):
 
     def on_bytes_pane_selected(self) -> None:
         """Select the detail that speaks of a byte."""
-        if self.shown is None:
-            return
-        index = line_at(self.shown.lines, self.shown.frames, self.bytes.at)
-        if index is not None:
-            self.details.select(index)
+        self.select_by_byte()
 
     def on_strip_pane_went(self, event: StripPane.Went) -> None:
         """Go to a time."""
@@ -173,30 +173,11 @@ class Browser(Offering):
         """Show what keys mean."""
         self.push_screen(help_page())
 
-    def on_key(self) -> None:
-        """Forget what was said."""
-        if self.said:
-            self.said = ""
-            self.draw_lines()
-
     def _fatal_error(self) -> None:
         """End with a line in place of the traceback that Textual would print."""
         error = self._exception
         self.view.supply.notes.append(f"{type(error).__name__}: {error}: please report this as a bug")
         self._close_messages_no_wait()
-
-    async def on_event(self, event: events.Event) -> None:
-        """Take the second key of a chord before anybody else does."""
-        if isinstance(event, Key) and self.chord:
-            chord, self.chord = self.chord, ""
-            if chord in ("apply", "prepare"):
-                self.combine(chord, event.key)
-            else:
-                (self.copy if chord == "copy" else self.follow)(event.key)
-            event.prevent_default()
-            event.stop()
-            return
-        await super().on_event(event)
 
 
 def _has_terminal() -> bool:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, ClassVar
+from itertools import accumulate
+from typing import TYPE_CHECKING
 
-from textual.binding import Binding
-from textual.message import Message
 from textual.widgets import Input
+
+from analyzer.stats.catalogue import STATISTICS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -38,24 +39,7 @@ def completed(text: str, names: Sequence[str]) -> tuple[str, list[str]]:
 
 
 class Bar(Input):
-    """A line to type in. It says what it is for in front; `esc` leaves it, and says so."""
-
-    BINDINGS: ClassVar[list[Binding]] = [  # type: ignore[assignment]  # Textual allows more kinds
-        Binding("tab", "complete", priority=True),
-        Binding("up", "older(1)", priority=True),
-        Binding("down", "older(-1)", priority=True),
-        Binding("escape,ctrl+c", "leave", priority=True),
-    ]
-
-    class Left(Message):
-        """Nothing is to be done."""
-
-    class Offered(Message):
-        """The completions on offer, in a line."""
-
-        def __init__(self, text: str) -> None:
-            super().__init__()
-            self.text = text
+    """A line to type in."""
 
     def __init__(self, names: Callable[[], Sequence[str]]) -> None:
         super().__init__(id="bar", compact=True, select_on_focus=False)
@@ -77,26 +61,27 @@ class Bar(Input):
         if text:
             some[:] = [*[one for one in some if one != text][-_MOST_KEPT:], text]
 
-    def action_complete(self) -> None:
-        """Complete the name in front of the cursor."""
-        if self.purpose not in ("filter", "find"):
-            return
+    def complete(self) -> str:
+        """Complete the name in front of the cursor; return the names on offer in a line, empty for a single one."""
+        if self.purpose not in ("filter", "find", "statistic"):
+            return ""
         before, behind = self.value[: self.cursor_position], self.value[self.cursor_position :]
-        text, fitting = completed(before, self._names())
+        first = self.purpose == "statistic" and "," not in before
+        text, fitting = completed(before, sorted(STATISTICS) if first else self._names())
         self.value = text + behind
         self.cursor_position = len(text)
-        if len(fitting) != 1:
-            more = f" ... {len(fitting)} in all" if len(fitting) > _MOST_SHOWN else ""
-            said = "  ".join(fitting[:_MOST_SHOWN]) + more if fitting else "no name begins like that"
-            self.post_message(self.Offered(said))
+        if len(fitting) == 1:
+            return ""
+        more = f" ... {len(fitting)} in all"
+        room = self.app.size.width - len(more) - 2
+        ends = accumulate(len(name) + 2 for name in fitting[:_MOST_SHOWN])
+        some = sum(end - 2 <= room for end in ends)
+        shown = "  ".join(fitting[:some]) + (more if some < len(fitting) else "")
+        return shown if fitting else "no name begins like that"
 
-    def action_older(self, by: int) -> None:
+    def older(self, by: int) -> None:
         """Go through what was typed before."""
         some = self._kept.get(self.purpose, [])
         self._place = max(0, min(self._place + by, len(some)))
         self.value = some[-self._place] if self._place else ""
         self.cursor_position = len(self.value)
-
-    def action_leave(self) -> None:
-        """Leave."""
-        self.post_message(self.Left())

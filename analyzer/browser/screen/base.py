@@ -9,7 +9,7 @@ from textual.containers import Container
 
 from analyzer.browser.chosen import ChosenRows
 from analyzer.browser.conditions import field_name
-from analyzer.browser.dump import lit_by
+from analyzer.browser.dump import line_at, lit_by
 from analyzer.browser.screen.bar import Bar
 from analyzer.browser.screen.bytes_pane import BytesPane
 from analyzer.browser.screen.detail_pane import DetailPane
@@ -47,7 +47,7 @@ class BrowserBase(App[None]):
     CSS: ClassVar[str] = (
         "Screen { layout: vertical; overflow: hidden; } #top, #strip, #state, #bottom, #bar { height: 1; }"
         " #lower { overflow: hidden; } #bar { display: none; border: none; padding: 0 0 0 1; }"
-        " #bar { background: ansi_default; }"
+        " #bar { background: ansi_default; } #bar.good { color: ansi_green; } #bar.bad { color: ansi_red; }"
     )
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = False
     AUTO_FOCUS: ClassVar[str | None] = "#list"
@@ -55,7 +55,7 @@ class BrowserBase(App[None]):
     def __init__(self, view: BrowserView, tools: Tools, start: str = "", *, plain: bool = False) -> None:
         super().__init__(ansi_color=True)
         self.theme = "ansi-dark"
-        self.view, self.tools = view, tools
+        self.view, self.tools, self.plain = view, tools, plain
         self.chord = ""
         self.tab = TABS[0]
         self.shown: Shown | None = None
@@ -89,7 +89,7 @@ class BrowserBase(App[None]):
         """Draw the lines that are no panes."""
         view, width = self.view, self.size.width
         supply = view.supply
-        doing = supply.doing if supply.loaded else f"{supply.doing} {supply.share:.0%}"
+        doing = supply.doing if supply.loaded or supply.share in (0, 1) else f"{supply.doing} {supply.share:.0%}"
         if supply.live and not supply.loaded:
             doing = "live, following" if self.following else "live, held"
         counts = f"{view.store.count:,} frames"
@@ -142,6 +142,12 @@ class BrowserBase(App[None]):
         self.said, self.said_style = " ".join(text.split("\n")), style
         self.draw_lines()
 
+    def forget_said(self) -> None:
+        """Show the keys again."""
+        if self.said:
+            self.said = ""
+            self.draw_lines()
+
     def fail(self, text: str) -> None:
         """Say why something is not done."""
         self.say(text, "bad")
@@ -187,8 +193,14 @@ class BrowserBase(App[None]):
 
     def light(self) -> None:
         """Light the bytes of the current detail."""
-        if self.shown is not None:
-            self.bytes.light(lit_by(self.details.line, self.shown.frames))
+        self.bytes.light(lit_by(self.details.line, () if self.shown is None else self.shown.frames))
+
+    def select_by_byte(self) -> None:
+        """Select the detail that speaks of the current byte."""
+        shown = self.shown
+        index = None if shown is None else line_at(shown.lines, shown.frames, self.bytes.at)
+        if index is not None:
+            self.details.select(index)
 
     def action_tab(self, name: str) -> None:
         """Show a tab, or the three panes."""

@@ -143,7 +143,7 @@ class BytesPane(Pane, can_focus=True):
     def _room(self) -> int:
         return max(1, self.size.height - 1)
 
-    def on_click(self, event: events.Click) -> None:
+    def on_mouse_down(self, event: events.MouseDown) -> None:
         """Go to a byte."""
         place = self._top + event.y - 1
         if event.y < 1 or place >= len(self._lines):

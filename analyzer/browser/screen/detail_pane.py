@@ -37,7 +37,7 @@ class DetailPane(Pane, can_focus=True):
         super().__init__("details")
         self._all: Sequence[DetailLine] = ()
         self._folded: set[str] = set(_FOLDED)
-        self._words: set[str] = set()  # of many bits: folded when they are seen first
+        self._words: set[str] = set()  # of many bits, and arrays: folded when they are seen first
         self._at = self._top = 0
 
     def take(self, lines: Sequence[DetailLine]) -> None:
@@ -45,7 +45,7 @@ class DetailPane(Pane, can_focus=True):
         old = self.line
         self._all = lines
         for k, line in enumerate(lines):
-            if (key := _key(line)) not in self._words and len(self._parts(k)) >= _MANY:
+            if (key := _key(line)) not in self._words and (len(self._parts(k)) >= _MANY or self._is_array(k)):
                 self._words.add(key)
                 self._folded.add(key)
         seen = self._seen()
@@ -151,6 +151,11 @@ class DetailPane(Pane, can_focus=True):
                 found.append(line)
         return found
 
+    def _is_array(self, index: int) -> bool:
+        """Return whether elements of a line are below it."""
+        name, below = self._all[index].name, self._all[index + 1 : index + 2]
+        return bool(name and below and below[0].name.startswith(f"{name}["))
+
     def _told(self, line: DetailLine) -> str:
         """Return a folded line: of a word with parts in bits what is set in it, in place of where it lies."""
         parts = self._parts(next(k for k, one in enumerate(self._all) if one is line))
@@ -174,7 +179,7 @@ class DetailPane(Pane, can_focus=True):
             seen.append(line)
         return seen
 
-    def on_click(self, event: events.Click) -> None:
+    def on_mouse_down(self, event: events.MouseDown) -> None:
         """Go to a line; once more folds it."""
         place = self._top + event.y - 1
         if 0 <= place < len(self._seen()) and event.y >= 1:

@@ -1,14 +1,13 @@
-"""Gestures on the selected field or row: filters, columns, conversations, time references, and what is typed."""
+"""Gestures on the selected field or row: filters, columns, conversations, time references."""
 
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 from analyzer.browser.conditions import combined, condition, field_name
 from analyzer.browser.own_columns import OwnColumns
 from analyzer.browser.screen.handing import Handing
-from analyzer.browser.screen.help import line_page, rule_page
+from analyzer.browser.screen.pages.help import line_page, rule_page
 from analyzer.browser.screen.styles import CONVERSATIONS
 from analyzer.browser.sorted_rows import SortedRows
 from analyzer.browser.supply import TABS
@@ -16,20 +15,17 @@ from analyzer.browser.walk import follow_filter
 from analyzer.filter.language.errors import FilterError
 from analyzer.views.times import MODES
 
-if TYPE_CHECKING:
-    from analyzer.browser.screen.bar import Bar
-
 FOLLOWS = {"n": "node", "t": "type", "e": "esc", "u": "unit", "x": "exchange"}
 _FOLLOWED = {"esc": "channel of an ESC", "unit": "power unit", "exchange": "exchange of a service"}
 _RULE = re.compile(r'finding\.rule == "([^"]+)"')
 _HOW = {"s": "", "n": "not", "a": "and", "o": "or", "b": "and not", "c": "or not"}
-_ASKS = {
+ASKS = {
     "go": "go to a frame (4711), a time (12.5 or 12:49:54.89) or 50%",
     "find": "find text, bytes (0a ff), or = and a filter; tab completes",
     "filter": "a filter; tab completes, up: older ones, esc leaves",
     "comment": "a comment on this row; empty takes it off",
-    "write": "a file: .log .pcapng .mcap for frames, .csv .parquet for tables",
-    "statistic": "talkers, nodes, services, periods, load, hierarchy, io[,100ms], values,FIELD",
+    "write": "a .log, .pcapng, .mcap, .jsonl, .csv or .parquet",
+    "statistic": "talkers, nodes, services, load, io,100ms, values,FIELD; tab: all",
 }
 
 
@@ -273,77 +269,9 @@ class Gestures(Handing):
         """Fold all details, or open them."""
         self.details.fold_all(shut=not self.details.folded)
 
-    # ---- what is typed
-
-    def action_ask(self, purpose: str) -> None:
-        """Ask for something in the line."""
-        self.ask(purpose)
-
-    def action_ask_go(self) -> None:
-        """Ask where to go."""
-        self.ask("go")
-
-    def action_ask_find(self) -> None:
-        """Ask what to find."""
-        self.ask("find")
-
-    def action_ask_filter(self) -> None:
-        """Ask for a filter."""
-        self.ask("filter", self.view.filter)
-
-    def action_ask_comment(self) -> None:
-        """Ask for a comment."""
-        places = self.frames_now()
-        marks, remarks = self.view.marks.marks, self.view.supply.remarks
-        own = (marks[place].text for place in places if place in marks)
-        self.ask("comment", next(own, "") or next((remarks[place] for place in places if place in remarks), ""))
-
-    def action_ask_write(self) -> None:
-        """Ask for a file."""
-        self.ask("write")
-        view = self.view
-        what = f"{len(view.selected()):,} selected rows" if view.begun is not None else f"all {len(view.rows):,} rows"
-        self.say(f"write {what} to {_ASKS['write']}", "dim")
-
-    def action_ask_statistic(self) -> None:
-        """Ask for a statistic."""
-        self.ask("statistic")
-
     def ask(self, purpose: str, value: str = "") -> None:
         """Ask for something in the line."""
         self.bar.ask(purpose, value)
         self.bar.display, self.state.display = True, False
         self.set_focus(self.bar)
-        self.say(f"{purpose}: {_ASKS[purpose]}", "dim")
-
-    def on_bar_offered(self, event: Bar.Offered) -> None:
-        """Show what may be completed."""
-        self.say(event.text, "dim")
-
-    def on_bar_left(self) -> None:
-        """Go back to the panes."""
-        self._unasked()
-        self.say("")
-
-    def _unasked(self) -> None:
-        self.bar.display, self.state.display = False, True
-        self.set_focus(self.list if self.tab == TABS[0] else self.tabs)
-
-    def on_input_submitted(self) -> None:
-        """Do what was asked for."""
-        purpose, text = self.bar.purpose, self.bar.value.strip()
-        self.bar.keep(text)
-        self._unasked()
-        self.say("")
-        if purpose == "filter":
-            self.set_filter(text)
-        elif purpose == "find":
-            self.find(text)
-        elif purpose == "go" and text:
-            self.go_where(text)
-        elif purpose == "comment":
-            self.comment(text)
-        elif purpose == "write" and text:
-            self.write(text)
-        elif purpose == "statistic" and text:
-            self.statistic(text)
+        self.say(f"{purpose}: {ASKS[purpose]}", "dim")

@@ -89,7 +89,7 @@ class Handing(Searching):
         """Write what is displayed to a file."""
         view = self.view
         try:
-            chosen = view.filter if view.begun is None else view.filter_of(view.selected())
+            chosen = view.filter_of_all() if view.begun is None else view.filter_of(view.selected())
             if view.begun is not None and not chosen:
                 self.fail("the selected rows have no frames")
             else:
@@ -168,7 +168,7 @@ class Handing(Searching):
         return "".join(texts).rstrip("\n")
 
     def _details(self, rows: list[Row]) -> str:
-        every = (self.view.shown(row).lines for row in rows)
+        every = (self.view.shown(row, elements=False).lines for row in rows)
         return "\n\n".join("\n".join(f"{'    ' * line.depth}{line.text}" for line in lines) for lines in every)
 
     def _frames(self, rows: list[Row]) -> str:

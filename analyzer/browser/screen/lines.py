@@ -10,7 +10,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from analyzer.browser.screen.styles import PLAIN
-from analyzer.views.terminal import display_width
+from analyzer.views.terminal import ELLIPSIS, display_width
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -43,7 +43,8 @@ class Lines(Widget):
         width = self.size.width
         if y >= len(self._drawn):
             return Strip.blank(width, PLAIN)
-        strip = Strip(Segment(text, style) for text, style in _joined(self._drawn[y]))
+        told = _told_plainly if getattr(self.app, "plain", False) else str
+        strip = Strip(Segment(told(text), style) for text, style in _joined(self._drawn[y]))
         return strip.adjust_cell_length(width, PLAIN)
 
     @property
@@ -65,6 +66,11 @@ def _joined(spans: Spans) -> Iterator[tuple[str, Style]]:
         text += more
     if text:
         yield text, style
+
+
+def _told_plainly(text: str) -> str:
+    """Return text for a terminal that takes ASCII alone."""
+    return text.replace(ELLIPSIS, "~").encode("ascii", "replace").decode("ascii")
 
 
 def _seen(style: Style) -> bool:

@@ -192,7 +192,7 @@ class PacketList(Pane, can_focus=True):
         own = self._view.conversation_of(self._view.store.row(*place))
         return self.conversations.index(own) + 1 if own is not None and own in self.conversations else 0
 
-    def on_click(self, event: events.Click) -> None:
+    def on_mouse_down(self, event: events.MouseDown) -> None:
         """Go to a row; with shift select all rows up to it."""
         number = self._top + event.y - 1
         if event.y < 1:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from analyzer.browser.conditions import field_name
-from analyzer.browser.screen.gestures import FOLLOWS, Gestures
-from analyzer.browser.screen.menu import MenuEntry, MenuPage
+from analyzer.browser.screen.asking import Asking
+from analyzer.browser.screen.gestures import FOLLOWS
+from analyzer.browser.screen.pages.menu import MenuEntry, MenuPage
 from analyzer.browser.sorted_rows import SortedRows
 from analyzer.browser.supply import TABS
 from analyzer.browser.walk import follow_filter
@@ -29,8 +31,10 @@ _COPIED = (
 # What is sorted by where the name of a column is clicked; the list as it was recorded for those of no field.
 _SORTS = {"src": "dronecan.src", "dst": "dronecan.dst", "type": "dronecan.type_id", "id": "dronecan.transfer_id"}
 
+_TYPE = re.compile(r"[A-Z]\w*")  # a name of no field
 
-class Offering(Gestures):
+
+class Offering(Asking):
     """Offers the gestures on what is selected, and sorts."""
 
     _unsorted: SortedRows | None = None  # what is being sorted
@@ -41,11 +45,7 @@ class Offering(Gestures):
         if not entries:
             self.fail("nothing is selected that something can be done with")
             return
-        self.push_screen(MenuPage(self._menu_title(), entries), self._chosen)
-
-    def _chosen(self, action: str | None) -> None:
-        if action:
-            self.call_later(self.run_action, action)
+        self.push_screen(MenuPage(self._menu_title(), entries))
 
     def _menu_title(self) -> str:
         if self.tab != TABS[0]:
@@ -74,7 +74,7 @@ class Offering(Gestures):
         if new := self._selected_filter():
             for keys, words, action in _WAYS:
                 yield MenuEntry(keys, f"{words}  {new}" if keys in ("a", "p") else words, action)
-        if name := self._selected_name():
+        if (name := self._selected_name()) and not _TYPE.fullmatch(name):
             yield MenuEntry("i", f"as a column  {name}", "column(1)")
             yield MenuEntry("S", f"sort by it; again: the highest first, as recorded  {name}", "sort")
             yield MenuEntry("", f"statistic: how its values are spread  {name}", f"values('{name}')")

@@ -94,7 +94,7 @@ class TabPane(Pane, can_focus=True):
             return []
         return wrap(" ".join(line.text.split()), max(8, width - 2))[:_MOST_WHOLE]
 
-    def on_click(self, event: events.Click) -> None:
+    def on_mouse_down(self, event: events.MouseDown) -> None:
         """Go to a line; once more chooses it."""
         place = self._top + event.y - 1
         if event.y < 1 or place >= len(self._all):

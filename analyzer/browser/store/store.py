@@ -62,8 +62,9 @@ class Store:
     def add(self, batch: Batch) -> None:
         """Write the next batch. Raises `StoreFullError`."""
         path = self._folder / f"{len(self.segments):06}.arrow"
+        last = self.segments[-1] if self.segments else None
         try:
-            segment = write(path, batch, self._sessions.feed(batch.transfers, batch.first_transfer))
+            segment = write(path, batch, self._sessions.feed(batch.transfers, batch.first_transfer), last)
         except OSError as error:
             full = error.errno in (errno.ENOSPC, errno.EDQUOT)
             reason = "the disk is full" if full else error.strerror or str(error)

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from textwrap import wrap
-from typing import TYPE_CHECKING, ClassVar
-
-from textual.screen import ModalScreen
+from typing import TYPE_CHECKING
 
 from analyzer.browser.screen.keys import help_lines
-from analyzer.browser.screen.lines import Lines
+from analyzer.browser.screen.pages.page import Page
 from analyzer.browser.screen.styles import NAMED
 from analyzer.views.terminal import fit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from textual.app import ComposeResult
-    from textual.events import Key
+    from textual import events
 
     from analyzer.browser.screen.lines import Spans
 
@@ -29,48 +26,37 @@ _SIGNS = (
 _KEY = 11
 
 
-class TextPage(ModalScreen[None]):
+class TextPage(Page):
     """A page of lines; arrows scroll, any other key goes back."""
-
-    CSS: ClassVar[str] = "TextPage { background: ansi_default; } #text { height: 100%; }"
 
     def __init__(self, title: str, lines: Sequence[Spans]) -> None:
         super().__init__()
         self._title, self._rows = title, lines
         self._top = 0
 
-    def compose(self) -> ComposeResult:
-        """Lay out one widget."""
-        yield Lines("text")
-
-    def on_mount(self) -> None:
-        """Show the text."""
-        self.call_after_refresh(self._draw)
-
-    def on_resize(self) -> None:
-        """Draw as large as it is now."""
-        self.call_after_refresh(self._draw)
-
-    def _draw(self) -> None:
-        width, height = self.size
+    def shown(self, width: int, height: int) -> list[Spans]:
+        """Return the lines that fit."""
         room = height - 2
         self._top = max(0, min(self._top, len(self._rows) - room))
         more = "up, down: more; " if len(self._rows) > room else ""
         foot = f" {more}any other key goes back"
         title = ((fit(f" {self._title}", width), NAMED["title"]),)
-        shown = [title, *self._rows[self._top : self._top + room]]
+        shown: list[Spans] = [title, *self._rows[self._top : self._top + room]]
         shown += [((" ", NAMED[""]),)] * (height - 1 - len(shown))
-        self.query_one(Lines).put([*shown, ((foot, NAMED["dim"]),)])
+        return [*shown, ((foot, NAMED["dim"]),)]
 
-    def on_key(self, event: Key) -> None:
-        """Scroll, or go back."""
-        event.stop()
-        steps = {"up": -1, "down": 1, "pageup": -20, "pagedown": 20, "k": -1, "j": 1}
-        if event.key in steps:
-            self._top += steps[event.key]
-            self._draw()
-        else:
-            self.dismiss()
+    def move(self, by: int) -> None:
+        """Scroll."""
+        self._top += by
+        self.draw()
+
+    def pressed(self, _: events.Key) -> None:
+        """Go back."""
+        self.leave()
+
+    def on_mouse_down(self) -> None:
+        """Go back."""
+        self.leave()
 
 
 def help_page() -> TextPage:
